@@ -16,12 +16,12 @@ from pathlib import Path
 
 from benchmarks.harness import Row, in_new_process, peak_mib
 from benchmarks.made_up import EXPERIMENT, made_up, seen_by_a_still_camera
-from tracknoise.experiments.analysis.run_findings import compute_findings
-from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
-from tracknoise.experiments.running.provenance import new_manifest
-from tracknoise.experiments.running.task import tables_to_keep
+from tracknoise.experiments.resume import new_manifest
+from tracknoise.experiments.run_findings import compute_findings
+from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import parse_experiment
+from tracknoise.experiments.task import tables_to_keep
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder

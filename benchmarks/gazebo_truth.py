@@ -12,14 +12,12 @@ from pathlib import Path
 
 import polars as pl
 
-from tracknoise.experiments.effects.catalogue import Effect, Options, merged
-from tracknoise.experiments.effects.scene_values import Study
-from tracknoise.experiments.effects.study_run import run_study
+from tracknoise.experiments.effects_study import Effect, Options, Study, merged, run_study
 from tracknoise.experiments.load import load_experiment
-from tracknoise.findings.wording import DASH
 from tracknoise.report.cells import Cells
-from tracknoise.report.effect_table import markdown
-from tracknoise.tables.effects_schema import EffectStatistic, Size
+from tracknoise.report.effect_files import markdown
+from tracknoise.tables.findings_schema import EffectStatistic, Size
+from tracknoise.words import DASH
 
 AGES = (5, 20)
 

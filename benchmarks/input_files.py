@@ -8,11 +8,11 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.harness import Row, elapsed_ms, write_scene
-from tracknoise.experiments.running.inputs import InputCheck
-from tracknoise.experiments.running.plan import plan
-from tracknoise.experiments.running.task import run_batch
+from tracknoise.experiments.inputs import InputCheck
+from tracknoise.experiments.plan import plan
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.foreign.opened import noting, read_noted
+from tracknoise.experiments.task import run_batch
+from tracknoise.opened_files import noting, read_noted
 from tracknoise.tables.store import RunFolder
 
 SAMPLES = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))

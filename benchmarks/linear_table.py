@@ -11,17 +11,20 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.noise_models.linear_benchmark import Covariances, outcome, scalar_covariances, true_covariances
-from tracknoise.noise_models.linear_window import (
+from tracknoise.estimators.linear_window import (
     CAMERA,
+    Covariances,
     LinearTracks,
     Motion,
     linear_tracks,
+    of_full_rank,
+    outcome,
+    scalar_covariances,
     simulated_tracks,
     trajectory,
+    true_covariances,
 )
-from tracknoise.noise_models.point_fit import of_full_rank
-from tracknoise.noise_models.track_noise import Reference, TrackNoise
+from tracknoise.estimators.track_noise import Reference, TrackNoise
 
 Window = Sequence[LinearTracks]
 

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.measurement.sequence_tables import SequenceTables
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables import schema

@@ -77,9 +77,9 @@ def _stage(size: tuple[int, int]) -> list[Row]:
 
 def _measure_sweep(length: int) -> dict[str, float]:
     from tracknoise.measurement.tracking import TrackerSetup, run_trackers
-    from tracknoise.sequences.registry import open_sequence
+    from tracknoise.sequences.reader_registry import open_sequence
     from tracknoise.trackers.lucas_kanade import LucasKanade
-    from tracknoise.truth.registry import make_truth
+    from tracknoise.truth.truth_registry import make_truth
 
     sequence = open_sequence("simulated", motions=["arvr"], frames=length, width=320, height=240, supersampling=1)
     conditions = [TrackerSetup("lucas-kanade", LucasKanade(), 1)]
@@ -91,8 +91,8 @@ def _measure_sweep(length: int) -> dict[str, float]:
 
 
 def _measure_stage(folder: Path) -> dict[str, float]:
+    from tracknoise.experiments.execute import execute
     from tracknoise.experiments.load import load_experiment
-    from tracknoise.experiments.running.execute import execute
     from tracknoise.tables.store import RunFolder
 
     experiment, run = load_experiment(folder / "x.toml"), RunFolder(folder / "run")

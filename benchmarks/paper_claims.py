@@ -14,19 +14,18 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tracknoise.cli.running import measure
+from tracknoise.cli.measuring import measure
 from tracknoise.cli.terminal import Terminal
-from tracknoise.experiments.load import load_experiment
-from tracknoise.experiments.replicate import SIMULATED, as_read
-from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.running.remade import remake
+from tracknoise.experiments.execute import remake
+from tracknoise.experiments.load import load_experiment, resolve
 from tracknoise.experiments.settings import Experiment
-from tracknoise.findings.wording import DASH
+from tracknoise.paper.claim_verdicts import Agreement
+from tracknoise.paper.replication import Replicated, write_replication
+from tracknoise.paper.variants import SIMULATED, as_read
 from tracknoise.report import paper
-from tracknoise.report.claims.claim import Agreement
-from tracknoise.report.replication import Replicated, write_replication
 from tracknoise.tables.enumerations import Reading
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import DASH
 
 BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"
 Row = Mapping[str, str]

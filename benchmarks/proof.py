@@ -18,21 +18,23 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import polars as pl
 
-from tracknoise.noise_models.linear_benchmark import Outcome, outcome, scalar_covariances
-from tracknoise.noise_models.linear_window import Motion, PointTracks, linear_tracks
-from tracknoise.noise_models.track_noise import TrackNoise
-from tracknoise.proof.arms import Beliefs, whole_tracks
-from tracknoise.proof.controls import (
+from tracknoise.estimators.learning import learn
+from tracknoise.estimators.linear_window import Motion, Outcome, PointTracks, linear_tracks, outcome, scalar_covariances
+from tracknoise.estimators.proof import sentence, summarise
+from tracknoise.estimators.proof_windows import Problem
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.estimators.trial import (
+    ALL_ARMS,
+    Beliefs,
+    PlantedNoise,
+    simulated_problem,
+    try_arms,
+    whole_tracks,
     with_drift_reversed,
     with_noise_of,
     with_permuted_covariates,
     with_permuted_errors,
 )
-from tracknoise.proof.learning import learn
-from tracknoise.proof.problem import Problem
-from tracknoise.proof.simulation import PlantedNoise, simulated_problem
-from tracknoise.proof.summary import sentence, summarise
-from tracknoise.proof.trial import ALL_ARMS, try_arms
 
 _NOISE = TrackNoise.isotropic
 CASES: Mapping[str, PlantedNoise] = {

@@ -17,20 +17,19 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.noise_models.linear_benchmark import consistent_sigma, gate_factor
-from tracknoise.noise_models.linear_window import (
+from tracknoise.estimators.linear_window import (
     CAMERA,
     Motion,
+    consistent_sigma,
+    gate_factor,
     linear_tracks,
     simulated_tracks,
     trajectory,
 )
-from tracknoise.noise_models.model import Purpose
-from tracknoise.noise_models.track_noise import TrackNoise
-from tracknoise.proof.arms import one_sigma, whole_tracks
-from tracknoise.proof.inertial import InertialProblem, inertial_problem
-from tracknoise.proof.msckf import Filtered, run_filter
-from tracknoise.proof.simulation import PlantedNoise
+from tracknoise.estimators.model import Purpose
+from tracknoise.estimators.msckf import Filtered, InertialProblem, inertial_problem, run_filter
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.estimators.trial import PlantedNoise, one_sigma, whole_tracks
 
 CASES: Mapping[str, TrackNoise] = {
     "white": TrackNoise.isotropic(first=0.3, white=0.3),

@@ -18,15 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.proof import table
+from tracknoise.estimators.learning import learn
+from tracknoise.estimators.linear_window import CAMERA, Motion, PointTracks, drawn_sight, trajectory
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.proof import RUN_ARMS, sentence, summarise, windows_for
+from tracknoise.estimators.proof_windows import (
+    Problem,
+    TrackGroup,
+    divided,
+    errors_of,
+    images,
+    scenes_of,
+    with_joined_scenes,
+)
+from tracknoise.estimators.trial import try_arms
 from tracknoise.geometry.pose import transform
-from tracknoise.noise_models.linear_window import CAMERA, Motion, PointTracks, drawn_sight, trajectory
-from tracknoise.noise_models.noise_model import NoiseModel
-from tracknoise.proof.division import divided, scenes_of, with_joined_scenes
-from tracknoise.proof.learning import learn
-from tracknoise.proof.problem import Problem, TrackGroup, errors_of, images
-from tracknoise.proof.proof import RUN_ARMS, windows_for
-from tracknoise.proof.summary import sentence, summarise
-from tracknoise.proof.trial import try_arms
 from tracknoise.tables.store import RunFolder
 
 TRIES = 50

@@ -7,11 +7,9 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Row, median_ms
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.dtu.relighting import LED_COUNT, weights
-from tracknoise.sequences.dtu.shots import Relit
-from tracknoise.simulation.light_stage.leds import led_positions
-from tracknoise.simulation.light_stage.stage import LightStage
+from tracknoise.geometry.cameras import Camera
+from tracknoise.paper.dtu import LED_COUNT, Relit, weights
+from tracknoise.paper.light_stage import LightStage, led_positions
 
 REPEATS = 7
 FILES = {"BMP": "bmp", "PNG": "png", "colour BMP": "bmp"}

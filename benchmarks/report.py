@@ -19,12 +19,12 @@ from tests.browser import chromium
 
 from benchmarks.harness import Row, in_new_process
 from benchmarks.made_up import CAMERA, EXPERIMENT, made_up, renamed, seen_by_a_still_camera
-from tracknoise.experiments.analysis.run_findings import compute_findings
-from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import complete
-from tracknoise.experiments.running.provenance import new_manifest
-from tracknoise.experiments.running.task import tables_to_keep
+from tracknoise.experiments.resume import new_manifest
+from tracknoise.experiments.run_findings import compute_findings
+from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.experiments.task import tables_to_keep
 from tracknoise.report.page import write_report
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import SequenceEntry

@@ -6,10 +6,9 @@
 
 The runs are the demo, 7-Scenes, KITTI and a small simulated light stage. `compare` reads every Parquet table of every
 run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed.
-Tables that are views of the results (`tracknoise.tables.views.VIEWS` maps columns to rows) are compared as such, where
-one side has the results and the other has the tables.
-Aspects that were text are typed before they are compared, and sentences may be reworded. Exit status 1 if another
-column differs.
+Tables that are views of the results (`tracknoise.tables.result_views.VIEWS` maps columns to rows) are compared as such,
+where one side has the results and the other has the tables. Aspects that were text are typed before they are compared,
+and sentences may be reworded. Exit status 1 if another column differs.
 
 Runs of machines of two kinds differ by rounding. BEFORE and AFTER may also be two run folders:
 
@@ -33,8 +32,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.tables.result_views import VIEWS, view
 from tracknoise.tables.schema import ASPECT
-from tracknoise.tables.views import VIEWS, view
 
 DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
 RUNS = ("demo", "sevenscenes", "kitti", "dtu")

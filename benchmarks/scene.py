@@ -9,16 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchmarks.harness import Row, elapsed_ms, median_ms, write_scene
-from tracknoise import measure
-from tracknoise.experiments.measure import Measurement
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.experiments.measure import Measurement, measure
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.trackers.correspondence import Correspondence
-from tracknoise.trackers.description import describe
+from tracknoise.trackers.correspondence import Correspondence, describe
 from tracknoise.trackers.detection import Detection, keypoints
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.lucas_kanade import LucasKanade
-from tracknoise.trackers.tracker import TrackerSettings
+from tracknoise.trackers.tracker import Frame, TrackerSettings
 
 REPEATS = 9
 LK, SIFT = {"lucas-kanade": LucasKanade()}, {"correspondence": Correspondence()}

@@ -11,9 +11,8 @@ from pathlib import Path
 import polars as pl
 
 from benchmarks.harness import Row, elapsed_ms, write_scene
-from tracknoise import measure
-from tracknoise.experiments.measure import Measurement
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.experiments.measure import Measurement, measure
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.schema import ORIGIN
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.lucas_kanade import LucasKanade

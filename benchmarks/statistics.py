@@ -20,9 +20,8 @@ import polars as pl
 
 from benchmarks.harness import Row, median_ms
 from benchmarks.made_up import made_up
-from tracknoise.statistics.errors.curves import curves
-from tracknoise.statistics.errors.moment_cells import KEYS, merge
-from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.moments import KEYS, merge, scene_moments
 from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.summarise import summarise_sequence
 

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import settings
 
-from tracknoise import signals
+from tracknoise import processes
 from tracknoise.sequences import simulated
 
 settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
@@ -30,7 +30,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(autouse=True)
 def kept_signals() -> Iterator[None]:
     """The command line, which tests call in this process, changes how signals are handled until its process ends."""
-    before = {number: signal.getsignal(number) for number in signals.ENDING}
+    before = {number: signal.getsignal(number) for number in processes.ENDING}
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
@@ -93,7 +93,7 @@ _PIPES = """
 import stat
 from types import SimpleNamespace
 
-import tracknoise.foreign.files as files
+import tracknoise.foreign_files as files
 
 files.stat = SimpleNamespace(
     S_ISREG=lambda mode: stat.S_ISREG(mode) or stat.S_ISFIFO(mode), S_ISDIR=stat.S_ISDIR
@@ -108,4 +108,4 @@ def pipes_are_files(monkeypatch, tmp_path_factory):
     (folder / "sitecustomize.py").write_text(_PIPES)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]))
     either = SimpleNamespace(S_ISREG=lambda mode: stat.S_ISREG(mode) or stat.S_ISFIFO(mode), S_ISDIR=stat.S_ISDIR)
-    monkeypatch.setattr("tracknoise.foreign.files.stat", either)
+    monkeypatch.setattr("tracknoise.foreign_files.stat", either)

@@ -16,9 +16,9 @@ import os
 
 if __name__ == "__main__":
     import multiprocessing, numpy, pickle, polars, re, select, signal, socket, struct, sys, types
-    from tracknoise.children import process_pool
-    from tracknoise.experiments.running.local import measure_locally
-    from tracknoise.foreign.child import call_in_child
+    from tracknoise.processes import process_pool
+    from tracknoise.experiments.local_workers import measure_locally
+    from tracknoise.parsing_child import call_in_child
 
     sys.path[:] = [*{before!r}, *sys.path]
     print(dict(measure_locally(os.getenv, ["PYTHONSAFEPATH", "NONE"], workers=2))["PYTHONSAFEPATH"])
@@ -87,8 +87,8 @@ def test_modules_that_the_user_names_are_found(start, tmp_path):
     text = (
         "if __name__ == '__main__':\n"
         "    from extra_jobs import double\n"
-        "    from tracknoise.experiments.running.local import measure_locally\n"
-        "    from tracknoise.foreign.child import call_in_child\n"
+        "    from tracknoise.experiments.local_workers import measure_locally\n"
+        "    from tracknoise.parsing_child import call_in_child\n"
         "    print(list(measure_locally(double, [4], workers=1)), call_in_child(double, 5, size=0))\n"
     )
     ended = start(text, PYTHONPATH=os.pathsep.join([str(extra), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep))
@@ -103,7 +103,7 @@ def test_programs_that_a_worker_starts_find_what_lies_beside_them(start, tmp_pat
     text = (
         "import subprocess, sys\n"
         "if __name__ == '__main__':\n"
-        "    from tracknoise.experiments.running.local import measure_locally\n"
+        "    from tracknoise.experiments.local_workers import measure_locally\n"
         f"    command = [sys.executable, {str(folder / 'tool.py')!r}]\n"
         "    print(list(measure_locally(subprocess.check_output, [command], workers=1))[0][1])\n"
     )
@@ -115,7 +115,7 @@ def test_workers_of_a_scheduler_as_the_documentation_starts_them(data, tmp_path)
     """Beside such data, and where only this machine can connect."""
     from distributed import Client
 
-    from tracknoise.foreign.child import call_in_child
+    from tracknoise.parsing_child import call_in_child
 
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tracknoise import parsing_child
 from tracknoise.exceptions import DataError, TracknoiseError, one_line
-from tracknoise.foreign import child
-from tracknoise.foreign.child import LostError, call_in_child
-from tracknoise.foreign.files import absolute, is_folder, is_regular_file, read_bytes, read_text
-from tracknoise.foreign.parsing import damage_reported
+from tracknoise.foreign_files import absolute, damage_reported, is_folder, is_regular_file, read_bytes, read_text
+from tracknoise.parsing_child import LostError, call_in_child
 
 
 def test_pipes_devices_and_folders_are_refused_without_opening_them(tmp_path: Path) -> None:
@@ -84,12 +83,12 @@ def test_long_messages_keep_their_beginning_and_their_end() -> None:
 
 def test_a_child_answers_and_survives_errors() -> None:
     assert call_in_child(abs, -3, size=0) == 3
-    first = child._current
+    first = parsing_child._current
     with pytest.raises(LostError, match=r"^bad operand type for abs\(\): 'str'$"):
         call_in_child(abs, "x", size=0)
     with pytest.raises(DataError, match=r"^/no: no such file, expected a thing$"):
         call_in_child(read_bytes, Path("/no"), "a thing", size=0)
-    assert child._current is first
+    assert parsing_child._current is first
 
 
 def test_the_death_of_a_child_is_an_error_and_the_next_call_has_another() -> None:
@@ -102,11 +101,11 @@ def test_the_death_of_a_child_is_an_error_and_the_next_call_has_another() -> Non
 def test_time_and_memory_of_a_child_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     call_in_child(abs, 1, size=0)
     with monkeypatch.context() as changed:
-        changed.setattr(child, "_WALL_PER_CPU", 0.1)
+        changed.setattr(parsing_child, "_WALL_PER_CPU", 0.1)
         with pytest.raises(LostError, match="its parser takes too long"):
             call_in_child(time.sleep, 600, size=0)
     with monkeypatch.context() as changed:
-        changed.setattr(child, "_CPU_S", 1)
+        changed.setattr(parsing_child, "_CPU_S", 1)
         with pytest.raises(LostError, match="its parser takes too long"):
             call_in_child(sum, range(10**12), size=0)
     with pytest.raises(LostError):

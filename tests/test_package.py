@@ -31,7 +31,7 @@ def test_help_loads_nothing_heavy():
 def test_a_run_starts_without_what_it_does_not_need():
     """`scipy.stats` and what it imports would take a third of the processor time of the start."""
     code = (
-        "import sys, tracknoise.experiments.running.execute\n"
+        "import sys, tracknoise.experiments.execute\n"
         "print(sorted({'scipy.stats', 'scipy.ndimage', 'altair', 'distributed'} & set(sys.modules)))"
     )
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -21,10 +21,10 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.options import DataPath, PathTemplate, change_paths, find_paths
 from tracknoise.plugins import Plugins, plugin_defaults
 from tracknoise.report.page import write_report
-from tracknoise.sequences.registry import READERS
+from tracknoise.sequences.reader_registry import READERS
 from tracknoise.tables.schema import TRUE_COVARIANCE
 from tracknoise.tables.store import RunFolder
-from tracknoise.trackers.registry import TRACKERS
+from tracknoise.trackers.tracker_registry import TRACKERS
 
 FOREIGN = Path(__file__).parent / "foreign" / "tapes.py"
 

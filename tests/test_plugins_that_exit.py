@@ -10,7 +10,7 @@ import pytest
 from tracknoise.cli.app import main
 from tracknoise.exceptions import SettingsError
 from tracknoise.tables.store import RunFolder
-from tracknoise.trackers.registry import TRACKERS
+from tracknoise.trackers.tracker_registry import TRACKERS
 
 LEAVING = """
 import sys

@@ -3,7 +3,7 @@ import unicodedata
 
 import pytest
 
-from tracknoise.printable import counted, counted_of, is_printable, printable, significant
+from tracknoise.text import counted, counted_of, is_printable, printable, significant
 
 
 def test_every_control_character_is_escaped_and_other_text_stays():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tracknoise.toml_text import parse_toml
+from tracknoise.text import parse_toml
 
 MANY = "a." * 50_000
 HIDDEN = [

@@ -27,7 +27,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.attack.command import SCENE, call, memory_folder
-from tracknoise.cli.summary import summary_text
+from tracknoise.cli.run_summary import summary_text
 from tracknoise.exceptions import TracknoiseError
 from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder

@@ -13,42 +13,40 @@ import numpy as np
 from benchmarks.attack import recordings, samples, timed
 from benchmarks.attack.mutations import with_png_checksums
 from tracknoise.experiments.load import load_experiment
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.options import PathTemplate
+from tracknoise.paper.dtu import read_calibration, read_leds
+from tracknoise.paper.dtu import read_scan as read_dtu_scan
 from tracknoise.report.contents import read_contents
 from tracknoise.sequences.camera_files import read_camera_file
-from tracknoise.sequences.colmap.reader import Colmap
-from tracknoise.sequences.dtu.calibration import read_calibration
-from tracknoise.sequences.dtu.relighting import read_leds
-from tracknoise.sequences.dtu.scan import read_scan as read_dtu_scan
-from tracknoise.sequences.euroc.reader import Euroc
+from tracknoise.sequences.colmap import Colmap
+from tracknoise.sequences.euroc import Euroc
 from tracknoise.sequences.folder import Folder
 from tracknoise.sequences.images import (
     image_size,
+    read_depth_npy,
     read_depth_png16,
     read_depth_png_float32,
     read_gray,
 )
-from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_velodyne
-from tracknoise.sequences.kitti.depth import KittiDepth
-from tracknoise.sequences.kitti.odometry import KittiOdometry
-from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.kitti.rig import CAMERA_FROM_VELODYNE
-from tracknoise.sequences.nerfstudio.reader import Nerfstudio
-from tracknoise.sequences.numpy_depth import read_depth_npy
+from tracknoise.sequences.kitti import Kitti, KittiDepth
+from tracknoise.sequences.kitti_files import read_camera, read_camera_from_velodyne
+from tracknoise.sequences.kitti_odometry import KittiOdometry
+from tracknoise.sequences.kitti_writer import CAMERA_FROM_VELODYNE
+from tracknoise.sequences.nerfstudio import Nerfstudio
 from tracknoise.sequences.poses import checked_poses, quaternion_poses, read_matrix, read_rows
-from tracknoise.sequences.registry import make_reader
-from tracknoise.sequences.rosbag.reader import Rosbag
+from tracknoise.sequences.reader_registry import make_reader
+from tracknoise.sequences.rosbag import Rosbag
 from tracknoise.sequences.sequence import Reader
-from tracknoise.sequences.sevenscenes.reader import SevenScenes
+from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.tartanair import TartanAir
-from tracknoise.sequences.tum.reader import Tum
-from tracknoise.simulation.sdf.load import load_model, load_world
+from tracknoise.sequences.tum import Tum
+from tracknoise.simulation.sdf_worlds import load_model, load_world
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.imported import Imported
-from tracknoise.trackers.registry import make_tracker
 from tracknoise.trackers.tracker import SequenceContext
+from tracknoise.trackers.tracker_registry import make_tracker
 
 CAMERA = Camera(*samples.SIZE, 20.0, 20.0, 11.5, 7.5)
 _TRACKS = ("csv", "parquet", "txt", "npz", "db")

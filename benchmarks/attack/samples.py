@@ -13,15 +13,12 @@ import numpy as np
 import polars as pl
 
 from tracknoise.experiments.load import load_experiment, preset_names
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.dtu.layout import CALIBRATION, LEDS, POSITIONS
-from tracknoise.sequences.dtu.matlab import write_mat
+from tracknoise.geometry.cameras import Camera
+from tracknoise.paper.dtu import CALIBRATION, LEDS, POSITIONS, write_mat
+from tracknoise.paper.light_stage import led_positions
 from tracknoise.sequences.images import encode_png
-from tracknoise.sequences.kitti.layout import Drive
-from tracknoise.sequences.kitti.oxts import write_record
-from tracknoise.sequences.kitti.rig import write_calibration
-from tracknoise.sequences.kitti.velodyne import write_scan
-from tracknoise.simulation.light_stage.leds import led_positions
+from tracknoise.sequences.kitti_files import Drive, write_record, write_scan
+from tracknoise.sequences.kitti_writer import write_calibration
 from tracknoise.tables.files import write_parquet
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry

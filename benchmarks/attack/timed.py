@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tracknoise.sequences.images import encode_png
-from tracknoise.sequences.kitti.velodyne import write_scan
+from tracknoise.sequences.kitti_files import write_scan
 
 _SIZE = (24, 16)
 _FRAMES = 3

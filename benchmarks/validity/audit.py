@@ -25,10 +25,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
-from tracknoise.audit.assessment import Assessment
-from tracknoise.audit.parameters import NUMBERS, SLICES, Parameter
-from tracknoise.audit.selection import Selection, select
-from tracknoise.audit.verdicts import Judged, judge
+from tracknoise.truth_faults.audit_selection import Assessment, Judged, Selection, judge, select
+from tracknoise.truth_faults.fault_parameters import NUMBERS, SLICES, Parameter
 
 SIZES: dict[Parameter, tuple[float | tuple[float, ...], float | tuple[float, ...]]] = {
     Parameter.focal_length: (0.005, 0.1),

@@ -17,17 +17,13 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.audit.parameters import Family
-from tracknoise.audit.read import AuditedTables
-from tracknoise.audit.table import audit_tables
-from tracknoise.experiments.audit_inputs import audit_samples, cameras_table
-from tracknoise.experiments.effects.scene_values import simulated_reader
-from tracknoise.experiments.effects.shared_tracker import SharedTracker
-from tracknoise.experiments.effects.shared_world import SharedWorld
+from tracknoise.experiments.effects_study import SharedTracker, SharedWorld, simulated_reader
+from tracknoise.experiments.geometry_tables import audit_samples, cameras_table, poses_table
 from tracknoise.experiments.measure import measure_together
-from tracknoise.experiments.running.geometry_tables import poses_table
-from tracknoise.findings.sampling.groups import NO_GROUPS
-from tracknoise.trackers.registry import make_tracker
+from tracknoise.inference.units import NO_GROUPS
+from tracknoise.trackers.tracker_registry import make_tracker
+from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
+from tracknoise.truth_faults.fault_parameters import Family
 
 Options = dict[str, Any]
 

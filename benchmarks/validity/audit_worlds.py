@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.audit.motion import Paths
-from tracknoise.audit.parameters import COUNT, SLICES, Parameter
-from tracknoise.audit.prediction import predict
-from tracknoise.audit.samples import AuditSamples
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.lenses import KnownCamera
-from tracknoise.tables.enumerations import Resampled
+from tracknoise.geometry.cameras import Camera, KnownCamera
+from tracknoise.inference.units import Resampled
+from tracknoise.truth_faults.audit_samples import AuditSamples, Paths
+from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.fault_parameters import COUNT, SLICES, Parameter
 
 AGES = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24])
 CAMERA = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)

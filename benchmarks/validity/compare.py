@@ -19,15 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tracknoise.experiments.comparing.comparable import OpenedRun
-from tracknoise.experiments.comparing.compare_runs import compare
-from tracknoise.experiments.comparing.questions import questions
-from tracknoise.experiments.running.execute import execute
+from tracknoise.analysis.gate import verdicts
+from tracknoise.analysis.paired_values import PairedValues
+from tracknoise.analysis.run_changes import Asked, Compared, Row
+from tracknoise.experiments.compare_runs import OpenedRun, compare, questions
+from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.findings.comparison.asked import Asked
-from tracknoise.findings.comparison.paired_values import PairedValues
-from tracknoise.findings.comparison.result import Compared, Row
-from tracknoise.findings.comparison.verdicts import verdicts
 from tracknoise.tables.enumerations import ChangeVerdict
 from tracknoise.tables.store import RunFolder
 

@@ -24,13 +24,12 @@ import numpy as np
 import polars as pl
 from scipy import stats
 
-from tracknoise.findings.factors.answers import Question, answer
-from tracknoise.findings.factors.differences import Differences, differences
-from tracknoise.findings.factors.scene_counts import lifetime_differences, outlier_differences
-from tracknoise.findings.factors.scene_values import LEAST_FEATURES
-from tracknoise.findings.sampling.rotation import rotations
-from tracknoise.statistics.errors.scales import PER_MEDIAN
-from tracknoise.tables.enumerations import Resampled
+from tracknoise.analysis.factor_values import LEAST_FEATURES, lifetime_differences, outlier_differences
+from tracknoise.analysis.factors import Question, answer
+from tracknoise.inference.multiple_tests import rotations
+from tracknoise.inference.paired_differences import Differences, differences
+from tracknoise.inference.units import Resampled
+from tracknoise.statistics.scales import PER_MEDIAN
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS
 
 MARGIN, LEVEL, AGES = np.log(1.1), 0.95, 12

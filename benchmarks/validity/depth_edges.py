@@ -17,14 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
+from tracknoise.analysis.places_found import surrounding_errors
 from tracknoise.experiments.measure import measure
-from tracknoise.findings.places.surrounding_errors import surrounding_errors
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.views import view
-from tracknoise.simulation.fittings import block, ground, paint_textures
-from tracknoise.simulation.quad import assemble
-from tracknoise.simulation.scenery import Scenery
-from tracknoise.statistics.places.surroundings import surroundings
+from tracknoise.simulation.built_worlds import block, ground, paint_textures
+from tracknoise.simulation.world import Scenery, assemble
+from tracknoise.statistics.places import surroundings
 from tracknoise.tables.identity import Direction
 
 GROUND_X_M, GROUND_Y_M = (-84.0, 84.0), (-20.0, 78.0)

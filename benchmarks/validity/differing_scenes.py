@@ -23,13 +23,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.intervals.biased_scenes import Parts, with_biases
-from tracknoise.findings.intervals.table import curve_statistics
-from tracknoise.findings.sampling.bounds import Method, averaged, geometric, pooled
-from tracknoise.findings.sampling.groups import MIN_SCENES, scheme
-from tracknoise.findings.sampling.next_scene import next_scene
-from tracknoise.findings.sampling.units import Units
-from tracknoise.tables.enumerations import Resampled, Weighting
+from tracknoise.analysis.curve_intervals import curve_statistics
+from tracknoise.analysis.scene_spread import Parts, with_biases
+from tracknoise.inference.intervals import Method, averaged, geometric, pooled
+from tracknoise.inference.next_scene import next_scene
+from tracknoise.inference.units import MIN_SCENES, Resampled, Units, scheme
+from tracknoise.tables.enumerations import Weighting
 
 TRACKS, BIAS_PX = 150, 0.3
 MEAN, SECOND = 0, 4

@@ -17,18 +17,19 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from tracknoise import AccuracyRule, TruthAccuracy, open_sequence
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.interpolation import PosePath
-from tracknoise.geometry.pose import invert
+from tracknoise.geometry.pose import PosePath, invert
+from tracknoise.measurement.floors import TruthFloor
 from tracknoise.measurement.recording import Recording
-from tracknoise.measurement.truth_floor import TruthFloor
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.views import View
 from tracknoise.tables.enumerations import FloorSource
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.truth import TruePositions
+from tracknoise.truth.truth_registry import make_truth
 
 RATE_HZ = 30.0
 LONGEST = 24

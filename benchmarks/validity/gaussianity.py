@@ -18,10 +18,10 @@ import numpy as np
 import polars as pl
 
 from benchmarks.validity.simulated import tables
-from tracknoise.findings.shape.gaussianity import gaussianity
-from tracknoise.statistics.errors.moments import scene_moments
-from tracknoise.statistics.errors.samples import samples
+from tracknoise.analysis.gaussianity import gaussianity
+from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
+from tracknoise.statistics.samples import samples
 from tracknoise.tables.findings_schema import SHAPE
 
 FRAMES = 20

@@ -16,17 +16,16 @@ from functools import partial
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.estimate import EstimateArray
-from tracknoise.findings.intervals.biased_scenes import Parts, with_biases
-from tracknoise.findings.intervals.scalar_bounds import first_reached, survival
-from tracknoise.findings.intervals.table import curve_statistics
-from tracknoise.findings.sampling.bounds import Sample
-from tracknoise.findings.sampling.draws import N_DRAWS, draws
-from tracknoise.findings.sampling.jackknife import acceleration, student_interval
-from tracknoise.findings.sampling.resampling import interval
-from tracknoise.findings.sampling.units import Units
-from tracknoise.tables.defaults import LEVEL
-from tracknoise.tables.enumerations import IntervalKind, Resampled, Weighting
+from tracknoise.analysis.curve_intervals import curve_statistics
+from tracknoise.analysis.lifetime_intervals import first_reached, survival
+from tracknoise.analysis.scene_spread import Parts, with_biases
+from tracknoise.inference.bootstrap import N_DRAWS, draws, interval
+from tracknoise.inference.conventions import LEVEL, IntervalKind
+from tracknoise.inference.estimates import EstimateArray
+from tracknoise.inference.intervals import Sample
+from tracknoise.inference.jackknife import acceleration, student_interval
+from tracknoise.inference.units import Resampled, Units
+from tracknoise.tables.enumerations import Weighting
 
 AGE, FRAMES, TRACKS = 15, 40, 200
 HAZARD, STEP_PX, BIAS_PX, OUTLIERS = 0.06, 0.1, 0.2, 0.03

@@ -15,11 +15,10 @@ import argparse
 
 import numpy as np
 
-from tracknoise.findings.intervals.incidence import cumulative_incidence
-from tracknoise.findings.intervals.scalar_bounds import survival, survival_until_failure
-from tracknoise.findings.sampling.bounds import Sample
-from tracknoise.findings.sampling.jackknife import student_interval
-from tracknoise.statistics.tracks.lifetimes import area_under, restricted_mean
+from tracknoise.analysis.lifetime_intervals import cumulative_incidence, survival, survival_until_failure
+from tracknoise.inference.intervals import Sample
+from tracknoise.inference.jackknife import student_interval
+from tracknoise.inference.survival import area_under, restricted_mean
 
 LENGTHS, HORIZON, HAZARDS = (120, 60, 30, 15), 15, (0.3, 0.02)
 FRAMES, TRACKS, TO, AT = 40, 200, 20, 10

@@ -10,10 +10,9 @@ tracks are resampled.
 import sys
 
 import numpy as np
-from tests.noise_models.simulated_tracks import MOTIONS, units
+from tests.estimators.simulated_tracks import MOTIONS, units
 
-from tracknoise.noise_models.fitting.components import fit_components
-from tracknoise.noise_models.fitting.equations import NAMES
+from tracknoise.estimators.components import NAMES, fit_components
 
 PLANTED = {
     "white": {"white": 0.3},

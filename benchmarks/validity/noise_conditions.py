@@ -3,13 +3,12 @@
 import sys
 from pathlib import Path
 
-from tracknoise.findings.sampling.units import units_of
-from tracknoise.noise_models.fitting.components import fit_components
-from tracknoise.noise_models.fitting.conditions import candidates, conditions_of, second_candidates
-from tracknoise.noise_models.fitting.equations import COLUMNS
-from tracknoise.noise_models.fitting.training_tables import conditions, training_tables
-from tracknoise.noise_models.model import Factor
-from tracknoise.tables.defaults import LEVEL
+from tracknoise.analysis.condition_units import units_of
+from tracknoise.estimators.components import COLUMNS, fit_components
+from tracknoise.estimators.model import Factor
+from tracknoise.estimators.run_time_conditions import candidates, conditions_of, second_candidates
+from tracknoise.estimators.training import conditions, training_tables
+from tracknoise.inference.conventions import LEVEL
 from tracknoise.tables.store import RunFolder
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.sampling.groups import SceneGroups
-from tracknoise.noise_models.lookup.gains import noise_lookup
+from tracknoise.estimators.lookup_table import noise_lookup
+from tracknoise.inference.units import SceneGroups
 from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.schema import NOISE_SUMS
 

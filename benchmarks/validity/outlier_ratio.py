@@ -17,12 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracknoise.sequences.simulated import Simulated
-from tracknoise.simulation.fittings import block, paint_textures
-from tracknoise.simulation.quad import assemble
-from tracknoise.simulation.scenery import Scenery
+from tracknoise.simulation.built_worlds import block, paint_textures
+from tracknoise.simulation.world import Scenery, assemble
 from tracknoise.trackers.correspondence import Correspondence, CorrespondenceTracker
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.rejection import Consensus, Model, ReferencePosition, Rejection
+from tracknoise.trackers.tracker import Frame
 
 REJECTIONS = {
     f"{model}, {reference}": Rejection(model=model, consensus=Consensus.hypothesis, reference=reference)

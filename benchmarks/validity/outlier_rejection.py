@@ -20,13 +20,12 @@ import numpy as np
 
 from benchmarks.trackers import image_sequences
 from tracknoise.experiments.load import load_experiment
-from tracknoise.experiments.running.plan import open_batch, plan
+from tracknoise.experiments.plan import open_batch, plan
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.correspondence import Correspondence, CorrespondenceTracker
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.lucas_kanade import LucasKanade, LucasKanadeTracker
 from tracknoise.trackers.rejection import Consensus, Inliers, Rejection
-from tracknoise.trackers.tracker import Tracker
+from tracknoise.trackers.tracker import Frame, Tracker
 
 SERVER = """
 import struct, sys, cv2, numpy as np

@@ -40,17 +40,17 @@ def fault(name: str, *edits: tuple[str, str, str]) -> Fault:
 
 
 CAMERA, CAMERA_FILE, GEOMETRY = (
-    "geometry/intrinsics.py",
-    "sequences/camera_files/plain.py",
-    "truth/sequence_geometry.py",
+    "geometry/cameras.py",
+    "sequences/camera_files.py",
+    "truth/visibility.py",
 )
 DEPTH, VIEWS, VISIBILITY = "geometry/depth.py", "sequences/views.py", "truth/visibility.py"
-COLUMNS, TRIMMING, CURVES = "measurement/columns.py", "statistics/trimming.py", "statistics/errors/curves.py"
-POPULATIONS = "statistics/populations.py"
-LIFETIMES, OUTLIERS = "statistics/tracks/lifetimes.py", "statistics/tracks/outliers.py"
-SURVIVAL = "statistics/tracks/survival.py"
-JACKKNIFE, GROUPS, FLIPS = "findings/sampling/jackknife.py", "findings/sampling/groups.py", "findings/flips.py"
-DEPENDENCE, ANCHORED, SCAN = "findings/factors/dependence.py", "truth/anchored.py", "truth/scan.py"
+COLUMNS, TRIMMING, CURVES = "measurement/sequence_tables.py", "statistics/trimming.py", "statistics/curves.py"
+POPULATIONS = "statistics/prepared.py"
+LIFETIMES, OUTLIERS = "statistics/lifetimes.py", "statistics/track_counts.py"
+SURVIVAL = "inference/survival.py"
+JACKKNIFE, GROUPS, FLIPS = "inference/jackknife.py", "inference/units.py", "inference/sign_flips.py"
+DEPENDENCE, ANCHORED, SCAN = "analysis/factors.py", "truth/anchored.py", "truth/scan.py"
 WIDTH = "width = special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(variance)"
 
 FAULTS = (
@@ -218,16 +218,16 @@ FAULTS = (
     ),
     fault(
         "lag ignored in autocorrelations",
-        ("statistics/errors/increments.py", "values[late], values[late - lag]", "values[late], values[late]"),
+        ("statistics/changes.py", "values[late], values[late - lag]", "values[late], values[late]"),
     ),
     fault(
         "median absolute error as robust scale",
-        ("statistics/errors/scales.py", "PER_MEDIAN = 1.482602218505602", "PER_MEDIAN = 1.0"),
+        ("statistics/scales.py", "PER_MEDIAN = 1.482602218505602", "PER_MEDIAN = 1.0"),
     ),
     fault(
         "long-lived tracks one step too old",
         (
-            "statistics/errors/aspects.py",
+            "statistics/aspects.py",
             'np.searchsorted(LONG_LIVED_AGES, oldest, side="right")',
             'np.searchsorted(LONG_LIVED_AGES, oldest, side="left")',
         ),
@@ -246,12 +246,12 @@ FAULTS = (
         ),
     ),
     fault("verdicts on too few scenes", (GROUPS, "MIN_SCENES = 6", "MIN_SCENES = 3")),
-    fault("growth: any share is a majority", ("findings/growth/behaviour.py", "MAJORITY = 0.5", "MAJORITY = -1.0")),
-    fault("heavy tails within the margin", ("findings/shape/verdict.py", "MARGIN_NATS = 0.01", "MARGIN_NATS = 1.0")),
+    fault("growth: any share is a majority", ("analysis/growth_verdict.py", "MAJORITY = 0.5", "MAJORITY = -1.0")),
+    fault("heavy tails within the margin", ("analysis/gaussianity.py", "MARGIN_NATS = 0.01", "MARGIN_NATS = 1.0")),
     fault(
         "imported tracks one frame late",
         (
-            "trackers/imports/replay.py",
+            "trackers/imported.py",
             "np.searchsorted(self._tracks.frame, [frame.index, frame.index + 1])",
             "np.searchsorted(self._tracks.frame, [frame.index - 1, frame.index])",
         ),

@@ -22,12 +22,12 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.audit.pose_errors.rigid import rigid_tables
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.frame_geometry import FrameGeometry
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert, transform
+from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
 from tracknoise.tables.schema import OBSERVATIONS, TRACKS
+from tracknoise.truth_faults.pose_errors import rigid_tables
 
 CAMERA = Camera(640, 480, 500.0, 500.0, 319.5, 239.5)
 TRACKERS = ("lucas-kanade", "correspondence")

@@ -18,17 +18,16 @@ from dataclasses import dataclass, field
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.growth.behaviour import Changes, Growth, behaves
-from tracknoise.findings.growth.growth_fits import growth_fits
-from tracknoise.findings.growth.growth_units import GrowthUnits
-from tracknoise.findings.growth.models import Ages
-from tracknoise.findings.intervals.change_bounds import correlated
-from tracknoise.findings.sampling.bounds import Method
-from tracknoise.findings.sampling.draws import draws
-from tracknoise.findings.sampling.units import Units
+from tracknoise.analysis.curve_intervals import correlated
+from tracknoise.analysis.growth_models import Ages
+from tracknoise.analysis.growth_verdict import Changes, Growth, behaves
+from tracknoise.analysis.time_structure import GrowthUnits, growth_fits
+from tracknoise.inference.bootstrap import draws
+from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.intervals import Method
+from tracknoise.inference.units import Resampled, Units
 from tracknoise.statistics.definitions import LAGS, LONG_LIVED_AGES
-from tracknoise.tables.enumerations import Behaviour, Resampled
+from tracknoise.tables.enumerations import Behaviour
 
 REFUSED = (Behaviour.none, Behaviour.undecided)
 N_DRAWS = 500

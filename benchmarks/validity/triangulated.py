@@ -19,8 +19,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel
 from tracknoise.geometry.pose import from_quaternion, invert, transform
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.tables.identity import SequenceId

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.validity.simulated import tables_of_tracks
-from tracknoise.statistics.errors.moments import scene_moments
-from tracknoise.statistics.errors.scales import scales
+from tracknoise.statistics.moments import scene_moments
+from tracknoise.statistics.scales import scales
 from tracknoise.statistics.trimming import trim
 
 RMS_PX, AGE, PERCENTILE = 0.332, 10, 90.0

@@ -24,12 +24,11 @@ from numpy.typing import NDArray
 from scipy import optimize, stats
 
 import tracknoise as tn
-from tracknoise.experiments.frame_geometry import frame_geometry
+from tracknoise.estimators.window_noise import window_sigmas
+from tracknoise.experiments.geometry_tables import frame_geometry
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.noise_models.window_noise import window_sigmas
 from tracknoise.sequences.simulated import Simulated
-from tracknoise.statistics.noise.window_noise import window_noise
-from tracknoise.statistics.noise.windows import LEAST_PARALLAX_PX
+from tracknoise.statistics.windows import LEAST_PARALLAX_PX, window_noise
 from tracknoise.trackers.oracle import Oracle, OracleTracker
 from tracknoise.trackers.tracker import DisplacingTruth, SequenceContext
 

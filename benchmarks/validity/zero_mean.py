@@ -20,11 +20,10 @@ import argparse
 import numpy as np
 from scipy import stats
 
-from tracknoise.findings.chance import Chance
-from tracknoise.findings.flips import family_p, flip_test
-from tracknoise.findings.sampling.multiplicity import holm
-from tracknoise.findings.sampling.units import MIN_SCENES
-from tracknoise.findings.zero_mean import ALPHA
+from tracknoise.analysis.zero_mean import ALPHA
+from tracknoise.inference.multiple_tests import holm
+from tracknoise.inference.sign_flips import Chance, family_p, flip_test
+from tracknoise.inference.units import MIN_SCENES
 
 AGES, FEATURES = 20, 200
 SCENE_PX, FEATURE_PX = 0.3, 1.0

@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tracknoise.api.analyse import analyse
-    from tracknoise.api.run import Run, open_run
+    from tracknoise.api.finished_run import Run, open_run
+    from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.exceptions import TracknoiseError
-    from tracknoise.experiments.comparing.compare_runs import compare
-    from tracknoise.experiments.measure import Measurement, measure
-    from tracknoise.experiments.tap_metrics import tap_metrics
+    from tracknoise.experiments.compare_runs import compare
+    from tracknoise.experiments.measure import Measurement, measure, tap_metrics
     from tracknoise.geometry.accuracy import TruthAccuracy
     from tracknoise.geometry.corrections import Corrections
-    from tracknoise.noise_models.noise_model import NoiseModel
     from tracknoise.sequences.arrays import Sequence
-    from tracknoise.sequences.registry import open_sequence, open_sequences
-    from tracknoise.statistics.errors.curves import curves
+    from tracknoise.sequences.reader_registry import open_sequence, open_sequences
+    from tracknoise.statistics.curves import curves
+    from tracknoise.statistics.lifetimes import lifetimes
     from tracknoise.statistics.summarise import summarise_sequence
     from tracknoise.statistics.summary import summary
-    from tracknoise.statistics.tracks.lifetimes import lifetimes
-    from tracknoise.statistics.tracks.outliers import outlier_ratios
+    from tracknoise.statistics.track_counts import outlier_ratios
     from tracknoise.trackers.correspondence import Correspondence
     from tracknoise.trackers.detection import Detection
     from tracknoise.trackers.imported import Imported
@@ -72,25 +71,25 @@ _HOMES = {
     "Imported": "trackers.imported",
     "LucasKanade": "trackers.lucas_kanade",
     "Measurement": "experiments.measure",
-    "NoiseModel": "noise_models.noise_model",
+    "NoiseModel": "estimators.noise_model",
     "Oracle": "trackers.oracle",
     "Rejection": "trackers.rejection",
-    "Run": "api.run",
+    "Run": "api.finished_run",
     "Sequence": "sequences.arrays",
     "TracknoiseError": "exceptions",
     "TruthAccuracy": "geometry.accuracy",
     "analyse": "api.analyse",
-    "compare": "experiments.comparing.compare_runs",
-    "curves": "statistics.errors.curves",
-    "lifetimes": "statistics.tracks.lifetimes",
+    "compare": "experiments.compare_runs",
+    "curves": "statistics.curves",
+    "lifetimes": "statistics.lifetimes",
     "measure": "experiments.measure",
-    "open_run": "api.run",
-    "open_sequence": "sequences.registry",
-    "open_sequences": "sequences.registry",
-    "outlier_ratios": "statistics.tracks.outliers",
+    "open_run": "api.finished_run",
+    "open_sequence": "sequences.reader_registry",
+    "open_sequences": "sequences.reader_registry",
+    "outlier_ratios": "statistics.track_counts",
     "summarise_sequence": "statistics.summarise",
     "summary": "statistics.summary",
-    "tap_metrics": "experiments.tap_metrics",
+    "tap_metrics": "experiments.measure",
 }
 
 

@@ -1,15 +1,23 @@
-"""Range checks of settings, whose message names the field; `tracknoise.plugins` turns it into a `SettingsError`.
+"""Range checks of settings, whose messages name the field, and which of pydantic's complaints is reported.
+
+- Which of the problems that pydantic finds in settings is reported.
+
+Range checks of settings, whose message names the field; `tracknoise.plugins` turns it into a `SettingsError`.
 
 Bounds of numbers are part of the types of the fields (`Positive`, ``Annotated[int, Ge(1)]``). From there they reach the
 JSON schema too.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 from annotated_types import Ge, Gt, Interval, Le, Lt
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
 
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
@@ -116,3 +124,22 @@ def _parts(value: object) -> Iterable[object]:
 
 def _is_finite(value: float) -> bool:
     return -math.inf < value < math.inf  # unlike math.isfinite, without an error for whole numbers of any size
+
+
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+"""Types of problems with keys that models and dataclasses do not have."""
+
+
+def likeliest_problem(problems: "Sequence[ErrorDetails]") -> "ErrorDetails":
+    """The first problem, or instead of a missing key an unknown one of the same section: it may be a misspelling."""
+    first = problems[0]
+    if first["type"] != "missing":
+        return first
+    unknown = (one for one in problems if one["type"] in _UNKNOWN and one["loc"][:-1] == first["loc"][:-1])
+    return next(unknown, first)
+
+
+def in_one_line(problems: "Sequence[ErrorDetails]") -> str:
+    """The likeliest problem: where, and what was expected."""
+    problem = likeliest_problem(problems)
+    return f"{'.'.join(map(str, problem['loc']))}: {problem['msg'].lower()}"

@@ -10,8 +10,7 @@ from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, NewType, TypeVar, get_args, get_type_hints
 
-from tracknoise.checks import MOST_LEVELS, bounds_of, in_words, require_storable
-from tracknoise.problems import likeliest_problem
+from tracknoise.checks import MOST_LEVELS, bounds_of, in_words, likeliest_problem, require_storable
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

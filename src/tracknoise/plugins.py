@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from tracknoise.exceptions import SettingsError, UnknownNameError, with_type
-from tracknoise.foreign.files import absolute
-from tracknoise.foreign.opened import content_of
+from tracknoise.foreign_files import absolute
+from tracknoise.opened_files import content_of
 from tracknoise.options import PathTemplate, change_paths, defaults_as_toml, find_paths, validated
 
 T = TypeVar("T")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import tracknoise as tn
-from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.store import RunFolder
 

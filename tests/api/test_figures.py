@@ -5,7 +5,7 @@ import json
 import pytest
 
 from tracknoise.exceptions import FigureError, UnknownNameError
-from tracknoise.report import export
+from tracknoise.report import figure_files
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData
@@ -39,7 +39,7 @@ def test_a_figure_has_either_texts_or_the_reason_why_it_is_absent(bare_run):
 
 def test_a_chart_is_the_figure_of_the_report(run, drawn):
     for name in ("lifetimes", "gaussianity"):
-        chart, expected = run.figure(name).to_dict(), export.specification(drawn[name])
+        chart, expected = run.figure(name).to_dict(), figure_files.specification(drawn[name])
         assert chart["concat"] == expected["concat"]
         assert chart["datasets"] == expected["datasets"]
         assert chart["params"] == expected["params"]

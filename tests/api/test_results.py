@@ -7,10 +7,10 @@ from polars.testing import assert_frame_equal
 import tracknoise as tn
 from tracknoise.exceptions import UnknownNameError
 from tracknoise.tables.quantities import QUANTITIES
+from tracknoise.tables.result_views import VIEWS, results_of, view
 from tracknoise.tables.results import IDENTITY, RESULTS
 from tracknoise.tables.schema import check, empty
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
-from tracknoise.tables.views import VIEWS, results_of, view
 
 SCHEMAS = {**STATISTICS_TABLES, **FINDINGS_TABLES}
 RARE = {"seed_spread", "triangulated_noise", "point_tracking_metrics", "two_truths", "pose_disagreement"}

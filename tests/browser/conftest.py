@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from tests.browser import chromium
-from tests.report.fitted import fitted_run, planted_run
+from tests.estimators.conftest import planted_run
+from tests.report.fitted import fitted_run
 from tests.report.runs import make_run
 
 __all__ = ["fitted_run", "make_run", "planted_run"]

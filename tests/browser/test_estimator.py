@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from tests.browser.chromium import Page
 
-from tracknoise.noise_models.run_models import run_models
+from tracknoise.estimators.run_models import run_models
 from tracknoise.report.estimator_exports import exported
 from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder

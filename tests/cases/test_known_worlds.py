@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 import tracknoise
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.identity import SequenceId

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 import tracknoise as tn
-from tracknoise.sequences.fault_options import Faults
+from tracknoise.sequences.faults import Faults
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.views import View
 from tracknoise.simulation.imaging import Imaging

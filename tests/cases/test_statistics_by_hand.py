@@ -17,15 +17,13 @@ import math
 import polars as pl
 import pytest
 
-from tracknoise.statistics.errors.curves import curves
-from tracknoise.statistics.errors.histogram import error_histogram
-from tracknoise.statistics.errors.moment_cells import merge
-from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.histograms import error_histogram
+from tracknoise.statistics.lifetimes import lifetimes, mean_lifetime, median_survival, surviving
+from tracknoise.statistics.moments import merge, scene_moments
 from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.summary import summary
-from tracknoise.statistics.tracks.counts import counts
-from tracknoise.statistics.tracks.lifetimes import lifetimes, mean_lifetime, median_survival, surviving
-from tracknoise.statistics.tracks.outliers import outlier_ratios
+from tracknoise.statistics.track_counts import counts, outlier_ratios
 from tracknoise.statistics.trimming import Trimmed, trim
 from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, ORIGIN, TRACKS, Schema
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tracknoise.api.run import open_run
+from tracknoise.api.finished_run import open_run
 
 TOML = """
 name = "small"
@@ -28,7 +28,7 @@ def finished(tmp_path_factory, made_run):
 
 @pytest.fixture(scope="module")
 def made_run():
-    from tracknoise.experiments.running.execute import execute
+    from tracknoise.experiments.execute import execute
     from tracknoise.experiments.settings import parse_experiment
     from tracknoise.tables.store import RunFolder
 

@@ -10,7 +10,7 @@ import pytest
 from tests.writers import euroc, kitti_odometry
 
 from tracknoise.experiments.load import load_experiment
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 
 SMALL = ["--motion", "arvr", "--frames", "16", "--width", "200", "--height", "150", "--supersampling", "1", "--quiet"]
 

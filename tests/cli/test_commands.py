@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 import typer
 
-from tracknoise.api.run import open_run
+from tracknoise.api.finished_run import open_run
 from tracknoise.cli.app import main
 from tracknoise.cli.commands import app
 from tracknoise.experiments.load import preset_names
-from tracknoise.sequences.registry import READERS
+from tracknoise.sequences.reader_registry import READERS
 
 
 @pytest.mark.parametrize("command", ["run", "report", "findings", "demo", "simulate", "datasets", "trackers"])
@@ -244,7 +244,7 @@ def test_an_interrupted_run_says_how_to_resume(tracknoise, tmp_path, monkeypatch
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tracknoise.experiments.running.execute.execute", interrupt)
+    monkeypatch.setattr("tracknoise.experiments.execute.execute", interrupt)
     code, out, err = tracknoise("run", "demo", "--out", str(tmp_path / "run"))
     assert (code, out) == (130, "")
     assert err == "tracknoise: error: interrupted; run the same command again to resume\n"

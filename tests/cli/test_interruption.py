@@ -15,11 +15,10 @@ import polars as pl
 import psutil
 import pytest
 
-from tracknoise import signals
-from tracknoise.cli.app import main
-from tracknoise.cli.interruption import Interruption
-from tracknoise.experiments.running import task
-from tracknoise.sequences import registry
+from tracknoise import processes
+from tracknoise.cli.app import Interruption, main
+from tracknoise.experiments import task
+from tracknoise.sequences import reader_registry
 
 pytestmark = pytest.mark.usefixtures("pipes_are_files")
 
@@ -43,7 +42,7 @@ min_features = 2
 @pytest.fixture(autouse=True)
 def not_ignored():
     """Tests in the background of a shell, or under nohup, inherit signals that are ignored."""
-    handlers = {number: signal.signal(number, signal.SIG_DFL) for number in signals.ENDING}
+    handlers = {number: signal.signal(number, signal.SIG_DFL) for number in processes.ENDING}
     signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     for number, handler in handlers.items():
@@ -145,7 +144,7 @@ def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stall
     assert (resumed, errors) == (0, "")
 
 
-@pytest.mark.parametrize("number", signals.ENDING)
+@pytest.mark.parametrize("number", processes.ENDING)
 def test_a_program_that_waits_for_a_file_is_ended(number, stalled, tmp_path):
     (first, _), _ = stalled
     program = start(tmp_path, "--workers", "1")
@@ -188,13 +187,13 @@ def test_a_panic_that_an_interruption_caused_ends_like_it(signalled, monkeypatch
                 signal.raise_signal(signal.SIGINT)
         panicked(KeyboardInterrupt)
 
-    monkeypatch.setattr(registry, "READERS", SimpleNamespace(names=interrupted))
+    monkeypatch.setattr(reader_registry, "READERS", SimpleNamespace(names=interrupted))
     text = "tracknoise: error: interrupted; run the same command again to resume\n"
     assert tracknoise("datasets") == (130, "", text)
 
 
 def test_another_panic_is_an_internal_error_of_one_line(monkeypatch, tracknoise):
-    monkeypatch.setattr(registry, "READERS", SimpleNamespace(names=lambda: panicked(ValueError)))
+    monkeypatch.setattr(reader_registry, "READERS", SimpleNamespace(names=lambda: panicked(ValueError)))
     status, _, errors = tracknoise("datasets")
     assert status == 1
     assert errors.startswith("tracknoise: error: internal error (PanicException: called `Result::unwrap()`")
@@ -209,7 +208,7 @@ def test_a_sequence_that_panics_because_of_an_interruption_has_not_failed(monkey
         task.attempt([], None)
 
 
-@pytest.mark.parametrize("number", signals.ENDING)
+@pytest.mark.parametrize("number", processes.ENDING)
 def test_signals_in_quick_succession_count_once(number):
     with Interruption() as interruption:
         with pytest.raises(KeyboardInterrupt):

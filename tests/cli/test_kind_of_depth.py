@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from tests.writers.euroc import BODY_FROM_CAMERA, write_euroc, write_images, write_sensor
 
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.store import RunFolder
 
 FRAMES = 24

@@ -2,7 +2,7 @@
 
 import polars as pl
 import pytest
-from tests.noise_models.exports.models import detections, lucas_kanade
+from tests.estimators.exports.models import detections, lucas_kanade
 
 from tracknoise.tables.store import RunFolder
 

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from tests.noise_models.models import TRAINING, made
+from tests.estimators.models import TRAINING, made
 
+from tracknoise.estimators.proof import prove
+from tracknoise.estimators.proof_windows import Cut, errors_of, recorded_problems
 from tracknoise.exceptions import SettingsError, StoreError
-from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.proof.problem import errors_of
-from tracknoise.proof.proof import prove
-from tracknoise.proof.recorded import Cut, recorded_problems
 from tracknoise.tables.store import RunFolder
 
 TOML = """

@@ -5,9 +5,9 @@ from functools import partial
 
 import pytest
 
-from tracknoise.experiments import replicate
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.settings import ViewSettings
+from tracknoise.paper import variants
 from tracknoise.report import page
 
 
@@ -23,7 +23,7 @@ def small(monkeypatch):
             update={"dataset": dataset, "speeds": [1], "trackers": experiment.trackers[:1], "views": [ViewSettings()]}
         )
 
-    monkeypatch.setattr(replicate, "load_experiment", load)
+    monkeypatch.setattr(variants, "load_experiment", load)
     monkeypatch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
 
 
@@ -61,7 +61,7 @@ def test_one_experiment_that_fails_does_not_stop_the_others(tracknoise, small, t
 
 
 def test_what_was_measured_is_not_measured_again(tracknoise, small, tmp_path, monkeypatch):
-    monkeypatch.setattr(replicate, "SIMULATED", ("gazebo-arvr",))
+    monkeypatch.setattr(variants, "SIMULATED", ("gazebo-arvr",))
     arguments = ("replicate", "--out", str(tmp_path / "out"), *ONCE)
     code, _, err = tracknoise(*arguments)
     assert code == 0
@@ -81,7 +81,7 @@ def test_a_folder_of_data_that_is_not_there_is_an_error(tracknoise, tmp_path):
 
 
 def test_where_nothing_can_be_measured_that_is_an_error(tracknoise, tmp_path, monkeypatch):
-    monkeypatch.setattr(replicate, "SIMULATED", ("nothing-like-it",))
+    monkeypatch.setattr(variants, "SIMULATED", ("nothing-like-it",))
     code, printed, err = tracknoise("replicate", "--out", str(tmp_path / "out"), "--quiet")
     assert code == 1
     assert printed == ""

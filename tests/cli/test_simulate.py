@@ -2,7 +2,7 @@
 
 import pytest
 
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 
 
 @pytest.fixture

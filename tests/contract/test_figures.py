@@ -10,7 +10,7 @@ import pytest
 import vl_convert as vlc
 from tests.report.synthetic import DEGENERATE
 
-from tracknoise.report.export import render, specification
+from tracknoise.report.figure_files import render, specification
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from tests.contract.test_sequences import LAYOUTS
 
-from tracknoise.experiments.running.inputs import InputCheck, digest_of, input_tables, recording
-from tracknoise.experiments.running.plan import Task, open_batch, plan
+from tracknoise.experiments.inputs import InputCheck, digest_of, input_tables, recording
+from tracknoise.experiments.plan import Task, open_batch, plan
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder

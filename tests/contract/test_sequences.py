@@ -27,31 +27,28 @@ from tests.writers.nerfstudio import write_transforms
 from tests.writers.tum import write_tum
 
 from tracknoise.exceptions import DataError, UnknownNameError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.colmap.reader import Colmap
-from tracknoise.sequences.dtu.matlab import write_mat
-from tracknoise.sequences.dtu.reader import Dtu
-from tracknoise.sequences.dtu.writer import calibration_variables
-from tracknoise.sequences.euroc.reader import Euroc
+from tracknoise.paper.dtu import Dtu, write_mat
+from tracknoise.paper.dtu_writer import calibration_variables
+from tracknoise.paper.light_stage import arc, stage_camera
+from tracknoise.sequences.colmap import Colmap
+from tracknoise.sequences.euroc import Euroc
 from tracknoise.sequences.folder import Folder, write_folder
-from tracknoise.sequences.kitti.layout import Drive
-from tracknoise.sequences.kitti.odometry import KittiOdometry
-from tracknoise.sequences.kitti.oxts import records_of_poses, write_record
-from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.kitti.rig import CAMERA_FROM_IMU, write_calibration
-from tracknoise.sequences.nerfstudio.reader import Nerfstudio
+from tracknoise.sequences.kitti import Kitti
+from tracknoise.sequences.kitti_files import Drive, records_of_poses, write_record
+from tracknoise.sequences.kitti_odometry import KittiOdometry
+from tracknoise.sequences.kitti_writer import CAMERA_FROM_IMU, write_calibration
+from tracknoise.sequences.nerfstudio import Nerfstudio
+from tracknoise.sequences.reader_registry import READERS, reader_defaults
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.registry import READERS, reader_defaults
-from tracknoise.sequences.rosbag.reader import Rosbag
+from tracknoise.sequences.rosbag import Rosbag
 from tracknoise.sequences.sequence import Reader, Sequence, camera_at
-from tracknoise.sequences.sevenscenes.reader import SevenScenes
+from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tartanair import TartanAir
-from tracknoise.sequences.tum.reader import Tum
-from tracknoise.simulation.light_stage.stage import arc, stage_camera
+from tracknoise.sequences.tum import Tum
 from tracknoise.tables.identity import Direction, SequenceId
 
 CAMERA = Camera(64, 48, 60.0, 61.0, 31.0, 24.0)

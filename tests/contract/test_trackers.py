@@ -12,9 +12,8 @@ import pytest
 
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import QUALITY_NAME, TrackEnd, TruthStatus
-from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.registry import TRACKERS
-from tracknoise.trackers.tracker import SequenceContext, Step, TrackerSettings
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step, TrackerSettings
+from tracknoise.trackers.tracker_registry import TRACKERS
 
 SIZE = (200, 160)
 FRAMES = 8

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
-from tracknoise.experiments.running.execute import execute
 from tracknoise.experiments.settings import Experiment
 from tracknoise.tables.store import RunFolder
 

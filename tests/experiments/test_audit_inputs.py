@@ -6,28 +6,25 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.audit.parameters import COUNT
-from tracknoise.audit.prediction import predict
-from tracknoise.audit.read import AuditedTables, read_samples
-from tracknoise.audit.table import AuditTables
-from tracknoise.experiments.analysis import run_audit
+from tracknoise.experiments import run_findings
 from tracknoise.experiments.measure import measure
-from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
-from tracknoise.experiments.running.task import tables_to_keep
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.findings.sampling.groups import NO_GROUPS
-from tracknoise.geometry.camera import Camera
+from tracknoise.experiments.task import tables_to_keep, write_measurement, write_settings
+from tracknoise.geometry.cameras import Camera, EquidistantCamera
 from tracknoise.geometry.corrections import Corrections
-from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.inference.units import NO_GROUPS
 from tracknoise.sequences.corrected import corrected
-from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import Scan
 from tracknoise.sequences.views import View, chosen_frames, turned
-from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES, AUDIT_SAMPLES, CAMERAS, PATH
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, AUDIT_SAMPLES, CAMERAS, PATH
 from tracknoise.tables.schema import check, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
+from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, read_samples
+from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.fault_parameters import COUNT
 
 EXPERIMENT = parse_experiment(
     'name = "x"\nspeeds = [1, 2]\n[dataset]\nreader = "simulated"\n[[trackers]]\nkind = "oracle"\n', place="x"
@@ -176,11 +173,11 @@ def test_the_audit_of_a_run_reads_the_poses_between_its_frames(shuttered, sequen
         given.extend(tables)
         return AuditTables(empty(AUDIT), empty(AUDIT_CURVES))
 
-    monkeypatch.setattr(run_audit, "audit_tables", audited_once)
+    monkeypatch.setattr(run_findings, "audit_tables", audited_once)
     for name, source, has_path in (("some", chosen_frames(shuttered, (0, 12, 2)), True), ("all", sequence, False)):
         folder = RunFolder(tmp_path / name)
         entry = write_measurement(folder, EXPERIMENT, measure(source, {"oracle": ORACLE}))
         write_settings(folder, EXPERIMENT, [entry])
         assert folder.has_sequence(entry)
-        run_audit.run_audit(folder, folder.manifest(), EXPERIMENT)
+        run_findings.run_audit(folder, folder.manifest(), EXPERIMENT)
         assert (given.pop().path is not None) == has_path

@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 import polars as pl
 import pytest
-from tests.inspection.planted import MISTAKES, Planted, scaled_positions
+from tests.truth_faults.planted import MISTAKES, Planted, scaled_positions
 
 import tracknoise
 from tracknoise.experiments.doubts import doubts
 from tracknoise.experiments.measure import measure
 from tracknoise.sequences.arrays import Sequence
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.lucas_kanade import LucasKanade
 

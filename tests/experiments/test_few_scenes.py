@@ -2,11 +2,11 @@
 
 import polars as pl
 
-from tracknoise.experiments.analysis.few_scenes import conditions_of_few_scenes, has_errors
-from tracknoise.findings.growth.time_structure import lagged
-from tracknoise.findings.sampling.groups import NO_GROUPS, SceneGroups
-from tracknoise.statistics.conditions import by_condition
+from tracknoise.analysis.time_structure import lagged
+from tracknoise.experiments.run_findings import conditions_of_few_scenes, has_errors
+from tracknoise.inference.units import NO_GROUPS, SceneGroups
 from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import by_condition
 from tracknoise.tables.schema import INCREMENTS, ORIGIN
 
 

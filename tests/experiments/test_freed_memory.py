@@ -9,7 +9,7 @@ import pytest
 PROGRAM = """
 import resource, sys
 import numpy as np
-from tracknoise.experiments.analysis.freed_memory import keep_freed_memory
+from tracknoise.experiments.machine import keep_freed_memory
 
 if sys.argv[1] == "kept":
     keep_freed_memory()

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from tracknoise.findings.sampling.groups import scheme
-from tracknoise.findings.sampling.groups_of_scenes import groups_of_scenes
-from tracknoise.sequences.kitti.layout import recording_of
+from tracknoise.analysis.condition_units import groups_of_scenes
+from tracknoise.inference.units import scheme
+from tracknoise.sequences.kitti_files import recording_of
 from tracknoise.sequences.scenes import parent_of
 from tracknoise.sequences.sequence import group_of
 from tracknoise.sequences.simulated import Simulated

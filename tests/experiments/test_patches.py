@@ -9,10 +9,10 @@ import pytest
 
 from tracknoise.experiments.measure import Measurement, measure, measure_together
 from tracknoise.experiments.patches import LONGEST_STRIP, track_patches
-from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.definitions import PLACE_AGES
-from tracknoise.statistics.tracks.extreme_tracks import EACH, extreme_tracks
+from tracknoise.statistics.samples import EACH, extreme_tracks
 from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.schema import PATCHES, check
 

@@ -12,12 +12,11 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.experiments.load import load_experiment, preset_names
-from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.running.plan import plan
+from tracknoise.experiments.load import load_experiment, preset_names, resolve
+from tracknoise.experiments.plan import plan
 from tracknoise.experiments.settings import experiment_schema, parse_experiment
-from tracknoise.sequences.registry import READERS
-from tracknoise.trackers.registry import TRACKERS, make_tracker
+from tracknoise.sequences.reader_registry import READERS
+from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker
 
 ROOT = Path(__file__).parents[2]
 

@@ -4,14 +4,13 @@ import dataclasses
 
 import pytest
 from tests.contract.test_sequences import LAYOUTS
-from tests.experiments.running.test_execute import Silent
+from tests.experiments.test_execute import Silent
 
-from tracknoise.experiments.load import load_experiment
-from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.running.execute import execute
+from tracknoise.experiments.execute import execute
+from tracknoise.experiments.load import load_experiment, resolve
 from tracknoise.experiments.template import experiment_template
+from tracknoise.sequences.reader_registry import READERS, make_reader
 from tracknoise.sequences.recognise import recognise
-from tracknoise.sequences.registry import READERS, make_reader
 from tracknoise.tables.store import RunFolder
 
 

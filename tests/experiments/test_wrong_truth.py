@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from benchmarks.validity.rigid import pose_noise
-from tests.inspection.planted import Planted, resized
+from tests.truth_faults.planted import Planted, resized
 
 import tracknoise
 from tracknoise.sequences.arrays import Sequence

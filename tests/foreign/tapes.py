@@ -10,13 +10,12 @@ from typing import ClassVar
 import numpy as np
 
 from tracknoise.exceptions import DataError, UnknownNameError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
-from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 from tracknoise.truth.birth import BirthDepth
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.geometry.association import nearest
+from tracknoise.geometry.pose import nearest
 
 TIMES = st.lists(st.integers(0, 400), max_size=25, unique=True).map(lambda ms: np.sort(ms) / 1000.0)
 

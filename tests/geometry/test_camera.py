@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel
 
 PINHOLE = Camera(640, 480, 500.0, 510.0, 321.25, 239.5)
 # Freiburg 1 of TUM RGB-D: strong distortion of a real lens.

@@ -1,7 +1,7 @@
 import numpy as np
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.cloud import cloud_depth
+from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.depth import cloud_depth
 
 CAMERA = Camera(8, 6, 10.0, 20.0, 3.0, 2.0)
 

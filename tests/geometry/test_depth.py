@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap, farthest_neighbour, interpolate, nearest, sample
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)

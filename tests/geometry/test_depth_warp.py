@@ -3,9 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import DepthAccuracy
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.depth import DepthMap, interpolate
-from tracknoise.geometry.depth_warp import reproject_depth
+from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.depth import DepthMap, interpolate, reproject_depth
 from tracknoise.geometry.pose import invert, transform
 
 SENSOR = Camera(160, 120, 146.0, 146.0, 80.0, 60.0)

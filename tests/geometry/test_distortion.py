@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.distortion import distort, undistort
+from tracknoise.geometry.cameras import Camera, distort, undistort
 
 BARREL = Camera(640, 480, 571.0, 571.0, 319.5, 239.5, (-0.3, 0.0, 0.0, 0.0, 0.0))
 FREIBURG1 = Camera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.2624, -0.9531, -0.0054, 0.0026, 1.1633))

@@ -6,9 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.geometry.camera_model import CameraModel
-from tracknoise.geometry.double_sphere import DoubleSphereCamera
-from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.cameras import CameraModel, DoubleSphereCamera, EquidistantCamera
 
 IDEAL = EquidistantCamera(640, 480, 300.0, 310.0, 321.25, 239.5)
 TUM_VI = EquidistantCamera(512, 512, 190.98, 190.97, 254.93, 256.9, (0.0034, 0.0007, -0.0020, 0.00020))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from tracknoise.geometry.interpolation import PosePath, interpolate_poses
+from tracknoise.geometry.pose import PosePath, interpolate_poses
 
 
 def poses(count, seed=0):

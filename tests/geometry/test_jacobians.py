@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
-from tracknoise.geometry.double_sphere import DoubleSphereCamera
-from tracknoise.geometry.jacobians import projection_jacobian
+from tracknoise.geometry.cameras import Camera, CameraModel, DoubleSphereCamera
+from tracknoise.geometry.projection import projection_jacobian
 
 POINTS = np.array([[0.3, -0.2, 2.0], [-1.0, 0.5, 3.0], [0.0, 0.0, 0.7]])
 

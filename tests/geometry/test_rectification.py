@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.cameras import Camera, EquidistantCamera
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.geometry.rectification import origins, rectify
+from tracknoise.geometry.projection import origins, rectify
 
 PINHOLE = Camera(64, 48, 50.0, 50.0, 31.0, 24.5)
 FISHEYE = EquidistantCamera(64, 48, 30.0, 31.0, 31.0, 24.5, (-0.01, 0.002, 0.0, 0.0))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.shutter import RollingShutter
 
 CAMERA = Camera(640, 480, 500.0, 500.0, 319.5, 239.5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tracknoise.geometry.accuracy import EXACT_DEPTH, DepthAccuracy
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.surroundings import (
     REACH_PX,
     Surroundings,

@@ -8,12 +8,12 @@ import pytest
 from benchmarks.validity.floor import FAULTS, compared, exact_tracks, exact_world
 
 import tracknoise
-from tracknoise import AccuracyRule, TruthAccuracy
-from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, PoseAccuracy
+from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, PoseAccuracy, TruthAccuracy
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.statistics.truth.floor import truth_floor
+from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.tables import schema
 from tracknoise.tables.identity import SequenceId
+from tracknoise.truth.accuracies import AccuracyRule
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import tracknoise
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.other_poses import OtherPoses, with_trajectory
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import second_of
 from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.sequences.views import view

@@ -4,7 +4,7 @@ import pytest
 
 import tracknoise
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import TrackerSetup

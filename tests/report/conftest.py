@@ -4,8 +4,9 @@ from collections.abc import Callable
 from types import ModuleType
 
 import pytest
+from tests.estimators.conftest import planted_run
 from tests.report import synthetic as module
-from tests.report.fitted import fitted_run, planted_run
+from tests.report.fitted import fitted_run
 from tests.report.runs import make_run
 
 from tracknoise.tables.store import RunFolder

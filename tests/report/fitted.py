@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from tests.noise_models.conftest import planted_run
+from tests.estimators.conftest import planted_run
 
-from tracknoise.noise_models.run_models import fitted_models
+from tracknoise.estimators.run_models import fitted_models
 from tracknoise.tables.store import RunFolder
 
 __all__ = ["fitted_run", "planted_run"]

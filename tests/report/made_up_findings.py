@@ -5,12 +5,13 @@ from collections.abc import Mapping
 
 import polars as pl
 
-from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.headlines.table import headline_table
+from tracknoise.phrases.headline import ReportedConditions
+from tracknoise.phrases.headlines import headline_table
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.tracks.lifetimes import mean_lifetime, median_survival
-from tracknoise.tables.audit_schema import AUDIT, AUDIT_CURVES
+from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import (
+    AUDIT,
+    AUDIT_CURVES,
     DEPENDENCE,
     DEPTH_INTERVALS,
     GAUSSIANITY,
@@ -26,8 +27,8 @@ from tracknoise.tables.findings_schema import (
     WINDOW_SIGMAS,
     ZERO_MEAN,
 )
+from tracknoise.tables.result_views import identified, results_of
 from tracknoise.tables.schema import CAUSES, Schema, empty
-from tracknoise.tables.views import identified, results_of
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)

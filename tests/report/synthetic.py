@@ -14,26 +14,22 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from tracknoise.findings.headlines.reported_conditions import ReportedConditions
-from tracknoise.findings.places.image_cells import image_cells
-from tracknoise.findings.places.speed_errors import speed_errors
-from tracknoise.findings.places.surrounding_errors import surrounding_errors
+from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
+from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.sequences.images import encode_webp
-from tracknoise.statistics.errors.change_curves import change_curves
-from tracknoise.statistics.errors.cores import cores
-from tracknoise.statistics.errors.curves import aspect_curves, curves
-from tracknoise.statistics.errors.histogram import merge_errors
-from tracknoise.statistics.factors.effects import effects
-from tracknoise.statistics.factors.factors import ReferenceCondition
-from tracknoise.statistics.places.image_map import image_map
+from tracknoise.statistics.changes import change_curves
+from tracknoise.statistics.curves import aspect_curves, curves
+from tracknoise.statistics.histograms import merge_errors
+from tracknoise.statistics.lifetimes import lifetimes_of_ends
+from tracknoise.statistics.places import image_map
 from tracknoise.statistics.prepared import prepare_sequence
+from tracknoise.statistics.samples import extreme_tracks
+from tracknoise.statistics.scales import cores
 from tracknoise.statistics.summarise import STATISTICS, summarise_sequence
 from tracknoise.statistics.summary import summary
-from tracknoise.statistics.tracks.counts import merge_counts
-from tracknoise.statistics.tracks.extreme_tracks import extreme_tracks
-from tracknoise.statistics.tracks.lifetimes import lifetimes_of_ends
-from tracknoise.statistics.tracks.outliers import outlier_ratios
-from tracknoise.statistics.truth.floor import truth_floor
+from tracknoise.statistics.track_counts import merge_counts, outlier_ratios
+from tracknoise.statistics.truth_errors import truth_floor
+from tracknoise.statistics.yardstick import ReferenceCondition, effects
 from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.identity import SequenceId

@@ -15,17 +15,16 @@ from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 from tests.report.test_truth_section import with_floor
 
-from tracknoise.findings.estimate import Estimate
-from tracknoise.report.answer import interval_plot
-from tracknoise.report.answer.answer import summarise
-from tracknoise.report.answer.curve_plot import curves
-from tracknoise.report.answer.subject import number as plain_number
-from tracknoise.report.answer.summary import Card, Measure, Number, Summary, summary_json, summary_schema
-from tracknoise.report.answer.trust import certainty
+from tracknoise.inference.estimates import Estimate
+from tracknoise.report import small_plots
+from tracknoise.report.answer import certainty, summarise
+from tracknoise.report.answer_summary import Card, Measure, Number, Summary, summary_json, summary_schema
+from tracknoise.report.card_rows import card_number as plain_number
+from tracknoise.report.contents import PARTS
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.page import write_report
-from tracknoise.report.parts import PARTS
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.small_plots import curves
 from tracknoise.tables.store import RunFolder
 
 MOST_WORDS, MOST_NUMBERS = 25, 3
@@ -368,7 +367,7 @@ def test_the_file_keeps_to_its_schema(data: ReportData, run: RunFolder) -> None:
 
 def test_the_schema_is_documented() -> None:
     assert json.loads(SCHEMA.read_text(encoding="utf-8")) == summary_schema(), (
-        "renew it: python -c 'import json; from tracknoise.report.answer.summary import summary_schema; "
+        "renew it: python -c 'import json; from tracknoise.report.answer_summary import summary_schema; "
         "print(json.dumps(summary_schema(), indent=1))' > docs/report-summary.schema.json"
     )
 
@@ -393,19 +392,19 @@ def test_numbers_that_are_not_finite_are_unknown() -> None:
 
 
 def test_drawings_of_a_measure_share_an_axis() -> None:
-    axis = interval_plot.scale([of(1.0, 0.5, 2.0), of(4.0)])
+    axis = small_plots.scale([of(1.0, 0.5, 2.0), of(4.0)])
     assert (axis.low, axis.high, axis.is_log) == (0.0, 4.0, False)
     places = [axis.place(value) for value in (0.0, 1.0, 4.0, 9.0)]
     assert places == sorted(places)
     assert places[-1] == places[-2]  # what lies outside is drawn at the edge
-    assert interval_plot.scale([of(0.001), of(1.0)]).is_log
+    assert small_plots.scale([of(0.001), of(1.0)]).is_log
 
 
 def test_drawings_say_what_they_show(data: ReportData) -> None:
     summary = summarise(data)
-    axes = interval_plot.scales(summary.cards)
+    axes = small_plots.scales(summary.cards)
     for one in summary.cards[0].measures:
-        drawn = interval_plot.draw(one, axes[one.name], "#123456")
+        drawn = small_plots.draw(one, axes[one.name], "#123456")
         assert f'aria-label="{one.name}: {one.number.text}'.replace("'", "&#39;") in drawn
         assert "#123456" in drawn
 

@@ -1,6 +1,6 @@
 import pytest
 
-from tracknoise.report.axis import AGE, FRAME
+from tracknoise.report.bands import AGE, FRAME
 from tracknoise.statistics.definitions import NAMES
 
 

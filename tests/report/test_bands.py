@@ -9,10 +9,10 @@ import polars as pl
 import pytest
 
 from tracknoise.report import bands
-from tracknoise.report.figures import curves, lifetimes, lightings, outlier_ratio, views
+from tracknoise.report.figures import error_curves, levels, track_ends
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.upright import upright
+from tracknoise.statistics.definitions import upright
 from tracknoise.tables.store import RunFolder
 
 
@@ -50,7 +50,7 @@ def test_no_point_is_lost_or_doubled(data: ReportData) -> None:
 
 
 def test_curves_draw_their_bounds(data: ReportData) -> None:
-    figure = figure_of(curves.figures(data), "error-by-age")
+    figure = figure_of(error_curves.curve_figures(data), "error-by-age")
     band = drawn(figure, "u_low", "u_high").filter(tracker="lucas-kanade")
     expected = data.nominal(data.points).filter(
         pl.col("role") != "central", tracker="lucas-kanade", trimming="trimmed", population="visible"
@@ -63,7 +63,7 @@ def test_curves_draw_their_bounds(data: ReportData) -> None:
 
 
 def test_selections_live_where_the_legend_is(data: ReportData) -> None:
-    panel = figure_of(curves.figures(data), "error-by-age").spec["concat"][0]
+    panel = figure_of(error_curves.curve_figures(data), "error-by-age").spec["concat"][0]
     named = [layer for layer in panel["layer"] if "name" in layer]
     assert [layer["mark"]["type"] for layer in panel["layer"]][:2] == ["area", "line"]
     assert [layer["mark"]["type"] for layer in named] == ["line"]
@@ -71,7 +71,10 @@ def test_selections_live_where_the_legend_is(data: ReportData) -> None:
 
 def test_without_intervals_there_is_no_band(data: ReportData) -> None:
     bare = dataclasses.replace(data, intervals=data.intervals.clear())
-    for figure in (figure_of(curves.figures(bare), "error-by-age"), figure_of(lifetimes.figures(bare), "lifetimes")):
+    for figure in (
+        figure_of(error_curves.curve_figures(bare), "error-by-age"),
+        figure_of(track_ends.lifetime_figures(bare), "lifetimes"),
+    ):
         assert not any(
             layer["mark"]["type"] == "area" for panel in figure.spec["concat"] for layer in panel.get("layer", [])
         )
@@ -81,24 +84,24 @@ def test_without_intervals_there_is_no_band(data: ReportData) -> None:
 def test_of_many_curves_the_first_alone_has_a_band(make_run: Callable[..., RunFolder]) -> None:
     names = tuple(f"LR{place}" for place in range(8))
     data = ReportData.of(make_run(lightings=("diffuse", *names), scenes=("only",), trackers=("one",), speeds=(1,)))
-    (figure,) = lightings.figures(data)
+    (figure,) = levels.lighting_figures(data)
     assert drawn(figure, "u_low", "u_high")["lighting"].unique().to_list() == ["diffuse"]
     assert "Bands around the curve under diffuse:" in figure.shows
 
 
 def test_a_band_does_not_squash_its_curve(data: ReportData) -> None:
     wide = data.intervals.with_columns(low=pl.col("value") - 1e3, high=pl.col("value") + 1e3)
-    figure = figure_of(curves.figures(dataclasses.replace(data, intervals=wide)), "error-by-age")
+    figure = figure_of(error_curves.curve_figures(dataclasses.replace(data, intervals=wide)), "error-by-age")
     values = drawn(figure, "u", "v", "of")["u"]
     domain = figure.spec["concat"][0]["layer"][1]["encoding"]["y"]["scale"]["domain"]
     assert domain[1] - domain[0] < 10 * (values.max() - values.min())  # type: ignore[operator]
 
 
 def test_survival_and_outlier_ratio_draw_their_bounds(data: ReportData) -> None:
-    survival = drawn(figure_of(lifetimes.figures(data), "lifetimes"), "series", "low", "high")
+    survival = drawn(figure_of(track_ends.lifetime_figures(data), "lifetimes"), "series", "low", "high")
     expected = data.intervals.filter(statistic="survival", speed=1)
     np.testing.assert_allclose(sorted(survival["high"]), sorted(expected["high"]), rtol=1e-3)
-    ratio = drawn(figure_of(outlier_ratio.figures(data), "outlier-ratio"), "pooled_ratio", "low", "high")
+    ratio = drawn(figure_of(track_ends.outlier_ratio_figures(data), "outlier-ratio"), "pooled_ratio", "low", "high")
     expected = data.intervals.filter(statistic="outlier_ratio")
     np.testing.assert_allclose(sorted(ratio["low"]), sorted(expected["low"]), rtol=1e-3)
 
@@ -132,7 +135,7 @@ def test_turned_images_have_bands(make_run: Callable[..., RunFolder]) -> None:
     turned = make_run(
         views=((0, "forward"), (90, "forward")), scenes=("only",), trackers=("one",), speeds=(1,), born=40
     )
-    (figure,) = views.rotations(ReportData.of(turned))
+    (figure,) = levels.rotations(ReportData.of(turned))
     band = drawn(figure, "u_low", "u_high")
     assert set(band["rotation"]) == {"upright", "sideways"}
     assert (band["u_low"] <= band["u_high"]).all()

@@ -10,8 +10,8 @@ import altair as alt
 import polars as pl
 import pytest
 
-from tracknoise.report.figures import trimming
-from tracknoise.statistics.errors.histogram import BINS
+from tracknoise.report.figures import distributions
+from tracknoise.statistics.histograms import HISTOGRAM_BINS
 
 SCRIPT = files("tracknoise.report") / "template" / "bars.js"
 STUBS = """
@@ -65,6 +65,6 @@ def test_errors_beyond_the_last_bound_are_drawn() -> None:
     """Whatever the other errors are: the upper end of their bin is no number."""
     for places in ([31, 61], [61]):
         counted = pl.col("bin").is_in(places).cast(pl.Int64)
-        bins = BINS.with_columns(tracker=pl.lit("lk"), speed=pl.lit("1"), n=counted)
-        drawn = pl.read_csv(trimming._histogram(bins, alt.Color("speed:N")).data.values.encode())
+        bins = HISTOGRAM_BINS.with_columns(tracker=pl.lit("lk"), speed=pl.lit("1"), n=counted)
+        drawn = pl.read_csv(distributions._histogram(bins, alt.Color("speed:N")).data.values.encode())
         assert drawn.filter(pl.col("n") > 0)["of"].max() == 1000.0

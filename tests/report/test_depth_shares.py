@@ -5,10 +5,10 @@ import dataclasses
 import polars as pl
 import pytest
 
-from tracknoise.report.answer.answer import summarise
-from tracknoise.report.depth_shares import depth_sentence, depth_shares
-from tracknoise.report.figures import depth_intervals
+from tracknoise.report.answer import summarise
+from tracknoise.report.figures import noise_models
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.noise_cells import depth_sentence, depth_shares
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
@@ -50,7 +50,7 @@ def test_the_finding_names_each_tracker_and_leads_to_its_section(data: ReportDat
 
 
 def test_the_figure_says_what_each_noise_holds(data: ReportData) -> None:
-    (figure,) = depth_intervals.figures(data)
+    (figure,) = noise_models.depth_interval_figures(data)
     assert isinstance(figure, Figure)
     assert (
         "For lucas-kanade, 95 % intervals hold 57 % with the residual sigma, 80 % with the consistent sigma, 82 % with "
@@ -63,11 +63,11 @@ def test_the_figure_says_what_each_noise_holds(data: ReportData) -> None:
 
 def test_nothing_is_established_where_the_interval_holds_the_level(data: ReportData) -> None:
     wide = dataclasses.replace(data, depth_intervals=data.depth_intervals.with_columns(high=pl.lit(0.96)))
-    (figure,) = depth_intervals.figures(wide)
+    (figure,) = noise_models.depth_interval_figures(wide)
     assert isinstance(figure, Figure)
     assert figure.message == ""
 
 
 def test_the_figure_is_absent_where_nothing_was_tried(data: ReportData) -> None:
-    (absent,) = depth_intervals.figures(without(data, pl.lit(value=False)))
+    (absent,) = noise_models.depth_interval_figures(without(data, pl.lit(value=False)))
     assert isinstance(absent, Absence)

@@ -6,11 +6,9 @@ import altair as alt
 import polars as pl
 import pytest
 
-from tracknoise.report.effect_files import write_effects
-from tracknoise.report.effect_table import effect_cells, markdown
-from tracknoise.report.export import specification
-from tracknoise.report.figures.effect_sizes import effect_sizes
-from tracknoise.tables.effects_schema import EFFECT_CHANGES, EFFECT_UNITS, EffectStatistic, Size
+from tracknoise.report.effect_files import effect_cells, effect_sizes, markdown, write_effects
+from tracknoise.report.figure_files import specification
+from tracknoise.tables.findings_schema import EFFECT_CHANGES, EFFECT_UNITS, EffectStatistic, Size
 
 
 @pytest.fixture

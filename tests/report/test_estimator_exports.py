@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from tracknoise.cli.app import main
-from tracknoise.noise_models.exports.estimators import estimators, refused
-from tracknoise.noise_models.run_models import RunModels, run_models
+from tracknoise.estimators.exports import estimators, refused
+from tracknoise.estimators.run_models import RunModels, run_models
 from tracknoise.report.estimator_exports import Exports, exported, exports
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder

@@ -12,7 +12,7 @@ import pytest
 from tracknoise.report import looks
 from tracknoise.report.explorer import SCENE_FEATURES, charts, explored
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.tracks.extreme_tracks import KINDS
+from tracknoise.statistics.samples import KINDS
 from tracknoise.tables.store import RunFolder
 
 

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import percent, pixels
 from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
+from tracknoise.words import percent, pixels
 
 MANY = tuple(f"scene-{place}" for place in range(8))
 TABLE = re.compile(r'href="tables/([a-z-]+)\.csv"')

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
-from tracknoise.api.run import Run
-from tracknoise.cli.summary import summary_text
+from tracknoise.api.finished_run import Run
+from tracknoise.cli.run_summary import summary_text
 from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData

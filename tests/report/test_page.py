@@ -201,7 +201,7 @@ def test_a_missing_table_is_named_and_leaves_the_old_report(make_run: Callable[.
     run = make_run(scenes=("torn",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
     index = write_report(run, figure_formats=())
     before = index.read_bytes()
-    (run.path / "statistics" / "curves.parquet").unlink()
+    (run.path / "statistics" / "results.parquet").unlink()
     with pytest.raises(StoreError, match=r"curves\.parquet: missing"):
         write_report(run, figure_formats=())
     assert index.read_bytes() == before

@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 
 from tracknoise.experiments.load import load_experiment, preset_names
-from tracknoise.findings.wording import SPACE, effect_text
-from tracknoise.report import factor_effects, paper
+from tracknoise.report import factor_section, paper
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import SPACE, effect_text
 
 LK, SIFT = "lucas-kanade", "correspondence"
 TABLES = {
@@ -102,20 +102,20 @@ def test_a_question_of_the_paper_is_kept_where_the_run_cannot_answer_it(make_run
     assert set(table["yardstick_verdict"]) == {"undecided"}
     assert set(table["verdict"]) == {None}
     assert set(table["agreement"].drop_nulls()) == {"undecided"}
-    rows = factor_effects.details(data).rows
+    rows = factor_section.details(data).rows
     assert rows[0][4] == "only one tracker was measured: lucas-kanade"
 
 
 def test_other_factors_stand_there_without_the_papers_word(make_run: Callable[..., RunFolder]) -> None:
     data = ReportData.of(make_run(paper="kitti", views=((0, "forward"), (0, "backward"))))
-    grid = factor_effects.side_by_side(data.comparison)
+    grid = factor_section.side_by_side(data.comparison)
     assert "direction, lucas-kanade: paired" in grid.columns
     assert "direction, lucas-kanade: paper" not in grid.columns
     assert data.comparison.filter(factor="direction")["agreement"].null_count() == 12
 
 
 def test_the_table_has_the_papers_rows_and_our_effects(repeated: ReportData) -> None:
-    grid = factor_effects.side_by_side(with_effects(repeated, verdict="no", effect=0.0512).comparison)
+    grid = factor_section.side_by_side(with_effects(repeated, verdict="no", effect=0.0512).comparison)
     assert [name.replace(SPACE, " ") for name in grid["statistic"]] == [
         "mean error", "mean absolute error", "second moment", "core", "lifetime", "outlier ratio",
     ]  # fmt: skip
@@ -125,7 +125,7 @@ def test_the_table_has_the_papers_rows_and_our_effects(repeated: ReportData) -> 
     assert [cell.replace(SPACE, " ") for cell in grid["speed, correspondence: paper's yardstick"]] == [
         f"no (5.1 %) {marks[one]}" if one in marks else "–" for one in said
     ]
-    cells = factor_effects.verdicts(repeated)
+    cells = factor_section.verdicts(repeated)
     assert list(cells.groups) == [("", 1), ("tracker", 3), (f"speed, {LK}", 3), (f"speed, {SIFT}", 3)]
     assert cells.headings == ["statistic", *["paper", "paper's yardstick", "paired"] * 3]
 
@@ -139,11 +139,11 @@ def test_effects_are_written_with_the_digits_that_the_margin_needs(effect: float
 
 
 def test_the_sentence_counts_the_cells(repeated: ReportData) -> None:
-    (sentence,) = factor_effects.sentences(with_effects(repeated, verdict="yes", share_of_absolute=0.5))
+    (sentence,) = factor_section.sentences(with_effects(repeated, verdict="yes", share_of_absolute=0.5))
     cells = "The paper's table for KITTI has 15 cells that this run can be compared with."
     assert sentence.startswith(f"{cells} By the paper's yardstick, 12 agree with the paper and 3 disagree.")
     assert sentence.endswith("By paired verdicts, 0 agree with the paper, 0 disagree and 15 are undecided.")
-    (sentence,) = factor_effects.sentences(with_dependence(repeated, verdict="yes"))
+    (sentence,) = factor_section.sentences(with_dependence(repeated, verdict="yes"))
     assert sentence.endswith("By paired verdicts, 12 agree with the paper and 3 disagree.")
 
 
@@ -154,28 +154,28 @@ def test_a_yes_on_hardly_any_bias_is_put_into_proportion(repeated: ReportData) -
     small = dataclasses.replace(small, effects=small.effects.with_columns(share_of_absolute=share))
     assert (
         "Caution: by the paper's yardstick, the yes for the mean error of lucas-kanade by speed may be chance."
-        in factor_effects.sentences(small)[1]
+        in factor_section.sentences(small)[1]
     )
-    assert "by at most 4.0\N{NO-BREAK SPACE}% of" in factor_effects.sentences(small)[1]
+    assert "by at most 4.0\N{NO-BREAK SPACE}% of" in factor_section.sentences(small)[1]
 
 
 def test_a_run_of_its_own_is_not_compared_with_the_paper(run: RunFolder) -> None:
     data = ReportData.of(run)
-    assert factor_effects.heading(data) == "Factor effects"
-    assert not any("paper" in heading for heading in factor_effects.verdicts(data).headings)
-    assert not any("paper" in sentence for sentence in factor_effects.sentences(data))
+    assert factor_section.heading(data) == "Factor effects"
+    assert not any("paper" in heading for heading in factor_section.verdicts(data).headings)
+    assert not any("paper" in sentence for sentence in factor_section.sentences(data))
 
 
 def test_a_run_that_varies_nothing_says_so(make_run: Callable[..., RunFolder]) -> None:
     data = ReportData.of(make_run(trackers=(LK,), speeds=(1,)))
-    assert factor_effects.sentences(data) == ["This run varies no factor, so there is nothing to compare."]
-    assert factor_effects.details(data).rows == []
+    assert factor_section.sentences(data) == ["This run varies no factor, so there is nothing to compare."]
+    assert factor_section.details(data).rows == []
 
 
 def test_what_decided_names_levels_place_and_size(run: RunFolder) -> None:
     data = without_intervals(ReportData.of(run))
     effects = data.effects.filter(factor="speed", tracker=LK, statistic="eta").row(0, named=True)
-    cells = factor_effects.details(data)
+    cells = factor_section.details(data)
     (row,) = [row for row in cells.rows if row[:2] == ["speed", LK] and "absolute" in row[2]]
     place = f"{effects['coordinate']}, at age {effects['at']}"
     assert [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in row[3:7]] == [
@@ -203,12 +203,12 @@ def test_both_verdicts_are_labelled_and_judged(judged: ReportData) -> None:
     assert set(table["yardstick_verdict"].drop_nulls()) == {"yes"}
     agreed = table.filter(pl.col("role") != "core", tracker=SIFT)["agreement"].to_list()
     assert agreed == ["disagree", "agree", "agree", "disagree", "disagree"]
-    row = factor_effects.verdicts(judged).rows[0]
+    row = factor_section.verdicts(judged).rows[0]
     assert [cell.replace(SPACE, " ") for cell in row[-3:]] == ["yes", "yes (45 %) ✓", "no (13 times, 9.0 to 19) ✗"]
 
 
 def test_intervals_name_the_better_level_and_what_is_missing(judged: ReportData) -> None:
-    cells = factor_effects.intervals(judged)
+    cells = factor_section.intervals(judged)
     assert cells is not None
     assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
     row = [cell.replace(SPACE, " ") for cell in cells.rows[0]]
@@ -218,12 +218,12 @@ def test_intervals_name_the_better_level_and_what_is_missing(judged: ReportData)
     why = "only 4 scenes, at least 6 are needed"
     open_ = with_dependence(judged, verdict="undecided", **nothing, n_scenes=4, more_scenes=1200, why=why)
     assert paper.tally(open_.comparison) == {"agree": 0, "disagree": 0, "undecided": 15}
-    cells = factor_effects.intervals(open_)
+    cells = factor_section.intervals(open_)
     assert cells is not None
     assert cells.rows[0][3:8] == ["undecided", "–", "–", "–", "–"]
     assert cells.rows[0][9:] == ["4", "1,200", why]
 
 
 def test_the_yardstick_keeps_its_own_table(judged: ReportData) -> None:
-    assert {row[3] for row in factor_effects.details(judged).rows} == {"yes"}
-    assert factor_effects.intervals(without_intervals(judged)) is None
+    assert {row[3] for row in factor_section.details(judged).rows} == {"yes"}
+    assert factor_section.intervals(without_intervals(judged)) is None

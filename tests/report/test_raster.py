@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from tracknoise.report.raster import png_of
+from tracknoise.report.figure_files import png_of
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="30" height="20" viewBox="0 0 30 20">
 <rect width="30" height="20" fill="#ffffff"/><rect x="10" width="20" height="20" fill="#0000ff"/></svg>"""

@@ -11,12 +11,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.estimators.calibration import fitted_curve
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.run_models import RunModels, fitted_models, run_models
+from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import StoreError
-from tracknoise.noise_models.fitted_curve import fitted_curve
-from tracknoise.noise_models.noise_model import NoiseModel
-from tracknoise.noise_models.run_models import RunModels, fitted_models, run_models
-from tracknoise.noise_models.track_noise import TrackNoise
-from tracknoise.report.figures import model_fit
+from tracknoise.report.figures import noise_models
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
@@ -41,7 +41,7 @@ def test_a_report_fits_nothing(fitted_run: RunFolder, tmp_path: Path, monkeypatc
 
     monkeypatch.setattr(NoiseModel, "fitted_to", fitted)
     assert list(run_models(run).models) == ["oracle"]
-    assert isinstance(model_fit.figures(ReportData.of(run))[0], Figure)
+    assert isinstance(noise_models.model_fit_figures(ReportData.of(run))[0], Figure)
 
 
 def test_a_damaged_model_is_refused(fitted_run: RunFolder, tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_the_curve_of_a_model_lies_over_the_errors_that_it_was_fitted_to(fitted_
 
 
 def test_the_figure_states_components_and_how_far_they_are_off(fitted_run: RunFolder) -> None:
-    (figure,) = model_fit.figures(ReportData.of(fitted_run))
+    (figure,) = noise_models.model_fit_figures(ReportData.of(fitted_run))
     assert isinstance(figure, Figure)
     assert "oracle: each frame 0.2" in figure.look_for
     assert "from the measured errors." in figure.look_for
@@ -98,12 +98,12 @@ def test_ages_at_which_a_model_leaves_the_intervals_are_counted(
     (model,) = run_models(data.run).models.values()
     larger = dataclasses.replace(model.white, covariance=4.0 * model.white.covariance)
     twice = dataclasses.replace(model, white=larger)
-    monkeypatch.setattr(model_fit, "run_models", lambda run: RunModels(1, {"oracle": twice}))
-    (figure,) = model_fit.figures(data)
+    monkeypatch.setattr(noise_models, "run_models", lambda run: RunModels(1, {"oracle": twice}))
+    (figure,) = noise_models.model_fit_figures(data)
     assert isinstance(figure, Figure)
     assert figure.message == "The model of oracle is outside the intervals at 13 of 13 ages"
 
 
 def test_the_figure_is_absent_without_a_model(run: RunFolder, tmp_path: Path) -> None:
-    (absent,) = model_fit.figures(ReportData.of(run))
+    (absent,) = noise_models.model_fit_figures(ReportData.of(run))
     assert not isinstance(absent, Figure)

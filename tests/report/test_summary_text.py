@@ -5,7 +5,7 @@ from types import ModuleType
 
 import polars as pl
 
-from tracknoise.cli.summary import summary_text
+from tracknoise.cli.run_summary import summary_text
 from tracknoise.report.measured import summary
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.findings_schema import FINDINGS

@@ -4,7 +4,7 @@ import pytest
 
 import tracknoise as tn
 from tracknoise.report import measured
-from tracknoise.report.figures import incidence, lifetimes, outlier_ratio
+from tracknoise.report.figures import track_ends
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
@@ -40,9 +40,9 @@ def test_the_report_says_not_recorded_and_draws_the_others(analysed):
     named = dict(zip(ends.headings, row, strict=True))
     assert [named[heading] for heading in ("lost", "outlier")] == ["not recorded", "not recorded"]
     kind = Figure if beside else Absence
-    for figures in (incidence.figures(data), outlier_ratio.figures(data)):
+    for figures in (track_ends.incidence_figures(data), track_ends.outlier_ratio_figures(data)):
         assert isinstance(figures[0], kind)
-    texts = " ".join(item.look_for for item in lifetimes.figures(data) if isinstance(item, Figure))
+    texts = " ".join(item.look_for for item in track_ends.lifetime_figures(data) if isinstance(item, Figure))
     assert "the causes of ends are not recorded" in texts
     summary = run.table("summary").filter(tracker="mine").row(0, named=True)
     assert (summary["outlier_ratio"], summary["restricted_mean_until_failure"]) == (None, None)

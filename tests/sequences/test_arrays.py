@@ -5,7 +5,7 @@ import pytest
 
 import tracknoise as tn
 from tracknoise.exceptions import DataError, DataWarning
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.shutter import RollingShutter
 
 K = np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])

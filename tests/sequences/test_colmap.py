@@ -12,11 +12,10 @@ from tests.writers.colmap import write_binary, write_depth_map, write_text
 from tests.writers.exif import save_turned
 
 from tracknoise.exceptions import DataError, UnknownNameError
-from tracknoise.experiments.load import load_experiment
-from tracknoise.experiments.option_paths import option_paths
+from tracknoise.experiments.load import load_experiment, option_paths
 from tracknoise.experiments.template import experiment_template
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 
 BOTH = pytest.mark.parametrize("write", [write_text, write_binary], ids=["text", "binary"])
 SIZE = (64, 48)

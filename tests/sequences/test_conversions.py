@@ -9,9 +9,9 @@ from tests.writers.colmap import write_binary, write_depth_map
 from tests.writers.nerfstudio import write_transforms
 
 from tracknoise.experiments.measure import measure
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.schema import TRUE_COVARIANCE
-from tracknoise.trackers.registry import make_tracker
+from tracknoise.trackers.tracker_registry import make_tracker
 
 FRAMES = 4
 IDENTITY = ["dataset", "scene"]

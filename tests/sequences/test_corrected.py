@@ -10,15 +10,15 @@ from tests.truth.rolling import CAMERA, RATE_HZ, READOUT_S, RollingRoom, path
 
 import tracknoise as tn
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.cameras import EquidistantCamera
 from tracknoise.geometry.corrections import Corrections
-from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.geometry.pose import invert
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.views import Backward, View, chosen_frames, turned
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 BIRTH, NOW = 2, 6
 MOUNTING = Corrections(mounting_rotation_deg=(0.7, -0.4, 1.2), mounting_translation_m=(0.026, -0.01, 0.004))

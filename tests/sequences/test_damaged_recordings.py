@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tracknoise.exceptions import TracknoiseError
-from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.reader_registry import make_reader
 
 WRITERS = {
     "one.bag": ("rosbag", recordings.bags),

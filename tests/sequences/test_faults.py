@@ -8,16 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel, DoubleSphereCamera, EquidistantCamera
 from tracknoise.geometry.depth import DepthMap, sample
-from tracknoise.geometry.double_sphere import DoubleSphereCamera
-from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.fault_options import DepthFaults, Faults, Mounting, PoseNoise
-from tracknoise.sequences.faults import with_faults
+from tracknoise.sequences.faults import DepthFaults, Faults, Mounting, PoseNoise, with_faults
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.registry import open_sequence
 from tracknoise.sequences.sequence import Sequence, shutter_of
 from tracknoise.sequences.views import View, view
 from tracknoise.tables.identity import Direction, SequenceId

@@ -9,16 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel, DoubleSphereCamera, EquidistantCamera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.double_sphere import DoubleSphereCamera
-from tracknoise.geometry.fisheye import EquidistantCamera
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.poses import has_pose
+from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.registry import make_reader
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.sequences.views import turned
 from tracknoise.tables.identity import SequenceId

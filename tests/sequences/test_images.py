@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.sequences.images import (
     image_size,
+    read_depth_npy,
     read_depth_png16,
     read_depth_png_float32,
     read_gray,
 )
-from tracknoise.sequences.numpy_depth import read_depth_npy
 
 CAMERA = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)
 MILLIMETRES = {"metres_per_unit": 0.001}

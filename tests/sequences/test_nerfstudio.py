@@ -10,10 +10,9 @@ from tests.writers.exif import save_turned
 from tests.writers.nerfstudio import write_transforms
 
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.fisheye import EquidistantCamera
-from tracknoise.inspection.inspect import check_reader
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.geometry.cameras import Camera, EquidistantCamera
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
+from tracknoise.truth_faults.check_recording import check_reader
 
 NAMES = ["images/frame_1.png", "images/frame_2.png", "images/frame_10.png"]
 

@@ -1,7 +1,7 @@
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.new_folder import new_folder
+from tracknoise.sequences.writing import new_folder
 
 
 def test_appears_when_complete(tmp_path):

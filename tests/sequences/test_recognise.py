@@ -3,8 +3,8 @@
 import pytest
 
 from tracknoise.exceptions import DataError
+from tracknoise.sequences.reader_registry import READERS
 from tracknoise.sequences.recognise import SIGNATURES, recognise
-from tracknoise.sequences.registry import READERS
 
 FILES = {
     "sevenscenes": ["chess/seq-01/frame-000000.pose.txt"],

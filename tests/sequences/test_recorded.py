@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.frame_files import DepthFiles, ImageFiles, depth_files, depth_notes
 from tracknoise.sequences.images import read_depth_png16
-from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.recorded import DepthFiles, ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables.identity import SequenceId
 

@@ -1,8 +1,8 @@
 import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.sequences.registry import READERS, make_reader, open_sequence, select
-from tracknoise.sequences.sevenscenes.reader import SevenScenes
+from tracknoise.sequences.reader_registry import READERS, make_reader, open_sequence, select
+from tracknoise.sequences.sevenscenes import SevenScenes
 from tracknoise.tables.identity import SequenceId
 
 

@@ -8,10 +8,9 @@ import pytest
 
 from tracknoise.exceptions import DataError, DataWarning, UnknownNameError
 from tracknoise.experiments.measure import measure
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import TruthKind
-from tracknoise.sequences.sevenscenes.calibration import Calibration
-from tracknoise.sequences.sevenscenes.reader import SevenScenes
+from tracknoise.sequences.sevenscenes import Calibration, SevenScenes
 from tracknoise.tables.identity import SequenceId
 
 

@@ -7,8 +7,8 @@ import pytest
 from tests.writers.sevenscenes import colour_poses, depth_poses, wall_depth, write_sevenscenes, write_sfm
 
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.geometry.cameras import Camera
+from tracknoise.sequences.reader_registry import open_sequence
 
 COLOUR = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)
 FRAMES = 3

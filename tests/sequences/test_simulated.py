@@ -10,7 +10,7 @@ import pytest
 from tracknoise.exceptions import DataError, DataWarning, SettingsError, UnknownNameError
 from tracknoise.geometry.depth import interpolate
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.simulated import Simulated, SimulatedSequence
 from tracknoise.tables.identity import SequenceId

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import SettingsError
-from tracknoise.geometry.interpolation import PosePath
-from tracknoise.geometry.pose import invert, transform
+from tracknoise.geometry.pose import PosePath, invert, transform
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import Sequence, shutter_of
-from tracknoise.sequences.simulated_sequence import SimulatedSequence
+from tracknoise.sequences.simulated import SimulatedSequence
 
 RATE_HZ, READOUT_S, WIDTH, HEIGHT = 30.0, 0.03, 160, 120
 ROLLED = {"rate_hz": RATE_HZ, "readout_s": READOUT_S}

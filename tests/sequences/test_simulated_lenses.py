@@ -10,10 +10,10 @@ import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.sequences.folder import Folder, write_folder
-from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.simulated import Simulated, SimulatedSequence
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 OPTIONS = {
     "radtan": {"distortion": (-0.28, 0.07, 0.0002, 0.00002), "hfov_deg": 80.0},

@@ -15,7 +15,7 @@ from tracknoise.sequences.sequence import SecondCamera, Sequence, StereoSequence
 from tracknoise.sequences.simulated import Simulated, SimulatedSequence
 from tracknoise.sequences.stereo import DISPARITY_SIGMA_PX, StereoDepth, with_stereo_depth
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 RADTAN = {"lens": "radtan", "distortion": (-0.28, 0.07, 0.0002, 0.00002), "hfov_deg": 80.0}
 EQUIDISTANT = {"lens": "equidistant", "distortion": (-0.02, 0.01, -0.01, 0.001), "hfov_deg": 110.0}

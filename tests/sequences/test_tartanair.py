@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError, UnknownNameError
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.sequences.tartanair import TartanAir
 from tracknoise.tables.identity import SequenceId

@@ -8,11 +8,11 @@ import pytest
 import tracknoise
 from tracknoise.exceptions import DataError, TracknoiseError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.folder import write_folder
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.registry import open_sequence
 from tracknoise.sequences.sequence import Scan, Sequence, TruthKind
 from tracknoise.sequences.views import View, chosen_frames, turned, view
 from tracknoise.tables.identity import Direction

@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from tests.inspection.planted import Planted, along_ray
+from tests.truth_faults.planted import Planted, along_ray
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.corrections import Corrections
 from tracknoise.sequences.arrays import Sequence
 from tracknoise.sequences.corrected import corrected
-from tracknoise.sequences.fault_options import DepthFaults, Faults
-from tracknoise.sequences.kitti.depth import z_depth_from as kitti_depth_from
+from tracknoise.sequences.faults import DepthFaults, Faults
+from tracknoise.sequences.kitti import z_depth_from as kitti_depth_from
 from tracknoise.sequences.other_poses import OtherPoses
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import z_depth_from
 from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.sequences.views import view

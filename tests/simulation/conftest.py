@@ -5,13 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.simulation.light import Lighting
 from tracknoise.simulation.motion import looking
-from tracknoise.simulation.quad import Quad
-from tracknoise.simulation.raycast import Raycaster
+from tracknoise.simulation.ray_casting import Raycaster
 from tracknoise.simulation.render import Quality, Renderer
-from tracknoise.simulation.world import World
+from tracknoise.simulation.world import Quad, World
 
 
 @pytest.fixture

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.simulation.camera_path import CameraPath
-from tracknoise.simulation.imaging import AutoExposure, Imaging
+from tracknoise.geometry.cameras import Camera
+from tracknoise.simulation.imaging import AutoExposure, CameraPath, Imaging
 
 CAMERA = Camera(8, 4, 10.0, 10.0, 3.5, 1.5)
 

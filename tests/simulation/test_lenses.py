@@ -7,17 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
-from tracknoise.geometry.double_sphere import DoubleSphereCamera
-from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.cameras import Camera, CameraModel, DoubleSphereCamera, EquidistantCamera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.simulation.light import Lighting
-from tracknoise.simulation.quad import Quad, assemble
-from tracknoise.simulation.raycast import Raycaster, depth_map, surface_points
-from tracknoise.simulation.rays import LensRays, PinholeRays
+from tracknoise.simulation.ray_casting import LensRays, PinholeRays, Raycaster, depth_map, surface_points
 from tracknoise.simulation.render import Quality, Renderer, sample_offsets
-from tracknoise.simulation.world import World
+from tracknoise.simulation.world import Quad, World, assemble
 
 SIZE = (160, 120)
 RADTAN = Camera(*SIZE, 120.0, 121.0, 78.0, 61.5, (-0.28, 0.07, 0.001, -0.002, 0.01))

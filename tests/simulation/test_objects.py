@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
+from tracknoise.simulation.built_worlds import PLACES, objects_world
 from tracknoise.simulation.motion import MOTIONS
-from tracknoise.simulation.objects import objects_world
-from tracknoise.simulation.places import PLACES
-from tracknoise.simulation.raycast import Raycaster, depth_map
-from tracknoise.simulation.scenery import Scenery
+from tracknoise.simulation.ray_casting import Raycaster, depth_map
+from tracknoise.simulation.world import Scenery
 
 BOX = "<geometry><box><size>{} {} {}</size></box></geometry><pose>0 0 {} 0 0 0</pose>"
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracknoise.simulation.pattern import CLOUDS, GROUND, MASONRY, Recipe, paint
+from tracknoise.simulation.textures import CLOUDS, GROUND, MASONRY, Recipe, paint
 
 RECIPES = [CLOUDS, GROUND, MASONRY]
 

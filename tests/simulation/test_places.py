@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
+from tracknoise.simulation.built_worlds import PLACES, procedural_world
 from tracknoise.simulation.motion import MOTIONS
-from tracknoise.simulation.places import PLACES
-from tracknoise.simulation.procedural import procedural_world
 
 
 def test_every_motion_suits_a_place() -> None:

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
+from tracknoise.simulation.built_worlds import PLACES, procedural_world
 from tracknoise.simulation.motion import MOTIONS
-from tracknoise.simulation.places import PLACES
-from tracknoise.simulation.procedural import procedural_world
-from tracknoise.simulation.raycast import Raycaster, depth_map
+from tracknoise.simulation.ray_casting import Raycaster, depth_map
 from tracknoise.simulation.world import World
 
 SEEDS = [0, 1]

@@ -1,8 +1,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tracknoise.simulation.quad import Quad, assemble, box
-from tracknoise.simulation.world import texture_gradients
+from tracknoise.simulation.world import Quad, assemble, box, texture_gradients
 
 TEXTURES = (np.zeros((1, 1), np.float32),)
 

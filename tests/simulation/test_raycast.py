@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.simulation.quad import Quad, assemble
-from tracknoise.simulation.raycast import MISS, Raycaster, depth_map, surface_points
+from tracknoise.simulation.ray_casting import MISS, Raycaster, depth_map, surface_points
+from tracknoise.simulation.world import Quad, assemble
 
 TEXTURES = (np.ones((1, 1), np.float32),)
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.simulation.light import Lamp, Lighting, PointLamp
-from tracknoise.simulation.quad import Quad, assemble
-from tracknoise.simulation.raycast import Raycaster, surface_points
+from tracknoise.simulation.ray_casting import Raycaster, surface_points
 from tracknoise.simulation.render import Quality, Renderer, sample_offsets
+from tracknoise.simulation.world import Quad, assemble
 
 Facing = Callable[..., Quad]
 Render = Callable[..., np.ndarray]

@@ -1,7 +1,6 @@
 import numpy as np
 
-from tracknoise.simulation.quad import Quad, assemble
-from tracknoise.simulation.scenery import joined, moved
+from tracknoise.simulation.world import Quad, assemble, joined, moved
 
 LIGHT, DARK = np.full((2, 2), 0.9, np.float32), np.full((4, 4), 0.1, np.float32)
 

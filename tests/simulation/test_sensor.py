@@ -3,9 +3,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.simulation.imaging import AutoExposure, Imaging
-from tracknoise.simulation.sensor import Sensor, expose
+from tracknoise.geometry.cameras import Camera
+from tracknoise.simulation.imaging import AutoExposure, Imaging, Sensor, expose
 
 
 def rng() -> np.random.Generator:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from tracknoise.simulation.texture import Atlas
+from tracknoise.simulation.textures import Atlas
 
 COUNT = 500
 

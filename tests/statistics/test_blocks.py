@@ -2,8 +2,8 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.blocks import BLOCKS, blocks_of
-from tracknoise.statistics.prepared import prepare_sequence
+from tracknoise.inference.units import BLOCKS
+from tracknoise.statistics.prepared import blocks_of, prepare_sequence
 
 
 def of_one_condition(table: pl.DataFrame) -> pl.Series:

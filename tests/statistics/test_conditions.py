@@ -2,8 +2,8 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.conditions import by_condition, scenes_by_dataset
 from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import by_condition, scenes_by_dataset
 from tracknoise.tables.schema import ORIGIN, empty
 
 COUNTED = {**ORIGIN, "n": pl.Int64}

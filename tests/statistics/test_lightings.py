@@ -1,6 +1,6 @@
 import pytest
 
-from tracknoise.statistics.lightings import lightings_in_order, natural_key
+from tracknoise.statistics.definitions import lightings_in_order, natural_key
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError, UnknownNameError
-from tracknoise.statistics.populations import in_population
+from tracknoise.statistics.prepared import in_population
 from tracknoise.tables.schema import TruthStatus
 
 STATUSES = [status.name for status in TruthStatus]

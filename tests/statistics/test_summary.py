@@ -4,12 +4,12 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import SchemaError, UnknownNameError
-from tracknoise.statistics.errors.curves import curves
-from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.lifetimes import lifetimes
+from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.summary import summary
-from tracknoise.statistics.tracks.lifetimes import lifetimes
-from tracknoise.statistics.tracks.outliers import outlier_ratios
+from tracknoise.statistics.track_counts import outlier_ratios
 from tracknoise.tables.schema import CURVES, LIFETIMES, OUTLIERS, SUMMARY, empty
 
 

@@ -3,10 +3,10 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
-from tracknoise.statistics.errors.curves import curves
-from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.curves import curves
+from tracknoise.statistics.definitions import upright
+from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations
-from tracknoise.statistics.upright import upright
 
 WIDTH = HEIGHT = 100
 

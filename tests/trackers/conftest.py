@@ -8,8 +8,7 @@ import pytest
 
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.tracker import SequenceContext
+from tracknoise.trackers.tracker import Frame, SequenceContext
 
 SIZE = (320, 240)
 

@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.correspondence import Correspondence
-from tracknoise.trackers.description import describe
+from tracknoise.trackers.correspondence import Correspondence, describe
 from tracknoise.trackers.detection import Detection
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.rejection import Model, Rejection
+from tracknoise.trackers.tracker import Frame
 
 NO_REJECTION = Rejection(model=Model.none)
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from tracknoise.trackers.description import describe
+from tracknoise.trackers.correspondence import describe
 from tracknoise.trackers.detection import Detection, keypoints
-from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.tracker import Frame
 
 
 def test_keypoints_are_sorted_strongest_first_and_computed_once(sideways):

@@ -2,15 +2,12 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.trackers.correspondence import Correspondence
-from tracknoise.trackers.description import Descriptor, describe
-from tracknoise.trackers.detection import Detection, keypoints
-from tracknoise.trackers.detectors import Detector
-from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.correspondence import Correspondence, Descriptor, describe, mutual_nearest
+from tracknoise.trackers.detection import Detection, Detector, keypoints
 from tracknoise.trackers.lucas_kanade import LucasKanade
-from tracknoise.trackers.matching import mutual_nearest
-from tracknoise.trackers.registry import make_tracker
 from tracknoise.trackers.rejection import Rejection
+from tracknoise.trackers.tracker import Frame
+from tracknoise.trackers.tracker_registry import make_tracker
 
 EVERY = list(Detector)
 PAIRS = [(detector, descriptor) for detector in EVERY for descriptor in Descriptor]

@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from tracknoise.trackers.fundamental import Fundamental
+from tracknoise.trackers.rejection import Fundamental
 
 
 def two_views(n: int, noise: float = 0.0, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from tracknoise.trackers import gradient
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import LEAST_COHERENCE, WINDOW_PX, dominant_gradient
+from tracknoise.trackers.tracker import Frame
 
 WIDTH, HEIGHT = 80, 60
 

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.trackers.homography import Homography
+from tracknoise.trackers.rejection import Homography
 
 H = np.array([[1.1, 0.05, 0.2], [-0.1, 0.9, -0.1], [0.02, -0.03, 1.0]])
 

@@ -8,9 +8,8 @@ import pytest
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.imported import Imported
-from tracknoise.trackers.tracker import Step
+from tracknoise.trackers.tracker import Frame, Step
 
 ROWS = {
     "track": [7, 7, 7, 9, 9, 9, 4],

@@ -4,9 +4,9 @@ import pytest
 
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import Detection
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.lucas_kanade import LucasKanade, LucasKanadeTracker
 from tracknoise.trackers.rejection import Model, ReferencePosition, Rejection
+from tracknoise.trackers.tracker import Frame
 
 FEW = {"min_features": 100, "max_features": 120}
 

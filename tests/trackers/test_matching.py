@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.trackers.description import describe
+from tracknoise.trackers.correspondence import describe, mutual_nearest
 from tracknoise.trackers.detection import Detection
-from tracknoise.trackers.matching import mutual_nearest
 
 
 def by_opencv(query: np.ndarray, train: np.ndarray) -> list[tuple[int, int]]:

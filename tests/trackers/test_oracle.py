@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.oracle import Oracle
-from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 
 SIZE = (320, 240)
 

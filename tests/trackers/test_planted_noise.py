@@ -11,11 +11,9 @@ import tracknoise as tn
 from tracknoise.exceptions import SettingsError
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import min_eigenvalue
-from tracknoise.trackers.noise_factors import USUAL_TEXTURE
-from tracknoise.trackers.oracle import Oracle
-from tracknoise.trackers.tracker import SequenceContext
+from tracknoise.trackers.oracle import USUAL_TEXTURE, Oracle
+from tracknoise.trackers.tracker import Frame, SequenceContext
 
 SIZE = (320, 240)
 GROWTH = 1.02

@@ -5,8 +5,8 @@ from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.imported import Imported
 from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.trackers.oracle import Oracle
-from tracknoise.trackers.registry import TRACKERS, make_tracker, tracker_defaults
 from tracknoise.trackers.rejection import Consensus, Model, Rejection
+from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker, tracker_defaults
 
 
 def test_the_built_in_trackers_are_known_by_name():

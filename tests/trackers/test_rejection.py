@@ -2,9 +2,15 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.trackers.homography import Homography
-from tracknoise.trackers.ransac import best_hypothesis, hypotheses_needed
-from tracknoise.trackers.rejection import Consensus, Model, ReferencePosition, Rejection
+from tracknoise.trackers.rejection import (
+    Consensus,
+    Homography,
+    Model,
+    ReferencePosition,
+    Rejection,
+    best_hypothesis,
+    hypotheses_needed,
+)
 
 H = np.array([[1.02, 0.01, 3.0], [-0.01, 0.99, 2.0], [1e-5, 2e-5, 1.0]])
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.sequence import Scan, TruthKind

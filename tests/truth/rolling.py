@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation, Slerp
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.sequence import Scan, TruthKind

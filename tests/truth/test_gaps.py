@@ -9,11 +9,11 @@ import pytest
 import tracknoise
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import View, turned
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 GAP = (3, 4, 8)
 

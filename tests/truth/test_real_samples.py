@@ -6,10 +6,10 @@ import pytest
 
 from tracknoise.geometry.depth import interpolate
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 SAMPLES = pytest.mark.parametrize(
     ("reader", "name"),

@@ -13,8 +13,8 @@ from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import Backward, chosen_frames, turned
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
-from tracknoise.truth.scan_rule import ScanAnchoring, ScanRule
+from tracknoise.truth.scan import ScanAnchoring, ScanRule
+from tracknoise.truth.truth_registry import make_truth
 
 BIRTH, NOW = 2, 6
 

@@ -3,8 +3,8 @@ import pytest
 
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth, make_truths
-from tracknoise.truth.scan_rule import ScanAnchoring, ScanRule
+from tracknoise.truth.scan import ScanAnchoring, ScanRule
+from tracknoise.truth.truth_registry import make_truth, make_truths
 
 # The camera of the room has f = 40 px and c = (31.5, 23.5); a point at (x, y, 2) is seen at 31.5 + 20 x, 23.5 + 20 y.
 POINTS = np.array([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0], [0.0, 0.1, 2.2], [0.0, 0.0, -1.0]])

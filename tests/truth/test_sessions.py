@@ -6,8 +6,8 @@ import pytest
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
-from tracknoise.truth.scan_rule import ScanAnchoring, ScanRule
+from tracknoise.truth.scan import ScanAnchoring, ScanRule
+from tracknoise.truth.truth_registry import make_truth
 
 VALID, NO_DEPTH, EDGE, OCCLUDED = TruthStatus.valid, TruthStatus.no_depth, TruthStatus.edge, TruthStatus.occluded
 

@@ -14,11 +14,11 @@ import pytest
 import tracknoise
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.birth import BirthDepth
-from tracknoise.truth.registry import make_truth
 from tracknoise.truth.truth import TruePositions
+from tracknoise.truth.truth_registry import make_truth
 
 POINTS_NEED = 3
 NEAR_M = 10.0

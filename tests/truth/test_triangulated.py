@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 import tracknoise
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import from_quaternion, invert, transform
 from tracknoise.sequences.folder import write_folder
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
 from tracknoise.truth.triangulated import Triangulated
+from tracknoise.truth.truth_registry import make_truth
 
 DISTORTED = Camera(640, 480, 400.0, 410.0, 320.0, 238.0, (-0.2, 0.05, 0.001, -0.002))
 

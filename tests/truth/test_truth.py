@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 
 def test_the_best_kind_is_taken_by_default(make_room, at):

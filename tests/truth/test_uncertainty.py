@@ -8,14 +8,12 @@ from benchmarks.validity.floor import exact_tracks, exact_world, positions_of
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise import TruthAccuracy
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.interpolation import PosePath
-from tracknoise.geometry.pose import invert, transform
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.pose import PosePath, invert, transform
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.tables.enumerations import FloorSource
-from tracknoise.truth.sensitivity import TruthDerivatives, anchored_points
-from tracknoise.truth.uncertainty import TrueErrors
+from tracknoise.truth.uncertainty import TrueErrors, TruthDerivatives, anchored_points
 
 DISTORTED = Camera(320, 240, 250.0, 252.0, 161.0, 118.0, (-0.1, 0.02, 0.001, -0.002))
 

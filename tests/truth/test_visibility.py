@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 BOTH = pytest.mark.parametrize("kind", [TruthKind.birth, TruthKind.raycast])
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from tracknoise import Sequence
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.sequences.arrays import Sequence
 from tracknoise.tables.identity import SequenceId
 
 

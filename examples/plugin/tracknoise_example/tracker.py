@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 
 
 @dataclass(frozen=True)

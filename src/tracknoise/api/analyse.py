@@ -11,13 +11,13 @@ from typing import NamedTuple
 import polars as pl
 import tomlkit
 
-from tracknoise.api.run import Run
+from tracknoise.api.finished_run import Run
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.analysis.run_findings import compute_findings
-from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import Measurement
-from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
+from tracknoise.experiments.run_findings import compute_findings
+from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.experiments.task import write_measurement, write_settings
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder

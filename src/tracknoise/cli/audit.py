@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 
 if TYPE_CHECKING:
     import polars as pl
@@ -37,11 +37,10 @@ def audit(
 
     Example: `tracknoise audit runs/7scenes`
     """
-    from tracknoise.audit.pose_errors.accuracy import accuracy_toml
-    from tracknoise.audit.run_settings import recorded_step
-    from tracknoise.audit.summary import corrections_toml
     from tracknoise.exceptions import StoreError
     from tracknoise.tables.store import RunFolder
+    from tracknoise.truth_faults.audit_summary import corrections_toml, recorded_step
+    from tracknoise.truth_faults.pose_accuracy import accuracy_toml
 
     folder = RunFolder(run)
     found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
@@ -58,7 +57,7 @@ def audit(
 
 
 def _json(found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None) -> str:
-    from tracknoise.audit.summary import audit_sentences
+    from tracknoise.truth_faults.audit_summary import audit_sentences
 
     document = {
         "format": 1,
@@ -74,9 +73,9 @@ def _json(found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None
 def _print(
     terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None
 ) -> None:
-    from tracknoise.audit.summary import audit_sentences
     from tracknoise.cli.text_table import show
-    from tracknoise.report.audit_cells import curve_cells, parameter_cells
+    from tracknoise.report.truth_section import curve_cells, parameter_cells
+    from tracknoise.truth_faults.audit_summary import audit_sentences
 
     for sentence in audit_sentences(found, every=True):
         terminal.result(textwrap.fill(sentence, _WIDTH))

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
-from tracknoise.cli.recording import OptionOption, RecordingArgument
+from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument
+from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 
 if TYPE_CHECKING:
-    from tracknoise.inspection.check_report import CheckReport, Item
+    from tracknoise.truth_faults.check_report import CheckReport, Item
 
 STATUS = {"ready": 0, "caveats": 3, "unusable": 4}
 """Exit status of each verdict."""
@@ -41,10 +41,9 @@ def check(
     Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`,
     `tracknoise check /data/euroc --option depth=stereo`
     """
-    from tracknoise.cli.recording import open_recording
-    from tracknoise.inspection.inspect import check_reader
-    from tracknoise.inspection.page import Pictures
+    from tracknoise.cli.recording_arguments import open_recording
     from tracknoise.tables.files import write_atomically
+    from tracknoise.truth_faults.check_recording import Pictures, check_reader
 
     opened = open_recording(recording, option)
     context.obj.say(f"reader: {opened.reader.name}")

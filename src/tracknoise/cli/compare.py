@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
-from tracknoise.tables.defaults import LEVEL, MARGIN
+from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.inference.conventions import LEVEL
+from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import ComparedAges
 
 if TYPE_CHECKING:
+    from tracknoise.analysis.run_changes import Comparison
     from tracknoise.cli.terminal import Terminal
-    from tracknoise.findings.comparison.result import Comparison
 
 STATUS = {"pass": 0, "worse": 3, "undecided": 4}
 """Exit status of each outcome of a gate."""
@@ -62,9 +63,9 @@ def compare(
     Examples: `tracknoise compare runs/before runs/after --gate gate.toml`,
     `tracknoise compare runs/a runs/b --trackers lucas-kanade mine --html compare.html`
     """
-    from tracknoise.experiments.comparing.compare_runs import compare as compare_runs
-    from tracknoise.experiments.comparing.gate_file import read_gate
-    from tracknoise.findings.comparison.document import comparison_json
+    from tracknoise.analysis.gate import comparison_json
+    from tracknoise.experiments.compare_runs import compare as compare_runs
+    from tracknoise.experiments.compare_runs import read_gate
 
     tolerances = None if gate is None else read_gate(gate)
     found = compare_runs(*runs, trackers=trackers, gate=tolerances, margin=margin, level=level, ages=ages)
@@ -79,8 +80,7 @@ def compare(
 
 def _written(found: "Comparison", *, html: Path | None, markdown: Path | None) -> Iterator[Path]:
     """Write the pages that are asked for."""
-    from tracknoise.report.comparison.markdown import comparison_markdown
-    from tracknoise.report.comparison.page import comparison_page
+    from tracknoise.report.comparison_page import comparison_markdown, comparison_page
     from tracknoise.tables.files import write_atomically
 
     for path, make in ((html, comparison_page), (markdown, comparison_markdown)):
@@ -97,8 +97,7 @@ def _print_notes(terminal: "Terminal", found: "Comparison") -> None:
 
 def _print(terminal: "Terminal", found: "Comparison") -> None:
     from tracknoise.cli.text_table import show
-    from tracknoise.report.comparison.tables import gate_cells, verdict_cells
-    from tracknoise.report.comparison.words import answers, by_run, clearest, gate_sentences
+    from tracknoise.report.comparison_page import answers, by_run, clearest, gate_cells, gate_sentences, verdict_cells
 
     for side, rows in zip(found.others, by_run(found).values(), strict=True):
         for cells in verdict_cells(found, side.name, rows):

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.listing import listing
-from tracknoise.cli.options import DebugOption, QuietOption
-from tracknoise.cli.recording import OptionOption, Recording
-from tracknoise.printable import significant
+from tracknoise.cli.recording_arguments import OptionOption, Recording
+from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.terminal import listing
+from tracknoise.text import significant
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
@@ -40,7 +40,7 @@ def datasets(
     Examples: `tracknoise datasets kitti`, `tracknoise datasets /data/my-recording`,
     `tracknoise datasets sevenscenes --data /data/7scenes`
     """
-    from tracknoise.sequences.registry import READERS
+    from tracknoise.sequences.reader_registry import READERS
 
     words = recording or []
     if not words:
@@ -54,14 +54,14 @@ def datasets(
 
 def _is_path(word: str) -> bool:
     """Whether a word names a file or folder. Names of readers come first."""
-    from tracknoise.sequences.registry import READERS
+    from tracknoise.sequences.reader_registry import READERS
 
     return word not in READERS.names() and (Path(word).exists() or len(Path(word).parts) > 1)
 
 
 def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:
     """The options of a reader, or the sequences of its data."""
-    from tracknoise.sequences.registry import READERS, make_reader
+    from tracknoise.sequences.reader_registry import READERS, make_reader
 
     if data is None:
         terminal.result(_options(reader))
@@ -75,7 +75,7 @@ def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:
 
 def _show_recording(terminal: "Terminal", words: list[str], option: list[str] | None) -> int:
     """A table of the sequences of a recording, and the options of its reader. Status 1 if one cannot be read."""
-    from tracknoise.cli.recording import open_recording
+    from tracknoise.cli.recording_arguments import open_recording
     from tracknoise.cli.text_table import aligned
 
     opened = open_recording(words, option)
@@ -91,8 +91,8 @@ def _show_recording(terminal: "Terminal", words: list[str], option: list[str] | 
 def _rows(recording: Recording, failures: list[str]) -> Iterator[tuple[str, ...]]:
     """Cells of each sequence; those of a sequence that cannot be read are empty, and its error is a failure."""
     from tracknoise.exceptions import DataError
-    from tracknoise.inspection.overview import overview
     from tracknoise.tables.identity import readable
+    from tracknoise.truth_faults.check_recording import overview
 
     for item in recording.reader.sequences():
         try:
@@ -112,6 +112,6 @@ def _rows(recording: Recording, failures: list[str]) -> Iterator[tuple[str, ...]
 
 
 def _options(reader: str) -> str:
-    from tracknoise.sequences.registry import reader_defaults
+    from tracknoise.sequences.reader_registry import reader_defaults
 
     return reader_defaults(reader) or f"# the reader {reader} has no options"

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption, WorkersOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption, WorkersOption
 
 
 def register(app: typer.Typer) -> None:
@@ -26,8 +26,8 @@ def demo(
 
     Example: `tracknoise demo`
     """
-    from tracknoise.cli.running import measure
-    from tracknoise.cli.summary import print_outcome
+    from tracknoise.cli.measuring import measure
+    from tracknoise.cli.run_summary import print_outcome
     from tracknoise.experiments.load import load_experiment
 
     outcome = measure(context.obj, load_experiment("demo"), out, workers, fresh=True)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, FreshOption, QuietOption, WorkersOption, parse_names
-from tracknoise.cli.running import processes
+from tracknoise.cli.measuring import processes
+from tracknoise.cli.shared_options import DebugOption, FreshOption, QuietOption, WorkersOption, parse_names
 
 
 def register(app: typer.Typer) -> None:
@@ -36,12 +36,9 @@ def effects(
     Examples: `tracknoise effects --scenes 4 --frames 30`, `tracknoise effects --only "rolling shutter,clock offset"`
     """
     from tracknoise.cli.text_table import show
-    from tracknoise.experiments.effects.catalogue import base_options, chosen_effects, merged
-    from tracknoise.experiments.effects.scene_values import Study
-    from tracknoise.experiments.effects.study_run import run_study
-    from tracknoise.report.effect_files import write_effects
-    from tracknoise.report.effect_table import effect_cells
-    from tracknoise.tables.defaults import LEVEL
+    from tracknoise.experiments.effects_study import Study, base_options, chosen_effects, merged, run_study
+    from tracknoise.inference.conventions import LEVEL
+    from tracknoise.report.effect_files import effect_cells, write_effects
 
     options = merged(base_options(), {"motions": [motion], "worlds": scenes, "frames": frames})
     study = Study(options, chosen_effects(None if only is None else parse_names(only)), ages=(age,))

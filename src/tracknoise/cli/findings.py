@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
@@ -33,10 +33,10 @@ def findings(
     Example: `tracknoise findings runs/7scenes --json`
     """
     from tracknoise.exceptions import StoreError
-    from tracknoise.findings.headlines.document import findings_json
-    from tracknoise.findings.wording import count
+    from tracknoise.phrases.headlines import findings_json
     from tracknoise.report.report_data import ReportData
     from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
+    from tracknoise.words import count
 
     data = ReportData.of(RunFolder(run))
     if data.findings.is_empty():
@@ -53,12 +53,12 @@ def findings(
 
 def _print(terminal: "Terminal", data: "ReportData") -> None:
     from tracknoise.cli.text_table import show
-    from tracknoise.report import factor_effects, findings_section
+    from tracknoise.report import factor_section, findings_section
 
     for row in findings_section.sentences(data):
         marker = f"{row['rank']:>2}. "
         terminal.result(textwrap.fill(row["text"], _WIDTH, initial_indent=marker, subsequent_indent=" " * len(marker)))
-    effects, intervals = factor_effects.verdicts(data), factor_effects.intervals(data)
+    effects, intervals = factor_section.verdicts(data), factor_section.intervals(data)
     asked = [effects] if len(effects.headings) > 1 else []
     for cells in [findings_section.verdicts(data), *asked, *([intervals] if intervals else [])]:
         terminal.result("")

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
-from tracknoise.cli.recording import OptionOption, RecordingArgument
+from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument
+from tracknoise.cli.shared_options import DebugOption, QuietOption
 
 
 def register(app: typer.Typer) -> None:
@@ -27,7 +27,7 @@ def init(
 
     Examples: `tracknoise init /data/my-recording`, `tracknoise init tum /data/fr1 --out fr1.toml`
     """
-    from tracknoise.cli.recording import open_recording
+    from tracknoise.cli.recording_arguments import open_recording
     from tracknoise.exceptions import SettingsError
     from tracknoise.experiments.template import experiment_template
     from tracknoise.tables.files import write_atomically

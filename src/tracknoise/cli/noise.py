@@ -1,17 +1,266 @@
-"""``tracknoise noise``: noise models, for estimators."""
+"""``tracknoise noise``: noise models, their checks, exports, and tables of noise.
+
+- ``tracknoise noise check``: whether a noise model, or what a front end reports itself, is right on other scenes.
+- ``tracknoise noise export``: the noise of a model in the syntax of an estimator.
+- ``tracknoise noise table``: noise by tracker, speed and motion.
+- ``tracknoise noise``: noise models, for estimators.
+"""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli import noise_check, noise_export, noise_table
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
 
 if TYPE_CHECKING:
-    from tracknoise.noise_models.noise_model import NoiseModel
-    from tracknoise.noise_models.run_models import RunModels
+    from tracknoise.estimators.calibration import Calibration
+    from tracknoise.estimators.exports import Export, Target
+    from tracknoise.estimators.lookup_table import NoiseTable
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.estimators.run_models import RunModels
+
+
+def register_check(app: typer.Typer) -> None:
+    """Add the command to those of ``tracknoise noise``."""
+    app.command("check", no_args_is_help=True)(check)
+
+
+def check(
+    context: typer.Context,
+    file: Annotated[Path | None, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")] = None,
+    on: Annotated[Path | None, typer.Option("--on", help="Folder of a finished run of other scenes.")] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option("--scene", help="Only this scene of the run; may be repeated.")
+    ] = None,
+    own: Annotated[
+        str | None,
+        typer.Option("--own", help="Check the covariances of columns quality_NAME_uu, _uv, _vv, not a model."),
+    ] = None,
+    tracker: Annotated[str | None, typer.Option("--tracker", help="Tracker of the run, with --own.")] = None,
+    speed: Annotated[int, typer.Option("--speed", min=1, help="Speed of the run, with --own.")] = 1,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Write the reliability plot to this file: .svg or .png.")
+    ] = None,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Check whether predicted covariances describe the errors of a run: coverage, NEES, likelihood, ENCE.
+
+    Example: `tracknoise noise check lucas-kanade@1.noise.json --on runs/other`
+    """
+    from tracknoise.cli.text_table import show
+    from tracknoise.report.noise_cells import calibration_cells, calibration_sentences, reliability_cells
+
+    kind = None if figure is None else _kind(figure)
+    found = _found(file, on, scene, own, tracker, speed)
+    context.obj.result("\n".join(calibration_sentences(found)))
+    for cells in (calibration_cells(found), reliability_cells(found)):
+        context.obj.result("")
+        show(context.obj.result, cells)
+    if figure is not None and kind is not None:
+        _draw(found, str(file or own), figure, kind)
+        context.obj.result(f"\nwritten: {figure}")
+    return 0
+
+
+def _kind(path: Path) -> str:
+    """Format of a figure, by the name of its file."""
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.report.figure_files import FORMATS
+
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in FORMATS:
+        raise SettingsError(f"--figure {path}: found a name that ends in {path.suffix!r}, expected .svg or .png")
+    return kind
+
+
+def _draw(found: "Calibration", what: str, path: Path, kind: str) -> None:
+    from tracknoise.report.figure_files import render, specification
+    from tracknoise.report.figures.noise_models import reliability
+    from tracknoise.tables.files import write_atomically
+
+    figure = reliability(found, title=f"Reliability of {what}")
+    write_atomically(path, render(specification(figure), (kind,))[kind])
+
+
+def _found(
+    file: Path | None, on: Path | None, scenes: list[str] | None, own: str | None, tracker: str | None, speed: int
+) -> "Calibration":
+    from tracknoise.estimators.calibration import check_model, check_own
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.tables.store import RunFolder
+
+    if on is None:
+        raise SettingsError("no --on RUN, expected the run whose errors are compared")
+    if own is not None:
+        if tracker is None or file is not None:
+            raise SettingsError("--own NAME: found no --tracker or a model as well, expected --tracker alone")
+        return check_own(RunFolder(on), tracker=tracker, speed=speed, name=own, scenes=scenes)
+    if file is None:
+        raise SettingsError("no FILE, expected a noise model, or --own NAME")
+    return check_model(NoiseModel.read(file), RunFolder(on), scenes=scenes)
+
+
+def register_export(app: typer.Typer) -> None:
+    """Add the command to those of ``tracknoise noise``."""
+    app.command("export", no_args_is_help=True)(export_command)
+
+
+def export_command(
+    context: typer.Context,
+    file: Annotated[Path | None, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")] = None,
+    to: Annotated[str | None, typer.Option("--to", help="Estimator: see --list.")] = None,
+    focal: Annotated[float | None, typer.Option("--focal", help="Focal length of its images, px.")] = None,
+    rate: Annotated[float | None, typer.Option("--rate", help="Frames that it uses per second.")] = None,
+    window: Annotated[int | None, typer.Option("--window", min=2, help="Length of its window, frames.")] = None,
+    purpose: Annotated[
+        str | None, typer.Option("--purpose", help="What to make right: innovations, all_poses, newest_pose or depth.")
+    ] = None,
+    allow_focal: Annotated[
+        str | None, typer.Option("--allow-focal", help="Why the focal length is another one: resampled or lens.")
+    ] = None,
+    allow_rate: Annotated[
+        str | None, typer.Option("--allow-rate", help="Why the rate is another one: thinned or unchecked.")
+    ] = None,
+    tracks: Annotated[
+        Path | None, typer.Option("--tracks", help="Tracks for `--to csv`: a run folder, or a file of tracks.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the files (default: print them).")] = None,
+    show_list: Annotated[bool, typer.Option("--list", help="List the estimators.")] = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Write the noise of a model in the syntax of an estimator, and say what it makes right.
+
+    A focal length or a rate that the model was not measured at is refused. See docs/estimators/exports.md.
+
+    Example: `tracknoise noise export lk.noise.json --to openvins --focal 458.6 --rate 20 -o config`
+    """
+    from tracknoise.estimators.exports import estimator_name
+    from tracknoise.exceptions import SettingsError
+
+    if show_list:
+        context.obj.result(_estimators())
+        return 0
+    if file is None or to is None:
+        raise SettingsError(f"no {'FILE' if file is None else '--to'}, expected a noise model and an estimator")
+    target = _target(focal, rate, window, {"purpose": purpose, "allow-focal": allow_focal, "allow-rate": allow_rate})
+    name = estimator_name(to)
+    files = _files(name, _export(file, name, target, tracks))
+    if out is None:
+        context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
+        return 0
+    _write(out, files)
+    context.obj.result("\n".join(f"written: {(out / name).resolve()}" for name in files))
+    return 0
+
+
+def _target(focal: float | None, rate: float | None, window: int | None, named: Mapping[str, str | None]) -> "Target":
+    from tracknoise.estimators.exports import FocalChange, RateChange, Target
+    from tracknoise.estimators.model import Purpose
+    from tracknoise.exceptions import UnknownNameError
+
+    kinds = {"purpose": Purpose, "allow-focal": FocalChange, "allow-rate": RateChange}
+    for option, value in named.items():
+        if value is not None and value not in list(kinds[option]):
+            raise UnknownNameError(f"value of --{option}", value, kinds[option])
+    purpose, allow_focal, allow_rate = named.values()
+    return Target(
+        focal_px=focal,
+        rate_hz=rate,
+        focal_change=None if allow_focal is None else FocalChange(allow_focal),
+        rate_change=None if allow_rate is None else RateChange(allow_rate),
+        window=window,
+        purpose=None if purpose is None else Purpose(purpose),
+    )
+
+
+def _export(file: Path, to: str, target: "Target", tracks: Path | None) -> "Export":
+    from tracknoise.estimators.export_render import export
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.estimators.observation_noise import observation_noise, read_tracks
+
+    model = NoiseModel.read(file)
+    observations = None if tracks is None else observation_noise(model, read_tracks(tracks, model)).write_csv()
+    return export(model, to, target=target, source=file.name, observations=observations)
+
+
+def _files(to: str, found: "Export") -> dict[str, str]:
+    """Everything by the name of its file: the files of the estimator, a patch if there is one, and the text."""
+    patch = {} if found.patch is None else {f"{to}.patch": found.patch}
+    return {**found.files, **patch, f"{to}.txt": found.text}
+
+
+def _estimators() -> str:
+    """Names of estimators and what is written for them, then those that are refused, with the reason."""
+    from tracknoise.cli.terminal import listing
+    from tracknoise.estimators.exports import estimators, refused
+
+    known = listing({name: f"{about.title}: {about.unit}" for name, about in estimators().items()})
+    without = listing({name: f"{about.title}: {about.why}" for name, about in refused().items()})
+    return f"{known}\n\nWithout an export:\n{without}"
+
+
+def _write(folder: Path, files: Mapping[str, str]) -> None:
+    from tracknoise.tables.files import write_atomically
+
+    for name, content in files.items():
+        write_atomically(folder / name, content.encode())
+
+
+def register_table(app: typer.Typer) -> None:
+    """Add the command to those of ``tracknoise noise``."""
+    app.command("table", cls=JsonCommand, no_args_is_help=True)(table)
+
+
+def table(
+    context: typer.Context,
+    run: Annotated[Path, typer.Argument(help="Folder of a finished run.")],
+    tracker: Annotated[list[str] | None, typer.Option("--tracker", help="Only this tracker; may be repeated.")] = None,
+    speed: Annotated[list[int] | None, typer.Option("--speed", help="Only this speed; may be repeated.")] = None,
+    window: Annotated[int, typer.Option("--window", min=3, help="Length of windows, frames.")] = 10,
+    as_json: JsonOption = False,
+    json_file: JsonFileOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for noise-table.csv and noise-table.json.")
+    ] = None,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Print covariance and bias by tracker, speed and motion, and what the table gains on scenes that were left out.
+
+    The motion of a scene is its group: see `groups` in the section `dataset` of an experiment.
+
+    Example: `tracknoise noise table runs/demo -o tables`
+    """
+    from tracknoise.estimators.lookup_table import noise_table, noise_table_csv, noise_table_json
+    from tracknoise.tables.files import write_atomically
+    from tracknoise.tables.store import RunFolder
+
+    found = noise_table(RunFolder(run), trackers=tracker, speeds=speed, window=window)
+    write_json(context.obj, noise_table_json(found), as_json=as_json, file=json_file)
+    if not as_json:
+        _print(context, found)
+    files = {"noise-table.csv": noise_table_csv, "noise-table.json": noise_table_json} if out else {}
+    for name, content in files.items():
+        path = Path(out or ".") / name
+        write_atomically(path, content(found).encode())
+        (context.obj.say if as_json else context.obj.result)(f"written: {path}")
+    return 0
+
+
+def _print(context: typer.Context, found: "NoiseTable") -> None:
+    from tracknoise.cli.text_table import show
+    from tracknoise.report.noise_cells import gain_cells, noise_table_cells, noise_table_sentences
+
+    context.obj.result("\n".join(noise_table_sentences(found)))
+    for cells in (noise_table_cells(found), gain_cells(found)):
+        context.obj.result("")
+        show(context.obj.result, cells)
 
 
 def register(app: typer.Typer) -> None:
@@ -19,9 +268,9 @@ def register(app: typer.Typer) -> None:
     noise = typer.Typer(no_args_is_help=True)
     noise.command("fit", no_args_is_help=True)(fit)
     noise.command("show", no_args_is_help=True)(show_model)
-    noise_table.register(noise)
-    noise_check.register(noise)
-    noise_export.register(noise)
+    register_table(noise)
+    register_check(noise)
+    register_export(noise)
     app.add_typer(noise, name="noise", help="Fit noise models to a run, check them, and export them to estimators.")
 
 
@@ -47,11 +296,11 @@ def fit(
 
     Example: `tracknoise noise fit runs/demo -o models`
     """
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.estimators.run_models import run_models
+    from tracknoise.estimators.training import chosen_conditions
     from tracknoise.exceptions import SettingsError
-    from tracknoise.noise_models.fitting.training_tables import chosen_conditions
-    from tracknoise.noise_models.noise_model import NoiseModel
-    from tracknoise.noise_models.run_models import run_models
-    from tracknoise.report.noise_model_cells import model_sentences
+    from tracknoise.report.noise_cells import model_sentences
     from tracknoise.tables.store import RunFolder
 
     wanted = chosen_conditions(RunFolder(run), trackers=tracker, speeds=speed)
@@ -99,9 +348,9 @@ def show_model(
 
     Example: `tracknoise noise show lucas-kanade@1.noise.json`
     """
-    from tracknoise.noise_models.cpp_header import cpp_header
-    from tracknoise.noise_models.noise_model import NoiseModel
-    from tracknoise.report.noise_model_cells import model_sentences
+    from tracknoise.estimators.cpp_header import cpp_header
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.report.noise_cells import model_sentences
 
     model = NoiseModel.read(file)
     if header:
@@ -122,7 +371,7 @@ def _stems(wanted: list[tuple[str, int]]) -> dict[str, str]:
 
 def _show(context: typer.Context, model: "NoiseModel", window: int) -> None:
     from tracknoise.cli.text_table import show
-    from tracknoise.report.noise_model_cells import component_cells, equivalent_cells
+    from tracknoise.report.noise_cells import component_cells, equivalent_cells
 
     for cells in (component_cells(model), equivalent_cells(model, window)):
         context.obj.result("")

@@ -19,9 +19,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from tracknoise.printable import counted, printable
 from tracknoise.report.names import together
 from tracknoise.tables.identity import readable
+from tracknoise.text import counted, printable
 
 if TYPE_CHECKING:
     from tracknoise.tables.manifest import SequenceEntry
@@ -135,7 +135,7 @@ class Heartbeat:
 
 
 class RunProgress:
-    """Shows sequences and frames as they are measured; a `tracknoise.experiments.running.execute.Listener`.
+    """Shows sequences and frames as they are measured; a `tracknoise.experiments.execute.Listener`.
 
     Parameters
     ----------

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import polars as pl
 
-    from tracknoise.noise_models.noise_model import NoiseModel
-    from tracknoise.proof.proof import Proof
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.estimators.proof import Proof
     from tracknoise.report.cells import Cells
 
 _WIDTH = 110
@@ -48,8 +48,8 @@ def prove(
     Example: `tracknoise prove runs/7scenes lk.noise.json`
     """
     from tracknoise.cli.text_table import show
-    from tracknoise.noise_models.noise_model import NoiseModel
-    from tracknoise.proof.proof import prove as proof_of
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.estimators.proof import prove as proof_of
     from tracknoise.tables.files import write_atomically
     from tracknoise.tables.store import RunFolder
 
@@ -82,7 +82,7 @@ def _json(found: "Proof", model: "NoiseModel") -> str:
 
 
 def _tables(found: "Proof") -> "list[Cells]":
-    from tracknoise.proof.arms import REFERENCE
+    from tracknoise.estimators.trial import REFERENCE
 
     compared = f"arm {REFERENCE}"
     poses = f"Errors of the newest pose relative to {compared}, and NEES: 1 if as certain as claimed. 95 % intervals."
@@ -106,7 +106,7 @@ def _cells(caption: str, table: "pl.DataFrame", labels: list[str], quantities: t
 
 
 def _estimate(row: "Mapping[str, float | None]") -> str:
-    from tracknoise.findings.wording import number
+    from tracknoise.words import number
 
     value = number(row["value"], digits=3)
     if row["low"] is None or row["high"] is None:

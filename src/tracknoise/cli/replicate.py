@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.options import (
+from tracknoise.cli.measuring import measure, processes
+from tracknoise.cli.shared_options import (
     DebugOption,
     FramesOption,
     FreshOption,
@@ -18,14 +19,13 @@ from tracknoise.cli.options import (
     WorkersOption,
     parse_frames,
 )
-from tracknoise.cli.running import measure, processes
 from tracknoise.exceptions import TracknoiseError
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
-    from tracknoise.experiments.replicate import Candidate, Limits
     from tracknoise.experiments.settings import Experiment
-    from tracknoise.report.replication import Replicated
+    from tracknoise.paper.replication import Replicated
+    from tracknoise.paper.variants import Candidate, Limits
     from tracknoise.tables.enumerations import Reading
     from tracknoise.tables.store import RunFolder
 
@@ -61,8 +61,8 @@ def replicate(
 
     Example: `tracknoise replicate --data /data --scenes 2 --frames 60`
     """
-    from tracknoise.experiments.replicate import Limits, candidates
-    from tracknoise.report.replication import write_replication
+    from tracknoise.paper.replication import write_replication
+    from tracknoise.paper.variants import Limits, candidates
 
     found = candidates(data or [])
     for candidate in found:
@@ -87,7 +87,7 @@ class _Runs:
 
     def run(self, name: str, load: Callable[[], "Experiment"]) -> "RunFolder | None":
         """Run an experiment. Returns its folder, or None if nothing was measured."""
-        from tracknoise.cli.summary import print_outcome
+        from tracknoise.cli.run_summary import print_outcome
         from tracknoise.tables.store import RunFolder
 
         folder = self._out / name
@@ -101,8 +101,8 @@ class _Runs:
 
     def remake(self, name: str, run: "RunFolder", reading: "Reading") -> "RunFolder | None":
         """Make a run again under a reading of the paper's trimming. Returns its folder, or None if that failed."""
-        from tracknoise.experiments.replicate import as_read
-        from tracknoise.experiments.running.remade import remake
+        from tracknoise.experiments.execute import remake
+        from tracknoise.paper.variants import as_read
         from tracknoise.tables.store import RunFolder
 
         folder = RunFolder(self._out / "readings" / f"{name}-{reading}")
@@ -117,7 +117,7 @@ class _Runs:
     @contextmanager
     def report_beside(self, name: str, run: "RunFolder | None") -> Iterator[None]:
         """Write the report of a run while the body of the `with` runs; with one worker, after it."""
-        from tracknoise.experiments.running.worker import beside
+        from tracknoise.experiments.local_workers import beside
         from tracknoise.report.page import write_report
 
         if run is None:
@@ -147,8 +147,8 @@ class _Runs:
 
 def _repeat(candidate: "Candidate", runs: _Runs, limits: "Limits") -> "Replicated":
     """Run an experiment of the paper, and variants of its trackers on the first scene."""
-    from tracknoise.experiments.replicate import load_candidate, variants
-    from tracknoise.report.replication import Replicated
+    from tracknoise.paper.replication import Replicated
+    from tracknoise.paper.variants import load_candidate, variants
 
     if not candidate.possible:
         return Replicated(candidate.preset, candidate.found)
@@ -170,9 +170,9 @@ def _other_readings(name: str, run: "RunFolder", runs: _Runs) -> "dict[Reading, 
 def _print_claims(terminal: "Terminal", replicated: "list[Replicated]") -> None:
     """Print the verdict on every claim under each reading of the paper's trimming."""
     from tracknoise.cli.text_table import show
+    from tracknoise.paper.claim_verdicts import best_reading, verdicts
+    from tracknoise.paper.replication import judged_cells, judged_claims
     from tracknoise.report import paper
-    from tracknoise.report.claims.tables import best_reading, verdicts
-    from tracknoise.report.replication import judged_cells, judged_claims
 
     stated, of_tables = judged_claims(replicated), judged_cells(replicated)
     for item in replicated:

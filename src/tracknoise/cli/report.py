@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption
 
 
 def register(app: typer.Typer) -> None:
@@ -31,11 +31,11 @@ def report(
 
     Examples: `tracknoise report runs/7scenes`, `tracknoise report runs/demo --rerun demo.rrd --scene forward-00`
     """
-    from tracknoise.cli.summary import print_results
+    from tracknoise.cli.run_summary import print_results
     from tracknoise.tables.store import RunFolder
 
     if rerun is not None:
-        from tracknoise.experiments.view3d.recording import write_recording
+        from tracknoise.experiments.view3d import write_recording
 
         write_recording(RunFolder(run), rerun, scene=scene)
         context.obj.result(f"written: {rerun.resolve()}")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.options import (
+from tracknoise.cli.shared_options import (
     DebugOption,
     FramesOption,
     FreshOption,
@@ -70,8 +70,8 @@ def run(
 
     Example: `tracknoise run examples/sevenscenes.toml --data /data/7scenes --out runs/7scenes`
     """
-    from tracknoise.cli.running import measure
-    from tracknoise.cli.summary import print_outcome
+    from tracknoise.cli.measuring import measure
+    from tracknoise.cli.run_summary import print_outcome
     from tracknoise.experiments.load import load_experiment
 
     options = {} if models is None else {"models": str(models.resolve())}

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption, WorkersOption
-from tracknoise.cli.running import processes
-from tracknoise.printable import counted
+from tracknoise.cli.measuring import processes
+from tracknoise.cli.shared_options import DebugOption, QuietOption, WorkersOption
+from tracknoise.text import counted
 
 if TYPE_CHECKING:
     import polars as pl
@@ -50,7 +50,7 @@ def selfcheck(
 
     Example: `tracknoise selfcheck`
     """
-    from tracknoise.experiments.validation.selfcheck import LEAST_SCENES, judge, self_test
+    from tracknoise.experiments.validation.self_test import LEAST_SCENES, judge, self_test
 
     with _folder(out) as folder:
         checks = self_test(
@@ -75,7 +75,7 @@ def _answer(checks: "pl.DataFrame") -> Iterator[str]:
     """Whether the self-test passed; if not, what is wrong and which part of the package is suspect."""
     import polars as pl
 
-    from tracknoise.experiments.validation.selfcheck import judge
+    from tracknoise.experiments.validation.self_test import judge
 
     result, untested = judge(checks), _untested(checks)
     if result.passes:
@@ -97,7 +97,7 @@ def _answer(checks: "pl.DataFrame") -> Iterator[str]:
 
 def _untested(checks: "pl.DataFrame") -> list[str]:
     """Areas without any check."""
-    from tracknoise.experiments.validation.checks import Area
+    from tracknoise.experiments.validation.comparison import Area
 
     tested = set(checks["area"].to_list())
     return [area for area in Area if area not in tested]
@@ -138,7 +138,7 @@ def _folder(out: Path | None) -> Iterator[Path]:
 def _clear(out: Path) -> None:
     """Remove an earlier self-test; refuse a folder that holds anything else."""
     from tracknoise.exceptions import StoreError
-    from tracknoise.experiments.validation.selfcheck import FOLDERS
+    from tracknoise.experiments.validation.self_test import FOLDERS
 
     out.mkdir(parents=True, exist_ok=True)
     if any(out.iterdir()) and not (out / _FILE).exists():

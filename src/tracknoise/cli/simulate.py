@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption
 from tracknoise.exceptions import SettingsError
-from tracknoise.printable import counted
+from tracknoise.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -112,8 +112,8 @@ def _flag(name: str) -> str:
 def _write_stages(terminal: "Terminal", out: Path, scenes: int, options: dict[str, Any]) -> str:
     """Write scenes on the light stage. Returns their number as text."""
     from tracknoise.cli.progress import frame_progress
-    from tracknoise.sequences.dtu.writer import IMAGE_FORMATS, write_dtu
-    from tracknoise.simulation.light_stage.stage import LightStage
+    from tracknoise.paper.dtu_writer import IMAGE_FORMATS, write_dtu
+    from tracknoise.paper.light_stage import LightStage
 
     image_format = options.pop("image_format")
     if image_format not in IMAGE_FORMATS:
@@ -131,7 +131,7 @@ def _write_stages(terminal: "Terminal", out: Path, scenes: int, options: dict[st
 def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: int, options: dict[str, Any]) -> str:
     """Write sequences of a moving camera. Returns the number of frames as text."""
     from tracknoise.cli.progress import frame_progress
-    from tracknoise.sequences.registry import make_reader
+    from tracknoise.sequences.reader_registry import make_reader
 
     motion, lighting = options.pop("motion"), options.pop("lighting")
     options |= {"motions": [motion], "worlds": scenes}
@@ -142,7 +142,7 @@ def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: in
     names = reader.sequences()
     with frame_progress(terminal, f"rendering {motion}") as progress:
         if layout is Layout.kitti:
-            from tracknoise.sequences.kitti.writer import write_kitti
+            from tracknoise.sequences.kitti_writer import write_kitti
 
             write_kitti(map(reader.open, names), out, seed=options["seed"], progress=progress)
         else:
@@ -153,7 +153,7 @@ def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: in
 def _write_folders(reader: "Reader", names: "list[SequenceId]", out: Path, progress: "Progress") -> None:
     """Write a single sequence into the folder itself, several sequences into subfolders."""
     from tracknoise.sequences.folder import write_folder
-    from tracknoise.sequences.new_folder import new_folder
+    from tracknoise.sequences.writing import new_folder
 
     if len(names) == 1:
         write_folder(reader.open(names[0]), out, progress=progress)

@@ -1,10 +1,15 @@
-"""Output of the command line: results on stdout; messages and progress on stderr. Control characters are escaped."""
+"""Output of the command line: results on stdout; messages and progress on stderr.
+
+- Output of the command line: results on stdout; messages and progress on stderr. Control characters are escaped.
+- Format a registry as text: one name and its description per line.
+"""
 
 import sys
+from collections.abc import Mapping
 
 from tracknoise.exceptions import TracknoiseError
-from tracknoise.printable import printable
-from tracknoise.standard_streams import error_of_stdout
+from tracknoise.processes import error_of_stdout
+from tracknoise.text import printable
 
 _LAYOUT = "\n\t"
 
@@ -62,3 +67,9 @@ class Terminal:
     def _line(self, text: str) -> None:
         sys.stderr.write(f"{printable(text, keep=_LAYOUT)}\n")
         sys.stderr.flush()
+
+
+def listing(descriptions: Mapping[str, str]) -> str:
+    """Names and descriptions in two aligned columns, sorted by name."""
+    width = max(map(len, descriptions), default=0)
+    return "\n".join(f"{name.ljust(width)}  {text}" for name, text in sorted(descriptions.items()))

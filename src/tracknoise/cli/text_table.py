@@ -4,8 +4,8 @@ import sys
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 
-from tracknoise.printable import printable
 from tracknoise.report.cells import Cells
+from tracknoise.text import printable
 
 
 def show(write: Callable[[str], None], cells: Cells) -> None:

@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.listing import listing
-from tracknoise.cli.options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.terminal import listing
 
 
 def register(app: typer.Typer) -> None:
@@ -23,7 +23,7 @@ def trackers(
 
     Example: `tracknoise trackers lucas-kanade`
     """
-    from tracknoise.trackers.registry import TRACKERS, tracker_defaults
+    from tracknoise.trackers.tracker_registry import TRACKERS, tracker_defaults
 
     if kind is None:
         context.obj.result(listing({name: TRACKERS.load(name).description for name in TRACKERS.names()}))

@@ -9,17 +9,13 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
-from tracknoise.inspection.check_report import Item, Severity
-from tracknoise.inspection.clipped_depth import clipped_depth
-from tracknoise.inspection.depths import FARTHEST_M, NEAREST_M
-from tracknoise.inspection.evidence import Evidence
-from tracknoise.inspection.files_and_rates import intrinsics
-from tracknoise.inspection.jumps import pose_jumps
-from tracknoise.inspection.mistakes import mistakes
-from tracknoise.inspection.one_camera import seen_by_one_camera
-from tracknoise.inspection.pairs import FEWEST_POINTS, Flow, Pair
-from tracknoise.printable import significant
 from tracknoise.sequences.sequence import TruthKind, z_depth_from
+from tracknoise.text import significant
+from tracknoise.truth_faults.check_report import Item, Severity
+from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth
+from tracknoise.truth_faults.image_evidence import FEWEST_POINTS, Evidence, Flow, Pair, seen_by_one_camera
+from tracknoise.truth_faults.motion_checks import mistakes
+from tracknoise.truth_faults.recording_checks import intrinsics, pose_jumps
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement

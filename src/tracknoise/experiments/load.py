@@ -1,16 +1,142 @@
-"""Read an experiment from a file or a preset, and check all that can be checked before any data are read."""
+"""Read an experiment from a file or a preset, check it before any data are read, and write out its defaults.
 
-from collections.abc import Mapping
+- The files and folders that an experiment's options name, found from the types of the options.
+- Write out every option that an experiment leaves to its defaults, so that its record does not depend on them.
+- Read an experiment from a file or a preset, and check all that can be checked before any data are read.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from tracknoise.exceptions import DataError, SettingsError, TracknoiseError, UnknownNameError
-from tracknoise.experiments.option_paths import with_paths_from
-from tracknoise.experiments.resolve import resolve
-from tracknoise.experiments.settings import Experiment, parse_experiment
-from tracknoise.foreign.files import MIB, absolute, is_regular_file, read_text
+from tracknoise.experiments.settings import Experiment, SecondTruthSettings, TrackerChoice, parse_experiment
+from tracknoise.foreign_files import MIB, absolute, is_regular_file, read_text
+from tracknoise.options import PathTemplate, as_toml_values
+from tracknoise.plugins import Plugins
 from tracknoise.sequences.frame_range import require_range
-from tracknoise.trackers.registry import TRACKERS
+from tracknoise.sequences.reader_registry import READERS, make_reader
+from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker
+from tracknoise.truth.truth_registry import TRUTHS
+
+
+def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
+    """Return the same experiment with every relative path made absolute, starting from a folder.
+
+    Paths that start from the folder of the data stay as they are, as do options of an unknown tracker or reader.
+
+    Raises
+    ------
+    SettingsError
+        If another package offers the tracker or reader, but cannot be imported.
+    """
+    dataset = experiment.dataset
+    moved = dataset.model_copy(
+        update={
+            "root": None if dataset.root is None else absolute(folder, dataset.root),
+            "options": _absolute(folder, READERS, dataset.reader, dataset.options),
+        }
+    )
+    trackers = [
+        choice.model_copy(update={"options": _absolute(folder, TRACKERS, choice.kind, choice.options)})
+        for choice in experiment.trackers
+    ]
+    truth = experiment.truth.model_copy(update={"second": _second(folder, experiment)})
+    return experiment.model_copy(update={"dataset": moved, "trackers": trackers, "truth": truth})
+
+
+def _second(folder: Path, experiment: Experiment) -> SecondTruthSettings | None:
+    second = experiment.truth.second
+    if second is None:
+        return None
+    trajectory = None if second.trajectory is None else str(absolute(folder, Path(second.trajectory)))
+    options = _absolute(folder, READERS, experiment.dataset.reader, second.options)
+    return second.model_copy(update={"trajectory": trajectory, "options": options})
+
+
+def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
+    """The paths among the options of the reader, the second truth and the trackers.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If there is no such tracker or reader, or it cannot be imported.
+    """
+    dataset = experiment.dataset
+    yield from READERS.paths(dataset.reader, dataset.options, dataset.root)
+    second = experiment.truth.second
+    if second is not None:
+        yield from READERS.paths(dataset.reader, second.options, dataset.root)
+        yield from [] if second.trajectory is None else [PathTemplate(second.trajectory)]
+    for choice in experiment.trackers:
+        yield from TRACKERS.paths(choice.kind, choice.options)
+
+
+def _absolute(folder: Path, plugins: Plugins[Any], name: str, options: dict[str, Any]) -> dict[str, Any]:
+    return plugins.with_paths_from(folder, name, options) if name in plugins.names() else options
+
+
+def resolve(experiment: Experiment) -> Experiment:
+    """Return the same experiment with all options of its trackers and its reader written out.
+
+    Raises
+    ------
+    SettingsError
+        If a tracker, the reader, the kind of truth or an option is unknown, or a value is wrong or has control
+        characters; the message names the section.
+    """
+    dataset = experiment.dataset
+    with _errors_of("dataset"):
+        reader = as_toml_values(asdict(make_reader(dataset.reader, dataset.root, dataset.options)))  # type: ignore[call-overload]
+    reader.pop("root", None)
+    if experiment.truth.second is not None:
+        with _errors_of("truth.second.options"):
+            make_reader(dataset.reader, dataset.root, {**dataset.options, **experiment.truth.second.options})
+    if experiment.truth.kind is not None:
+        with _errors_of("truth.kind"):
+            TRUTHS.load(experiment.truth.kind)
+    resolved = experiment.model_copy(
+        update={
+            "dataset": dataset.model_copy(update={"options": reader}),
+            "trackers": [_resolved(choice, f"trackers[{i}]") for i, choice in enumerate(experiment.trackers)],
+        }
+    )
+    try:
+        resolved.require_printable()  # folders may have been given on the command line
+    except ValueError as error:
+        raise SettingsError(str(error)) from error
+    return resolved
+
+
+def with_tracker_defaults(experiment: Experiment) -> Experiment:
+    """Return the experiment of a run with the options that its trackers did not have yet when it was measured.
+
+    The default of an option that is added later is what trackers did before. Options that cannot be read are left as
+    they are.
+    """
+    try:
+        trackers = [_resolved(choice, f"trackers[{i}]") for i, choice in enumerate(experiment.trackers)]
+    except SettingsError:
+        return experiment
+    return experiment.model_copy(update={"trackers": trackers})
+
+
+def _resolved(choice: TrackerChoice, section: str) -> TrackerChoice:
+    with _errors_of(section):
+        options = as_toml_values(asdict(make_tracker(choice.kind, choice.options)))  # type: ignore[call-overload]
+    return choice.model_copy(update={"options": options})
+
+
+@contextmanager
+def _errors_of(section: str) -> Iterator[None]:
+    try:
+        yield
+    except TracknoiseError as error:
+        raise SettingsError(f"{section}: {error}") from error
+
 
 _MOST_BYTES = MIB
 _PRESETS = resources.files("tracknoise.experiments") / "presets"

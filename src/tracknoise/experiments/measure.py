@@ -1,28 +1,109 @@
-"""Measure sequences: tables of observations and tracks, trimmed, and their moments."""
+"""Measure sequences: tables of observations and tracks, trimmed, their moments, and metrics of point trackers.
 
-from collections.abc import Iterator, Mapping
+- Arguments of `tracknoise.measure`, checked: a wrong one ends in a line that says what to write.
+- Measure sequences: tables of observations and tracks, trimmed, and their moments.
+- Metrics of point trackers of a measurement, for comparison with results that are stated in them.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.experiments.arguments import Trackers, checked_speeds, named_trackers, require_sequences
+from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import chosen_frames
-from tracknoise.statistics.errors.moments import scene_moments
+from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.tap import PointTracks, expected_feature_age, tap_vid
 from tracknoise.statistics.trimming import trim
-from tracknoise.statistics.truth.pose_differences import pose_differences
+from tracknoise.statistics.truth_errors import pose_differences
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
-from tracknoise.tables.schema import POSE_DIFFERENCES, empty
+from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, POSE_DIFFERENCES, TruthStatus, empty
+from tracknoise.trackers.tracker import TrackerSettings
+from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
-from tracknoise.truth.scan_rule import SCAN_RULE, ScanRule
+from tracknoise.truth.scan import SCAN_RULE, ScanRule
+from tracknoise.truth.truth_registry import make_truth
+
+Tracker: TypeAlias = TrackerSettings | str
+"""Settings of a tracker, or the name of one of `tracknoise trackers` with its default settings."""
+Trackers: TypeAlias = Tracker | Items[Tracker] | Mapping[str, Tracker]
+
+
+def named_trackers(trackers: Trackers) -> dict[str, TrackerSettings]:
+    """Settings of trackers by their names; trackers without a name are named by their kind.
+
+    Raises
+    ------
+    SettingsError
+        If two have the same name, or one is no tracker.
+    UnknownNameError
+        If there is no tracker of a name.
+    """
+    if isinstance(trackers, Mapping):
+        named = {name: _settings(tracker) for name, tracker in trackers.items()}
+    else:
+        listed = [_settings(tracker) for tracker in _several(trackers)]
+        named = {settings.kind: settings for settings in listed}
+        if len(named) < len(listed):
+            raise SettingsError("two trackers of one kind, expected a mapping that names them")
+    if not named:
+        raise SettingsError("no trackers, expected at least one")
+    return named
+
+
+def checked_speeds(speeds: object) -> list[int]:
+    """Speeds as a list.
+
+    Raises
+    ------
+    SettingsError
+        If there is none, or they are not different whole numbers from 1 on.
+    """
+    if not isinstance(speeds, Iterable) or isinstance(speeds, str):
+        raise SettingsError(f"speeds = {speeds!r}, expected a list, such as [1] or [1, 2]")
+    listed = list(speeds)
+    known = [int(speed) for speed in listed if type(speed) is int or isinstance(speed, np.integer)]
+    if not known or len(set(known)) < len(listed) or min(known) < 1:
+        raise SettingsError(f"speeds = {listed}, expected different whole numbers of 1 or more, such as [1, 2]")
+    return known
+
+
+def require_sequences(sequences: Items[object]) -> None:
+    """Check that what is measured are sequences.
+
+    Raises
+    ------
+    SettingsError
+        If one is not.
+    """
+    for sequence in sequences:
+        if isinstance(sequence, str | type) or not hasattr(sequence, "image"):
+            expected = "a sequence, from tracknoise.open_sequence or tracknoise.Sequence.from_arrays"
+            raise SettingsError(f"found {sequence!r}, expected {expected}")
+
+
+def _several(trackers: object) -> Iterable[object]:
+    return trackers if isinstance(trackers, Iterable) and not isinstance(trackers, str | type) else [trackers]
+
+
+def _settings(tracker: object) -> TrackerSettings:
+    if isinstance(tracker, str):
+        return make_tracker(tracker)
+    if isinstance(tracker, type):
+        raise SettingsError(f"found the class {tracker.__name__}, expected an instance: {tracker.__name__}()")
+    if not hasattr(tracker, "start") or not hasattr(tracker, "kind"):
+        raise SettingsError(f"found {tracker!r}, expected settings of a tracker, such as tracknoise.LucasKanade()")
+    return cast(TrackerSettings, tracker)
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,3 +357,105 @@ def _pose_differences(sequence: Sequence, second: Sequence | None, n_frames: int
     if second is None:
         return empty(POSE_DIFFERENCES)
     return pose_differences(sequence.id, *(one.world_from_camera[:n_frames] for one in (sequence, second)))
+
+
+RASTER_PX = 256
+"""Side of the images to which TAP-Vid scales positions."""
+_METRICS = (*POINT_TRACKING,)[list(POINT_TRACKING).index("delta_avg") :]
+
+
+@runtime_checkable
+class LocatingTruth(Protocol):
+    """A truth that knows where points are, and whether they are visible, in frames in which nothing observed them."""
+
+    def anchor(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+        """World points (n, 3) of features in a frame, and their status."""
+        ...
+
+    def locate(self, index: int, points_world: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+        """Positions (n, 2) of world points in a frame, and their status."""
+        ...
+
+
+def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
+    """Metrics of TAP-Vid and expected feature age of every tracker and speed of a measured sequence.
+
+    Parameters
+    ----------
+    measurement
+        Of one sequence, whose truth is from depth maps (``birth``) or the exact surface (``raycast``).
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `POINT_TRACKING`, two rows per tracker and speed. `delta_avg`, `average_jaccard` and `occlusion_accuracy`
+        are those of `tracknoise.statistics.tap.tap_vid`, followed by `expected_feature_age` and the values of
+        each threshold. Benchmarks report means over sequences.
+
+    Raises
+    ------
+    SettingsError
+        If the truth cannot locate points in frames in which they were not observed.
+    DataError
+        If a depth map cannot be read.
+    """
+    truth = make_truth(measurement.sequence, measurement.truth)
+    if not isinstance(truth, LocatingTruth):
+        expected = "birth or raycast, which locate points where they were not observed"
+        raise SettingsError(f"{measurement.sequence.source}: found truth = {measurement.truth!r}, expected {expected}")
+    camera = measurement.sequence.camera
+    scales = {"256x256": (RASTER_PX / camera.width, RASTER_PX / camera.height), "image": (1.0, 1.0)}
+    rows = []
+    for condition, seen in measurement.observations.group_by(list(ORIGIN), maintain_order=True):
+        labels = dict(zip(ORIGIN, condition, strict=True))
+        points = point_tracks(truth, seen, speed=int(labels["speed"]), n_frames=measurement.n_frames)
+        rows += [labels | {"raster": name} | _metrics(points, scale) for name, scale in scales.items()]
+    return pl.DataFrame(rows, schema=dict(POINT_TRACKING)).with_columns(pl.col(_METRICS).fill_nan(None))
+
+
+def point_tracks(truth: LocatingTruth, seen: pl.DataFrame, *, speed: int, n_frames: int) -> PointTracks:
+    """True positions of all tracks with a known point, in every frame that the tracker saw.
+
+    Parameters
+    ----------
+    truth
+        Of the sequence.
+    seen
+        The observations of one tracker and speed.
+    speed
+        Of the tracker.
+    n_frames
+        Number of frames that were read.
+
+    Raises
+    ------
+    DataError
+        If a depth map cannot be read.
+    """
+    track, column = (seen[name].to_numpy().astype(np.int64) for name in ("track", "frame"))
+    column //= speed
+    shape = int(track.max(initial=-1)) + 1, -(-n_frames // speed)
+    reported = np.full((*shape, 2), np.nan)
+    reported[track, column] = seen.select("u_px", "v_px").to_numpy()
+    first = np.isfinite(reported[..., 0]).argmax(axis=1)
+    world, true_px = np.full((shape[0], 3), np.nan), np.full((*shape, 2), np.nan)
+    status = np.full(shape, TruthStatus.no_pose, dtype=np.int8)
+    anchored = np.zeros(shape[0], dtype=np.bool_)
+    for place in range(shape[1]):
+        new = np.flatnonzero(first == place)
+        world[new], found = truth.anchor(place * speed, reported[new, place])
+        anchored[new] = found == TruthStatus.valid
+        begun = np.flatnonzero(anchored & (first <= place))
+        true_px[begun, place], status[begun, place] = truth.locate(place * speed, world[begun])
+    return PointTracks(
+        reported[anchored],
+        true_px[anchored],
+        (status == TruthStatus.valid)[anchored],
+        (status != TruthStatus.no_pose)[anchored],
+        first[anchored],
+    )
+
+
+def _metrics(points: PointTracks, scale: tuple[float, float]) -> dict[str, Any]:
+    age = expected_feature_age(points, scale)
+    return {"n_points": len(points.first), "expected_feature_age": age, **tap_vid(points, scale)}

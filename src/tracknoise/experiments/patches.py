@@ -9,7 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.sequences.images import encode_webp
-from tracknoise.statistics.tracks.extreme_tracks import extreme_tracks
+from tracknoise.statistics.samples import extreme_tracks
 from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.schema import ORIGIN, PATCHES
 

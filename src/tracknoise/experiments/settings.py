@@ -10,20 +10,20 @@ import tomlkit
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
+from tracknoise.checks import likeliest_problem
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
+from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
 from tracknoise.options import options_schemas
 from tracknoise.plugins import Plugins
-from tracknoise.printable import counted, is_printable
-from tracknoise.problems import likeliest_problem
 from tracknoise.sequences.frame_range import frames_of, require_range
 from tracknoise.tables import defaults
-from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
+from tracknoise.tables.enumerations import Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
-from tracknoise.toml_text import parse_toml
+from tracknoise.text import counted, is_printable, parse_toml
 from tracknoise.truth.accuracies import AccuracyRule
-from tracknoise.truth.scan_rule import ScanAnchoring
+from tracknoise.truth.scan import ScanAnchoring
 
 _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 SYNTHETIC = frozenset({"oracle", "scripted"})
@@ -266,9 +266,9 @@ class FindingsSettings(_Section):
     (`trimmed`), as in the paper. Trimmed errors depend on how many tracks are lost, and on the length of sequences."""
     margin: Annotated[float, Field(gt=0, allow_inf_nan=False)] = defaults.MARGIN
     """Largest relative effect of a factor that counts as no effect."""
-    level: Annotated[float, Field(ge=0.5, le=0.99)] = defaults.LEVEL
+    level: Annotated[float, Field(ge=0.5, le=0.99)] = LEVEL
     """Probability that an interval contains the true value."""
-    intervals: Annotated[IntervalKind, Field(strict=False)] = defaults.KIND_OF_INTERVAL
+    intervals: Annotated[IntervalKind, Field(strict=False)] = KIND_OF_INTERVAL
     """Method of intervals. docs/findings.md names the findings that use another method."""
 
 
@@ -436,8 +436,8 @@ def experiment_schema() -> str:
 
     It has the options of the built-in readers and trackers. Those of plug-ins are not checked.
     """
-    from tracknoise.sequences.registry import READERS
-    from tracknoise.trackers.registry import TRACKERS
+    from tracknoise.sequences.reader_registry import READERS
+    from tracknoise.trackers.tracker_registry import TRACKERS
 
     schema = Experiment.model_json_schema()
     _add_options(schema["$defs"], "DatasetSettings", "reader", READERS)

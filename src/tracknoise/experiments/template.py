@@ -7,10 +7,10 @@ from pathlib import Path
 
 import tomlkit
 
-from tracknoise.printable import counted
-from tracknoise.sequences.registry import READERS, reader_defaults
+from tracknoise.sequences.reader_registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
 from tracknoise.sequences.stereo import with_stereo_depth
+from tracknoise.text import counted
 from tracknoise.trackers.rejection import Model, Rejection
 
 _MOST_NAMED = 6

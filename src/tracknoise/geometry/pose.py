@@ -1,4 +1,11 @@
-"""Rigid transforms as 4x4 matrices, named ``target_from_source``."""
+"""Rigid transforms as 4x4 matrices, poses between those that were recorded, and the nearest of other times.
+
+- Rigid transforms as 4x4 matrices, named ``target_from_source``.
+- Poses at times between those that were recorded.
+- Which of other times is nearest to each time: depths of images, observations of frames.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,3 +123,133 @@ def nearest_rigid(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDAr
     rigid[:, :3, :3] = u @ vt
     rigid[:, 3] = (0.0, 0.0, 0.0, 1.0)
     return rigid, np.abs(rigid - poses)[:, :3, :3].max(axis=(1, 2), initial=0.0)
+
+
+def interpolate_poses(
+    times_s: NDArray[np.float64], poses: NDArray[np.float64], at_s: NDArray[np.float64], *, max_gap_s: float
+) -> NDArray[np.float64]:
+    """Interpolate between the two poses around each time: linear in position, spherically linear in rotation.
+
+    Parameters
+    ----------
+    times_s
+        (n,) float64, seconds, increasing.
+    poses
+        (n, 4, 4) float64, rigid; all NaN where there is no pose. These are left out, as if their times were not given.
+    at_s
+        (m,) float64, seconds, in any order.
+    max_gap_s
+        Longest time between two poses that are interpolated, seconds. A time that equals that of a pose has this pose.
+
+    Returns
+    -------
+    (m, 4, 4) float64
+        NaN for times before the first pose, after the last, or in a longer gap.
+
+    Raises
+    ------
+    ValueError
+        If `times_s` do not increase.
+    """
+    if not np.all(np.diff(times_s) > 0.0):
+        raise ValueError("the times of poses must increase")
+    found = np.full((len(at_s), 4, 4), np.nan)
+    posed = np.isfinite(poses).all(axis=(1, 2))
+    times_s, poses = times_s[posed], poses[posed]
+    if not len(times_s):
+        return found
+    before = np.searchsorted(times_s, at_s, side="right") - 1
+    after = np.minimum(before + 1, len(times_s) - 1)
+    gap_s = times_s[after] - times_s[before]
+    elapsed_s = at_s - times_s[before]
+    inside = (at_s >= times_s[0]) & (at_s <= times_s[-1])
+    known = inside & ((gap_s <= max_gap_s) | (elapsed_s == 0.0))
+    fraction = np.where(gap_s > 0.0, elapsed_s, 0.0) / np.where(gap_s > 0.0, gap_s, 1.0)
+    found[known] = _between(poses, before[known], after[known], fraction[known])
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePath:
+    """Poses at any time: interpolated between frames, and extrapolated beyond the first and the last.
+
+    Parameters
+    ----------
+    times
+        (n,) float64, increasing, n at least 2: the time of each frame, in seconds or in frames.
+    poses
+        (n, 4, 4) float64, rigid; all NaN for a frame without a pose.
+    """
+
+    times: NDArray[np.float64]
+    poses: NDArray[np.float64]
+
+    def at(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses on the line between the two frames around each time, see `interpolate_poses`.
+
+        Before the first frame and after the last, the velocity of the nearest interval goes on.
+
+        Parameters
+        ----------
+        times
+            (m,) float64, in any order.
+
+        Returns
+        -------
+        (m, 4, 4) float64
+            NaN where one of the two frames has no pose; a time that equals that of a frame has the pose of the frame.
+        """
+        before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
+        fraction = (times - self.times[before]) / (self.times[before + 1] - self.times[before])
+        found = np.full((len(times), 4, 4), np.nan)
+        posed = np.asarray(np.isfinite(self.poses).all(axis=(1, 2)))
+        known = posed[before] & posed[before + 1]
+        found[known] = _between(self.poses, before[known], before[known] + 1, fraction[known])
+        for exact, frames in ((fraction == 0.0, before), (fraction == 1.0, before + 1)):
+            found[exact] = self.poses[frames[exact]]
+        return found
+
+
+def _between(
+    poses: NDArray[np.float64],
+    before: NDArray[np.intp],
+    after: NDArray[np.intp],
+    fraction: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Poses at a fraction of the way from one to another, along the shortest rotation, found once for each pair."""
+    if not len(before):
+        return np.empty((0, 4, 4))
+    _, pair, place = np.unique(before, return_index=True, return_inverse=True)
+    start = Rotation.from_matrix(poses[before[pair], :3, :3])
+    end = Rotation.from_matrix(poses[after[pair], :3, :3])
+    step = (start.inv() * end).as_rotvec()[place]
+    found = poses[before]
+    found[:, :3, :3] = (start[place] * Rotation.from_rotvec(fraction[:, None] * step)).as_matrix()
+    found[:, :3, 3] += fraction[:, None] * (poses[after, :3, 3] - poses[before, :3, 3])
+    return found
+
+
+def nearest(times_s: NDArray[np.float64], others_s: NDArray[np.float64], *, max_gap_s: float) -> NDArray[np.intp]:
+    """Find the nearest of other times for each time, of two at the same distance the earlier.
+
+    Parameters
+    ----------
+    times_s
+        (n,) float64, seconds.
+    others_s
+        (k,) float64, seconds, increasing.
+    max_gap_s
+        Largest distance, seconds.
+
+    Returns
+    -------
+    (n,) intp
+        Index of the other of each time; -1 where none is within that distance. One other may be that of several times.
+    """
+    if not len(others_s):
+        return np.full(len(times_s), -1, np.intp)
+    last = len(others_s) - 1
+    after = np.minimum(np.searchsorted(others_s, times_s), last)
+    before = np.maximum(after - 1, 0)
+    index = np.where(np.abs(others_s[after] - times_s) < np.abs(times_s - others_s[before]), after, before)
+    return np.where(np.abs(others_s[index] - times_s) <= max_gap_s, index, -1)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.checks import require
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import CameraModel
 
 _LONGEST_S = 1.0
 """A longer readout is a time in milliseconds."""

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.accuracy import DepthAccuracy
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD
 
 REACH_PX = 15

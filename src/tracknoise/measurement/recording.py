@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.checked_step import check_step
-from tracknoise.trackers.quality import check_quality
-from tracknoise.trackers.tracker import Step
+from tracknoise.trackers.tracker import Step, check_quality, check_step
 
 T = TypeVar("T", bound=np.generic)
 

@@ -12,9 +12,8 @@ from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
 from tracknoise.sequences.sequence import Sequence, camera_at, times_of
 from tracknoise.sequences.views import source_frames
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import dominant_gradient
-from tracknoise.trackers.tracker import NotedTracker, OracleTruth, SequenceContext, Tracker, TrackerSettings
+from tracknoise.trackers.tracker import Frame, NotedTracker, OracleTruth, SequenceContext, Tracker, TrackerSettings
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
 Progress = Callable[[int, int], None]

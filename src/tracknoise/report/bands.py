@@ -1,15 +1,79 @@
-"""Intervals of curves: joined to the values of the curves, rotated with them, and described in words."""
+"""What curves run along, and the bands of their intervals.
 
-from collections.abc import Sequence
+- What curves run along, and its words: the age of a feature, or the frames around the key frame of a scan.
+- Intervals of curves: joined to the values of the curves, rotated with them, and described in words.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.findings.wording import interval_text, listing
-from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.truth.floor import FLOOR_COLUMNS
-from tracknoise.statistics.upright import upright
+from tracknoise import words
+from tracknoise.statistics.definitions import NAMES, POOLED, upright
+from tracknoise.statistics.truth_errors import FLOOR_COLUMNS
 from tracknoise.tables.findings_schema import RESAMPLED
 from tracknoise.tables.schema import Schema
+from tracknoise.words import interval_text, listing
+
+NU, MU, KAPPA = "\N{GREEK SMALL LETTER NU}", "\N{GREEK SMALL LETTER MU}", "\N{GREEK SMALL LETTER KAPPA}"
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """What curves run along, and how the report speaks of it.
+
+    Attributes
+    ----------
+    name
+        As in the tables: age or frame.
+    title
+        Of the horizontal axis of a figure.
+    zero
+        Where errors are zero by construction.
+    distance
+        What the distance from there is called.
+    signs
+        Sign of each statistic, by its role: mean, absolute and second.
+    """
+
+    name: str
+    title: str
+    zero: str
+    distance: str
+    signs: Mapping[str, str]
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """Role of each statistic, by its name in the tables."""
+        return {name: role for role, name in NAMES[self.name].items()}
+
+    def place(self, since: int) -> str:
+        """Write a place by its distance from where errors are zero: ``at age 10``, ``8 frames after the key frame``.
+
+        Parameters
+        ----------
+        since
+            Frames of the sequence; negative before the key frame.
+        """
+        return words.place(self.name, since)
+
+    def opening_place(self, since: int) -> str:
+        """Write a place as `place` does, as the start of a sentence.
+
+        Parameters
+        ----------
+        since
+            As in `place`.
+        """
+        return words.opening_place(self.name, since)
+
+
+AGE = Axis("age", "age (frames of the sequence)", "age 0", "age", {"mean": NU, "absolute": "η", "second": "√Φ"})
+FRAME = Axis(
+    "frame", "frame", "the key frame", "distance from the key frame", {"mean": MU, "absolute": KAPPA, "second": "√Σ"}
+)
+
 
 BOUNDS = ("u_low", "u_high", "v_low", "v_high")
 KIND: Schema = {"level": pl.Float64, "resampled": RESAMPLED, "n_resampled": pl.Int32}
@@ -75,7 +139,7 @@ def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> p
 
 
 def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
-    """As `tracknoise.statistics.upright.upright`, for points with `BOUNDS` and `FLOOR_COLUMNS`, rotated too."""
+    """As `tracknoise.statistics.definitions.upright`, for points with `BOUNDS` and `FLOOR_COLUMNS`, rotated too."""
     values = upright(points, signed=signed)
     low, high = (
         upright(points.with_columns(u=f"u_{end}", v=f"v_{end}"), signed=signed).select("u", "v")

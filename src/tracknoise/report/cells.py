@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.findings.wording import number, percent, pixels
+from tracknoise.words import number, percent, pixels
 
 _CHARACTERS, _GAP = 135, 2
 """Characters in a line of a table that is as wide as the page, and those between two columns."""

@@ -7,7 +7,7 @@ import polars as pl
 from altair.utils.schemapi import debug_mode
 
 from tracknoise.exceptions import FigureError, UnknownNameError
-from tracknoise.report.export import specification
+from tracknoise.report.figure_files import specification
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData

@@ -1,15 +1,19 @@
-"""``contents.json``: the sections, figures and tables of a report, for programs and for other pages."""
+"""The parts of a report: its sections, figures and tables in their order, for the page and for programs.
+
+- ``contents.json``: the sections, figures and tables of a report, for programs and for other pages.
+- The parts of the page in their order: the answer first, then its evidence, and how it was measured last.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from tracknoise.exceptions import StoreError
-from tracknoise.printable import printable
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.text import printable
 
 CONTENTS = "contents.json"
 FORMAT = 1
@@ -112,3 +116,57 @@ def read_contents(report: Path) -> dict[str, Any] | None:
 
 
 _REMEDY = "`tracknoise report` writes it again"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of the page.
+
+    Attributes
+    ----------
+    title
+        Its heading in the table of contents.
+    sections
+        In the order of the page.
+    """
+
+    title: str
+    sections: Sequence[Section]
+
+
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "Answer": ("findings", "estimator"),
+    "Evidence": (
+        *(
+            "explorer",
+            "error-by-tracker",
+            "lifetimes",
+            "outlier-ratio",
+            "gaussianity",
+            "time-structure",
+            "changes",
+            "trimming",
+        ),
+        *("feature-counts", "survivorship-bias", "summary"),
+    ),
+    "Factors": (
+        *("factor-effects", "error-by-speed", "error-by-lighting", "error-by-rotation", "error-by-direction"),
+        *("error-by-place", "along-and-across", "occlusion"),
+    ),
+    "Truth": ("truth", "truth-audit", "pose-errors", "between-trackers"),
+    "Scenes": ("example-frames", "trajectory"),
+    "Method": ("limits", "measured"),
+}
+"""Sections of every part, by title."""
+
+
+def parts(sections: Mapping[str, Section]) -> list[Part]:
+    """The parts that have sections.
+
+    Parameters
+    ----------
+    sections
+        Those of the page, by id.
+    """
+    made = (Part(title, [sections[name] for name in names if name in sections]) for title, names in PARTS.items())
+    return [part for part in made if part.sections]

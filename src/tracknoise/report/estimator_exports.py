@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tracknoise.estimators.export_render import export
+from tracknoise.estimators.exports import FAMILIES, estimators, refused
+from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
-from tracknoise.noise_models.exports.estimators import FAMILIES, estimators, refused
-from tracknoise.noise_models.exports.render import export
-from tracknoise.noise_models.noise_model import NoiseModel
 
 _OPTIONS = {
     "focal length": "--focal FOCAL_PX --allow-focal lens",
@@ -59,7 +59,7 @@ def exports(models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], pat
     Parameters
     ----------
     models, missing, paths
-        As in `tracknoise.noise_models.run_models.RunModels`.
+        As in `tracknoise.estimators.run_models.RunModels`.
     """
     content = {tracker: exported(model, paths[tracker]) for tracker, model in models.items()}
     return Exports(trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content))

@@ -4,19 +4,13 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.estimate import Estimate
-from tracknoise.findings.estimate_text import format_estimate
-from tracknoise.findings.headlines.error_size import first
-from tracknoise.findings.headlines.reported_conditions import (
-    ReportedConditions,
-    curve_bounds,
-    scalar_bounds,
-    scale_estimate,
-)
-from tracknoise.findings.wording import DASH, SELF_REFERENTIAL, SPACE, chance, number
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.error_headlines import first
+from tracknoise.phrases.headline import ReportedConditions, curve_bounds, scalar_bounds, scale_estimate
 from tracknoise.report.cells import Cells
+from tracknoise.report.headline_conditions import reported_conditions
 from tracknoise.report.report_data import ReportData
-from tracknoise.report.reported import reported_conditions
+from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estimate, number
 
 _GROWTH = {"white": "constant", "none": "other"}
 """Words for verdicts that need more than their name."""

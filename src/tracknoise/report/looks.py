@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.tracks.extreme_tracks import KINDS
+from tracknoise.statistics.samples import KINDS
 from tracknoise.tables.defaults import PATCH_PX
 
 MOST_BYTES = 1_300_000

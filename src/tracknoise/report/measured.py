@@ -8,16 +8,16 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.wording import TIMES, count, listing, number, percent
-from tracknoise.report.axis import FRAME
+from tracknoise.report.bands import FRAME
 from tracknoise.report.cells import Cells, cells
 from tracknoise.report.names import MOST_NAMED, by_statement, condition_name, together
 from tracknoise.report.report_data import MOST_CONDITIONS, ReportData
-from tracknoise.statistics.populations import POPULATIONS
+from tracknoise.statistics.prepared import POPULATIONS
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.words import TIMES, count, listing, number, percent
 
 _TRUTHS = {
     "valid": "valid",

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from tracknoise.findings.wording import listing
+from tracknoise.words import listing
 
 MOST_NAMED = 4
 """Of more names than this, only the first few are listed."""

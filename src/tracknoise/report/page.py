@@ -6,38 +6,37 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.atomic import replaced_folder
+from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import StoreError, UnknownNameError
-from tracknoise.noise_models.run_models import run_models
 from tracknoise.report import (
     estimator_exports,
     explorer,
-    export,
-    factor_effects,
+    factor_section,
+    figure_files,
     findings_section,
+    headline_conditions,
     looks,
     measured,
+    small_plots,
     table_files,
-    trimmed,
     truth_section,
 )
-from tracknoise.report.answer import interval_plot
-from tracknoise.report.answer.annotated_frame import annotated_frame
-from tracknoise.report.answer.answer import summarise
-from tracknoise.report.answer.curve_plot import curves, curves_caption
-from tracknoise.report.answer.summary import SUMMARY, Summary, summary_json
-from tracknoise.report.contents import CONTENTS, Section, contents_json
+from tracknoise.report.annotated_frame import annotated_frame
+from tracknoise.report.answer import summarise
+from tracknoise.report.answer_summary import SUMMARY, Summary, summary_json
+from tracknoise.report.contents import CONTENTS, Part, Section, contents_json, parts
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.figures.figure import Figure, require_distinct
-from tracknoise.report.parts import Part, parts
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.small_plots import curves, curves_caption
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
 
 
-def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMATS) -> Path:
+def write_report(run: RunFolder, *, figure_formats: Sequence[str] = figure_files.FORMATS) -> Path:
     """Write the folder ``report/`` of a run. An earlier report is replaced when the new one is complete.
 
-    The folder has ``index.html``, ``summary.json`` (see `tracknoise.report.answer.summary`), ``contents.json`` (see
+    The folder has ``index.html``, ``summary.json`` (see `tracknoise.report.answer_summary`), ``contents.json`` (see
     `tracknoise.report.contents`), ``figures/`` and ``tables/``.
 
     Parameters
@@ -60,8 +59,8 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = export.FORMA
         If there is no such format.
     """
     for name in figure_formats:
-        if name not in export.FORMATS:
-            raise UnknownNameError("figure format", name, export.FORMATS)
+        if name not in figure_files.FORMATS:
+            raise UnknownNameError("figure format", name, figure_files.FORMATS)
     files = _files(ReportData.of(run), tuple(figure_formats))
     return _replace(run.path / "report", files) / "index.html"
 
@@ -74,7 +73,7 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     require_distinct(item for section in sections for item in section.items)
     arranged = parts({section.id: section for section in [*_fixed(data), *sections]})
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
-    specs = {figure.id: export.specification(figure) for figure in figures}
+    specs = {figure.id: figure_files.specification(figure) for figure in figures}
     answered = summarise(data)
     files = _figure_files(specs, formats) | _table_files(data)
     files[CONTENTS] = contents_json(data.name, [one for part in arranged for one in part.sections], formats).encode()
@@ -91,7 +90,7 @@ def _fixed(data: ReportData) -> list[Section]:
         Section("truth", truth_section.TITLE),
         Section("measured", "Measurement"),
         Section("summary", "Summary", tables=exported),
-        Section("factor-effects", factor_effects.heading(data)),
+        Section("factor-effects", factor_section.heading(data)),
         Section("limits", "Reading guide and limits"),
         Section("explorer", "Explorer"),
     ]
@@ -100,7 +99,7 @@ def _fixed(data: ReportData) -> list[Section]:
 def _figure_files(specs: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
     for name, spec in specs.items():
-        files |= {f"figures/{name}.{kind}": content for kind, content in export.render(spec, formats).items()}
+        files |= {f"figures/{name}.{kind}": content for kind, content in figure_files.render(spec, formats).items()}
     return files
 
 
@@ -126,8 +125,8 @@ def _page(
     return template("index.html.j2").render(
         data=data,
         summary=answered,
-        scales=interval_plot.scales(answered.cards),
-        interval_plot=interval_plot,
+        scales=small_plots.scales(answered.cards),
+        interval_plot=small_plots,
         frame=annotated_frame(data),
         curves=curves(data),
         curves_caption=curves_caption(data),
@@ -136,9 +135,9 @@ def _page(
         below={name: family.tables(data) for name, family in families.items()},
         titles={section.id: section.title for part in arranged for section in part.sections},
         measured=measured,
-        factor_effects=factor_effects,
+        factor_effects=factor_section,
         findings_section=findings_section,
-        trimmed=trimmed,
+        trimmed=headline_conditions,
         truth_section=truth_section,
         exports=table_files.EXPORTS,
         noise_exports=estimator_exports.exports(fits.models, missing=fits.missing, paths=fits.paths),
@@ -148,7 +147,7 @@ def _page(
         has_looks=bool(seen["groups"]),
         looked=_embedded(seen),
         formats=formats,
-        vega=export.scripts(),
+        vega=figure_files.scripts(),
     )
 
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings import wording
-from tracknoise.findings.roles import ROLES
-from tracknoise.statistics.factors.factors import FACTORS
+from tracknoise import words
+from tracknoise.analysis.factors import ROLES
+from tracknoise.statistics.yardstick import FACTORS
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
 
-STATISTICS: Mapping[str, str] = {role: name for role, name in wording.STATISTICS.items() if role != "core"}
+STATISTICS: Mapping[str, str] = {role: name for role, name in words.STATISTICS.items() if role != "core"}
 """Rows of the paper's summary tables: name of each statistic by its role."""
 TRACKERS = ("lucas-kanade", "correspondence")
 """Kinds of the trackers that the paper compares."""
@@ -40,7 +40,7 @@ def findings() -> Mapping[str, Mapping[str, Any]]:
 
 
 def stated_claims() -> Sequence[Mapping[str, Any]]:
-    """The claims of its abstract, text, figures and captions (`tracknoise.report.claims`)."""
+    """The claims of its abstract, text, figures and captions (`tracknoise.paper.claim_verdicts`)."""
     entries: Sequence[Mapping[str, Any]] = _document()[_CLAIMS]
     return entries
 
@@ -64,7 +64,7 @@ def finding(experiment: str | None, factor: str, role: str, kind: str | None) ->
     experiment
         Of the paper. None where a run repeats none.
     factor
-        Name in `tracknoise.statistics.factors.effects.FACTORS`.
+        Name in `tracknoise.statistics.yardstick.FACTORS`.
     role
         Name in `STATISTICS`.
     kind
@@ -146,4 +146,4 @@ def _agreement(ours: str | None, said: str | None) -> str | None:
 def _order(trackers: Sequence[str], row: Mapping[str, Any]) -> tuple[int, int, int]:
     tracker = trackers.index(row["tracker"]) if row["tracker"] in trackers else 0
     factor = list(FACTORS).index(row["factor"]) if row["factor"] in FACTORS else len(FACTORS)
-    return factor, tracker, list(wording.STATISTICS).index(row["role"])
+    return factor, tracker, list(words.STATISTICS).index(row["role"])

@@ -7,19 +7,17 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.findings.wording import view_text
 from tracknoise.report import paper, style
-from tracknoise.report.axis import AGE, FRAME, Axis
-from tracknoise.report.bands import BOUNDS, with_bounds
-from tracknoise.statistics.lightings import lightings_in_order
-from tracknoise.statistics.trims import dropped_above
-from tracknoise.statistics.truth.floor import FLOOR_COLUMNS, with_floor
+from tracknoise.report.bands import AGE, BOUNDS, FRAME, Axis, with_bounds
+from tracknoise.statistics.definitions import dropped_above, lightings_in_order
+from tracknoise.statistics.truth_errors import FLOOR_COLUMNS, with_floor
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
 from tracknoise.tables.identity import identifiers
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import CURVES, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.words import view_text
 
 MOST_CONDITIONS = 40
 """More conditions than this are not all listed on the page."""
@@ -45,7 +43,7 @@ class ReportData:
     noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     audit, audit_curves
-        What is wrong with the stated truth, see `tracknoise.tables.audit_schema`.
+        What is wrong with the stated truth, see `tracknoise.tables.findings_schema`.
     """
 
     run: RunFolder
@@ -177,7 +175,7 @@ class ReportData:
 
         Columns u_low, u_high, v_low and v_high hold the bounds. Columns level, resampled and n_resampled hold their
         kind (`tracknoise.report.bands`). All are null where a point has no interval. Columns floor_u and floor_v hold
-        the truth floor (`tracknoise.statistics.truth.floor.with_floor`), second moments as roots, px. Column `role`
+        the truth floor (`tracknoise.statistics.truth_errors.with_floor`), second moments as roots, px. Column `role`
         names the statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from
         where errors are zero by construction, in frames of the sequence.
         """

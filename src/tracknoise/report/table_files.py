@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import polars as pl
 import polars.selectors as cs
 
-from tracknoise.findings.wording import DASH, MINUS, TIMES
-from tracknoise.printable import printable
-from tracknoise.report import factor_effects
+from tracknoise.report import factor_section
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.truth.floor import with_floor
+from tracknoise.statistics.truth_errors import with_floor
+from tracknoise.text import printable
+from tracknoise.words import DASH, MINUS, TIMES
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _LATEX = str.maketrans(
@@ -65,7 +65,7 @@ EXPORTS: tuple[Export, ...] = (
     Export(
         "factor-effects",
         "verdicts on factors",
-        lambda data: factor_effects.side_by_side(data.comparison),
+        lambda data: factor_section.side_by_side(data.comparison),
         ("csv", "tex"),
     ),
     Export("effects", "effects of factors by the paper's yardstick", lambda data: data.effects),

@@ -5,8 +5,8 @@ import re
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from tracknoise.printable import printable
 from tracknoise.report.figures.figure import Figure
+from tracknoise.text import printable
 
 _RAW = {
     "css": "page.css",

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tracknoise.exceptions import DataError, first_line
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import checked_poses, has_pose

@@ -8,13 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel, Intrinsics
 from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.interpolation import PosePath
-from tracknoise.geometry.intrinsics import Intrinsics
-from tracknoise.geometry.pose import invert, transform
+from tracknoise.geometry.pose import PosePath, invert, transform
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.row_poses import RowPoses

@@ -1,21 +1,352 @@
-"""Sequences whose stated truth is wrong in a known way: what an audit of the truth must find."""
+"""Sequences whose stated truth is wrong in a known way: the options, and the wrong cameras, poses and depths.
 
+- Settings of what is wrong with the stated truth of a sequence.
+- Stated cameras, poses and depth maps with faults, from correct ones.
+- Sequences whose stated truth is wrong in a known way: what an audit of the truth must find.
+"""
+
+import math
 import zlib
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import IntEnum
 from functools import cached_property
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
+from annotated_types import Gt
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
 
+from tracknoise.checks import NotNegative, Positive, require, require_bounds, require_finite
+from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import Camera, CameraModel, EquidistantCamera, Intrinsics
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.fault_options import NO_FAULTS, DepthFaults, Faults
-from tracknoise.sequences.faulty_truth import depth_with_lag, require_lag, stated_camera, stated_depth, stated_poses
 from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, camera_at, second_of, shutter_of
 from tracknoise.sequences.views import View
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseNoise:
+    """Random errors of poses, in the frame of the camera: T <- T exp(xi^). All are standard deviations per axis.
+
+    Parameters
+    ----------
+    rotation_deg, position_m
+        White noise, independent from frame to frame: degrees, metres.
+    rotation_walk_deg, position_walk_m
+        Steps of a random walk: degrees and metres per frame. After k frames the error has sqrt(k) times this size.
+
+    Raises
+    ------
+    ValueError
+        If one is negative.
+    """
+
+    rotation_deg: NotNegative = 0.0
+    position_m: NotNegative = 0.0
+    rotation_walk_deg: NotNegative = 0.0
+    position_walk_m: NotNegative = 0.0
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mounting:
+    """Stated poses are those of another sensor, which is fixed to the camera.
+
+    Parameters
+    ----------
+    rotation_deg
+        Rotation vector of the sensor in the frame of the camera, degrees.
+    position_m
+        Position of the sensor in the frame of the camera, metres.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+    """
+
+    rotation_deg: Vector = (0.0, 0.0, 0.0)
+    position_m: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("rotation_deg", "position_m"):
+            value = getattr(self, name)
+            require(all(map(math.isfinite, value)), name, [*value], "three finite numbers")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DepthFaults:
+    """Errors of depth maps.
+
+    Parameters
+    ----------
+    scale, offset_m
+        True depth is scale times stated depth plus offset_m, metres, where no other error is set.
+    noise_m, noise_quadratic_per_m
+        Standard deviation of the noise, sqrt(noise_m^2 + (noise_quadratic_per_m Z^2)^2): metres, 1/m. It is independent
+        from frame to frame, and correlated over a few pixels.
+    step_m
+        Depths are rounded to multiples of this, metres; 0 for none.
+    nearest_m, farthest_m
+        The range of the sensor: there is no depth outside of it, metres; 0 for no limit.
+    lag_frames
+        The depth map of a frame is of a time this many frames earlier. Parts of a frame need a simulated sequence.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible.
+    """
+
+    scale: Positive = 1.0
+    offset_m: float = 0.0
+    noise_m: NotNegative = 0.0
+    noise_quadratic_per_m: NotNegative = 0.0
+    step_m: NotNegative = 0.0
+    nearest_m: NotNegative = 0.0
+    farthest_m: NotNegative = 0.0
+    lag_frames: NotNegative = 0.0
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+        require_finite("offset_m", self.offset_m)
+        in_order = not self.farthest_m or self.farthest_m > self.nearest_m
+        require(in_order, "farthest_m", self.farthest_m, "0, or more than nearest_m")
+
+    @property
+    def noise(self) -> DepthAccuracy:
+        """The noise as an accuracy."""
+        return DepthAccuracy(self.noise_m, 0.0, self.noise_quadratic_per_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Faults:
+    """What is wrong with the stated truth of a sequence. Images stay as they are.
+
+    Parameters
+    ----------
+    clock_s, clock_frames
+        Clock offset tau between images and poses, in seconds or in frames: the stated pose at the time of a frame plus
+        tau fits its image. Between frames poses are interpolated.
+    focal
+        The stated focal lengths are the true ones times 1 + focal.
+    principal_point_px
+        What is added to the stated principal point, px.
+    k1
+        What is added to the first coefficient of the stated distortion, of a radtan or equidistant lens.
+    hide_shutter
+        A rolling shutter is stated to be a global shutter.
+    poses, mounting, depth
+        Errors of poses, the sensor that they belong to, and errors of depth maps.
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible, or the clock offset is given twice.
+    """
+
+    clock_s: float = 0.0
+    clock_frames: float = 0.0
+    focal: Annotated[float, Gt(-1)] = 0.0
+    principal_point_px: tuple[float, float] = (0.0, 0.0)
+    k1: float = 0.0
+    hide_shutter: bool = False
+    poses: PoseNoise = field(default_factory=PoseNoise)
+    mounting: Mounting = field(default_factory=Mounting)
+    depth: DepthFaults = field(default_factory=DepthFaults)
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+        for name in ("clock_s", "clock_frames", "k1"):
+            require_finite(name, getattr(self, name))
+        require(not (self.clock_s and self.clock_frames), "clock_frames", self.clock_frames, "0, as clock_s is given")
+        shift = self.principal_point_px
+        require(all(map(math.isfinite, shift)), "principal_point_px", [*shift], "two finite numbers")
+
+    @property
+    def move_poses(self) -> bool:
+        """Whether stated poses differ from those given."""
+        clock = self.clock_s or self.clock_frames
+        return bool(clock) or self.poses != PoseNoise() or self.mounting != Mounting()
+
+    def planted(self) -> tuple[str, ...]:
+        """The settings that differ from the defaults, such as ``depth.lag_frames = 1.0``."""
+        return tuple(f"{name} = {value}" for name, value in _changed(self, ""))
+
+
+NO_FAULTS = Faults()
+
+
+def _changed(settings: object, prefix: str) -> Iterator[tuple[str, object]]:
+    """Settings that differ from their defaults, with those of nested settings."""
+    default = type(settings)()
+    for item in fields(settings):  # type: ignore[arg-type]
+        value = getattr(settings, item.name)
+        if is_dataclass(value):
+            yield from _changed(value, f"{prefix}{item.name}.")
+        elif value != getattr(default, item.name):
+            yield prefix + item.name, [*value] if isinstance(value, tuple) else value
+
+
+_NOISE_PX = 2.0
+"""Depth noise is white noise blurred by this sigma, px: as that of stereo and structured light, it hardly changes
+between neighbouring pixels, so that interpolation does not make it smaller."""
+_NO_DISTORTION = (0.0, 0.0, 0.0, 0.0)
+
+
+@runtime_checkable
+class DepthAtAnyTime(Protocol):
+    """A sequence that has depth between its frames."""
+
+    def depth_at(self, frame: float) -> DepthMap:
+        """Depth at a time in frames."""
+        ...
+
+
+def stated_camera(camera: CameraModel, faults: Faults) -> CameraModel:
+    """The camera with the wrong focal length, principal point and distortion.
+
+    Raises
+    ------
+    SettingsError
+        If the camera has no such parameter.
+    """
+    du, dv = faults.principal_point_px
+    if not (faults.focal or faults.k1 or du or dv):
+        return camera
+    if not isinstance(camera, Intrinsics):
+        raise SettingsError(f"faults: found a camera {type(camera).__name__}, expected one with a focal length")
+    ratio = 1.0 + faults.focal
+    wrong = replace(camera, fx=camera.fx * ratio, fy=camera.fy * ratio, cx=camera.cx + du, cy=camera.cy + dv)
+    return _distorted(wrong, faults.k1) if faults.k1 else wrong
+
+
+def _distorted(camera: Intrinsics, k1: float) -> Intrinsics:
+    """The camera with another first coefficient."""
+    if isinstance(camera, EquidistantCamera):
+        first, k2, k3, k4 = camera.distortion
+        return replace(camera, distortion=(first + k1, k2, k3, k4))
+    if isinstance(camera, Camera):
+        first, *others = camera.distortion or _NO_DISTORTION
+        return replace(camera, distortion=(first + k1, *others))
+    raise SettingsError(f"faults.k1 = {k1}: found a {type(camera).__name__}, expected a radtan or equidistant lens")
+
+
+def stated_poses(sequence: Sequence, faults: Faults, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(n, 4, 4) float64: poses with the wrong clock, of the wrong sensor, and with noise, in this order.
+
+    Parameters
+    ----------
+    sequence
+        With correct poses.
+    faults
+        What is wrong.
+    rng
+        Of the noise. The noise of a frame does not depend on the number of frames.
+
+    Raises
+    ------
+    SettingsError
+        If a clock offset is in seconds and the sequence has no times, or there is only one frame.
+    """
+    poses = _at_other_times(sequence, faults) @ _camera_from_sensor(faults.mounting)
+    return poses @ _noise(len(sequence), faults.poses, rng)
+
+
+def _at_other_times(sequence: Sequence, faults: Faults) -> NDArray[np.float64]:
+    """Poses of the times of frames less the clock offset."""
+    poses, offset = sequence.world_from_camera, faults.clock_s or faults.clock_frames
+    if not offset:
+        return poses
+    times = sequence.timestamps_s if faults.clock_s else np.arange(len(sequence), dtype=np.float64)
+    if times is None:
+        raise SettingsError(f"faults.clock_s = {offset}: {sequence.source} has no times, expected clock_frames")
+    if len(times) == 1:
+        raise SettingsError(f"faults: found a clock offset and a single frame in {sequence.source}, expected several")
+    return PosePath(times, poses).at(times - offset)
+
+
+def _camera_from_sensor(mounting: Mounting) -> NDArray[np.float64]:
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec(mounting.rotation_deg, degrees=True).as_matrix()
+    pose[:3, 3] = mounting.position_m
+    return pose
+
+
+def _noise(count: int, noise: PoseNoise, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(n, 4, 4) float64: small motions in the frame of the camera."""
+    chance = rng.standard_normal((count, 4, 3))
+    walk = np.cumsum(chance[:, 2:], axis=0)
+    turned_deg = noise.rotation_deg * chance[:, 0] + noise.rotation_walk_deg * walk[:, 0]
+    motions = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
+    motions[:, :3, :3] = Rotation.from_rotvec(turned_deg, degrees=True).as_matrix()
+    motions[:, :3, 3] = noise.position_m * chance[:, 1] + noise.position_walk_m * walk[:, 1]
+    return motions
+
+
+def require_lag(sequence: Sequence, lag_frames: float) -> None:
+    """Check that a sequence has depth this many frames earlier.
+
+    Raises
+    ------
+    SettingsError
+        If that lies between frames and the sequence has depth of its frames only.
+    """
+    if lag_frames != int(lag_frames) and not isinstance(sequence, DepthAtAnyTime):
+        raise SettingsError(f"faults.depth.lag_frames = {lag_frames}: expected a whole number of frames")
+
+
+def depth_with_lag(sequence: Sequence, index: int, lag_frames: float) -> DepthMap | None:
+    """Depth of a time some frames earlier; None before the first frame, unless the sequence has depth at any time."""
+    if lag_frames and isinstance(sequence, DepthAtAnyTime):
+        return sequence.depth_at(index - lag_frames)
+    earlier = index - int(lag_frames)
+    return sequence.depth(earlier) if earlier >= 0 else None
+
+
+def stated_depth(depth: DepthMap, faults: DepthFaults, rng: np.random.Generator) -> DepthMap:
+    """The depth map with wrong scale and offset, noise and rounding, in this order, within the range of the sensor.
+
+    Depths that are not positive afterwards, or out of range, are not valid. The accuracy of the map includes noise and
+    rounding, so that these do not make visible points count as occluded.
+    """
+    true_m = np.where(depth.valid, depth.depth_m, 1.0).astype(np.float64)
+    stated = (true_m - faults.offset_m) / faults.scale
+    sigma_m = faults.noise.sigma_m(stated)
+    if np.any(sigma_m):
+        stated = stated + sigma_m * _smooth_noise(stated.shape, rng)
+    if faults.step_m:
+        stated = np.rint(stated / faults.step_m) * faults.step_m
+    valid = depth.valid & (stated > 0.0) & (stated >= faults.nearest_m)
+    if faults.farthest_m:
+        valid &= stated <= faults.farthest_m
+    return replace(depth, depth_m=stated, valid=valid, accuracy=_accuracy(depth.accuracy, faults))
+
+
+def _smooth_noise(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Noise of standard deviation 1 that is correlated over a few pixels."""
+    white = rng.standard_normal(shape)
+    impulse = np.zeros(shape)
+    impulse[0, 0] = 1.0
+    response = np.linalg.norm(gaussian_filter(impulse, _NOISE_PX, mode="wrap"))
+    return np.asarray(gaussian_filter(white, _NOISE_PX, mode="wrap") / response, dtype=np.float64)
+
+
+def _accuracy(given: DepthAccuracy, faults: DepthFaults) -> DepthAccuracy:
+    """Accuracy of the map with noise, and with the error of rounding, which is uniform."""
+    constant = float(np.linalg.norm([given.constant_m, faults.noise_m, faults.step_m / np.sqrt(12.0)]))
+    quadratic = float(np.hypot(given.quadratic_per_m, faults.noise_quadratic_per_m))
+    return DepthAccuracy(constant, given.relative, quadratic)
 
 
 class _Stream(IntEnum):

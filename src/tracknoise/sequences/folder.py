@@ -18,22 +18,17 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, Positive, require_bounds
 from tracknoise.exceptions import DataError
-from tracknoise.foreign.files import is_regular_file
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.foreign_files import is_regular_file
+from tracknoise.geometry.cameras import COEFFICIENTS, CameraModel, KnownCamera, model_of
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.lenses import COEFFICIENTS, KnownCamera, model_of
 from tracknoise.geometry.pose import position_rows
-from tracknoise.sequences.camera_files.camera_file import CameraFile
-from tracknoise.sequences.camera_files.read import read_camera_file
-from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import first_readable, image_size, read_depth_png16, require_levels
-from tracknoise.sequences.new_folder import new_folder
-from tracknoise.sequences.numpy_depth import read_depth_npy
-from tracknoise.sequences.pinhole import only_camera
+from tracknoise.sequences.camera_files import CameraFile, read_camera_file
+from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
-from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
 from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
+from tracknoise.sequences.writing import new_folder, only_camera
 from tracknoise.tables.identity import SequenceId
 
 _IMAGES, _DEPTH, _POSES, _CAMERA, _TIMES = "images", "depth", "poses.txt", "camera.json", "timestamps.txt"

@@ -4,7 +4,7 @@ from collections.abc import Sequence as Items
 from numbers import Integral
 
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.printable import counted
+from tracknoise.text import counted
 
 EXPECTED = "first, last and step: whole numbers with 0 <= first < last and step >= 1"
 _FEWEST, _PARTS = 2, (2, 3)

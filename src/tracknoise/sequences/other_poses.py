@@ -1,4 +1,8 @@
-"""A sequence with other poses of the same images, such as those of another estimator."""
+"""Poses of the same recording from elsewhere: of another estimator, or at times without a frame.
+
+- A sequence with other poses of the same images, such as those of another estimator.
+- Poses of a recording at times at which a sequence has no frame.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,14 +13,12 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.association import nearest
-from tracknoise.geometry.pose import invert, transform
-from tracknoise.printable import counted
+from tracknoise.geometry.pose import PosePath, invert, nearest, transform
 from tracknoise.sequences.poses import read_rows, require_some_poses
-from tracknoise.sequences.sequence import Scan, SecondCamera, Sequence, second_of
-from tracknoise.sequences.timed.order import require_seconds
-from tracknoise.sequences.timed.trajectory import poses_at, trajectory
+from tracknoise.sequences.sequence import Scan, SecondCamera, Sequence, path_of, second_of, times_of
+from tracknoise.sequences.timed_poses import poses_at, require_seconds, trajectory
 from tracknoise.sequences.views import View
+from tracknoise.text import counted
 
 _COLUMNS = "timestamp tx ty tz qx qy qz qw"
 LONGEST_GAP_S = 0.1
@@ -140,3 +142,28 @@ def _by_time(
     same = nearest(frames_s, recorded.times_s, max_gap_s=_SAME_TIME_S)
     at_s = np.where(same >= 0, recorded.times_s[same], frames_s)
     return poses_at(recorded, at_s, max_gap_s=LONGEST_GAP_S)[0]
+
+
+_SAME_TIME = 1e-6
+"""Times are the same if they differ by less than this share of the time between frames: a velocity between them would
+be one of rounding."""
+
+
+def path_between_frames(sequence: Sequence, n_frames: int) -> PosePath | None:
+    """Poses over time that are not those of the first frames of a sequence; None where there are none.
+
+    Parameters
+    ----------
+    sequence
+        The sequence.
+    n_frames
+        How many of its frames are read.
+    """
+    path, times = path_of(sequence), times_of(sequence)
+    if path is None or times is None or n_frames < 2:
+        return None
+    read = times[:n_frames]
+    after = np.clip(np.searchsorted(read, path.times), 1, n_frames - 1)
+    apart = np.minimum(np.abs(path.times - read[after - 1]), np.abs(path.times - read[after]))
+    other = apart > _SAME_TIME * float(np.median(np.diff(read)))
+    return PosePath(path.times[other], path.poses[other]) if other.any() else None

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, DataWarning
-from tracknoise.foreign.files import read_text
+from tracknoise.foreign_files import read_text
 from tracknoise.geometry.pose import from_quaternion, nearest_rigid
-from tracknoise.printable import counted, significant
+from tracknoise.text import counted, significant
 
 RIGID_TOLERANCE = 0.05
 """Largest deviation of a rotation's singular values, or of a quaternion's norm, from 1.

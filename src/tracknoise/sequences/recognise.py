@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tracknoise.exceptions import DataError
-from tracknoise.foreign.files import is_folder, is_regular_file
-from tracknoise.sequences.registry import READERS
+from tracknoise.foreign_files import is_folder, is_regular_file
+from tracknoise.sequences.reader_registry import READERS
 
 _MOST_ENTRIES, _MOST_LEVELS = 20_000, 6
 

@@ -1,21 +1,28 @@
-"""A recorded sequence. Its images and depths are read one frame at a time, from files or any other source."""
+"""A recorded sequence whose images and depths are read one frame at a time, from files or anything else.
 
-from collections.abc import Callable, Iterator, Sized
+- A recorded sequence. Its images and depths are read one frame at a time, from files or any other source.
+- Images and depths that are files, one for each frame: what `RecordedSequence` calls to read a frame.
+- Names of image files that have no numbers of frames: their folders.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sized
 from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.interpolation import PosePath
+from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.printable import counted
+from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.poses import require_some_poses
-from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind
+from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, require_directory
 from tracknoise.tables.identity import SequenceId
+from tracknoise.text import counted, counted_of
 
 ImageSource = Callable[[int], NDArray[np.uint8]]
 DepthSource = Callable[[int], DepthMap | None]
@@ -37,7 +44,7 @@ class RecordedSequence:
         (n, 4, 4) float64, rigid: one pose for each frame, all NaN for a frame without a pose.
     images
         Reads the image of a frame from its index: (height, width) uint8. It must be possible to pickle it. If it has a
-        length, that must be n. `tracknoise.sequences.frame_files.ImageFiles` reads files.
+        length, that must be n. `tracknoise.sequences.recorded.ImageFiles` reads files.
     depths
         Reads the depth of a frame in the same way, None for a frame without depth; or None where no frame has any.
     notes
@@ -171,3 +178,101 @@ class RecordedSequence:
 
 def _increase(times_s: NDArray[np.float64]) -> bool:
     return bool(np.isfinite(times_s).all() and np.all(np.diff(times_s) > 0.0))
+
+
+DepthReader = Callable[[Path, CameraModel], DepthMap]
+"""Reads one depth file: a module's function, or a `functools.partial` of one, so that it can be pickled."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImageFiles:
+    """Reads the image of a frame from its file.
+
+    Parameters
+    ----------
+    paths
+        One file for each frame.
+    camera
+        Whose size the images must have.
+    levels
+        Values of 16-bit images that become 0 and 255; None where all images must have 8 bits.
+    as_stored
+        Whether what EXIF data say of the orientation is ignored, as the program that made the poses did.
+    """
+
+    paths: tuple[Path, ...]
+    camera: CameraModel
+    levels: Levels | None = None
+    as_stored: bool = False
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __call__(self, index: int) -> NDArray[np.uint8]:
+        """(height, width) uint8: see `tracknoise.sequences.images.read_gray`."""
+        return read_gray(self.paths[index], self.camera, levels=self.levels, as_stored=self.as_stored)
+
+
+@dataclass(frozen=True, slots=True)
+class DepthFiles:
+    """Reads the depth of a frame from its file.
+
+    Parameters
+    ----------
+    paths
+        One file for each frame, None for a frame without depth.
+    camera
+        Whose size the depth maps must have.
+    read
+        Reads one file.
+    """
+
+    paths: tuple[Path | None, ...]
+    camera: CameraModel
+    read: DepthReader
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __call__(self, index: int) -> DepthMap | None:
+        """Depth of one frame, or None where it has none.
+
+        Raises
+        ------
+        DataError
+            If the file is missing, damaged or of another size than the camera's.
+        """
+        path = self.paths[index]
+        return None if path is None else self.read(path, self.camera)
+
+
+def depth_files(paths: tuple[Path | None, ...], camera: CameraModel, read: DepthReader) -> DepthFiles | None:
+    """What reads the depths of a sequence; None where no frame has any."""
+    return DepthFiles(paths, camera, read) if any(paths) else None
+
+
+def depth_notes(paths: tuple[Path | None, ...]) -> tuple[str, ...]:
+    """A sentence if there are frames without depth."""
+    missing = paths.count(None)
+    have = counted_of(missing, len(paths), "frame", "has", "have")
+    return (f"{have} no depth",) if missing else ()
+
+
+_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
+
+
+def folders_of(names: Iterable[str]) -> list[str]:
+    """Folders of files, sorted; "." for files without."""
+    return sorted({str(PurePosixPath(name).parent) for name in names})
+
+
+def image_names(root: Path, folder: str) -> list[str]:
+    """Names of the image files in a folder below another, without those in deeper folders and hidden ones.
+
+    Raises
+    ------
+    DataError
+        If there is no such folder.
+    """
+    files = (path for path in require_directory(root / folder).iterdir() if path.suffix.lower() in _SUFFIXES)
+    return [path.relative_to(root).as_posix() for path in files if not path.name.startswith(".")]

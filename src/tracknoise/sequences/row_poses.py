@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.interpolation import PosePath
+from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.printable import significant
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence, path_of, shutter_of, times_of
+from tracknoise.text import significant
 
 _MS = 1000.0
 

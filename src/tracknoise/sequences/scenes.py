@@ -1,4 +1,8 @@
-"""Find the scenes of a data set in a tree of folders, and the frames of a scene, from file names alone."""
+"""The scenes of a data set in a tree of folders, and how the user gives an option of a reader.
+
+- Find the scenes of a data set in a tree of folders, and the frames of a scene, from file names alone.
+- How the user gives an option of a reader, for the errors that an option avoids.
+"""
 
 import os
 import re
@@ -134,3 +138,8 @@ def _instead(folder: Path) -> str:
 
 def _scene_name(root: Path, folder: Path) -> str:
     return root.resolve().name if folder == root else folder.relative_to(root).as_posix()
+
+
+def with_option(name: str, value: str) -> str:
+    """``--option image_topic=/cam0, or image_topic in [dataset.options]``: on the command line, or in an experiment."""
+    return f"--option {name}={value}, or {name} in [dataset.options]"

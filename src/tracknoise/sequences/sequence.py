@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
-from tracknoise.foreign.files import is_folder, is_regular_file
+from tracknoise.foreign_files import is_folder, is_regular_file
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.interpolation import PosePath
+from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.tables.identity import SequenceId
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.accuracy import DepthAccuracy
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.interpolation import PosePath
-from tracknoise.geometry.rectification import Rectification, origins, rectify
+from tracknoise.geometry.pose import PosePath
+from tracknoise.geometry.projection import Rectification, origins, rectify
 from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, path_of, second_of
 from tracknoise.sequences.views import View
 

@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.accuracy import EXACT_POSE, DepthAccuracy
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.frame_files import DepthReader, ImageFiles, depth_files, depth_notes
-from tracknoise.sequences.images import first_readable, image_size, read_depth_png_float32
-from tracknoise.sequences.numpy_depth import read_depth_npy
+from tracknoise.geometry.cameras import Camera
+from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png_float32
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
-from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
 from tracknoise.tables.identity import SequenceId
 

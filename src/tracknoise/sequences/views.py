@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.interpolation import PosePath
+from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.frame_range import frame_range, range_note
 from tracknoise.sequences.sequence import (

@@ -1,12 +1,26 @@
-"""Settings of how a simulated camera takes images: shutter, exposure, gain, noise and compression."""
+"""How a simulated camera takes images: shutter, exposure, gain, noise and compression.
+
+- Settings of how a simulated camera takes images: shutter, exposure, gain, noise and compression.
+- Poses from which the rows of an image are taken: at the time of each row, and during the exposure.
+- From irradiance to grey levels: gain, vignetting, fixed pattern, noise, rounding and compression.
+- Independent streams of random numbers of a simulation.
+"""
 
 import math
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Annotated
 
+import cv2
+import numpy as np
 from annotated_types import Ge, Le
+from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, Positive, Share, require, require_bounds
+from tracknoise.geometry.cameras import CameraModel, Intrinsics
+from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 
 _MOST_RENDERS = 64
@@ -120,3 +134,192 @@ class Imaging:
 
 NO_EFFECTS = Imaging()
 """A global shutter, a short exposure, and no noise but that of the reader's `noise_sigma`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraPath:
+    """The path of a camera between its frames (truth.shutter).
+
+    Between frames the position is linear in time and the rotation spherically linear. Times are counted in frames.
+
+    Parameters
+    ----------
+    world_from_camera
+        (n, 4, 4) float64: the pose of each frame; n at least 2 if poses between frames are requested.
+    imaging
+        Rate, shutter and exposure.
+    """
+
+    world_from_camera: NDArray[np.float64]
+    imaging: Imaging
+
+    def of_rows(self, frame: float, camera: CameraModel, *, late_s: float = 0.0) -> NDArray[np.float64]:
+        """Pose of an image: (4, 4) float64, or (height, 4, 4), one for each row, with a rolling shutter.
+
+        Parameters
+        ----------
+        frame
+            Time of the middle of the image, in frames; times before the first and after the last frame are allowed.
+        camera
+            Of the image.
+        late_s
+            Seconds after this time.
+        """
+        rows = np.arange(camera.height, dtype=np.float64)
+        return self._at(frame, camera, np.stack([np.zeros_like(rows), rows], axis=-1), late_s)
+
+    def of_pixels(self, frame: float, camera: CameraModel, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose of pixels (n, 2): (4, 4) float64, or (n, 4, 4) with a rolling shutter. Parameters as for `of_rows`."""
+        return self._at(frame, camera, uv, 0.0)
+
+    def during_exposure(self, frame: float, camera: CameraModel) -> Iterator[NDArray[np.float64]]:
+        """Poses of the images whose mean is taken, each as from `of_rows`."""
+        if not self.imaging.exposure_s:
+            yield self.of_rows(frame, camera)
+            return
+        count = self.imaging.exposure_renders
+        for index in range(count):
+            late_s = self.imaging.exposure_s * ((index + 0.5) / count - 0.5)
+            yield self.of_rows(frame, camera, late_s=late_s)
+
+    def _at(self, frame: float, camera: CameraModel, uv: NDArray[np.float64], late_s: float) -> NDArray[np.float64]:
+        shutter = self.imaging.shutter
+        if shutter is not None:
+            return self._between(frame + (shutter.delays_s(camera, uv) + late_s) * self.imaging.rate_hz)
+        time = frame + late_s * self.imaging.rate_hz
+        if time == int(time) and 0 <= time < len(self.world_from_camera):
+            return np.asarray(self.world_from_camera[int(time)])
+        return np.asarray(self._between(np.array([time]))[0])
+
+    def _between(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        return PosePath(np.arange(len(self.world_from_camera), dtype=np.float64), self.world_from_camera).at(times)
+
+
+_FULL = np.float32(255.0)
+
+
+class Sensor:
+    """A sensor with a lens that vignettes, and the compression of its images.
+
+    Parameters
+    ----------
+    camera
+        Size of the images and principal point.
+    imaging
+        Effects. Shutter and exposure time are not effects of the sensor.
+    noise_sigma
+        Standard deviation of the Gaussian sensor noise, grey levels.
+    pattern
+        Random generator of the fixed pattern, which is the same in all images.
+    """
+
+    def __init__(
+        self, camera: Intrinsics, imaging: Imaging, *, noise_sigma: float, pattern: np.random.Generator
+    ) -> None:
+        self._imaging, self._noise_sigma = imaging, noise_sigma
+        shape = (camera.height, camera.width)
+        sensitivity, offset = pattern.standard_normal((2, *shape), dtype=np.float32)
+        falloff = _vignetting(camera, imaging.vignetting)
+        self._response = falloff * (np.float32(1.0) + np.float32(imaging.prnu) * sensitivity)
+        self._offset = np.float32(imaging.dsnu) * offset
+
+    def image(self, irradiance: NDArray[np.float32], index: int, rng: np.random.Generator) -> NDArray[np.uint8]:
+        """Image of one frame.
+
+        Parameters
+        ----------
+        irradiance
+            (height, width) float32, 1 is the sensor's full range.
+        index
+            Frame, on which the gain depends.
+        rng
+            Random generator of the noise.
+
+        Returns
+        -------
+        (height, width) uint8
+        """
+        brightness = np.float32(self._imaging.auto_exposure.brightness(index))
+        seen = irradiance * (brightness * np.maximum(self._response, 0.0))
+        grain = photon_noise(seen, self._imaging.photon_gain, rng) + self._offset / _FULL
+        image = expose(grain, self._noise_sigma, rng)
+        return compressed(image, self._imaging.jpeg_quality) if self._imaging.jpeg_quality else image
+
+
+def photon_noise(irradiance: NDArray[np.float32], gain: float, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Irradiance with photon noise: its variance at grey level I is gain I, grey levels squared.
+
+    Parameters
+    ----------
+    irradiance
+        (height, width) float32, not negative, 1 is the sensor's full range.
+    gain
+        Grey levels per electron; 0 for no noise.
+    rng
+        Random generator.
+    """
+    if gain == 0.0:
+        return irradiance
+    electrons = rng.poisson(irradiance.astype(np.float64) * (float(_FULL) / gain))
+    return (electrons * (gain / float(_FULL))).astype(np.float32)
+
+
+def expose(irradiance: NDArray[np.float32], noise_sigma: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Image that the sensor delivers.
+
+    Parameters
+    ----------
+    irradiance
+        (height, width) float32, 1 is the sensor's full range.
+    noise_sigma
+        Standard deviation of the Gaussian sensor noise, grey levels.
+    rng
+        Random generator of the noise.
+
+    Returns
+    -------
+    (height, width) uint8
+        Rounded, and clipped to 0..255.
+    """
+    grey = irradiance * _FULL
+    if noise_sigma > 0.0:
+        grey += np.float32(noise_sigma) * rng.standard_normal(grey.shape, dtype=np.float32)
+    levels: NDArray[np.uint8] = np.clip(np.rint(grey), 0.0, 255.0).astype(np.uint8)
+    return levels
+
+
+def compressed(image: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+    """An image after JPEG compression and decompression.
+
+    Parameters
+    ----------
+    image
+        (height, width) uint8.
+    quality
+        1 to 100.
+    """
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+
+
+def _vignetting(camera: Intrinsics, loss: float) -> NDArray[np.float32]:
+    """(height, width) float32: share of the light that reaches each pixel."""
+    v, u = np.indices((camera.height, camera.width), dtype=np.float64)
+    squared = np.square(u - camera.cx) + np.square(v - camera.cy)
+    return np.asarray(1.0 - loss * squared / squared.max(), dtype=np.float32)
+
+
+class Stream(IntEnum):
+    """What random numbers are for."""
+
+    world = 0
+    path = 1
+    noise = 2
+    second_noise = 3
+    pattern = 4
+    second_pattern = 5
+
+
+def generator(seed: int, stream: Stream, name: str, index: int = 0) -> np.random.Generator:
+    """A generator that depends only on its arguments, so that frames can be rendered in any order."""
+    return np.random.default_rng([seed, stream, zlib.crc32(name.encode()), index])

@@ -1,12 +1,21 @@
-"""The world that is rendered: triangles with textures.
+"""The world that is rendered: triangles with textures, flat rectangles of them, and notes on what differs from a model.
+
+- Flat rectangles with textures, from which worlds are built.
+- Worlds with notes: move and merge them.
+
+The world that is rendered: triangles with textures.
 
 World frame: x east, y north, z up, metres. Textures hold reflectance, 0 (black) to 1 (white).
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.geometry.pose import transform
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,3 +106,159 @@ def _cross(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 def _require_range(name: str, values: NDArray[np.int64], count: int) -> None:
     if np.any((values < 0) | (values >= count)):
         raise ValueError(f"{name} must lie in 0..{count - 1}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quad:
+    """A rectangle or parallelogram, described as seen from its front.
+
+    Parameters
+    ----------
+    corner
+        (3,) float64, upper left corner, metres, world frame.
+    right, down
+        (3,) float64, upper and left edge from that corner, metres.
+    texture
+        Index of the texture.
+    repeat_m
+        Size of one repeat of the texture, metres.
+    start
+        Texture coordinates of the upper left corner, repeats.
+    blocks_light
+        Whether it casts a shadow.
+    """
+
+    corner: NDArray[np.float64]
+    right: NDArray[np.float64]
+    down: NDArray[np.float64]
+    texture: int = 0
+    repeat_m: float = 1.0
+    start: tuple[float, float] = (0.0, 0.0)
+    blocks_light: bool = True
+
+    def dressed(self, texture: int, *, repeat_m: float, start: tuple[float, float]) -> "Quad":
+        """The same rectangle with another texture."""
+        return replace(self, texture=texture, repeat_m=repeat_m, start=start)
+
+    def reversed(self) -> "Quad":
+        """The same rectangle, facing the other way."""
+        return replace(self, corner=self.corner + self.right, right=-self.right)
+
+    def turned(self) -> "Quad":
+        """The same rectangle with its texture rotated by 90 degrees clockwise."""
+        return replace(self, corner=self.corner + self.right, right=self.down, down=-self.right)
+
+    def pieces(self, count: int) -> "Iterator[Quad]":
+        """The same rectangle with its texture, cut into `count` pieces along each side."""
+        right, down = self.right / count, self.down / count
+        columns, rows = (np.linalg.norm([right, down], axis=1) / self.repeat_m).tolist()
+        for row in range(count):
+            for column in range(count):
+                start = (self.start[0] + column * columns, self.start[1] + row * rows)
+                corner = self.corner + column * right + row * down
+                yield replace(self, corner=corner, right=right, down=down, start=start)
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """(4, 3) float64: corners counter-clockwise from the upper left, metres."""
+        below = self.corner + self.down
+        return np.stack([self.corner, below, below + self.right, self.corner + self.right])
+
+    @property
+    def corner_uv(self) -> NDArray[np.float64]:
+        """(4, 2) float64: texture coordinates of the corners, repeats."""
+        columns, rows = np.array([np.linalg.norm(self.right), np.linalg.norm(self.down)]) / self.repeat_m
+        uv: NDArray[np.float64] = np.array([[0.0, 0.0], [0.0, rows], [columns, rows], [columns, 0.0]]) + self.start
+        return uv
+
+
+def box(centre: NDArray[np.float64], half_m: NDArray[np.float64], rotation: Rotation) -> Iterator[Quad]:
+    """The six faces of a box, facing out. Textures of vertical faces are upright.
+
+    Parameters
+    ----------
+    centre
+        (3,) float64, metres, world frame.
+    half_m
+        (3,) float64, half of its size along its own axes.
+    rotation
+        From the axes of the box to those of the world.
+    """
+    x, y, z = np.diag(half_m)
+    for outward, right, down in ((-y, x, -z), (y, -x, -z), (x, y, -z), (-x, -y, -z), (z, x, -y), (-z, x, y)):
+        corner, right, down = rotation.apply([outward - right - down, 2 * right, 2 * down])
+        yield Quad(centre + corner, right, down)
+
+
+def assemble(quads: Sequence[Quad], textures: tuple[NDArray[np.float32], ...]) -> World:
+    """Build a world from quads: each becomes two triangles.
+
+    Parameters
+    ----------
+    quads
+        In any order.
+    textures
+        As in `tracknoise.simulation.world.World`.
+    """
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    faces = (4 * np.arange(len(quads))[:, None, None] + halves).reshape(-1, 3)
+    uv = np.concatenate([quad.corner_uv for quad in quads])
+    return World(
+        vertices=np.concatenate([quad.corners for quad in quads]),
+        faces=faces,
+        corner_uv=uv[faces],
+        texture=np.repeat([quad.texture for quad in quads], 2),
+        textures=textures,
+        blocks_light=np.repeat([quad.blocks_light for quad in quads], 2),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenery:
+    """A world with notes.
+
+    Parameters
+    ----------
+    world
+        The world.
+    notes
+        Things that were left out, replaced or used, one sentence each.
+    """
+
+    world: World
+    notes: tuple[str, ...] = ()
+
+
+def moved(world: World, pose: NDArray[np.float64]) -> World:
+    """Move a world.
+
+    Parameters
+    ----------
+    world
+        The world to move.
+    pose
+        (4, 4) float64, rigid, from the old to the new position.
+    """
+    return replace(world, vertices=transform(pose, world.vertices))
+
+
+def joined(worlds: Sequence[World]) -> World:
+    """Merge worlds. Textures that they share are kept once.
+
+    Parameters
+    ----------
+    worlds
+        At least one.
+    """
+    textures = {id(texture): texture for world in worlds for texture in world.textures}
+    index = {key: position for position, key in enumerate(textures)}
+    starts = np.cumsum([0, *(len(world.vertices) for world in worlds[:-1])])
+    own = [np.array([index[id(texture)] for texture in world.textures], np.int64) for world in worlds]
+    return World(
+        vertices=np.concatenate([world.vertices for world in worlds]),
+        faces=np.concatenate([world.faces + start for world, start in zip(worlds, starts, strict=True)]),
+        corner_uv=np.concatenate([world.corner_uv for world in worlds]),
+        texture=np.concatenate([indices[world.texture] for world, indices in zip(worlds, own, strict=True)]),
+        textures=tuple(textures.values()),
+        blocks_light=np.concatenate([world.blocks_light for world in worlds]),
+    )

@@ -1,4 +1,15 @@
-"""Names, units and fixed numbers of the statistics, for all that compute, test or show them."""
+"""Names, units and fixed numbers of the statistics, and the order of conditions and axes.
+
+- Names, units and fixed numbers of the statistics, for all that compute, test or show them.
+- Order of lightings; the first is the reference.
+- What the table of trims says about a run.
+- Statistics of turned images in the axes of the upright image, so that the two can be compared.
+"""
+
+import re
+from collections.abc import Collection, Iterable
+
+import polars as pl
 
 from tracknoise.tables.schema import CONDITION
 
@@ -37,3 +48,61 @@ NEAR_EDGE_PX = 7.5
 """A feature nearer to a depth edge than this lies beside it, px: half the window of a Lucas-Kanade tracker."""
 INCIDENCE_STEP_DEG = 15
 """Width of the classes of angles of incidence, degrees."""
+
+
+_PLAIN = ("diffuse", "default")
+"""Names of lightings without a direction."""
+
+
+def lightings_in_order(lightings: Collection[str], named: Iterable[str] | None) -> list[str]:
+    """Lightings in the order of the experiment, by default plain ones first; the others by name.
+
+    Parameters
+    ----------
+    lightings
+        Those that were measured.
+    named
+        Those that the experiment names, if it does; some may not have been measured.
+    """
+    first = [name for name in dict.fromkeys(named or _PLAIN) if name in lightings]
+    return first + sorted({*lightings} - {*first}, key=natural_key)
+
+
+def natural_key(name: str) -> list[tuple[int, str]]:
+    """Sort key that puts ``LR9`` before ``LR10``: digits count as numbers."""
+    parts = re.split(r"(\d+)", name)
+    return [(int(part), "") if place % 2 else (0, part) for place, part in enumerate(parts)]
+
+
+def dropped_above(trims: pl.DataFrame) -> float | None:
+    """Percentile of the tracks' largest errors above which a run's tracks were dropped; None where none was.
+
+    Parameters
+    ----------
+    trims
+        Schema `TRIMS`, of one run.
+    """
+    found: list[float] = trims["percentile"].drop_nulls().unique().to_list()
+    return found[0] if found and found[0] < 100 else None
+
+
+def upright(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
+    """Values in turned images as values in the axes of the upright image; `rotation` stays as it is.
+
+    An image turned by 90 degrees counter-clockwise has the upright image's pixel (u, v) at (v, width - 1 - u): an
+    error (du, dv) in the turned image is (-dv, du) in the upright one. A quarter turn thus swaps the coordinates of
+    any statistic, and the u of signed ones changes sign.
+
+    Parameters
+    ----------
+    points
+        With columns rotation (degrees counter-clockwise: 0, 90, 180 or 270), u and v.
+    signed
+        True in rows whose u and v have a sign, such as mean errors; false for absolute errors and second moments.
+    """
+    sign = pl.when(signed).then(-1.0).otherwise(1.0)
+    for angle in (90, 180, 270):  # as many quarter turns back as there were
+        turned = pl.col("rotation") >= angle
+        u, v = pl.when(turned).then(sign * pl.col("v")).otherwise("u"), pl.when(turned).then("u").otherwise("v")
+        points = points.with_columns(u=u, v=v)
+    return points

@@ -1,6 +1,14 @@
-"""Rows of a table in numbered groups, so that NumPy can sum them in a fixed order."""
+"""Rows of a table in numbered groups, so that NumPy can sum them in a fixed order, and tables by condition.
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+- Rows of a table in numbered groups, so that NumPy can sum them in a fixed order.
+
+Tables of all scenes, one per condition.
+
+Work on one condition then copies the rows of that condition only. Names that all rows of a condition share are stored
+once.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any
@@ -9,6 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.schema import Schema, check, empty
 
 _ROWS_AT_ONCE = 2**17
@@ -261,3 +270,58 @@ def add_up(tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: 
 def total_if_known(name: str, total: pl.Expr) -> pl.Expr:
     """An expression of a column of counts where no count of its group is null; null in other groups."""
     return pl.when(pl.col(name).null_count() == 0).then(total).alias(name)
+
+
+Condition = tuple[Any, ...]
+"""Values of `POOLED`."""
+TablesByCondition = Mapping[Condition, pl.DataFrame]
+"""Rows of each condition."""
+Tables = pl.DataFrame | Iterable[pl.DataFrame] | TablesByCondition
+"""One table, any number of tables that are read one at a time, or a mapping that is already by condition."""
+
+
+def by_condition(
+    tables: Tables, schema: Schema, name: str, reduce: Callable[[pl.DataFrame], pl.DataFrame] = lambda table: table
+) -> TablesByCondition:
+    """Rows of each condition, sorted by condition, otherwise in their order.
+
+    Parameters
+    ----------
+    tables
+        Of any scenes and conditions. A mapping by condition is only checked.
+    schema, name
+        Expected columns, and the name of the table for the error message.
+    reduce
+        Reduces the rows of any number of sequences before they are kept. It must return no rows for none.
+
+    Raises
+    ------
+    SchemaError
+        If a table does not have the columns of `schema`.
+    """
+    if isinstance(tables, Mapping):
+        return {key: check(table, schema, name) for key, table in tables.items()}
+    parts: dict[Condition, list[pl.DataFrame]] = {}
+    for chunk in in_chunks(tables, schema, name):
+        for key, part in reduce(chunk).partition_by(POOLED, as_dict=True, include_key=False).items():
+            parts.setdefault(key, []).append(part)
+    columns = reduce(empty(schema)).columns
+    found = {}
+    for key in sorted(parts):
+        known = dict(zip(POOLED, names(key, schema), strict=True))
+        found[key] = pl.concat(parts[key]).select_seq(known.get(column, pl.col(column)) for column in columns)
+    return found
+
+
+def scenes_by_dataset(conditions: Iterable[tuple[Condition, pl.DataFrame]]) -> dict[str, set[str]]:
+    """Names of the scenes that have a row in any condition of a dataset."""
+    found: dict[str, set[str]] = {}
+    for key, table in conditions:
+        if not table.is_empty():
+            found.setdefault(key[0], set()).update(number_names(table["scene"])[0])
+    return found
+
+
+def names(key: Condition, schema: Schema) -> list[pl.Expr]:
+    """The names of a condition as literal columns, which are stored once however many rows a table has."""
+    return [pl.lit(value).cast(schema[name]).alias(name) for name, value in zip(POOLED, key, strict=True)]

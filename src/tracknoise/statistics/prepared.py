@@ -1,17 +1,110 @@
-"""The observations and tracks of a sequence, checked and grouped once for all of its statistics."""
+"""The observations and tracks of a sequence, checked and grouped once for all of its statistics.
 
+- Which observations a statistic is about.
+- The observations and tracks of a sequence, checked and grouped once for all of its statistics.
+
+Blocks of tracks that were born next to each other in time, to be resampled where there are too few scenes.
+
+The tracks of a sequence and condition are numbered from 0 in the order of their birth. Block b of B holds those with
+floor(track B / n_tracks) = b (block). The numbers of tracks in two blocks differ by at most one.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import SchemaError
-from tracknoise.statistics.blocks import blocks_of
+from tracknoise.exceptions import SchemaError, UnknownNameError
+from tracknoise.inference.units import BLOCKS
 from tracknoise.statistics.grouping import Groups, group_runs
-from tracknoise.statistics.populations import in_population
 from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.schema import OBSERVATIONS, ORIGIN, TRACKS, check
+
+
+def block_of(track: pl.Expr, n_tracks: pl.Expr) -> pl.Expr:
+    """Block of a track, from 0 to `BLOCKS` - 1, UInt8, by (block).
+
+    Parameters
+    ----------
+    track
+        Its number, from 0 in the order of birth, among those of its sequence and condition.
+    n_tracks
+        Number of these tracks.
+    """
+    return (track.cast(pl.UInt64) * BLOCKS // n_tracks.cast(pl.UInt64)).cast(pl.UInt8)
+
+
+def blocks_of(tracks: pl.DataFrame, condition: pl.Series) -> pl.Series:
+    """Block of each track, UInt8.
+
+    Parameters
+    ----------
+    tracks
+        All tracks of some sequences and conditions; only the column `track` is read.
+    condition
+        Number of the sequence and condition of each track.
+    """
+    n_tracks = (pl.col("track").max().cast(pl.UInt64) + 1).over("condition")
+    numbered = tracks.select("track", condition=condition)
+    return numbered.select(block=block_of(pl.col("track"), n_tracks)).to_series()
+
+
+VISIBLE = ("valid",)
+POPULATIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {Population.visible: VISIBLE, Population.projected: (*VISIBLE, "occluded", "out_of_image")}
+)
+"""Truth statuses of each population.
+
+visible: the true position is known and was visible. projected: it is known, whether or not it was visible, which is
+what the paper uses.
+"""
+
+
+def check_population(population: str) -> str:
+    """Return the name of a population.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such population.
+    """
+    if population not in POPULATIONS:
+        raise UnknownNameError("population", population, POPULATIONS)
+    return population
+
+
+def in_population(observations: pl.DataFrame, population: str) -> NDArray[np.bool_]:
+    """Whether each observation belongs to a population; those that do have an error.
+
+    Parameters
+    ----------
+    observations
+        An observations table.
+    population
+        A name in `POPULATIONS`.
+
+    Returns
+    -------
+    (rows,) bool
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such population.
+    SchemaError
+        If an error is missing or not finite although the true position is said to be known.
+    """
+    belongs = pl.col("truth").is_in(POPULATIONS[check_population(population)])
+    finite = (pl.col("du_px").is_finite() & pl.col("dv_px").is_finite()).fill_null(value=False)
+    chosen = observations.select(belongs=belongs, broken=belongs & ~finite)
+    if chosen["broken"].any():
+        first = observations.filter(chosen["broken"]).row(0, named=True)
+        place = f"track {first['track']} of {first['scene']!r} in frame {first['frame']}"
+        raise SchemaError(f"observations: {place} has truth {first['truth']!r} but no finite du_px, dv_px")
+    return chosen["belongs"].to_numpy()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +169,7 @@ class PreparedSequence:
     track_condition : (tracks,) intp
         Row of `seen.conditions` for each track.
     track_block : (tracks,) uint8
-        Block of each track, see `tracknoise.statistics.blocks`.
+        Block of each track, see `tracknoise.statistics.prepared`.
     track_row : (rows,) intp
         Row of `tracks` for each observation.
     ordered : (rows,) intp

@@ -6,22 +6,19 @@ from types import MappingProxyType
 
 import polars as pl
 
-from tracknoise.statistics.errors.aspects import aspect_blocks, aspects
-from tracknoise.statistics.errors.block_moments import block_moments
-from tracknoise.statistics.errors.histogram import error_histogram
-from tracknoise.statistics.errors.increments import increments
-from tracknoise.statistics.errors.moments import scene_moments
-from tracknoise.statistics.errors.samples import samples
-from tracknoise.statistics.errors.scales import scale_blocks, scales
-from tracknoise.statistics.noise.fitted_noise import fitted_noise
-from tracknoise.statistics.places.image_speeds import image_speeds
-from tracknoise.statistics.places.surroundings import surroundings
+from tracknoise.statistics.aspects import aspect_blocks, aspects
+from tracknoise.statistics.changes import increments
+from tracknoise.statistics.histograms import error_histogram
+from tracknoise.statistics.lifetimes import count_ends
+from tracknoise.statistics.moments import block_moments, scene_moments
+from tracknoise.statistics.places import image_speeds, surroundings
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.statistics.tracks.counts import counts
-from tracknoise.statistics.tracks.lifetimes import count_ends
+from tracknoise.statistics.samples import samples
+from tracknoise.statistics.scales import scale_blocks, scales
+from tracknoise.statistics.track_counts import counts
 from tracknoise.statistics.trimming import trim
-from tracknoise.statistics.truth.between_trackers import between_trackers
-from tracknoise.statistics.truth.truth_differences import truth_differences
+from tracknoise.statistics.truth_errors import between_trackers, truth_differences
+from tracknoise.statistics.windows import fitted_noise
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.schema import FRAME_COUNTS, check

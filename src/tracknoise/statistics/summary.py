@@ -6,8 +6,8 @@ import polars as pl
 
 from tracknoise.exceptions import UnknownNameError
 from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
-from tracknoise.statistics.populations import POPULATIONS
-from tracknoise.statistics.tracks.lifetimes import mean_lifetime, median_survival
+from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
+from tracknoise.statistics.prepared import POPULATIONS
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, FloorSource, Weighting
 from tracknoise.tables.schema import CORES, CURVES, FLOOR, OUTLIERS, SUMMARY, TRIMMING, check, empty
@@ -31,9 +31,9 @@ def summary(
     curves, lifetimes, outliers
         What the functions of these names (`outlier_ratios` for the last) returned for the same scenes.
     cores
-        What `tracknoise.statistics.errors.cores.cores` made of these scenes; without it there are no cores.
+        What `tracknoise.statistics.scales.cores` made of these scenes; without it there are no cores.
     floor
-        What `tracknoise.statistics.truth.floor.truth_floor` returned for these scenes; without it there is no truth
+        What `tracknoise.statistics.truth_errors.truth_floor` returned for these scenes; without it there is no truth
         floor.
     age
         The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which

@@ -7,8 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.statistics.populations import check_population
-from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
+from tracknoise.statistics.prepared import PreparedSequence, check_population, prepare_sequence
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
 from tracknoise.tables.enumerations import TrimAmong
 from tracknoise.tables.schema import AMONG, TRIMS, check

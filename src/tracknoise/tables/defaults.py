@@ -1,6 +1,6 @@
 """Defaults of what an experiment may set, each written once: settings, functions and the report all use these."""
 
-from tracknoise.tables.enumerations import IntervalKind, Population, TrimAmong, Trimming
+from tracknoise.tables.enumerations import Population, TrimAmong, Trimming
 
 POPULATION = Population.visible
 TRIM_PERCENTILE = 90.0
@@ -14,9 +14,5 @@ SCAN_RADIUS_PX = 0.25
 """How near the projection of a scan point must lie to a feature."""
 MARGIN = 0.10
 """Largest relative effect of a factor that does not matter: the threshold that the paper uses for lighting."""
-LEVEL = 0.95
-"""Share of intervals that hold the true value."""
-KIND_OF_INTERVAL = IntervalKind.student
-"""How intervals are made."""
 PATCH_PX = 31
 """Side of the patches that show tracks, px."""

@@ -107,35 +107,10 @@ class Verdict(StrEnum):
     undecided = "undecided"
 
 
-class IntervalKind(StrEnum):
-    """Method of intervals.
-
-    student: jackknife with Student's distribution. percentile, bca: bootstrap.
-    """
-
-    student = "student"
-    percentile = "percentile"
-    bca = "bca"
-
-
 class EffectIntervalKind(StrEnum):
     """Method of intervals of factor effects: Student's, from differences paired by scene, for all pairs together."""
 
     paired = "paired"
-
-
-class Resampled(StrEnum):
-    """Units that intervals resample.
-
-    scenes: independent scenes. groups: groups of scenes that are not independent of each other. within: scenes within
-    their groups, so that intervals hold for these groups only. blocks: blocks of tracks within scenes, so that
-    intervals hold for these scenes only.
-    """
-
-    scenes = "scenes"
-    groups = "groups"
-    within = "within"
-    blocks = "blocks"
 
 
 class FittedMeasure(StrEnum):

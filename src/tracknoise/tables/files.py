@@ -11,7 +11,7 @@ import polars as pl
 
 from tracknoise import atomic
 from tracknoise.exceptions import SchemaError, StoreError
-from tracknoise.signals import raise_if_interruption
+from tracknoise.processes import raise_if_interruption
 from tracknoise.tables import schema
 
 REMEDY = "`tracknoise run` makes it again"

@@ -1,4 +1,8 @@
-"""The manifest of a run: versions and settings, the sequences that were measured, and those that failed.
+"""What a run folder says of itself: its manifest, and those of its settings that readers of it need.
+
+- The settings of a run as its ``experiment.toml`` has them, as far as those need them who read a run.
+
+The manifest of a run: versions and settings, the sequences that were measured, and those that failed.
 
 It carries a hash of its own content, so that damage is noticed when it is read.
 """
@@ -10,12 +14,15 @@ from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, Self
 
+from tracknoise.checks import in_one_line
 from tracknoise.exceptions import StoreError
-from tracknoise.problems import in_one_line
+from tracknoise.tables.enumerations import Population, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.text import parse_toml
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
+
 
 FORMAT = 8
 _SEAL = "sha256"
@@ -52,7 +59,7 @@ class SequenceEntry:
     z_depth_from
         What the program computed depths from, if they are along z by construction; otherwise None.
     kernels
-        Machine code that numerical libraries used: see `tracknoise.experiments.kernels`. Empty where unknown.
+        Machine code that numerical libraries used: see `tracknoise.experiments.machine`. Empty where unknown.
     image
         Hash of the pixels of the image in ``snapshots/``; empty where they are of one gray value.
     sha256
@@ -201,13 +208,13 @@ def _require_types(raw: dict[str, Any]) -> None:
     from pydantic import ValidationError
 
     try:
-        _adapter().validate_python(raw)
+        _manifest_adapter().validate_python(raw)
     except ValidationError as error:
         raise ValueError(in_one_line(error.errors())) from error
 
 
 @cache
-def _adapter() -> "TypeAdapter[Manifest]":
+def _manifest_adapter() -> "TypeAdapter[Manifest]":
     from pydantic import TypeAdapter
 
     return TypeAdapter(Manifest)
@@ -237,3 +244,72 @@ def _entry(
     return SequenceEntry(
         SequenceId(**sequence, direction=direction), notes=tuple(notes), doubts=tuple(doubts or ()), **rest
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Dataset:
+    lightings: list[str] | None = None
+    frames: tuple[int, int] | tuple[int, int, int] | None = None
+    groups: dict[str, list[str]] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Tracker:
+    kind: str
+    name: str | None = None
+    options: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Truth:
+    population: Population
+    corrections: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Statistics:
+    min_features: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Findings:
+    trimming: Trimming
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """Settings without a default are those that every experiment has. There may be others."""
+
+    name: str
+    keep: str
+    dataset: _Dataset
+    trackers: list[_Tracker]
+    truth: _Truth
+    statistics: _Statistics
+    findings: _Findings
+    paper: str | None = None
+
+
+def parse_run_settings(text: str) -> dict[str, Any]:
+    """What the resolved settings of a run are, by their keys.
+
+    Raises
+    ------
+    ValueError
+        If a setting that every experiment has is missing, or one has a wrong type. The message is one line.
+    """
+    from pydantic import ValidationError
+
+    settings = parse_toml(text)
+    try:
+        _setting_adapter().validate_python(settings)
+    except ValidationError as error:
+        raise ValueError(in_one_line(error.errors())) from error
+    return settings
+
+
+@cache
+def _setting_adapter() -> "TypeAdapter[_Settings]":
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(_Settings)

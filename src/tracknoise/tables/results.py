@@ -12,14 +12,9 @@ from enum import StrEnum
 
 import polars as pl
 
-from tracknoise.tables.enumerations import (
-    Behaviour,
-    EffectIntervalKind,
-    IntervalKind,
-    Resampled,
-    Shape,
-    Verdict,
-)
+from tracknoise.inference.conventions import IntervalKind
+from tracknoise.inference.units import Resampled
+from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, Shape, Verdict
 from tracknoise.tables.quantities import QUANTITIES, Topic
 from tracknoise.tables.schema import ASPECT, POPULATION, TRIMMING, VIEW, WEIGHTING, Schema
 

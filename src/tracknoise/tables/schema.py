@@ -280,7 +280,7 @@ SCALES: Schema = {
 
 core is 1.4826 times the median absolute error: the sigma of the Gaussian that has this median. beyond counts the errors
 that are larger than three cores. Those of an axis are null where there are too few errors, or more than half of them
-are exactly 0 (`tracknoise.statistics.errors.scales`).
+are exactly 0 (`tracknoise.statistics.scales`).
 """
 
 SCALE_BLOCKS: Schema = {**SCALES, "block": pl.UInt8}
@@ -345,11 +345,11 @@ _WINDOW_SUMS: Schema = {
 }
 
 WINDOW_NOISE: Schema = {**ORIGIN, **_WINDOW_SUMS}
-"""Windows of the first N observations of tracks, after a fit of their points (`tracknoise.statistics.noise.windows`).
+"""Windows of the first N observations of tracks, after a fit of their points (`tracknoise.statistics.windows`).
 
 window is N, n the number of windows, n_depth that of windows that show the depth of their point. squares are sums of
 squared residuals (px^2), freedom their degrees of freedom, squares_z the sum of z^2 (px^2). The lists are histograms of
-the root mean square residual of each window, and of |z|, in the bins of `tracknoise.statistics.errors.log_histogram`
+the root mean square residual of each window, and of |z|, in the bins of `tracknoise.statistics.histograms`
 (px).
 """
 
@@ -369,7 +369,7 @@ NOISE_SUMS: Schema = {
 }
 """Sums of products of errors, and of what multiplies the covariances A, W, Q and D in their expectation.
 
-See `tracknoise.statistics.noise.error_products`. uu, uv, vv and motion are in px^2, walk in frames, drift in frames^2.
+See `tracknoise.statistics.noise_sums`. uu, uv, vv and motion are in px^2, walk in frames, drift in frames^2.
 first and white have no unit. sum_u and sum_v are sums of the errors (px), along that of the errors along the motion of
 the image since the frame before, times this motion, and motion that of its square. These four are of the product
 `error`. Errors beyond the limit of `NOISE_OUTLIERS` are left out. block is that of the track at the slowest speed, 0 at
@@ -394,7 +394,7 @@ NOISE_COVARIATES: Schema = {
     **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
 }
 """Sums over changes of errors by what was known at run time at both of their ends
-(`tracknoise.statistics.noise.covariates`).
+(`tracknoise.statistics.noise_sums`).
 
 before and now are classes of the covariate. squares is the sum of half the squared length of the changes (px^2).
 white_before, n, walk and drift multiply W at the first end, W at the second, Q and D in its expectation.
@@ -410,7 +410,7 @@ NOISE_TRACKS: Schema = {
     **dict.fromkeys(("du_px", "dv_px", "magnification"), pl.Float32),
     **dict.fromkeys(("across_u", "across_v", "other_u", "other_v", "depth_u", "depth_v"), pl.Float32),
 }
-"""First observations of some tracks at the slowest speed (`tracknoise.statistics.noise.noise_tracks`).
+"""First observations of some tracks at the slowest speed (`tracknoise.statistics.windows`).
 
 stands_for is the number of tracks that each of them represents. magnification is Z_0 / Z_k. The other columns are
 derivatives of the true position, px: by motions of the point in two directions across its first ray, and along this ray
@@ -425,7 +425,7 @@ NOISE_PAIRS: Schema = {
     "n": pl.Int64,
     **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
 }
-"""The same sums by two covariates together, in classes of an octave (`tracknoise.statistics.noise.covariate_pairs`)."""
+"""The same sums by two covariates together, in classes of an octave (`tracknoise.statistics.noise_sums`)."""
 
 
 FLOORS: Schema = {

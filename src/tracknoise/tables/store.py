@@ -19,7 +19,7 @@ import polars as pl
 
 from tracknoise.atomic import discard_abandoned, unfinished
 from tracknoise.exceptions import SchemaError, StoreError
-from tracknoise.tables import audit_schema, findings_schema, schema
+from tracknoise.tables import findings_schema, schema
 from tracknoise.tables.files import (
     digest,
     is_intact,
@@ -31,10 +31,9 @@ from tracknoise.tables.files import (
     write_atomically,
     write_parquet,
 )
-from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, damaged, has_format
+from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, damaged, has_format, parse_run_settings
+from tracknoise.tables.result_views import VIEWS, results_of, view
 from tracknoise.tables.results import RESULTS
-from tracknoise.tables.run_settings import parse_run_settings
-from tracknoise.tables.views import VIEWS, results_of, view
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
@@ -72,8 +71,8 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "rigid": schema.RIGID,
     "pose_growth": schema.POSE_GROWTH,
     "floors": schema.FLOORS,
-    "cameras": audit_schema.CAMERAS,
-    "audit_samples": audit_schema.AUDIT_SAMPLES,
+    "cameras": findings_schema.CAMERAS,
+    "audit_samples": findings_schema.AUDIT_SAMPLES,
     "window_noise": schema.WINDOW_NOISE,
     "window_blocks": schema.WINDOW_BLOCKS,
 }
@@ -91,7 +90,7 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
 """What noise models are fitted to and tried on. Sequences that an earlier version measured do not have it."""
 _ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
-_OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": audit_schema.PATH}
+_OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": findings_schema.PATH}
 """Tables of a sequence whose recording has poses beside those of its frames, such as that of every n-th frame."""
 _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     **SEQUENCE_TABLES,
@@ -140,8 +139,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "pose_law": findings_schema.POSE_LAW,
     "tracker_differences": findings_schema.TRACKER_DIFFERENCES,
     "findings": findings_schema.FINDINGS,
-    "audit": audit_schema.AUDIT,
-    "audit_curves": audit_schema.AUDIT_CURVES,
+    "audit": findings_schema.AUDIT,
+    "audit_curves": findings_schema.AUDIT_CURVES,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}

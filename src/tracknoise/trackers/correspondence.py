@@ -1,21 +1,172 @@
-"""Correspondence: features are matched from frame to frame by their descriptors."""
+"""Correspondence: features are matched from frame to frame by their descriptors.
+
+- Descriptors of a frame's keypoints, shared by all trackers that see the frame.
+- Mutual nearest neighbours among descriptors, by one matrix product.
+- Correspondence: features are matched from frame to frame by their descriptors.
+"""
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from enum import StrEnum
+from typing import Annotated, Any, ClassVar
 
+import cv2
 import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.description import Described, Descriptor, describe
-from tracknoise.trackers.detection import MOST_FEATURES, Detection
+from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
-from tracknoise.trackers.frame import Frame
-from tracknoise.trackers.matching import mutual_nearest
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
-from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step
+
+_CORNER_SIZE_PX = 7.0
+"""Size of the keypoints of AGAST and FAST."""
+
+
+class Descriptor(StrEnum):
+    """What a keypoint is recognised by.
+
+    sift: 128 gradients. orb and brisk: 256 and 512 comparisons of gray values.
+    """
+
+    sift = "sift"
+    orb = "orb"
+    brisk = "brisk"
+
+    @property
+    def size(self) -> int:
+        """Length of a descriptor."""
+        return {Descriptor.sift: 128, Descriptor.orb: 256, Descriptor.brisk: 512}[self]
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """Keypoints with descriptors, strongest first.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Positions, px.
+    response : (n,) float32
+        Of the detector.
+    descriptors : (n, size) float32
+        Of SIFT, whole numbers from 0 to 255, of length about 512. Of the others, one bit per comparison, so that the
+        squared distance of two descriptors is the number of bits that differ.
+    """
+
+    uv: NDArray[np.float64]
+    response: NDArray[np.float32]
+    descriptors: NDArray[np.float32]
+
+
+def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descriptor.sift) -> Described:
+    """Descriptors of all keypoints of the whole image, computed once per frame.
+
+    Keypoints of `sift` and `orb` are described with their own size and direction if the descriptor is of the same kind.
+    All others are described as AGAST's are: with a size of 7 px, and upright or, by `brisk`, along a direction that it
+    finds itself. A descriptor may drop keypoints, such as those near the border; only those that it returns are used.
+    """
+
+    def compute(image: NDArray[np.uint8]) -> Described:
+        raw = _to_describe(keypoints(frame, detection), own=detection.detector.value == descriptor.value)
+        kept, found = _extractor(descriptor).compute(image, raw) if raw else ((), None)
+        uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
+        response = np.array([point.response for point in kept], dtype=np.float32)
+        order = np.argsort(-response, kind="stable")  # ORB returns its keypoints by level
+        return Described(uv[order], response[order], _as_numbers(found, descriptor)[order])
+
+    return frame.memo(("descriptors", descriptor, detection.key), compute)
+
+
+def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
+    """The keypoints, strongest first: as they were detected if `own`, otherwise as corners of one size."""
+    raw = [points.raw[index] for index in points.order.tolist()]
+    if own:
+        return raw
+    return [cv2.KeyPoint(one.pt[0], one.pt[1], _CORNER_SIZE_PX, response=one.response) for one in raw]
+
+
+def _extractor(descriptor: Descriptor) -> cv2.Feature2D:
+    if descriptor is Descriptor.sift:  # as `tracknoise.trackers.detection` finds its keypoints: where it looks at them
+        return cv2.SIFT.create(enable_precise_upscale=True)
+    return cv2.ORB.create() if descriptor is Descriptor.orb else cv2.xfeatures2d.BRISK.create()
+
+
+def _as_numbers(descriptors: NDArray[Any] | None, descriptor: Descriptor) -> NDArray[np.float32]:
+    """Descriptors (n, size) as numbers whose squared distance means something; bytes become bits."""
+    if descriptors is None:
+        return np.empty((0, descriptor.size), dtype=np.float32)
+    numbers = descriptors if descriptor is Descriptor.sift else np.unpackbits(descriptors, axis=1)
+    return np.asarray(numbers, dtype=np.float32).reshape(-1, descriptor.size)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matches:
+    """Pairs of descriptors, by ascending query row.
+
+    Attributes
+    ----------
+    query_rows, train_rows : (k,) intp
+        The pairs.
+    distance : (k,) float32
+        Euclidean distance of each pair.
+    ratio : (k,) float32
+        That distance over the distance of the query to its second nearest in train: from 0, unambiguous, to 1,
+        ambiguous. NaN if there is no second one.
+    """
+
+    query_rows: NDArray[np.intp]
+    train_rows: NDArray[np.intp]
+    distance: NDArray[np.float32]
+    ratio: NDArray[np.float32]
+
+
+def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Matches:
+    """Pairs of descriptors that are each other's nearest neighbour in Euclidean distance.
+
+    The matches are those of ``cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)``: among equally near ones the first
+    counts. The squared distance |q|^2 + |t|^2 - 2 q.t is one product of the descriptors with their squared lengths
+    appended. All terms are whole numbers below 2^24, which float32 represents exactly, so that neither the order of
+    summation nor the number of threads can change a match.
+
+    Parameters
+    ----------
+    query
+        (m, d) float32, whole numbers, of squared length below 2^22. (SIFT's is about 2^18.)
+    train
+        (n, d) float32, likewise.
+    """
+    if not (len(query) and len(train)):
+        no_rows, no_values = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.float32)
+        return Matches(no_rows, no_rows, no_values, no_values)
+    left = np.column_stack([query, _squared_length(query), np.ones_like(query[:, 0])])
+    right = np.column_stack([-2.0 * train, np.ones_like(train[:, 0]), _squared_length(train)])
+    squared = left @ right.T
+    nearest_train = squared.argmin(axis=1)
+    # Searching rows is much faster than searching columns, and only the rows of some query's nearest are needed.
+    nearest_query = (right[nearest_train] @ left.T).argmin(axis=1)
+    mutual = np.flatnonzero(nearest_query == np.arange(len(query)))
+    return Matches(mutual, nearest_train[mutual], *_distances(squared, mutual, nearest_train[mutual]))
+
+
+def _distances(
+    squared: NDArray[np.float32], rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`Matches.distance` and `Matches.ratio` of the least elements of some rows, which are overwritten."""
+    first = squared[rows, columns]
+    squared[rows, columns] = np.inf
+    second = squared.min(axis=1)[rows]
+    ratio = np.full(len(rows), np.nan, dtype=np.float32)
+    ratio[np.isfinite(second)] = 1.0  # equally near, also where both distances are 0
+    np.divide(first, second, out=ratio, where=np.isfinite(second) & (second > 0))
+    return np.sqrt(first), np.sqrt(ratio)
+
+
+def _squared_length(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
+    squares: NDArray[np.float32] = np.einsum("ij,ij->i", descriptors, descriptors)
+    return squares
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +182,7 @@ class Correspondence:
         How keypoints are detected (margin and squares do not apply, see `CorrespondenceTracker`); which matches
         are outliers.
     descriptor
-        What keypoints are matched by: see `tracknoise.trackers.description.Descriptor`.
+        What keypoints are matched by: see `tracknoise.trackers.correspondence.Descriptor`.
     max_displacement_px
         A feature that moved this far or farther since it was last found is dropped.
     max_features
@@ -77,7 +228,7 @@ class CorrespondenceTracker:
 
     The quality of an observation is the distance between the descriptors of feature and keypoint
     (``descriptor_distance``; of bits, the root of how many differ), and that distance over the distance of the second
-    best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.matching.Matches`.
+    best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.correspondence.Matches`.
 
     Parameters
     ----------

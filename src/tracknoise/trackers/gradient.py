@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.trackers.frame import Frame
+from tracknoise.trackers.tracker import Frame
 
 WINDOW_PX = 15
 """Side of the window around a feature in which gradients are used, px."""

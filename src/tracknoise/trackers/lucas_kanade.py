@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds, require_odd
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.detection import MOST_FEATURES, Detection, keypoints
+from tracknoise.trackers.detection import MOST_FEATURES, Detection, Mask, keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
-from tracknoise.trackers.suppression import Mask
-from tracknoise.trackers.tracker import SequenceContext, Step
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 
 _EIGENVALUE_UNIT = np.float32(1024)  # OpenCV's derivatives are 32 times too large, its structure tensor 2^20 too small
 

@@ -1,7 +1,15 @@
-"""The oracle: true positions plus errors of known size. It tests the measurement, not a front end."""
+"""The oracle: true positions plus errors of known size. It tests the measurement, not a front end.
+
+- Random vectors of the oracle: a stream for each kind of error, so that one kind does not change another.
+- How the noise of the oracle depends on conditions that a tracker knows: texture and motion.
+- The oracle: true positions plus errors of known size. It tests the measurement, not a front end.
+"""
 
 import math
+import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -12,11 +20,114 @@ from tracknoise.checks import NotNegative, Share, require, require_bounds, requi
 from tracknoise.exceptions import SettingsError
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.trackers.features import ALIVE, Features, report
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.gradient import min_eigenvalue
-from tracknoise.trackers.noise_factors import motion_factor, texture_factor
-from tracknoise.trackers.random_errors import RandomErrors, Stream, random_key
-from tracknoise.trackers.tracker import DisplacingTruth, OracleTruth, SequenceContext, Step
+from tracknoise.trackers.tracker import DisplacingTruth, Frame, OracleTruth, SequenceContext, Step
+
+
+class Stream(IntEnum):
+    """What random numbers are for."""
+
+    white = 0
+    birth = 1
+    walk = 2
+    common = 3
+
+
+class RandomErrors:
+    """Streams of random vectors.
+
+    Parameters
+    ----------
+    key
+        Whole numbers. Equal keys give equal streams, in every process.
+    nu
+        Degrees of freedom of Student's t, above 2; None for Gaussian errors.
+    """
+
+    __slots__ = ("_nu", "_streams")
+
+    def __init__(self, key: Sequence[int], nu: float | None) -> None:
+        self._nu = nu
+        self._streams = [np.random.default_rng(np.random.SeedSequence(list(key), spawn_key=(kind,))) for kind in Stream]
+
+    def gaussian(self, stream: Stream, count: int) -> NDArray[np.float64]:
+        """(count, 2) float64: independent numbers of standard deviation 1."""
+        return self._streams[stream].standard_normal((count, 2))
+
+    def heavy_tailed(self, stream: Stream, gaussian: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Vectors (n, 2) of Student's t in two dimensions from Gaussian ones. They keep their covariance."""
+        if self._nu is None:
+            return gaussian
+        return gaussian * np.sqrt((self._nu - 2) / self._streams[stream].chisquare(self._nu, (len(gaussian), 1)))
+
+    def steps(self, stream: Stream, count: int) -> NDArray[np.float64]:
+        """(count, 2) float64: vectors of Student's t whose coordinates have standard deviation 1."""
+        return self.heavy_tailed(stream, self.gaussian(stream, count))
+
+
+def random_key(seed: int, context: SequenceContext) -> list[int]:
+    """Key of random numbers: different for every sequence and speed, and the same in every process, unlike `hash`.
+
+    Parameters
+    ----------
+    seed
+        Of the tracker. The experiment's seed and the number of the repetition are those of the context.
+    context
+        The sequence and condition.
+    """
+    sequence = context.sequence
+    cameras = [sequence.camera] if sequence.camera else []
+    names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction, *cameras))
+    again = [context.repeat] if context.repeat else []
+    return [seed, context.seed, *names, sequence.rotation % 360, context.speed, *again]
+
+
+USUAL_TEXTURE = 30.0
+"""Texture strength at which noise has its stated size, (gray values / px)^2."""
+USUAL_MOTION_PX = 1.0
+"""Motion at which noise has its stated size, px per frame."""
+_WEAKEST_TEXTURE, _LEAST_MOTION_PX = 1.0, 0.1
+
+
+def texture_factor(strength: NDArray[np.float32], exponent: float) -> NDArray[np.float64]:
+    """What noise is multiplied by at texture of some strength.
+
+    Parameters
+    ----------
+    strength
+        (n,) float32: `tracknoise.trackers.gradient.min_eigenvalue`. Below 1 it counts as 1.
+    exponent
+        The factor is (strength / `USUAL_TEXTURE`) to the power of minus this number.
+
+    Returns
+    -------
+    (n,) float64
+        1 where the strength is NaN.
+    """
+    return _power(strength.astype(np.float64), _WEAKEST_TEXTURE, USUAL_TEXTURE, -exponent)
+
+
+def motion_factor(motion_px: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
+    """What noise is multiplied by at some motion.
+
+    Parameters
+    ----------
+    motion_px
+        (n,) float64, px per frame of the nominal sequence. Below 0.1 it counts as 0.1.
+    exponent
+        The factor is (motion / `USUAL_MOTION_PX`) to the power of this number.
+
+    Returns
+    -------
+    (n,) float64
+        1 where the motion is NaN.
+    """
+    return _power(motion_px, _LEAST_MOTION_PX, USUAL_MOTION_PX, exponent)
+
+
+def _power(values: NDArray[np.float64], least: float, usual: float, exponent: float) -> NDArray[np.float64]:
+    return np.where(np.isnan(values), 1.0, (np.fmax(values, least) / usual) ** exponent)
+
 
 _BEGINNING_ROUNDS = 8
 

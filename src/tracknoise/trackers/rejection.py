@@ -1,20 +1,402 @@
-"""Outlier rejection: the matches of a step that do not agree with a common motion of the image."""
+"""Outlier rejection: the matches of a step that do not agree with a common motion of the image.
 
-from collections.abc import Callable
+- Random sample consensus: the hypothesis from a minimal sample that most matches agree with.
+- Homographies between two images: through four matches in closed form, and refined on many.
+- Fundamental matrices between two images: through eight matches or more.
+- Outlier rejection: the matches of a step that do not agree with a common motion of the image.
+"""
+
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tracknoise.checks import Between0And1, Positive, require, require_bounds
-from tracknoise.trackers.fundamental import Fundamental
-from tracknoise.trackers.homography import Homography
-from tracknoise.trackers.ransac import Geometry, best_hypothesis
 
 Floats = NDArray[np.float64]
+
+_FIRST_DRAW, _LARGEST_DRAW = 16, 128
+_MAX_BARREN_DRAWS = 100
+
+
+class Geometry(Protocol):
+    """A relation between two images that a few matches determine."""
+
+    @property
+    def sample_size(self) -> int:
+        """Number of matches that determine it."""
+        ...
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Models (b, 3, 3) through samples (b, sample_size, 2), and which samples were not degenerate."""
+        ...
+
+    def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
+        """Which matches (n, 2) each model (b, 3, 3) explains to within the threshold: (b, n)."""
+        ...
+
+    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
+        """The model (3, 3) that fits all these matches (n, 2) best, starting from an approximate model."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A model (3, 3) and the matches (n,) that agree with it."""
+
+    model: Floats
+    inliers: NDArray[np.bool_]
+
+
+def best_hypothesis(
+    geometry: Geometry,
+    source: Floats,
+    target: Floats,
+    *,
+    threshold: float,
+    confidence: float,
+    max_hypotheses: int,
+    rng: np.random.Generator,
+    max_refits: int = 0,
+) -> Hypothesis | None:
+    """The first hypothesis with the most inliers, among as many as `confidence` requires.
+
+    Hypotheses are evaluated one after the other. Each that has more inliers than all before reduces the number needed
+    (`hypotheses_needed`). They are computed in batches, which only affects the time: the samples depend on the
+    generator only, and surplus hypotheses of a batch are ignored.
+
+    Parameters
+    ----------
+    geometry
+        The kind of model.
+    source, target
+        (n, 2) float64: matched points, n > geometry.sample_size.
+    threshold
+        Largest error of an inlier, in the unit of the points.
+    confidence
+        Probability of having drawn at least one sample without outliers.
+    max_hypotheses
+        Largest number of hypotheses that are evaluated.
+    rng
+        Draws the samples; degenerate ones are replaced.
+    max_refits
+        Local optimisation (Chum, Matas and Kittler 2003): each hypothesis that has more inliers than all before is
+        fitted to its inliers again, up to this number of times, as long as that gives more inliers. The number of
+        hypotheses needed then follows from these. By default it is not refitted.
+
+    Returns
+    -------
+    Hypothesis or None
+        None if all samples are degenerate.
+    """
+    best: Hypothesis | None = None
+    most, judged, needed = geometry.sample_size - 1, 0, max_hypotheses
+    for models in _drawn(geometry, source, target, rng):
+        agreement = geometry.agrees(models[: needed - judged], source, target, threshold)
+        for index, count in enumerate(np.count_nonzero(agreement, axis=1).tolist()):
+            if count > most:
+                best = _refitted(
+                    geometry, Hypothesis(models[index], agreement[index]), source, target, threshold, max_refits
+                )
+                most = int(np.count_nonzero(best.inliers))
+                needed = hypotheses_needed(most / len(source), geometry.sample_size, confidence, needed)
+            judged += 1
+            if judged >= needed:
+                return best
+    return best
+
+
+def _refitted(
+    geometry: Geometry, found: Hypothesis, source: Floats, target: Floats, threshold: float, max_refits: int
+) -> Hypothesis:
+    """The hypothesis after refits to its inliers, as long as each has more inliers than the one before."""
+    for _ in range(max_refits):
+        model = geometry.refine(found.model, source[found.inliers], target[found.inliers])
+        inliers = geometry.agrees(model[None], source, target, threshold)[0]
+        if np.count_nonzero(inliers) <= np.count_nonzero(found.inliers):
+            break
+        found = Hypothesis(model, inliers)
+    return found
+
+
+def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
+    """Number of samples that contain one without outliers, with this confidence: log(1 - p) / log(1 - share^size).
+
+    Rounded to the nearest whole number, and never more than `most`.
+    """
+    failure = 1.0 - inlier_share**sample_size
+    if failure < np.finfo(np.float64).tiny:
+        return 0
+    needed = math.log(1.0 - confidence) / math.log(failure) if failure < 1.0 else math.inf
+    return most if needed >= most else round(needed)
+
+
+def _drawn(geometry: Geometry, source: Floats, target: Floats, rng: np.random.Generator) -> Iterator[Floats]:
+    """Models through random samples of distinct matches, without degenerate ones, in growing batches.
+
+    Ends when no usable sample is found any more.
+    """
+    size, barren = _FIRST_DRAW, 0
+    while barren < _MAX_BARREN_DRAWS:
+        rows = rng.integers(len(source), size=(size, geometry.sample_size))
+        ordered = np.sort(rows, axis=1)
+        distinct = np.all(ordered[:, 1:] != ordered[:, :-1], axis=1)
+        models, usable = geometry.hypotheses(source[rows], target[rows])
+        models = models[usable & distinct]
+        yield from (models[: size // 2], models[size // 2 :])  # one half is often enough
+        barren = 0 if len(models) else barren + 1
+        size = min(2 * size, _LARGEST_DRAW)
+
+
+_FLAT = 1e-7  # doubled area of a triangle relative to its squared size, below which its corners count as collinear
+_MAX_REFINEMENTS = 10
+_CONVERGED = 1e-12
+
+
+class Homography:
+    """The map x' ~ H x that a plane or a pure rotation induces; its error is |x' - pi(H x)|, in the second image."""
+
+    sample_size = 4
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """The homographies through four matches each.
+
+        A sample is degenerate if three of its points are collinear in either image, or if some of its four
+        triangles keep their orientation and others do not: a plane seen from one side never does that.
+
+        Parameters
+        ----------
+        source, target
+            (b, 4, 2) float64.
+
+        Returns
+        -------
+        models : (b, 3, 3) float64
+            Arbitrary for degenerate samples.
+        usable : (b,) bool
+        """
+        from_areas, from_lines, from_flat = _triangles(source)
+        to_areas, _, to_flat = _triangles(target)
+        turned = np.count_nonzero(from_areas * to_areas < 0, axis=1)
+        usable = ~(from_flat | to_flat) & ((turned == 0) | (turned == 4))
+        return _through_four(target, from_areas, to_areas, from_lines), usable
+
+    def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
+        """Which matches each model explains to within `threshold`.
+
+        Parameters
+        ----------
+        models
+            (b, 3, 3) float64.
+        source, target
+            (n, 2) float64.
+        threshold
+            Largest error, in the unit of the points.
+
+        Returns
+        -------
+        (b, n) bool
+        """
+        x, y, w = _map(models, source)
+        x -= target[:, 0] * w  # the error times w, so that nothing is divided by zero
+        y -= target[:, 1] * w
+        w *= threshold
+        within: NDArray[np.bool_] = x * x + y * y <= w * w
+        return within
+
+    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
+        """The homography with the least sum of squared errors, by Levenberg-Marquardt from `model`.
+
+        Parameters
+        ----------
+        model
+            (3, 3) float64.
+        source, target
+            (n, 2) float64, n >= 4; `model` fits all of them roughly.
+
+        Returns
+        -------
+        (3, 3) float64
+        """
+        best: Floats = model / model[2, 2]
+        residual, jacobian = _linearise(best, source, target)
+        cost, damping = float(np.sum(residual * residual)), 1e-3
+        for _ in range(_MAX_REFINEMENTS):
+            candidate = best + _step(residual, jacobian, damping)
+            linear = _linearise(candidate, source, target)
+            new_cost = float(np.sum(linear[0] * linear[0]))
+            if not new_cost < cost:
+                damping *= 10
+                continue
+            gain = cost - new_cost
+            best, cost, damping, (residual, jacobian) = candidate, new_cost, damping / 10, linear
+            if gain <= _CONVERGED * cost:
+                break
+        return best
+
+
+def _triangles(points: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Doubled areas of the four triangles of four points, sides of the first, and whether any is flat.
+
+    Returns
+    -------
+    areas : (b, 4) float64
+        Signed: of the triangles (3, 1, 2), (0, 3, 2), (0, 1, 3) and (0, 1, 2).
+    lines : (b, 3, 3) float64
+        The lines through points (1, 2), (2, 0) and (0, 1): ``lines @ (u, v, 1)`` is a triangle's doubled area.
+    flat : (b,) bool
+    """
+    x, y = points[..., 0], points[..., 1]
+    start, stop = (1, 2, 0), (2, 0, 1)
+    lines = np.stack(
+        [y[:, start] - y[:, stop], x[:, stop] - x[:, start], x[:, start] * y[:, stop] - x[:, stop] * y[:, start]],
+        axis=-1,
+    )
+    fourth = lines[..., 0] * x[:, 3:] + lines[..., 1] * y[:, 3:] + lines[..., 2]
+    areas = np.concatenate([fourth, fourth.sum(axis=1, keepdims=True)], axis=1)
+    reach = np.ptp(x, axis=1) + np.ptp(y, axis=1)
+    flat = np.any(np.abs(areas) <= _FLAT * reach[:, None] ** 2, axis=1)
+    return areas, lines, flat
+
+
+def _through_four(target: Floats, from_areas: Floats, to_areas: Floats, from_lines: Floats) -> Floats:
+    """H = sum_i (b_i / a_i) q_i l_i^T over the first three points.
+
+    l_i, the line opposite point i, picks out point i among the three; the ratio of areas b_i / a_i, seen from
+    the fourth point, carries that point over, too. Multiplied by the a_i, so that nothing is divided by zero.
+    """
+    a, b = from_areas[:, :3], to_areas[:, :3]
+    weight = b * a[:, (1, 2, 0)] * a[:, (2, 0, 1)]
+    scaled = weight[..., None] * from_lines
+    q = target[:, :3]
+    rows = [(q[..., 0, None] * scaled).sum(axis=1), (q[..., 1, None] * scaled).sum(axis=1), scaled.sum(axis=1)]
+    return np.stack(rows, axis=1)
+
+
+def _map(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Homogeneous coordinates (b, n) of points under each model; explicit sums, as BLAS may round differently."""
+    u, v = points[:, 0], points[:, 1]
+    x, y, w = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in np.moveaxis(models, 1, 0))
+    return x, y, w
+
+
+def _linearise(model: Floats, source: Floats, target: Floats) -> tuple[Floats, Floats]:
+    """Residuals (2n,) of pi(H x) - x' and their derivatives (2n, 8) by the entries of H but the last."""
+    (x,), (y,), (w,) = _map(model[None], source)
+    inverse = 1.0 / np.where(np.abs(w) > np.finfo(np.float64).eps, w, np.inf)
+    x, y = x * inverse, y * inverse
+    scaled = np.column_stack([source, np.ones(len(source))]) * inverse[:, None]
+    nothing = np.zeros_like(scaled)
+    by_x = np.hstack([scaled, nothing, -x[:, None] * scaled[:, :2]])
+    by_y = np.hstack([nothing, scaled, -y[:, None] * scaled[:, :2]])
+    return np.concatenate([x - target[:, 0], y - target[:, 1]]), np.concatenate([by_x, by_y])
+
+
+def _step(residual: Floats, jacobian: Floats, damping: float) -> Floats:
+    """Change (3, 3) of H; its last entry is fixed."""
+    normal = np.einsum("ni,nj->ij", jacobian, jacobian)
+    gradient = np.einsum("ni,n->i", jacobian, residual)
+    normal[np.diag_indices(8)] *= 1.0 + damping
+    return -np.append(np.linalg.solve(normal, gradient), 0.0).reshape(3, 3)
+
+
+_RANK_DEFICIENT = 1e-10
+
+
+class Fundamental:
+    """The relation x'^T F x = 0 of two views of a rigid scene; its error is Sampson's distance.
+
+    Sampson's distance is to first order how far a match must move, in both images together, to fulfil the relation.
+    """
+
+    sample_size = 8
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """The fundamental matrices through eight matches each, by the eight-point algorithm.
+
+        Parameters
+        ----------
+        source, target
+            (b, 8, 2) float64, about the origin and of unit size.
+
+        Returns
+        -------
+        models : (b, 3, 3) float64
+            Of rank 2; arbitrary for degenerate samples.
+        usable : (b,) bool
+        """
+        _, singular, transposed = np.linalg.svd(_equations(source, target))
+        usable = singular[:, -1] > _RANK_DEFICIENT * singular[:, 0]
+        return _rank_two(transposed[:, -1].reshape(-1, 3, 3)), usable
+
+    def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
+        """Which matches each model explains to within `threshold`.
+
+        Parameters
+        ----------
+        models
+            (b, 3, 3) float64.
+        source, target
+            (n, 2) float64.
+        threshold
+            Largest distance, in the unit of the points.
+
+        Returns
+        -------
+        (b, n) bool
+        """
+        a, b, c = _epipolar_lines(models, source)
+        a_back, b_back, _ = _epipolar_lines(np.swapaxes(models, 1, 2), target)
+        algebraic = a * target[:, 0] + b * target[:, 1] + c
+        slope = a * a + b * b + a_back * a_back + b_back * b_back
+        return algebraic * algebraic <= threshold * threshold * slope
+
+    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
+        """The eight-point solution on all matches; `model` is only needed where these leave it open.
+
+        Parameters
+        ----------
+        model
+            (3, 3) float64.
+        source, target
+            (n, 2) float64, about the origin and of unit size.
+
+        Returns
+        -------
+        (3, 3) float64
+        """
+        equations = _equations(source, target)
+        values, vectors = np.linalg.eigh(np.einsum("ni,nj->ij", equations, equations))
+        if values[1] <= _RANK_DEFICIENT * values[-1]:
+            return model
+        closest: Floats = _rank_two(vectors[:, 0].reshape(1, 3, 3))[0]
+        return closest
+
+
+def _equations(source: Floats, target: Floats) -> Floats:
+    """Rows (..., n, 9) whose product with the entries of F is x'^T F x."""
+    one = np.ones_like(source[..., :1])
+    x = np.concatenate([source, one], axis=-1)
+    rows: Floats = np.concatenate([target[..., :1] * x, target[..., 1:] * x, x], axis=-1)
+    return rows
+
+
+def _rank_two(models: Floats) -> Floats:
+    left, singular, right = np.linalg.svd(models)
+    singular[:, 2] = 0.0
+    return np.asarray((left * singular[:, None, :]) @ right, dtype=np.float64)
+
+
+def _epipolar_lines(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
+    u, v = points[:, 0], points[:, 1]
+    a, b, c = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in np.moveaxis(models, 1, 0))
+    return a, b, c
+
 
 Inliers = Callable[[Floats, Floats, int], NDArray[np.bool_]]
 """Decides which matches stay: source (n, 2) px, target (n, 2) px and the frame's index, to (n,) bool."""

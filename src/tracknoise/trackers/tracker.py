@@ -1,15 +1,103 @@
-"""Interfaces of trackers: settings that start a tracker, and one step per frame."""
+"""Interfaces of trackers: settings that start a tracker, one step per frame, and checks of what a step reports.
 
-from collections.abc import Callable, Mapping
+- One image, and the computations on it that several trackers share.
+- Quality: what trackers report about single observations, by name.
+- Interfaces of trackers: settings that start a tracker, and one step per frame.
+- Checks of what a tracker reports about one frame.
+"""
+
+import re
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.camera_model import CameraModel
+from tracknoise.exceptions import TrackerError
+from tracknoise.geometry.cameras import CameraModel
 from tracknoise.tables.identity import SequenceId
-from tracknoise.trackers.frame import Frame
+from tracknoise.tables.schema import QUALITY_NAME, TrackEnd
+from tracknoise.text import counted
+
+T = TypeVar("T")
+
+
+class Frame:
+    """One grayscale image of a sequence.
+
+    Parameters
+    ----------
+    index
+        Frame of the nominal sequence.
+    image
+        (height, width) uint8; never modified.
+
+    Raises
+    ------
+    ValueError
+        If the image is not 2-D uint8.
+    """
+
+    __slots__ = ("_memo", "image", "index")
+
+    def __init__(self, index: int, image: NDArray[np.uint8]) -> None:
+        if image.ndim != 2 or image.dtype != np.uint8:
+            raise ValueError(f"a frame is a 2-D uint8 image, not {image.ndim}-D {image.dtype}")
+        self.index = index
+        self.image = image
+        self._memo: dict[Hashable, object] = {}
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height), px."""
+        height, width = self.image.shape
+        return width, height
+
+    def memo(self, key: Hashable, compute: Callable[[NDArray[np.uint8]], T]) -> T:
+        """The result of `compute` on the image, computed at most once for each key.
+
+        Trackers at all speeds share a frame, and so share work that depends only on the image and the settings.
+        """
+        if key not in self._memo:
+            self._memo[key] = compute(self.image)
+        return cast(T, self._memo[key])
+
+
+def is_quality_name(name: str) -> bool:
+    """Whether a name matches `QUALITY_NAME`."""
+    return re.fullmatch(QUALITY_NAME, name) is not None
+
+
+def check_quality(quality: Mapping[str, NDArray[np.float32]], count: int) -> None:
+    """Check `tracknoise.trackers.tracker.Step.quality` of a step.
+
+    Parameters
+    ----------
+    quality
+        Values by name.
+    count
+        Number of observations in the step.
+
+    Raises
+    ------
+    TrackerError
+        If a name does not match `QUALITY_NAME`, or values are not one float32 per observation.
+    """
+    for name, values in quality.items():
+        if not is_quality_name(name):
+            raise TrackerError(f"a tracker reported quality {name!r}, expected a name of the form {QUALITY_NAME}")
+        if values.shape != (count,) or values.dtype != np.float32:
+            found = f"{values.dtype} of shape {values.shape}"
+            raise TrackerError(f"a tracker reported quality {name!r} as {found}, expected float32 of shape ({count},)")
+
+
+def covariances(quality: Mapping[str, object]) -> Iterator[tuple[str, str, str]]:
+    """Names of the covariances among quality: three numbers called ``<name>_uu``, ``<name>_uv`` and ``<name>_vv``."""
+    for name in (key.removesuffix("_uu") for key in quality if key.endswith("_uu")):
+        entries = (f"{name}_uu", f"{name}_uv", f"{name}_vv")
+        if all(entry in quality for entry in entries):
+            yield entries
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,3 +324,82 @@ class RepeatedTracker:
     def start(self, context: SequenceContext) -> Tracker:
         """Start the tracker on one sequence at one speed."""
         return self.settings.start(replace(context, repeat=self.repeat))
+
+
+_KINDS = {"ids": "iu", "uv": "fiu", "born": "b", "response": "f", "ended_ids": "iu", "ended": "iu"}
+"""Kinds of elements that the arrays of a step may have, as NumPy abbreviates them."""
+_NAMES = {"b": "bool", "f": "float", "fiu": "numbers", "iu": "whole numbers"}
+_CAUSES = tuple(end for end in TrackEnd if end is not TrackEnd.sequence_end)
+"""Why a track can end before the last frame."""
+
+
+def check_step(step: "Step", live_ids: NDArray[np.int64]) -> None:
+    """Check a step by itself, and against the features that were alive before it.
+
+    Parameters
+    ----------
+    step
+        What the tracker reported. Its quality is not looked at.
+    live_ids
+        (k,) int64: features that began in earlier steps and have not ended in one.
+
+    Raises
+    ------
+    TrackerError
+        If arrays have other shapes or types than promised, positions are not finite, a feature is reported or ends
+        twice, began before, is unknown, is gone without having ended, or ends for no known reason, or if counts do not
+        fit to each other or to the features that were alive.
+    """
+    found = next(_mistakes(step, live_ids), None)
+    if found is not None:
+        raise TrackerError(f"a tracker reported {found}")
+
+
+def _mistakes(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
+    for name, kinds in _KINDS.items():
+        values = getattr(step, name)
+        if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds:
+            found = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
+            yield f"{name} of type {found}, expected an array of {_NAMES[kinds]}"
+    n = len(step.ids)
+    for name, shape in {"uv": (n, 2), "born": (n,), "response": (n,), "ended": (len(step.ended_ids),)}.items():
+        if getattr(step, name).shape != shape:
+            yield f"{name} of shape {getattr(step, name).shape}, expected {shape}"
+    for feature in step.ids[~np.isfinite(step.uv).all(axis=1)][:1]:
+        yield f"feature {feature} at a position that is not finite"
+    for ids, place in ((step.ids, "in one frame"), (step.ended_ids, "as ended")):
+        for feature in _repeated(ids)[:1]:
+            yield f"feature {feature} twice {place}"
+    for place in np.flatnonzero(~np.isin(step.ended, _CAUSES))[:1]:
+        expected = ", ".join(f"{cause.value} ({cause.name})" for cause in _CAUSES)
+        yield f"reason {step.ended[place]} why feature {step.ended_ids[place]} ended, expected one of {expected}"
+    yield from _contradictions(step, live_ids)
+    yield from _miscounted(step, len(live_ids))
+
+
+def _contradictions(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
+    """What does not fit to earlier steps."""
+    left = live_ids[~np.isin(live_ids, step.ended_ids)]
+    begun, followed = step.ids[step.born], step.ids[~step.born]
+    for feature in (*step.ended_ids[~np.isin(step.ended_ids, live_ids)][:1], *followed[~np.isin(followed, left)][:1]):
+        yield f"feature {feature}, which never began or has ended"
+    for feature in begun[np.isin(begun, left)][:1]:
+        yield f"feature {feature} as new, which began before and has not ended"
+    alive = len(left) + len(begun)
+    if step.alive != alive:
+        yield f"{counted(step.alive, 'feature')} alive, expected {alive}: all that began and are not among ended_ids"
+
+
+def _miscounted(step: "Step", live: int) -> Iterator[str]:
+    """Counts that no step can have: outlier ratios are made of them."""
+    if step.offered != live:
+        yield f"{counted(step.offered, 'feature')} offered, expected {live}: all that were alive before"
+    if not 0 <= step.outliers <= step.matched <= step.offered:
+        found = f"{counted(step.outliers, 'outlier')} and {step.matched} matched of {counted(step.offered, 'feature')}"
+        yield f"{found}, expected no more outliers than matched, and no more of these than were offered"
+
+
+def _repeated(ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    ordered = np.sort(ids)
+    repeated: NDArray[np.int64] = ordered[1:][ordered[1:] == ordered[:-1]]
+    return repeated

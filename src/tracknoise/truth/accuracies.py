@@ -9,9 +9,9 @@ from importlib import resources
 from typing import Any
 
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
-from tracknoise.printable import significant
 from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, shutter_of, times_of
 from tracknoise.tables.identity import SequenceId
+from tracknoise.text import significant
 
 _FILE = "truth_accuracy.toml"
 _UNITS = {

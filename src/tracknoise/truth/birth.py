@@ -12,8 +12,7 @@ from tracknoise.geometry.surroundings import Surroundings, find_surroundings, un
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
-from tracknoise.truth.sequence_geometry import SequenceGeometry
-from tracknoise.truth.visibility import DepthMapSurface
+from tracknoise.truth.visibility import DepthMapSurface, SequenceGeometry
 
 
 @dataclass(frozen=True, slots=True)

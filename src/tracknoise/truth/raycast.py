@@ -12,8 +12,7 @@ from tracknoise.geometry.surroundings import Surroundings, find_surroundings
 from tracknoise.sequences.sequence import Sequence, Surface, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
-from tracknoise.truth.sequence_geometry import SequenceGeometry
-from tracknoise.truth.visibility import Depths
+from tracknoise.truth.visibility import Depths, SequenceGeometry
 
 
 @dataclass(frozen=True, slots=True)

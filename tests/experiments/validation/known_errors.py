@@ -31,7 +31,7 @@ class Known:
 
 
 def curve_point(oracle: Oracle, *, statistic: str, coordinate: str, age: int, n: int) -> Known:
-    """A point of a curve, with the definitions of `tracknoise.statistics.errors.curves`.
+    """A point of a curve, with the definitions of `tracknoise.statistics.curves`.
 
     Let a, b be the means of the two coordinates and A, B, C their variances and covariance. Phi has the variance of a
     product of two Gaussians, n / (n - 1)^2 (A B + C^2 + a^2 B + b^2 A + 2 a b C). eta is the mean of a folded Gaussian.

@@ -10,7 +10,7 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.enumerations import Trimming, Weighting
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
-from tracknoise.trackers.registry import make_tracker
+from tracknoise.trackers.tracker_registry import make_tracker
 
 _COORDINATES = {"nu": ("u", "v"), "eta": ("u", "v"), "Phi": ("u", "v", "uv"), "central": ("u", "v", "uv")}
 

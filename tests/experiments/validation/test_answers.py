@@ -7,8 +7,16 @@ import polars as pl
 import pytest
 from scipy.stats import t as student
 
-from tracknoise.experiments.validation.answers import ALARM, interval_checks, zero_mean_checks
-from tracknoise.experiments.validation.pools import LOG_SPREAD, MEAN_SPREAD_PX, N_TRACKS, NOISE_PX, REPLICATES
+from tracknoise.experiments.validation.scene_pools import (
+    ALARM,
+    LOG_SPREAD,
+    MEAN_SPREAD_PX,
+    N_TRACKS,
+    NOISE_PX,
+    REPLICATES,
+    interval_checks,
+    zero_mean_checks,
+)
 
 SCENES, AGES = 12, 24
 

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tracknoise.experiments.validation.closed_form import (
+from tracknoise.experiments.validation.known_worlds import (
     NOTHING,
     Pinhole,
     Scene,
     about,
+    depth_maps,
     occluded_scene,
     panel,
     product,
     rotation_of,
+    turned,
 )
-from tracknoise.experiments.validation.recordings import depth_maps
-from tracknoise.experiments.validation.tracks import turned
 
 CAMERA = Pinhole(40, 30, fx=20.0, fy=10.0, cx=19.5, cy=14.5)
 

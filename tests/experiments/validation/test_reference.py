@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.experiments.validation.known_worlds import Script
 from tracknoise.experiments.validation.reference import (
     Trim,
     autocorrelation,
@@ -15,7 +16,6 @@ from tracknoise.experiments.validation.reference import (
     survival,
     threshold_px,
 )
-from tracknoise.experiments.validation.scripted import Script
 
 ALIVE = np.array([[1, 1, 1], [1, 1, 0], [0, 1, 1], [0, 1, 0]], dtype=bool)
 

@@ -8,9 +8,9 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import StoreError
-from tracknoise.experiments.validation import selfcheck
-from tracknoise.experiments.validation.checks import CHECKS, SUSPECTS, Area, answer, exact, within
-from tracknoise.experiments.validation.selfcheck import LEAST_SCENES, judge, self_test
+from tracknoise.experiments.validation import self_test as selfcheck
+from tracknoise.experiments.validation.comparison import CHECKS, SUSPECTS, Area, answer, exact, within
+from tracknoise.experiments.validation.self_test import LEAST_SCENES, judge, self_test
 from tracknoise.statistics import trimming
 
 EXACT = [

@@ -8,13 +8,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import SPACE, number, px
-from tracknoise.report.figures import changes
+from tracknoise.report.figures import growth_curves
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LAGS
 from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import SPACE, number, px
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def data(run: RunFolder) -> ReportData:
 
 
 def drawn(data: ReportData, column: str) -> pl.DataFrame:
-    (figure,) = changes.figures(data)
+    (figure,) = growth_curves.change_figures(data)
     assert isinstance(figure, Figure)
     texts = [data for data in figure.spec["datasets"].values() if isinstance(data, str)]
     tables = [pl.read_csv(io.StringIO(text)) for text in texts]
@@ -46,7 +46,7 @@ def test_means_spreads_and_autocorrelations_are_those_of_the_table(data: ReportD
 
 
 def test_the_sentence_quotes_the_change_that_ends_at_the_reference_age(data: ReportData) -> None:
-    (figure,) = changes.figures(data)
+    (figure,) = growth_curves.change_figures(data)
     assert isinstance(figure, Figure)
     ages = nominal(data).filter(pl.col("lag") == 0, pl.col("age") <= 10, tracker="lucas-kanade").sort("age")
     row = ages.row(-1, named=True)
@@ -83,19 +83,19 @@ def test_bounds_stand_where_their_values_do_and_those_of_variances_are_roots(dat
     spread = table.sort("age")["covariance_uu"].sqrt()
     np.testing.assert_allclose(bands["u_low"], 0.5 * spread, rtol=1e-3)
     np.testing.assert_allclose(bands["u_high"], 2 * spread, rtol=1e-3)
-    (figure,) = changes.figures(bounded)
+    (figure,) = growth_curves.change_figures(bounded)
     assert f"95{SPACE}% intervals over 8 scenes" in figure.shows
 
 
 def test_without_intervals_the_figure_says_so_and_without_changes_there_is_none(data: ReportData) -> None:
-    (figure,) = changes.figures(dataclasses.replace(data, intervals=data.intervals.clear()))
+    (figure,) = growth_curves.change_figures(dataclasses.replace(data, intervals=data.intervals.clear()))
     assert "No intervals were computed for the curves." in figure.shows
-    (absence,) = changes.figures(dataclasses.replace(data, changes=data.changes.clear()))
+    (absence,) = growth_curves.change_figures(dataclasses.replace(data, changes=data.changes.clear()))
     assert isinstance(absence, Absence)
 
 
 def test_correlations_are_said_to_be_of_all_ages(data: ReportData) -> None:
-    (figure,) = changes.figures(data)
+    (figure,) = growth_curves.change_figures(data)
     row = nominal(data).filter(lag=1, tracker="lucas-kanade").row(0, named=True)
     told = [number(row[f"autocorrelation_{axis}"]) for axis in "uv"]
     assert (
@@ -109,7 +109,7 @@ def test_with_few_frames_nothing_is_drawn_outside_of_the_panels(
     make_run: Callable[..., RunFolder], n_frames: int
 ) -> None:
     run = make_run(scenes=("only",), trackers=("one",), speeds=(1,), born=80, n_frames=n_frames, min_features=20)
-    for item in changes.figures(ReportData.of(run)):
+    for item in growth_curves.change_figures(ReportData.of(run)):
         assert isinstance(item, Figure)
         lines = [layer for panel in item.spec["concat"] for layer in panel["layer"] if layer["mark"]["type"] == "line"]
         assert all(line["mark"].get("clip") for line in lines)
@@ -118,6 +118,6 @@ def test_with_few_frames_nothing_is_drawn_outside_of_the_panels(
 def test_changes_that_are_all_alike_vary_by_nothing(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("only",), trackers=("one",), speeds=(1,), sigma_px=0.0, bias_px=0.1, percentile=None)
     constant = ReportData.of(run)
-    (figure,) = changes.figures(constant)
+    (figure,) = growth_curves.change_figures(constant)
     assert "nan" not in figure.look_for
     assert drawn(constant, "u").drop_nulls("u")["u"].is_finite().all()

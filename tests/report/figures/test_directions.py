@@ -8,11 +8,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import number, px
-from tracknoise.report.figures import directions
+from tracknoise.report.figures import error_curves
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import number, px
 
 DRIFT_PX = 0.05 * np.array([1.0, -0.5])
 """A frame, in u and v."""
@@ -28,7 +28,7 @@ def data(make_run: Callable[..., RunFolder]) -> ReportData:
 
 @pytest.fixture(scope="module")
 def figure(data: ReportData) -> Figure:
-    (made,) = directions.figures(data)
+    (made,) = error_curves.direction_figures(data)
     assert isinstance(made, Figure)
     return made
 
@@ -61,18 +61,20 @@ def test_no_mean_is_drawn_along_an_axis_without_sign(figure: Figure) -> None:
 def test_recorded_truth_has_noise_of_its_own_and_the_reader_is_told(
     figure: Figure, make_run: Callable[..., RunFolder]
 ) -> None:
-    (recorded,) = directions.figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), truth="birth")))
+    (recorded,) = error_curves.direction_figures(
+        ReportData.of(make_run(scenes=("only",), trackers=("one",), truth="birth"))
+    )
     assert isinstance(recorded, Figure)
     assert "noise of the true positions looks like a lag too" in recorded.look_for
     assert "noise of the true positions" not in figure.look_for
 
 
 def test_without_known_errors_there_is_nothing_to_turn(make_run: Callable[..., RunFolder]) -> None:
-    (item,) = directions.figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), depth=False)))
+    (item,) = error_curves.direction_figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), depth=False)))
     assert isinstance(item, Absence)
 
 
 def test_a_run_without_aspects_says_so(run: RunFolder) -> None:
     data = ReportData.of(run)
     object.__setattr__(data, "aspect_curves", data.aspect_curves.clear())
-    assert all(isinstance(item, Absence) for item in directions.figures(data))
+    assert all(isinstance(item, Absence) for item in error_curves.direction_figures(data))

@@ -4,8 +4,8 @@ import io
 
 import polars as pl
 
-from tracknoise.report.figures import trimming
-from tracknoise.report.figures.dropped_tracks import trimmed_frame
+from tracknoise.report.figures import distributions
+from tracknoise.report.figures.frames import trimmed_frame
 from tracknoise.report.report_data import ReportData
 
 ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "born": 40}
@@ -13,7 +13,7 @@ ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "born": 40}
 
 def test_the_image_has_the_features_that_trimming_kept_and_dropped(make_run):
     data = ReportData.of(make_run(**ONE))
-    (figure,) = trimming.figures(data)
+    (figure,) = distributions.trimming_figures(data)
     (entry,) = data.sequences.values()
     observed = data.run.sequence_table("observations", entry.key).filter(frame=entry.snapshot_frame)
     observed = observed.drop_nulls("du_px")
@@ -29,5 +29,5 @@ def test_without_trimming_or_single_observations_there_is_no_image(make_run):
     assert trimmed_frame(ReportData.of(make_run(**ONE, percentile=None))) is None
     data = ReportData.of(make_run(**ONE, keep="statistics"))
     assert trimmed_frame(data) is None
-    (figure,) = trimming.figures(data)
+    (figure,) = distributions.trimming_figures(data)
     assert "true positions." not in figure.shows

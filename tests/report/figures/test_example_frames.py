@@ -3,7 +3,7 @@
 import pytest
 
 from tracknoise.exceptions import StoreError
-from tracknoise.report.figures import example_frames
+from tracknoise.report.figures import frames
 from tracknoise.report.figures.figure import Absence
 from tracknoise.report.report_data import ReportData
 
@@ -16,8 +16,8 @@ def test_a_damaged_image_is_an_error_and_a_missing_one_is_named(make_run):
     content[-1] ^= 1
     path.write_bytes(bytes(content))
     with pytest.raises(StoreError, match="damaged"):
-        example_frames.figures(data)
+        frames.example_frame_figures(data)
     path.unlink()
-    (absence,) = example_frames.figures(data)
+    (absence,) = frames.example_frame_figures(data)
     assert isinstance(absence, Absence)
     assert "is missing in the run folder" in absence.why

@@ -7,11 +7,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.cli.summary import summary_text
+from tracknoise.cli.run_summary import summary_text
 from tracknoise.report.bands import upright_bounds
-from tracknoise.report.figures import curves, directions
+from tracknoise.report.figures import error_curves
+from tracknoise.report.figures.curve_panels import NAME
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.figures.floor_line import NAME
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.table_files import EXPORTS
 from tracknoise.tables.store import RunFolder
@@ -37,7 +37,7 @@ def rows(layer: dict[str, object]) -> pl.DataFrame:
 
 
 def test_the_floor_is_drawn_below_the_root_second_moment_and_around_the_mean(data: ReportData) -> None:
-    figure = curves.figures(data)[0]
+    figure = error_curves.curve_figures(data)[0]
     lines = lines_of(figure)
     assert len(lines) == 2 * 2 + 2
     drawn = [rows(line) for line in lines]
@@ -56,14 +56,14 @@ def test_the_floor_is_drawn_below_the_root_second_moment_and_around_the_mean(dat
 @pytest.mark.parametrize("floor_px", [None, 0.0])
 def test_there_is_no_line_where_nothing_is_known_or_the_truth_is_exact(make_run, floor_px) -> None:
     data = ReportData.of(make_run(scenes=("only",), speeds=(1,), born=40, floor_px=floor_px))
-    figure = curves.figures(data)[0]
+    figure = error_curves.curve_figures(data)[0]
     assert not lines_of(figure)
     assert "truth floor" not in figure.shows
     assert "floor" not in summary_text(data.run)
 
 
 def test_along_and_across_the_motion_no_floor_is_known(data: ReportData) -> None:
-    for figure in directions.figures(data):
+    for figure in error_curves.direction_figures(data):
         assert isinstance(figure, Figure)
         assert not lines_of(figure)
         assert "truth floor" not in json.dumps(figure.spec)

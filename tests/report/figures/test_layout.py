@@ -4,7 +4,7 @@ import altair as alt
 import pytest
 
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.layout import Panel, arranged, layered
+from tracknoise.report.figures.panels import Panel, arranged, layered
 
 
 def chart(value: int) -> alt.Chart:

@@ -9,11 +9,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import number, percent, px
-from tracknoise.report.figures import lifetimes_by_lighting, light_stage, light_sweeps, lightings, outlier_ratio
+from tracknoise.report.figures import frames as light_stage
+from tracknoise.report.figures import levels, light_sweeps, track_ends
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import number, percent, px
 
 LIGHTINGS = ("diffuse", "LR0", "LR1", "LR2", "LR3", "LR4", "LR10", "BF0", "BF1", "lamp")
 LEFT_TO_RIGHT = ["LR0", "LR1", "LR2", "LR3", "LR4", "LR10"]
@@ -27,7 +28,7 @@ def data(make_run: Callable[..., RunFolder]) -> ReportData:
 @pytest.fixture(scope="module")
 def figure(data: ReportData) -> Figure:
     """Light that moves from left to right, at the lowest speed."""
-    made = lightings.figures(data)
+    made = levels.lighting_figures(data)
     sweeps = ("left-to-right", "back-to-front", "other-light")
     assert [item.id for item in made] == [
         f"error-by-lighting-one-speed-{speed}-{sweep}" for speed in (1, 2) for sweep in sweeps
@@ -38,7 +39,7 @@ def figure(data: ReportData) -> Figure:
 
 @pytest.fixture(scope="module")
 def boxes(data: ReportData) -> Figure:
-    return {item.id: item for item in outlier_ratio.figures(data)}["outlier-ratio-by-lighting"]
+    return {item.id: item for item in track_ends.outlier_ratio_figures(data)}["outlier-ratio-by-lighting"]
 
 
 def _brightness(colour: str) -> int:
@@ -85,7 +86,7 @@ def test_the_reference_is_drawn_above_the_others(figure: Figure) -> None:
 
 def test_lifetimes_by_lighting_are_those_of_the_tracks(data: ReportData) -> None:
     tracks = pl.concat(data.run.sequence_tables("tracks")).filter(speed=1)
-    figure = {item.id: item for item in lifetimes_by_lighting.figures(data)}["lifetimes-by-lighting"]
+    figure = {item.id: item for item in levels.lifetimes_by_lighting_figures(data)}["lifetimes-by-lighting"]
     means = tracks.group_by("lighting").agg(pl.col("lifetime").mean()).sort("lifetime").rows()
     assert f"from {number(means[0][1])} frames under {means[0][0]}" in figure.look_for
     assert f"to {number(means[-1][1])} frames under {means[-1][0]}." in figure.look_for
@@ -118,7 +119,7 @@ def test_boxes_have_a_panel_a_sweep_that_begins_with_the_reference(boxes: Figure
 
 
 def test_one_scene_is_shown_under_the_reference_and_some_lights_of_each_sweep(data: ReportData) -> None:
-    (figure,) = light_stage.figures(data)
+    (figure,) = light_stage.light_stage_figures(data)
     assert isinstance(figure, Figure)
     titles = [panel["title"]["text"] for panel in figure.spec["concat"]]
     assert titles == ["diffuse", "LR0", "LR3", "LR10", "BF0", "BF1", "lamp"]

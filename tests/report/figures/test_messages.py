@@ -9,24 +9,15 @@ import pytest
 from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 
-from tracknoise.findings.wording import percent, px, ratio
-from tracknoise.report.figures import (
-    curves,
-    lifetimes,
-    light_stage,
-    outlier_ratio,
-    second_moments,
-    speeds,
-    time_structure,
-    window_sigmas,
-)
+from tracknoise.report.figures import error_curves, frames, growth_curves, levels, noise_models, track_ends
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.figures.message import MOST_NUMBERS, MOST_WORDS
-from tracknoise.report.growth import growth_message
+from tracknoise.report.figures.messages import MOST_NUMBERS, MOST_WORDS
+from tracknoise.report.headline_conditions import growth_message
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import percent, px, ratio
 
 NAMES = ("a light stage", "a perfect tracker", "no depth", "no feature found", "turned, and played backward")
 WORLDS: dict[str, dict[str, object]] = {"ordinary": {}, **{name: DEGENERATE[name] for name in NAMES}}
@@ -87,20 +78,22 @@ def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None
     (tracker, axis), times = max(grown.items(), key=lambda one: one[1])
     expected = f"The RMS error of {tracker} in {axis} grows {ratio(times)} times up to age {points['since'].max()}"
     assert growth_message(with_verdict(data, "random walk")) == expected
-    assert message(curves.figures(with_verdict(data, "random walk")), "error-by-age") == expected
+    assert message(error_curves.curve_figures(with_verdict(data, "random walk")), "error-by-age") == expected
     for verdict in ("white", "undecided", "none"):
         assert growth_message(with_verdict(data, verdict)) == ""
     white = with_verdict(data, "white")
-    assert message(time_structure.figures(white), "time-structure") == ""  # a part of it grows
+    assert message(growth_curves.time_structure_figures(white), "time-structure") == ""  # a part of it grows
     level = white.time_structure.with_columns(walk_px_per_sqrt_frame_low=pl.lit(0.0))
-    found = message(time_structure.figures(dataclasses.replace(white, time_structure=level)), "time-structure")
+    found = message(
+        growth_curves.time_structure_figures(dataclasses.replace(white, time_structure=level)), "time-structure"
+    )
     assert found.endswith("is constant")
-    assert message(time_structure.figures(with_verdict(data, "undecided")), "time-structure") == ""
+    assert message(growth_curves.time_structure_figures(with_verdict(data, "undecided")), "time-structure") == ""
 
 
 def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> None:
     texts = {
-        verdict: [item.message for item in speeds.figures(judged(data, verdict)) if isinstance(item, Figure)]
+        verdict: [item.message for item in levels.speed_figures(judged(data, verdict)) if isinstance(item, Figure)]
         for verdict in ("yes", "no", "undecided")
     }
     assert all("depends on speed; the clearest difference is 1.50\xa0times" in text for text in texts["yes"])
@@ -111,15 +104,17 @@ def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> Non
 def test_trackers_are_compared_by_the_paired_comparison(data: ReportData) -> None:
     found = judged(data, "yes")
     row = found.dependence.filter(factor="tracker", statistic="lifetime", speed=data.slowest).row(0, named=True)
-    text = message(lifetimes.figures(found), "lifetimes")
+    text = message(track_ends.lifetime_figures(found), "lifetimes")
     assert text.startswith(f"Tracks of {row['larger']} live {ratio(row['effect'])} times as long as those of ")
-    assert message(lifetimes.figures(judged(data, "undecided")), "lifetimes").startswith("Median lifetime: ")
+    assert message(track_ends.lifetime_figures(judged(data, "undecided")), "lifetimes").startswith("Median lifetime: ")
 
 
 def test_values_are_those_of_the_tables(data: ReportData) -> None:
     shares = data.nominal(data.outliers).select("tracker", "pooled_ratio")
     parts = [f"{percent(dict(shares.iter_rows())[name])} for {name}" for name in data.trackers]
-    assert message(outlier_ratio.figures(data), "outlier-ratio") == f"Rejected features: {' and '.join(parts)}"
+    assert (
+        message(track_ends.outlier_ratio_figures(data), "outlier-ratio") == f"Rejected features: {' and '.join(parts)}"
+    )
     points = data.nominal(data.points).filter(
         role="second", population=data.population, tracker=data.trackers[0], since=REFERENCE_AGE
     )
@@ -127,7 +122,7 @@ def test_values_are_those_of_the_tables(data: ReportData) -> None:
     ends = f"from {px(rows['untrimmed']['u'])} to {px(rows['trimmed']['u'])}"
     lies_apart = rows["untrimmed"]["u_low"] > rows["trimmed"]["u_high"]
     other = next(name for name in rows if name != data.trimming)
-    assert message(curves.figures(data), f"error-by-age-{other}").endswith(ends) == lies_apart
+    assert message(error_curves.curve_figures(data), f"error-by-age-{other}").endswith(ends) == lies_apart
 
 
 def test_the_sigma_to_set_is_stated_only_where_residuals_are_shown_to_mislead(data: ReportData) -> None:
@@ -137,10 +132,10 @@ def test_the_sigma_to_set_is_stated_only_where_residuals_are_shown_to_mislead(da
 
     row = data.nominal(data.window_sigmas).filter(quantity="core_overconfidence", window=15, tracker=data.trackers[0])
     times = ratio(row["value"][0])
-    text = message(window_sigmas.figures(with_low(1.01)), "window-sigmas")
+    text = message(noise_models.window_sigma_figures(with_low(1.01)), "window-sigmas")
     assert text == f"In windows of 15 frames, set {times} times what residuals of {data.trackers[0]} look like"
     for low in (0.99, None):
-        assert message(window_sigmas.figures(with_low(low)), "window-sigmas") == ""
+        assert message(noise_models.window_sigma_figures(with_low(low)), "window-sigmas") == ""
 
 
 def test_second_moments_in_u_and_v_are_compared_where_intervals_lie_apart(data: ReportData) -> None:
@@ -153,17 +148,17 @@ def test_second_moments_in_u_and_v_are_compared_where_intervals_lie_apart(data: 
         return dataclasses.replace(data, curves=curves, intervals=data.intervals.with_columns(bounds))
 
     id = "second-moment-by-age"
-    assert "times as large in u as in v" in message(second_moments.figures(with_factor(100.0)), id)
-    assert "times as large in v as in u" in message(second_moments.figures(with_factor(0.01)), id)
+    assert "times as large in u as in v" in message(error_curves.second_moment_figures(with_factor(100.0)), id)
+    assert "times as large in v as in u" in message(error_curves.second_moment_figures(with_factor(0.01)), id)
     at = {"role": "second", "since": REFERENCE_AGE, "trimming": data.trimming, "population": data.population}
     first = data.nominal(data.points).filter(tracker=data.trackers[0], **at).row(0, named=True)
     equal = with_factor((first["v"] / first["u"]) ** 2)
-    assert f"of {data.trackers[0]} is" not in message(second_moments.figures(equal), id)
+    assert f"of {data.trackers[0]} is" not in message(error_curves.second_moment_figures(equal), id)
 
 
 def test_the_light_stage_says_how_many_lightings_it_shows(make_run: Callable[..., RunFolder]) -> None:
     data = ReportData.of(make_run(**WORLDS["a light stage"]))
-    (figure,) = light_stage.figures(data)
+    (figure,) = frames.light_stage_figures(data)
     assert isinstance(figure, Figure)
     shown = sum(name.startswith("image_") for name in figure.spec["datasets"])
     assert figure.message.endswith(f" under {shown} of {len(data.lightings)} lightings")

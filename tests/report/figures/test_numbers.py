@@ -9,22 +9,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import SPACE, number, percent, px
-from tracknoise.report.figures import (
-    curves,
-    example_frames,
-    feature_counts,
-    incidence,
-    lifetimes,
-    lightings,
-    occlusion,
-    outlier_ratio,
-    speeds,
-    trimming,
-)
+from tracknoise.report.figures import distributions, error_curves, levels, track_ends
+from tracknoise.report.figures import frames as example_frames
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import SPACE, number, percent, px
 
 
 def _by_id(items: Any) -> dict[str, Any]:
@@ -42,7 +32,7 @@ def data(run: RunFolder) -> ReportData:
 
 
 def test_curves_quote_the_summary(data: ReportData) -> None:
-    figure = _by_id(curves.figures(data))["error-by-age"]
+    figure = _by_id(error_curves.curve_figures(data))["error-by-age"]
     rows = data.summary.filter(speed=1)
     assert rows["at"].n_unique() == 1
     assert f"At age {rows['at'][0]}, " in figure.look_for
@@ -54,7 +44,7 @@ def test_curves_quote_the_summary(data: ReportData) -> None:
 
 
 def test_curves_draw_what_is_in_the_tables(data: ReportData) -> None:
-    figure = _by_id(curves.figures(data))["error-by-age"]
+    figure = _by_id(error_curves.curve_figures(data))["error-by-age"]
     drawn = pl.concat(
         _drawn
         for _drawn in _datasets(figure)
@@ -70,7 +60,7 @@ def test_curves_draw_what_is_in_the_tables(data: ReportData) -> None:
 
 
 def test_causes_of_ends_are_those_of_the_table(data: ReportData) -> None:
-    (figure,) = incidence.figures(data)
+    (figure,) = track_ends.incidence_figures(data)
     rows = data.incidence.filter(tracker="lucas-kanade", speed=1)
     last = (
         rows.filter(pl.col("lifetime") == pl.col("lifetime").max())
@@ -85,7 +75,7 @@ def test_causes_of_ends_are_those_of_the_table(data: ReportData) -> None:
 
 
 def test_lifetimes_quote_the_summary(data: ReportData) -> None:
-    figure = _by_id(lifetimes.figures(data))["lifetimes"]
+    figure = _by_id(track_ends.lifetime_figures(data))["lifetimes"]
     row = data.nominal(data.summary).filter(tracker="lucas-kanade").row(0, named=True)
     means = [number(row[name]) for name in ("restricted_mean_lifetime", "restricted_mean_until_failure")]
     assert (
@@ -95,13 +85,13 @@ def test_lifetimes_quote_the_summary(data: ReportData) -> None:
 
 
 def test_without_trimming_one_figure_shows_all_tracks(make_run: Callable[..., RunFolder]) -> None:
-    items = _by_id(curves.figures(ReportData.of(make_run(percentile=None))))
+    items = _by_id(error_curves.curve_figures(ReportData.of(make_run(percentile=None))))
     assert isinstance(items["error-by-age-untrimmed"], Absence)
     assert items["error-by-age"].shows.startswith("Errors of all tracks")
 
 
 def test_speeds_are_read_at_an_age_that_all_have(data: ReportData) -> None:
-    figure = _by_id(speeds.figures(data))["error-by-speed-lucas-kanade"]
+    figure = _by_id(levels.speed_figures(data))["error-by-speed-lucas-kanade"]
     age = int(re.match(r"At age (\d+), ", figure.look_for).group(1))
     assert age % 2 == 0
     for speed in (1, 2):
@@ -111,7 +101,9 @@ def test_speeds_are_read_at_an_age_that_all_have(data: ReportData) -> None:
 
 
 def test_speeds_that_share_no_age_are_read_at_the_nearest_to_ten(make_run: Callable[..., RunFolder]) -> None:
-    (figure,) = speeds.figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60)))
+    (figure,) = levels.speed_figures(
+        ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60))
+    )
     assert figure.look_for.startswith(
         "At age 10 or the nearest available (7 for speed 7 and 9 for speed 9), the root second moment for "
     )
@@ -120,24 +112,24 @@ def test_speeds_that_share_no_age_are_read_at_the_nearest_to_ten(make_run: Calla
 def test_speeds_that_were_trimmed_at_different_errors_have_a_warning(
     make_run: Callable[..., RunFolder], data: ReportData
 ) -> None:
-    figure = _by_id(speeds.figures(data))["error-by-speed-correspondence"]
+    figure = _by_id(levels.speed_figures(data))["error-by-speed-correspondence"]
     trims = data.trims.filter(tracker="correspondence")
     cuts = [trims.filter(speed=speed)["threshold_px"].median() for speed in (1, 2)]
     assert f"trimming cuts at {px(cuts[0])} at speed 1 and {px(cuts[1])} at speed 2" in figure.look_for
-    for untrimmed in speeds.figures(ReportData.of(make_run(percentile=None))):
+    for untrimmed in levels.speed_figures(ReportData.of(make_run(percentile=None))):
         assert "trimming" not in untrimmed.look_for
         assert untrimmed.shows.startswith("Errors of")
 
 
 def test_one_speed_leaves_nothing_to_compare(make_run: Callable[..., RunFolder]) -> None:
-    (absence,) = speeds.figures(ReportData.of(make_run(speeds=(3,))))
+    (absence,) = levels.speed_figures(ReportData.of(make_run(speeds=(3,))))
     assert absence.why == "Only speed 3 was run, so there are no speeds to compare."
 
 
 def test_lightings_are_compared_where_there_are_several(make_run: Callable[..., RunFolder], data: ReportData) -> None:
-    assert lightings.figures(data) == []
+    assert levels.lighting_figures(data) == []
     several = ReportData.of(make_run(lightings=("led-1", "led-2"), scenes=("only",), born=40))
-    assert [item.id for item in lightings.figures(several)] == [
+    assert [item.id for item in levels.lighting_figures(several)] == [
         f"error-by-lighting-{tracker}-speed-{speed}"
         for tracker in ("lucas-kanade", "correspondence")
         for speed in (1, 2)
@@ -145,7 +137,7 @@ def test_lightings_are_compared_where_there_are_several(make_run: Callable[..., 
 
 
 def test_lifetimes_quote_counts_and_censoring(data: ReportData, run: RunFolder) -> None:
-    figure = _by_id(lifetimes.figures(data))["lifetimes"]
+    figure = _by_id(track_ends.lifetime_figures(data))["lifetimes"]
     tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker="correspondence", speed=1)
     censored = (tracks["end"] == "sequence_end").mean()
     told = f"correspondence has {tracks.height} tracks. Mean lifetime: {number(tracks['lifetime'].mean())} frames."
@@ -154,26 +146,26 @@ def test_lifetimes_quote_counts_and_censoring(data: ReportData, run: RunFolder) 
 
 
 def test_the_lifetime_histogram_holds_every_track(data: ReportData, run: RunFolder) -> None:
-    figure = _by_id(lifetimes.figures(data))["lifetimes"]
+    figure = _by_id(track_ends.lifetime_figures(data))["lifetimes"]
     (histogram,) = [table for table in _datasets(figure) if "n" in table.columns]
     assert histogram["n"].sum() == pl.concat(run.sequence_tables("tracks")).filter(speed=1).height
     assert histogram.filter(pl.col("n") == 0)["drawn"].is_between(0.5, 1, closed="left").all()
 
 
 def test_survival_starts_with_everyone(data: ReportData) -> None:
-    figure = _by_id(lifetimes.figures(data))["lifetimes"]
+    figure = _by_id(track_ends.lifetime_figures(data))["lifetimes"]
     (survival,) = [table for table in _datasets(figure) if "survival" in table.columns]
     assert survival.filter(lifetime=0)["survival"].to_list() == [1.0, 1.0]
 
 
 def test_a_survival_that_never_reaches_a_half_says_so(make_run: Callable[..., RunFolder]) -> None:
-    (figure, *_) = lifetimes.figures(ReportData.of(make_run(loss=1e-12)))
+    (figure, *_) = track_ends.lifetime_figures(ReportData.of(make_run(loss=1e-12)))
     assert "Median lifetime: longer than the data (more than half are censored)." in figure.look_for
     assert f"Censored: 100.0{SPACE}%." in figure.look_for
 
 
 def test_errors_quote_the_cut_and_single_sightings(data: ReportData, run: RunFolder) -> None:
-    (figure,) = trimming.figures(data)
+    (figure,) = distributions.trimming_figures(data)
     tracks = pl.concat(run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)
     once = tracks.filter(lifetime=1).height
     assert (
@@ -187,20 +179,20 @@ def test_errors_quote_the_cut_and_single_sightings(data: ReportData, run: RunFol
 
 
 def test_error_histograms_hold_every_measured_track(data: ReportData, run: RunFolder) -> None:
-    (figure,) = trimming.figures(data)
+    (figure,) = distributions.trimming_figures(data)
     drawn = sum(table["n"].sum() for table in _datasets(figure) if "low" in table.columns)
     assert drawn == pl.concat(run.sequence_tables("tracks"))["max_error_px"].count()
 
 
 def test_nothing_trimmed_has_no_cut(make_run: Callable[..., RunFolder]) -> None:
-    (figure,) = trimming.figures(ReportData.of(make_run(percentile=None)))
+    (figure,) = distributions.trimming_figures(ReportData.of(make_run(percentile=None)))
     assert "Nothing was trimmed in this run." in figure.shows
     assert "threshold" not in figure.look_for
     assert not any("cut" in table.columns and table.height for table in _datasets(figure))
 
 
 def test_feature_counts_quote_where_half_are_left(data: ReportData, run: RunFolder) -> None:
-    (figure,) = feature_counts.figures(data)
+    (figure,) = track_ends.feature_count_figures(data)
     lived = pl.concat(run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)["lifetime"]
     half = max(age for age in range(20) if 2 * (lived > age).sum() >= lived.len())
     last = max(age for age in range(20) if (lived > age).sum() >= 40)
@@ -209,24 +201,24 @@ def test_feature_counts_quote_where_half_are_left(data: ReportData, run: RunFold
 
 
 def test_outlier_ratios_are_the_pooled_ones(data: ReportData, run: RunFolder) -> None:
-    (figure,) = outlier_ratio.figures(data)
+    (figure,) = track_ends.outlier_ratio_figures(data)
     frames = pl.concat(run.sequence_tables("frames")).filter(tracker="correspondence", speed=2)
     share = percent(frames["outliers"].sum() / frames["offered"].sum())
     assert re.search(f"correspondence rejected .* and {share} \\(.*\\) at speed 2", figure.look_for)
 
 
 def test_occlusion_compares_both_populations_at_one_age(data: ReportData) -> None:
-    table = occlusion.compare(data)
+    table = error_curves.compare(data)
     row = table.filter(tracker="lucas-kanade", speed=1, role="second").row(0, named=True)
     assert row["n_projected"] > row["n_visible"]
-    (figure,) = occlusion.figures(data)
+    (figure,) = error_curves.occlusion_figures(data)
     hidden = row["n_projected"] - row["n_visible"]
     assert f"lucas-kanade has {hidden} occluded feature" in figure.look_for
     assert f"{px(row['u_projected'])} with them and {px(row['u_visible'])} without" in figure.look_for
 
 
 def test_error_lines_lead_towards_the_truth(data: ReportData, run: RunFolder) -> None:
-    (figure, _) = example_frames.figures(data)
+    (figure, _) = example_frames.example_frame_figures(data)
     times = int(re.search(r"magnified (\d+) times", figure.shows).group(1))
     (drawn,) = [table for table in _datasets(figure) if "u_tip" in table.columns and table.height][:1]
     seen = run.sequence_table("observations", "fixating@default").filter(frame=10, speed=1, tracker="lucas-kanade")
@@ -239,7 +231,7 @@ def test_error_lines_lead_towards_the_truth(data: ReportData, run: RunFolder) ->
 
 
 def test_example_frames_span_the_image_with_pixel_centres_at_integers(data: ReportData) -> None:
-    (figure, _) = example_frames.figures(data)
+    (figure, _) = example_frames.example_frame_figures(data)
     (image,) = figure.spec["datasets"]["image"]
     assert [image[side] for side in ("left", "right", "top", "bottom")] == [-0.5, 159.5, -0.5, 119.5]
     background = figure.spec["concat"][0]["layer"][0]["encoding"]
@@ -248,7 +240,7 @@ def test_example_frames_span_the_image_with_pixel_centres_at_integers(data: Repo
 
 
 def test_trails_are_broken_between_tracks(data: ReportData) -> None:
-    (figure, _) = example_frames.figures(data)
+    (figure, _) = example_frames.example_frame_figures(data)
     (trails,) = [table for table in _datasets(figure) if table.columns == ["place", "u", "v"]][:1]
     (drawn,) = [table for table in _datasets(figure) if "u_tip" in table.columns][:1]
     assert trails["u"].null_count() == drawn.height
@@ -263,6 +255,8 @@ def test_magnification_is_a_round_number(typical_px: float, width: int, factor: 
 
 def test_many_scenes_are_not_all_drawn(make_run: Callable[..., RunFolder]) -> None:
     names = tuple(f"scene-{i}" for i in range(8))
-    items = example_frames.figures(ReportData.of(make_run(scenes=names, trackers=("one",), speeds=(1,), n_frames=6)))
+    items = example_frames.example_frame_figures(
+        ReportData.of(make_run(scenes=names, trackers=("one",), speeds=(1,), n_frames=6))
+    )
     assert len(items) == example_frames.MOST_SCENES + 1
     assert items[-1].why == "Only the first 6 of 8 scenes are drawn. The statistics below cover all scenes."

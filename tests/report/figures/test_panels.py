@@ -5,12 +5,12 @@ import re
 import polars as pl
 import pytest
 
-from tracknoise.report.export import render, specification
-from tracknoise.report.figures import marks, speeds
-from tracknoise.report.figures.comparison import comparison
+from tracknoise.report.figure_files import render, specification
+from tracknoise.report.figures import levels, marks
+from tracknoise.report.figures.curve_panels import Series
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.figures.series import Series
+from tracknoise.report.figures.levels import comparison
 from tracknoise.report.report_data import ReportData
 
 WIDEST = 968
@@ -36,7 +36,7 @@ def _domain(*drawn: float, marked: float | None = None) -> list[float]:
 def test_a_speed_without_a_curve_has_no_box_and_no_colour_in_the_legend(make_run):
     data = ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(1, 2, 20), born=40))
     assert data.points.filter(speed=20)["since"].unique().to_list() == [0]
-    (figure,) = speeds.figures(data)
+    (figure,) = levels.speed_figures(data)
     curves, boxes = figure.spec["concat"][:2]
     line = next(layer["encoding"] for layer in curves["layer"] if "color" in layer["encoding"])
     assert line["color"]["scale"]["domain"] == ["1", "2"]

@@ -5,7 +5,7 @@ from io import StringIO
 import polars as pl
 import pytest
 
-from tracknoise.report.figures import image_map, image_speed, surroundings
+from tracknoise.report.figures import maps
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 
@@ -25,7 +25,7 @@ def drawn(figure: Figure, *, layer: int = 0, panel: int = 0) -> pl.DataFrame:
 
 
 def test_every_tracker_has_a_map_of_each_age(data: ReportData) -> None:
-    figures = image_map.figures(data)
+    figures = maps.image_map_figures(data)
     assert [figure.id for figure in figures] == [f"image-map-{data.slug(tracker)}" for tracker in data.trackers]
     for tracker, figure in zip(data.trackers, figures, strict=True):
         every = data.nominal(data.image_cells).filter(tracker=tracker)
@@ -43,7 +43,7 @@ def test_every_tracker_has_a_map_of_each_age(data: ReportData) -> None:
 
 
 def test_arrows_point_where_the_mean_error_points(data: ReportData) -> None:
-    found = drawn(image_map.figures(data)[0]).with_columns(
+    found = drawn(maps.image_map_figures(data)[0]).with_columns(
         u=pl.col("to_x") - pl.col("x"), v=pl.col("to_y") - pl.col("y")
     )
     longer = found.filter((pl.col("u").abs() > 0.05) & (pl.col("v").abs() > 0.05))
@@ -55,7 +55,7 @@ def test_arrows_point_where_the_mean_error_points(data: ReportData) -> None:
 
 
 def test_classes_are_drawn_with_their_values_and_sides_are_named(data: ReportData) -> None:
-    figure = surroundings.figures(data)[0]
+    figure = maps.surrounding_figures(data)[0]
     assert isinstance(figure, Figure)
     errors = data.nominal(data.surrounding_errors).filter(tracker=data.trackers[0])
     whole = errors.filter(surrounding="side", coordinate="u", statistic="mean").group_by("at").agg(pl.col("n").sum())
@@ -69,7 +69,7 @@ def test_classes_are_drawn_with_their_values_and_sides_are_named(data: ReportDat
 
 
 def test_speeds_are_drawn_for_both_directions_at_each_age(data: ReportData) -> None:
-    (figure,) = image_speed.figures(data)
+    (figure,) = maps.image_speed_figures(data)
     points = data.nominal(data.speed_errors).filter(pl.col("n") >= data.min_features)
     assert isinstance(figure, Figure) == (not points.is_empty())
     if isinstance(figure, Figure):
@@ -78,6 +78,6 @@ def test_speeds_are_drawn_for_both_directions_at_each_age(data: ReportData) -> N
 
 def test_without_depth_or_errors_the_reason_is_given(make_run) -> None:
     data = ReportData.of(make_run(depth=False))
-    made = [*image_map.figures(data), *image_speed.figures(data), *surroundings.figures(data)]
+    made = [*maps.image_map_figures(data), *maps.image_speed_figures(data), *maps.surrounding_figures(data)]
     assert all(isinstance(one, Absence) for one in made)
     assert len({one.id for one in made}) == len(made)

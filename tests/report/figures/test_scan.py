@@ -6,17 +6,12 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import px
-from tracknoise.report.figures import (
-    curves,
-    example_frames,
-    feature_counts,
-    speeds,
-    trimming,
-)
+from tracknoise.report.figures import distributions, error_curves, levels, track_ends
+from tracknoise.report.figures import frames as example_frames
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import px
 
 KEY_FRAME = 8
 
@@ -29,14 +24,14 @@ def data(make_run: Callable[..., RunFolder]) -> ReportData:
 
 @pytest.fixture(scope="module")
 def trimmed(data: ReportData) -> Figure:
-    figure = curves.figures(data)[0]
+    figure = error_curves.curve_figures(data)[0]
     assert isinstance(figure, Figure)
     return figure
 
 
 @pytest.fixture(scope="module")
 def by_speed(data: ReportData) -> Figure:
-    figure = speeds.figures(data)[0]
+    figure = levels.speed_figures(data)[0]
     assert isinstance(figure, Figure)
     return figure
 
@@ -83,7 +78,7 @@ def test_speeds_are_read_at_the_last_frame_up_to_ten_after_the_key_frame_that_al
 
 
 def test_features_are_counted_by_frame(data: ReportData) -> None:
-    (figure,) = feature_counts.figures(data)
+    (figure,) = track_ends.feature_count_figures(data)
     assert isinstance(figure, Figure)
     assert figure.title == "Features by frame"
     frames = pl.concat(data.run.sequence_tables("frames")).filter(tracker="lucas-kanade", speed=1)
@@ -98,7 +93,7 @@ def test_features_are_counted_by_frame(data: ReportData) -> None:
 
 
 def test_errors_before_trimming_say_how_many_tracks_have_one(data: ReportData) -> None:
-    (figure,) = trimming.figures(data)
+    (figure,) = distributions.trimming_figures(data)
     assert isinstance(figure, Figure)
     tracks = pl.concat(data.run.sequence_tables("tracks")).filter(tracker="lucas-kanade", speed=1)
     measured = tracks["max_error_px"].count()
@@ -108,6 +103,6 @@ def test_errors_before_trimming_say_how_many_tracks_have_one(data: ReportData) -
 
 def test_the_key_frame_itself_is_no_example_frame(make_run: Callable[..., RunFolder]) -> None:
     small = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 16, "truth": "scan"}
-    (item,) = example_frames.figures(ReportData.of(make_run(**small, key_frame=8)))
+    (item,) = example_frames.example_frame_figures(ReportData.of(make_run(**small, key_frame=8)))
     assert isinstance(item, Absence)
     assert item.why == "The image is of frame 8, the key frame, where errors are zero by construction."

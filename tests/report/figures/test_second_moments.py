@@ -5,15 +5,15 @@ import io
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import SPACE, number
+from tracknoise.report.figures.error_curves import second_moment_figures
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.figures.second_moments import figures
 from tracknoise.report.report_data import ReportData
+from tracknoise.words import SPACE, number
 
 
 def test_elements_are_those_of_the_curves_and_not_their_roots(make_run):
     data = ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(1,), born=40))
-    (figure,) = figures(data)
+    (figure,) = second_moment_figures(data)
     assert isinstance(figure, Figure)
     assert figure.id == "second-moment-by-age"
     curve = data.curves.filter(statistic="Phi", weighting="features", trimming="trimmed", population="visible")

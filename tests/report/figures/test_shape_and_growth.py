@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.report.figures import gaussianity, time_structure
+from tracknoise.report.figures import distributions, growth_curves
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
@@ -26,7 +26,7 @@ def drawn(figure: Figure, column: str) -> pl.DataFrame:
 
 
 def test_the_fit_is_drawn_over_what_was_measured(data: ReportData) -> None:
-    (figure,) = time_structure.figures(data)
+    (figure,) = growth_curves.time_structure_figures(data)
     assert isinstance(figure, Figure)
     table = drawn(figure, "moment").filter(tracker="lucas-kanade")
     fitted, measured = table.filter(pl.col("n").is_null()), table.filter(pl.col("n").is_not_null())
@@ -44,22 +44,22 @@ def test_the_fit_is_drawn_over_what_was_measured(data: ReportData) -> None:
 
 def test_distances_from_a_key_frame_are_never_negative(make_run: Callable[..., RunFolder]) -> None:
     scanned = make_run(key_frame=8, scenes=("only",), trackers=("one",), speeds=(1,), born=40)
-    (figure,) = time_structure.figures(ReportData.of(scanned))
+    (figure,) = growth_curves.time_structure_figures(ReportData.of(scanned))
     assert drawn(figure, "moment")["distance"].min() == 0  # type: ignore[arg-type]
 
 
 def test_a_verdict_that_is_open_says_why(data: ReportData) -> None:
-    (cells,) = time_structure.tables(data)
+    (cells,) = growth_curves.tables(data)
     assert {row[-1] for row in cells.rows} == {""}
     verdict = pl.lit("undecided", dtype=data.time_structure.schema["verdict"])
     open_ = data.time_structure.with_columns(verdict=verdict, why=pl.lit("too few ages"))
-    (cells,) = time_structure.tables(dataclasses.replace(data, time_structure=open_))
+    (cells,) = growth_curves.tables(dataclasses.replace(data, time_structure=open_))
     assert {tuple(row[-2:]) for row in cells.rows} == {("undecided", "too few ages")}
     assert len(cells.rows) == 16
 
 
 def test_quantiles_are_drawn_for_both_trimmings(data: ReportData) -> None:
-    (figure,) = gaussianity.figures(data)
+    (figure,) = distributions.gaussianity_figures(data)
     assert isinstance(figure, Figure)
     titles = [panel["title"]["text"] for panel in figure.spec["concat"]]
     assert titles[:2] == ["lucas-kanade, untrimmed", "lucas-kanade, trimmed"]
@@ -69,7 +69,7 @@ def test_quantiles_are_drawn_for_both_trimmings(data: ReportData) -> None:
 
 
 def test_the_tail_table_has_a_row_a_band_and_trimming(data: ReportData) -> None:
-    (cells,) = gaussianity.tables(data)
+    (cells,) = distributions.tables(data)
     assert len(cells.rows) == 2 * 3 * 2
     assert all(len(row) == len(cells.headings) == len(cells.numeric) for row in cells.rows)
     assert cells.rows[0][5:9] == ["31.0 (25.0 to 40.0)", "2.40", "11.0", "0.410 (0.350 to 0.470)"]
@@ -79,7 +79,8 @@ def test_the_tail_table_has_a_row_a_band_and_trimming(data: ReportData) -> None:
 def test_what_was_not_worked_out_is_absent(data: ReportData) -> None:
     empty = {name: getattr(data, name).clear() for name in ("time_structure", "gaussianity", "radii")}
     bare = dataclasses.replace(data, **empty)
-    for family in (time_structure, gaussianity):
-        (item,) = family.figures(bare)
+    made = growth_curves.time_structure_figures, distributions.gaussianity_figures
+    for family, figures in zip((growth_curves, distributions), made, strict=True):
+        (item,) = figures(bare)
         assert isinstance(item, Absence)
         assert family.tables(bare) == []

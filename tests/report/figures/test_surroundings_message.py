@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from tracknoise.report.figures.surroundings_message import surroundings_message
+from tracknoise.report.figures.messages import surroundings_message
 
 Row = tuple[str, str, str, str, float, float | None, float | None]
 

@@ -7,11 +7,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import number, px
-from tracknoise.report.figures import survivorship_bias
+from tracknoise.report.figures import error_curves
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import number, px
 
 ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 30, "percentile": None}
 
@@ -22,7 +22,7 @@ def data(make_run: Callable[..., RunFolder]) -> ReportData:
 
 
 def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(data: ReportData) -> None:
-    (figure,) = survivorship_bias.figures(data)
+    (figure,) = error_curves.survivorship_figures(data)
     assert isinstance(figure, Figure)
     told = re.match(
         r"At age (\d+), the root .* that live to age (\d+) it is .* These are (\S+) of (\S+) features\.",
@@ -43,7 +43,7 @@ def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(dat
 
 
 def test_only_lives_that_enough_features_reach_are_drawn(data: ReportData) -> None:
-    (figure,) = survivorship_bias.figures(data)
+    (figure,) = error_curves.survivorship_figures(data)
     assert isinstance(figure, Figure)
     (legend,) = [one["value"] for one in figure.spec["params"] if one["name"] == "shown_tracks"]
     names = [entry["tracks"] for entry in legend]
@@ -52,6 +52,6 @@ def test_only_lives_that_enough_features_reach_are_drawn(data: ReportData) -> No
 
 
 def test_where_nobody_lives_long_there_is_nothing_to_tell(make_run: Callable[..., RunFolder]) -> None:
-    (item,) = survivorship_bias.figures(ReportData.of(make_run(**{**ONE, "n_frames": 5})))
+    (item,) = error_curves.survivorship_figures(ReportData.of(make_run(**{**ONE, "n_frames": 5})))
     assert isinstance(item, Absence)
     assert "age 5" in item.why

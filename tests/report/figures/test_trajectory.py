@@ -5,16 +5,16 @@ import io
 import polars as pl
 import pytest
 
-from tracknoise.findings.wording import SPACE
 from tracknoise.report.figures.figure import Figure
-from tracknoise.report.figures.trajectory import figures, first_of_each_motion
+from tracknoise.report.figures.frames import first_of_each_motion, trajectory_figures
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import SPACE
 
 
 @pytest.fixture(scope="module")
 def figure(run: RunFolder) -> Figure:
-    (made,) = figures(ReportData.of(run))
+    (made,) = trajectory_figures(ReportData.of(run))
     assert isinstance(made, Figure)
     return made
 

@@ -7,8 +7,8 @@ import vl_convert as vlc
 from scipy.spatial.transform import Rotation
 
 import tracknoise
-from tracknoise.report.export import specification
-from tracknoise.report.figures import two_truths
+from tracknoise.report.figure_files import specification
+from tracknoise.report.figures import truth_curves
 from tracknoise.report.report_data import ReportData
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.tables.store import RunFolder
@@ -36,7 +36,7 @@ def data_of(*, second: bool) -> ReportData:
 
 @pytest.fixture(scope="module")
 def made():
-    return two_truths.figures(data_of(second=True))
+    return truth_curves.two_truth_figures(data_of(second=True))
 
 
 def test_each_tracker_and_the_poses_have_a_figure(made):
@@ -60,4 +60,4 @@ def test_the_sentences_state_the_disagreement(made):
 
 
 def test_without_a_second_truth_nothing_is_drawn():
-    assert two_truths.figures(data_of(second=False)) == []
+    assert truth_curves.two_truth_figures(data_of(second=False)) == []

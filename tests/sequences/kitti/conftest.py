@@ -7,13 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.kitti.layout import Drive
-from tracknoise.sequences.kitti.oxts import write_record
-from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.kitti.rig import write_calibration
-from tracknoise.sequences.kitti.velodyne import write_scan
-from tracknoise.sequences.kitti.writer import write_kitti
+from tracknoise.geometry.cameras import Camera
+from tracknoise.sequences.kitti import Kitti
+from tracknoise.sequences.kitti_files import Drive, write_record, write_scan
+from tracknoise.sequences.kitti_writer import write_calibration, write_kitti
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.simulated import Simulated, SimulatedSequence
 

@@ -5,8 +5,8 @@ import pytest
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import AccuracyKind, PoseAccuracy
-from tracknoise.sequences.kitti.oxts import COLUMNS
-from tracknoise.sequences.kitti.reader import Kitti
+from tracknoise.sequences.kitti import Kitti
+from tracknoise.sequences.kitti_files import COLUMNS
 from tracknoise.sequences.sequence import accuracy_of
 
 FIELDS = COLUMNS.split()

@@ -3,7 +3,7 @@ import pytest
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.pose import transform
-from tracknoise.sequences.kitti.calibration import read_camera, read_camera_from_imu, read_camera_from_velodyne
+from tracknoise.sequences.kitti_files import read_camera, read_camera_from_imu, read_camera_from_velodyne
 
 CAM = """calib_time: 09-Jan-2012 13:57:47
 S_rect_02: 1.242000e+03 3.750000e+02

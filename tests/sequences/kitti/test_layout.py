@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.kitti.layout import Drive, find_drives, find_frames
+from tracknoise.sequences.kitti_files import Drive, find_drives, find_frames
 
 
 def test_finds_drives_from_any_level(tmp_path, write_drive):

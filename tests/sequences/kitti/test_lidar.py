@@ -1,8 +1,7 @@
 import numpy as np
 
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.kitti.lidar import lidar_sweep
-from tracknoise.sequences.kitti.rig import CAMERA_FROM_VELODYNE
+from tracknoise.geometry.cameras import Camera
+from tracknoise.sequences.kitti_writer import CAMERA_FROM_VELODYNE, lidar_sweep
 
 CAMERA = Camera(1242, 375, 721.5, 721.5, 609.6, 172.9)
 

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from tests.writers.kitti_odometry import BASELINES_M, CAMERA0_FROM_VELODYNE, row, write_kitti_odometry
 
 from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.kitti.odometry import KittiOdometry
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.geometry.cameras import Camera
+from tracknoise.sequences.kitti_odometry import KittiOdometry
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.sequences.simulated import Simulated
 

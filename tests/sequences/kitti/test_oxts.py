@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.kitti.oxts import COLUMNS, poses_of_records, read_records, records_of_poses, write_record
+from tracknoise.sequences.kitti_files import COLUMNS, poses_of_records, read_records, records_of_poses, write_record
 
 NUMBERS = " ".join(["49.01", "8.43", "112.8", "0.02", "-0.01", "1.57"] + ["0"] * 24)
 

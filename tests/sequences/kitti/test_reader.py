@@ -8,12 +8,12 @@ import pytest
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.depth import sample as read_depth
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.registry import make_reader
+from tracknoise.sequences.kitti import Kitti
+from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import FilteringReader, TruthKind
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 NAME = "2011_09_26_drive_0001_sync"
 POSE = "1 0 0 {} 0 1 0 0 0 0 1 0\n"

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tracknoise.geometry.pose import invert
-from tracknoise.sequences.kitti.reader import Kitti
+from tracknoise.sequences.kitti import Kitti
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import turned
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.registry import make_truth
+from tracknoise.truth.truth_registry import make_truth
 
 MAPPED, SCANNED = 6, 1
 """Frames with a depth-completion map, and with a Velodyne scan only."""

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracknoise.sequences.kitti.stillness import StillRule, still_stretch
+from tracknoise.sequences.kitti import StillRule, still_stretch
 
 RULE = StillRule(frames=4, step_m=0.02)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.kitti.reader import Kitti
-from tracknoise.sequences.kitti.timestamps import pose_time_notes, read_timestamps
+from tracknoise.sequences.kitti import Kitti
+from tracknoise.sequences.kitti_files import pose_time_notes, read_timestamps
 
 LINES = [
     "2011-09-26 23:59:59.900000000",

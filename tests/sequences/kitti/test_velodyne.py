@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.kitti.velodyne import read_scan, write_scan
+from tracknoise.sequences.kitti_files import read_scan, write_scan
 
 
 def test_reads_what_the_sensor_writes(tmp_path):

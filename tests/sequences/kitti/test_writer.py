@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.kitti.layout import find_drives, find_frames
-from tracknoise.sequences.kitti.velodyne import read_scan
-from tracknoise.sequences.kitti.writer import write_kitti
+from tracknoise.geometry.cameras import Camera
+from tracknoise.sequences.kitti_files import find_drives, find_frames, read_scan
+from tracknoise.sequences.kitti_writer import write_kitti
 from tracknoise.sequences.simulated import Simulated
 
 

@@ -5,9 +5,8 @@ import pytest
 from tests.writers.bags import BagWriter, Format
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.fisheye import EquidistantCamera
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.geometry.cameras import Camera, EquidistantCamera
+from tracknoise.sequences.reader_registry import open_sequence
 
 K = (90.0, 91.0, 39.5, 29.5)
 RADTAN, RATIONAL = (-0.1, 0.02, 0.001, 0.002, 0.003), (-0.1, 0.02, 0.001, 0.002, 0.003, 0.01, 0.02, 0.001)

@@ -8,9 +8,9 @@ from backports import zstd
 from tests.writers.bags import BagWriter, Format
 
 from tracknoise.exceptions import DataError
+from tracknoise.sequences import rosbag_files
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.recognise import recognise
-from tracknoise.sequences.registry import open_sequence
-from tracknoise.sequences.rosbag import compressed
 
 STEP_NS = 50_000_000
 
@@ -54,7 +54,7 @@ def test_copies_of_compressed_files_are_removed(tmp_path, simulated, monkeypatch
     folder = written(tmp_path, simulated, Format.sqlite, "file")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "copies"))
     (tmp_path / "copies").mkdir()
-    with compressed.plain_files(folder) as plain:
+    with rosbag_files.plain_files(folder) as plain:
         assert sorted(path.suffix for path in plain.iterdir()) == [".db3", ".yaml"]
     assert list((tmp_path / "copies").iterdir()) == []
 
@@ -80,8 +80,8 @@ def test_a_cut_file_is_refused(tmp_path, simulated):
 
 def test_a_message_that_is_cut_or_too_large_is_refused(monkeypatch):
     content = zstd.compress(b"\x00\x01\x00\x00" + bytes(2000))
-    assert len(compressed.plain_message(content)) == 2004
-    monkeypatch.setattr(compressed, "_MOST_MESSAGE_BYTES", 2000)
+    assert len(rosbag_files.plain_message(content)) == 2004
+    monkeypatch.setattr(rosbag_files, "_MOST_MESSAGE_BYTES", 2000)
     for wrong in (content, content[:-3]):
         with pytest.raises(ValueError, match="a compressed message that is cut off, or becomes larger than 2000 bytes"):
-            compressed.plain_message(wrong)
+            rosbag_files.plain_message(wrong)

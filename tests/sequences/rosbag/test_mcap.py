@@ -9,8 +9,8 @@ from tests.writers.bags import BagWriter, Format
 from tests.writers.mcap import MAGIC, record, text, write_mcap
 
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.camera import Camera
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.geometry.cameras import Camera
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import Sequence
 
 STEP_NS = 50_000_000

@@ -11,7 +11,7 @@ import pytest
 from tests.writers.bags import BagWriter, Format, png
 
 from tracknoise.exceptions import DataError
-from tracknoise.sequences.registry import open_sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import Sequence
 
 Write = Callable[[BagWriter], None]

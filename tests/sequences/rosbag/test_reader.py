@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from tests.writers.bags import SECOND_NS, BagWriter, Format, png
 
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.geometry.camera import Camera
+from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.registry import make_reader, open_sequence
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import Sequence, path_of
 
 START_NS, STEP_NS = 1_700_000_000_123_456_789, 33_333_333

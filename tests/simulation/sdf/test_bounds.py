@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.simulation.sdf.document import MOST_INCLUDE_LEVELS, MOST_INCLUDES, read_visuals
-from tracknoise.simulation.sdf.library import Library, model_file
-from tracknoise.simulation.sdf.load import load_world
-from tracknoise.simulation.sdf.meshes import read_mesh
-from tracknoise.simulation.sdf.part import Part
-from tracknoise.simulation.sdf.remarks import Remarks
+from tracknoise.simulation.sdf_files import (
+    MOST_INCLUDE_LEVELS,
+    MOST_INCLUDES,
+    Library,
+    Remarks,
+    model_file,
+    read_visuals,
+)
+from tracknoise.simulation.sdf_meshes import Part, read_mesh
+from tracknoise.simulation.sdf_worlds import load_world
 
 BOX = "<geometry><box><size>1 1 1</size></box></geometry>"
 BOX_MODEL = f"<model name='m'><link name='l'><visual name='v'>{BOX}</visual></link></model>"

@@ -1,6 +1,6 @@
 import numpy as np
 
-from tracknoise.simulation.sdf.coincident import HAIR_M, set_apart
+from tracknoise.simulation.sdf_meshes import HAIR_M, set_apart
 
 FACE = np.array([[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]])  # faces up
 UP = np.array([0.0, 0.0, HAIR_M])

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.simulation.sdf.document import read_visuals
-from tracknoise.simulation.sdf.library import Library
-from tracknoise.simulation.sdf.remarks import Remarks
+from tracknoise.simulation.sdf_files import Library, Remarks, read_visuals
 
 BOX = "<geometry><box><size>1 1 1</size></box></geometry>"
 HALF_PI = "1.5707963267948966"

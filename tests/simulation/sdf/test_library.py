@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.simulation.sdf.library import Library, model_file, model_names
+from tracknoise.simulation.sdf_files import Library, model_file, model_names
 
 
 def test_model_uris_are_looked_for_in_each_root_in_turn(tmp_path: Path) -> None:

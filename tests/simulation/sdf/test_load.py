@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError, DataWarning
-from tracknoise.simulation.sdf.load import load_model, load_world
+from tracknoise.simulation.sdf_worlds import load_model, load_world
 
 QUAD = "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
 FACE = "f 1/1 2/2 3/3 4/4\n"

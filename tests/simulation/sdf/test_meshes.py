@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from trimesh.creation import box
 
-from tracknoise.simulation.sdf.library import Library
-from tracknoise.simulation.sdf.load import load_world
-from tracknoise.simulation.sdf.meshes import read_mesh
-from tracknoise.simulation.sdf.part import Look, Part
-from tracknoise.simulation.sdf.remarks import Remarks
+from tracknoise.simulation.sdf_files import Library, Remarks
+from tracknoise.simulation.sdf_meshes import Look, Part, read_mesh
+from tracknoise.simulation.sdf_worlds import load_world
 
 QUARTERS = np.array([[20, 90], [160, 240]]) / 255.0
 

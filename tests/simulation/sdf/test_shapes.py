@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.simulation.sdf.part import Part
-from tracknoise.simulation.sdf.shapes import SHAPES
+from tracknoise.simulation.sdf_meshes import SHAPES, Part
 
 
 def shape(text: str) -> Part:

@@ -11,11 +11,10 @@ from tests.writers.track_files import Observed, colmap, events, tap
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.tables.identity import SequenceId
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.imported import Imported
-from tracknoise.trackers.imports.formats import TrackFormat
-from tracknoise.trackers.imports.pixels import PixelOrigin
-from tracknoise.trackers.tracker import SequenceContext
+from tracknoise.trackers.imported_rows import PixelOrigin
+from tracknoise.trackers.track_files import TrackFormat
+from tracknoise.trackers.tracker import Frame, SequenceContext
 
 SIZE, N_FRAMES = (320, 240), 10
 

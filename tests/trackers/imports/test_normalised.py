@@ -8,14 +8,12 @@ from tests.writers.track_files import WRITERS, Observed
 
 import tracknoise as tn
 from tracknoise.exceptions import DataError, SettingsError
-from tracknoise.geometry.camera import Camera
-from tracknoise.geometry.fisheye import EquidistantCamera
+from tracknoise.geometry.cameras import Camera, EquidistantCamera
 from tracknoise.sequences.arrays import Sequence
 from tracknoise.tables.identity import SequenceId
-from tracknoise.trackers.frame import Frame
 from tracknoise.trackers.imported import Imported
-from tracknoise.trackers.registry import make_tracker
-from tracknoise.trackers.tracker import SequenceContext
+from tracknoise.trackers.tracker import Frame, SequenceContext
+from tracknoise.trackers.tracker_registry import make_tracker
 
 SIZE, N_FRAMES = (320, 240), 10
 RADTAN = Camera(*SIZE, 260.0, 255.0, 163.0, 117.0, (-0.28, 0.07, 0.0002, -0.0003))

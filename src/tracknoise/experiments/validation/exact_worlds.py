@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from tracknoise.experiments.analysis.run_statistics import compute_statistics
 from tracknoise.experiments.measure import Measurement, measure
-from tracknoise.experiments.running.measured_sequences import write_measurement, write_settings
+from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import (
     DatasetSettings,
     Experiment,
@@ -23,12 +22,22 @@ from tracknoise.experiments.settings import (
     TrackerChoice,
     TruthSettings,
 )
-from tracknoise.experiments.validation.closed_form import Scene, occluded_scene
+from tracknoise.experiments.task import write_measurement, write_settings
 from tracknoise.experiments.validation.comparison import compare_aspects, compare_statistics, compare_tracks
-from tracknoise.experiments.validation.recordings import WithSurface, in_memory, write_recording
+from tracknoise.experiments.validation.known_worlds import (
+    UNKNOWN,
+    Lives,
+    Scene,
+    Script,
+    Scripted,
+    Shown,
+    WithSurface,
+    in_memory,
+    occluded_scene,
+    scripted_tracks,
+    write_recording,
+)
 from tracknoise.experiments.validation.reference import Trim
-from tracknoise.experiments.validation.scripted import UNKNOWN, Script, Scripted
-from tracknoise.experiments.validation.tracks import Lives, Shown, scripted_tracks
 from tracknoise.options import PathTemplate
 from tracknoise.sequences.folder import Folder
 from tracknoise.sequences.sequence import Scan, TruthKind
@@ -64,7 +73,7 @@ class _World:
     Attributes
     ----------
     name
-        In `tracknoise.experiments.validation.checks.CHECKS`.
+        In `tracknoise.experiments.validation.comparison.CHECKS`.
     folder
         Run folder.
     truth

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.experiments.validation.scripted import UNKNOWN, Script
+from tracknoise.experiments.validation.known_worlds import UNKNOWN, Script
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -80,7 +80,7 @@ FAMILIES: tuple[Family, ...] = (
         "For your estimator",
         "An estimator that fits points to windows of tracks needs one sigma. The sigma of its own residuals is not the "
         "one that makes its depths as certain as it claims, because errors of one track are alike from frame to frame.",
-        ("window_sigmas:figures", "depth_intervals:figures", "model_fit:figures"),
+        ("noise_models:window_sigma_figures", "noise_models:depth_interval_figures", "noise_models:model_fit_figures"),
         of_errors=True,
         what_if="If errors were independent in every frame, both sigmas would be equal in windows of any length, depth "
         "intervals would lie on the diagonal with either, and errors would not grow with age.",
@@ -91,7 +91,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
         "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
         "frame of that scan.",
-        ("curves:figures", "second_moments:figures"),
+        ("error_curves:curve_figures", "error_curves:second_moment_figures"),
         of_errors=True,
         what_if="If errors had zero mean and were independent, the mean would be zero and all other rows would "
         "be flat.",
@@ -101,7 +101,7 @@ FAMILIES: tuple[Family, ...] = (
         "Lifetimes",
         "The lifetime of a track is the number of consecutive frames in which its tracker found it, including the "
         "first. A track that is alive in the last frame is censored: its lifetime is cut short by the data.",
-        ("lifetimes:figures", "incidence:figures", "lifetimes_by_lighting:figures"),
+        ("track_ends:lifetime_figures", "track_ends:incidence_figures", "levels:lifetimes_by_lighting_figures"),
         what_if="If features were lost by chance alone, the share that survives would fall exponentially.",
     ),
     Family(
@@ -109,7 +109,7 @@ FAMILIES: tuple[Family, ...] = (
         "Outlier ratio",
         "In every frame a tracker rejects features that do not move consistently with the others. The outlier ratio is "
         "the share of rejected features among those carried over from the previous frame.",
-        ("outlier_ratio:figures",),
+        ("track_ends:outlier_ratio_figures",),
         what_if="If no match were wrong, all boxes would lie at zero.",
     ),
     Family(
@@ -118,8 +118,8 @@ FAMILIES: tuple[Family, ...] = (
         "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "
         "of the same covariance. In the table, a Gaussian has skewness 0 and kurtosis 8. P(99 %) is the share of "
         "errors outside the 99 % ellipse, relative to that of a Gaussian.",
-        ("gaussianity:figures",),
-        "gaussianity:tables",
+        ("distributions:gaussianity_figures",),
+        "distributions:tables",
         of_errors=True,
         what_if="If errors were Gaussian, all points would lie on the diagonal.",
     ),
@@ -129,8 +129,8 @@ FAMILIES: tuple[Family, ...] = (
         "Many estimators assume that the error is independent in every frame. If it accumulates instead, they trust "
         "long tracks too much. The growth of the second moment and the correlation of successive changes distinguish "
         "the two cases.",
-        ("time_structure:figures",),
-        "time_structure:tables",
+        ("growth_curves:time_structure_figures",),
+        "growth_curves:tables",
         of_errors=True,
         what_if="If errors were independent in every frame, the second moment would be flat, and successive "
         "changes would have a correlation of -0.5.",
@@ -140,7 +140,7 @@ FAMILIES: tuple[Family, ...] = (
         "Changes from frame to frame",
         "The change of the error in one frame is what the process noise of a filter, or a factor between two frames, "
         "has to model.",
-        ("changes:figures",),
+        ("growth_curves:change_figures",),
         of_errors=True,
         what_if="If the tracker took over no error from the frame before, changes would not depend on age.",
     ),
@@ -150,14 +150,14 @@ FAMILIES: tuple[Family, ...] = (
         "Some tracks follow the wrong point. The paper drops the tracks with the largest errors in each scene. What is "
         "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
         "errors they show.",
-        ("trimming:figures",),
+        ("distributions:trimming_figures",),
         what_if="If errors were Gaussian, the cut would lie close to the largest error.",
     ),
     Family(
         "feature-counts",
         "Feature counts",
         "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
-        ("feature_counts:figures",),
+        ("track_ends:feature_count_figures",),
         what_if="If no feature were lost, all counts would be those of the first age.",
     ),
     Family(
@@ -165,7 +165,7 @@ FAMILIES: tuple[Family, ...] = (
         "Survivorship bias",
         "A tracker tends to lose its worst features first. Tracks that live long are therefore not a random sample of "
         "all tracks.",
-        ("survivorship_bias:figures",),
+        ("error_curves:survivorship_figures",),
         of_errors=True,
         what_if="If the loss of tracks did not depend on their errors, long-lived tracks would have the curve "
         "of all tracks.",
@@ -174,7 +174,7 @@ FAMILIES: tuple[Family, ...] = (
         "error-by-speed",
         "Error by speed",
         "This section shows what changes when the camera moves faster, or the tracker sees fewer frames.",
-        ("speeds:figures",),
+        ("levels:speed_figures",),
         of_errors=True,
         what_if="If errors did not depend on speed, all curves would coincide.",
     ),
@@ -182,7 +182,7 @@ FAMILIES: tuple[Family, ...] = (
         "error-by-lighting",
         "Error by lighting",
         "This section shows what changes when the same camera path is seen under different lighting.",
-        ("lightings:figures",),
+        ("levels:lighting_figures",),
         of_errors=True,
         what_if="If errors did not depend on lighting, all curves would coincide.",
     ),
@@ -191,7 +191,7 @@ FAMILIES: tuple[Family, ...] = (
         "Error in rotated images",
         "This section shows what changes when the trackers see the same images rotated. The camera axes are rotated "
         "too.",
-        ("views:rotations",),
+        ("levels:rotations",),
         of_errors=True,
         what_if="If the tracker treated all directions alike, all curves would coincide.",
     ),
@@ -199,7 +199,7 @@ FAMILIES: tuple[Family, ...] = (
         "error-by-direction",
         "Error by direction",
         "This section shows what changes when the same frames are played backward, as if the camera moved in reverse.",
-        ("views:directions",),
+        ("levels:directions",),
         of_errors=True,
         what_if="If errors did not depend on the direction of play, both curves would coincide.",
     ),
@@ -208,7 +208,7 @@ FAMILIES: tuple[Family, ...] = (
         "Error by place",
         "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
         "focal length, shutter or clock. Errors at depth edges come from the tracker.",
-        ("image_map:figures", "image_speed:figures", "surroundings:figures"),
+        ("maps:image_map_figures", "maps:image_speed_figures", "maps:surrounding_figures"),
         of_errors=True,
         what_if="If errors did not depend on the place, every map would have one colour and every curve would be flat.",
     ),
@@ -217,7 +217,7 @@ FAMILIES: tuple[Family, ...] = (
         "Error along motion and gradient",
         "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
         "along an edge is easier to see in that direction.",
-        ("directions:figures",),
+        ("error_curves:direction_figures",),
         of_errors=True,
         what_if="If errors had no preferred direction, both columns would be equal.",
     ),
@@ -226,7 +226,7 @@ FAMILIES: tuple[Family, ...] = (
         "Occlusion",
         "When a point becomes occluded, a tracker may continue its track on the object in front. The paper counts "
         "such features. Counting them changes the error.",
-        ("occlusion:figures",),
+        ("error_curves:occlusion_figures",),
         of_errors=True,
         what_if="If trackers noticed that a point is occluded, both curves would coincide.",
     ),
@@ -235,7 +235,7 @@ FAMILIES: tuple[Family, ...] = (
         "Corrections of the truth",
         "A wrong focal length, clock or shutter looks like an error of tracks. The audit fits such faults to the "
         "errors of all trackers.",
-        ("audit_curves:figures", "two_truths:figures"),
+        ("truth_curves:audit_curve_figures", "truth_curves:two_truth_figures"),
         of_errors=True,
         what_if="If the truth were exact, no correction would change a curve.",
     ),
@@ -244,7 +244,7 @@ FAMILIES: tuple[Family, ...] = (
         "Pose errors",
         "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
         "tracks measure such motions. What other tracks predict is not noise of single features.",
-        ("pose_errors:figures",),
+        ("truth_curves:pose_error_figures",),
         of_errors=True,
         what_if="If the poses were exact, all shares would be zero.",
     ),
@@ -253,14 +253,14 @@ FAMILIES: tuple[Family, ...] = (
         "Differences between trackers",
         "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
         "the truth.",
-        ("between_trackers:figures",),
+        ("truth_curves:tracker_difference_figures",),
         what_if="If both trackers followed the same point, their mean difference would be zero.",
     ),
     Family(
         "example-frames",
         "Example frames",
         "One frame of each scene, with the features and their errors.",
-        ("example_frames:figures", "light_stage:figures"),
+        ("frames:example_frame_figures", "frames:light_stage_figures"),
         what_if="If errors were noise alone, lines would point in all directions.",
     ),
     Family(
@@ -268,7 +268,7 @@ FAMILIES: tuple[Family, ...] = (
         "Camera path",
         "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
         "Translation shifts near points more than far ones.",
-        ("trajectory:figures",),
+        ("frames:trajectory_figures",),
         what_if="If the camera only rotated, its path would be a point.",
     ),
 )

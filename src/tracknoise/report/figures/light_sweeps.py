@@ -5,11 +5,10 @@ import re
 import altair as alt
 import polars as pl
 
-from tracknoise.findings.wording import listing
 from tracknoise.report import style
-from tracknoise.report.figures.box_plot import box_plot
-from tracknoise.report.figures.layout import Panel, Spec, arranged
+from tracknoise.report.figures.panels import Panel, Spec, arranged, box_plot
 from tracknoise.report.report_data import ReportData
+from tracknoise.words import listing
 
 _SWEEPS = {"LR": ("left to right", style.PALETTE[0]), "BF": ("back to front", style.PALETTE[1])}
 """Name and colour of each direction in which light moves, by how the names of its lightings begin."""

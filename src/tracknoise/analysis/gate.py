@@ -1,0 +1,310 @@
+"""Whether changes between runs pass a gate of tolerances.
+
+- A comparison as one JSON document, for programs.
+
+Verdicts of a comparison: worse, better, no difference or undecided, for all statistics together.
+
+A statistic is `worse` or `better` if its p-value is at most 1 - level after Holm's correction over all rows. The
+probability of any false claim in the whole comparison is then at most 1 - level. It has `no difference` if a change by
+the margin is excluded in both directions, at half of 1 - level and by Benjamini and Hochberg over all rows. Otherwise
+it is `undecided`.
+
+A gate: tolerances for changes for the worse, and whether two runs are within them.
+
+Each tolerance is tested in the direction of a change for the worse only:
+
+- `worse`: the change exceeds the tolerance, at 1 - level after Holm's correction over all tolerances and conditions.
+- `pass`: a change by the tolerance is excluded, at half of 1 - level.
+- `undecided`: neither is shown. This is neither a pass nor a failure.
+
+The gate passes if every row does, so that no correction is needed for a pass.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.analysis.run_changes import (
+    ESTIMANDS,
+    Asked,
+    Change,
+    Comparison,
+    GateResult,
+    GateRow,
+    Row,
+    Tested,
+    Unit,
+    mean_of_points,
+    place_words,
+)
+from tracknoise.inference.conventions import LEVEL
+from tracknoise.inference.multiple_tests import benjamini_hochberg, holm
+from tracknoise.tables.defaults import MARGIN
+from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
+
+SHARE_MARGIN = 0.2
+"""Margin of differences of shares, relative to that of ratios: 0.02 where ratios have 0.1."""
+UNSURE = "a larger change cannot be excluded at each age and coordinate"
+"""Why an answer about several ages or coordinates is undecided."""
+_ROUNDING = 1e-12
+
+
+def verdicts(
+    asked: Sequence[Asked],
+    *,
+    margin: float = MARGIN,
+    level: float = LEVEL,
+    ages: ComparedAges = ComparedAges.every,
+) -> list[Row]:
+    """One row per question, in their order.
+
+    Parameters
+    ----------
+    asked
+        All questions of a comparison.
+    margin
+        Largest relative change that counts as no difference: 0.1 for ratios of 1.1, for mean errors 10 % of the core,
+        and for shares 0.02.
+    level
+        Probability that an interval contains the true change; any false claim has a probability of at most 1 - level.
+    ages
+        Whether single ages are tested besides their mean.
+    """
+    margins = [margin_of(one, margin) for one in asked]
+    tested = [one.tested(limit, level=level, ages=ages) for one, limit in zip(asked, margins, strict=True)]
+    p_change = [None if one.found is None else one.found.p_change for one in tested]
+    p_none = [None if one.found is None else one.found.p_none for one in tested]
+    adjusted, q_none = holm(p_change), benjamini_hochberg(p_none)
+    rows = []
+    for place, (one, tests) in enumerate(zip(asked, tested, strict=True)):
+        verdict, why = _verdict(one, tests, margins[place], adjusted[place], q_none[place], level)
+        numbers: dict[str, Any] = {
+            "margin": known(one.in_unit(margins[place])),
+            "p_change": p_change[place],
+            "p_adjusted": known(adjusted[place]),
+            "p_none": p_none[place],
+        }
+        rows.append(Row(one.of, one.statistic, verdict, why, **numbers, **described(one, tests)))
+    return rows
+
+
+def margin_of(asked: Asked, margin: float) -> float:
+    """Margin of a question: of logarithms for ratios, a share of the core for px; NaN where it is unknown."""
+    if asked.estimand.unit == Unit.ratio:
+        return float(np.log1p(margin))
+    if asked.estimand.unit == Unit.share:
+        return SHARE_MARGIN * margin
+    return margin * (np.nan if asked.values.scale_px is None else asked.values.scale_px)
+
+
+def described(asked: Asked, tested: Tested) -> dict[str, Any]:
+    """Columns of a row that do not depend on the verdict."""
+    values = asked.values
+    columns: dict[str, Any] = dict.fromkeys(("effect", "low", "high", "coordinate", "at_low", "at_high"))
+    found = _untested(asked) if tested.found is None else _tested(asked, tested.found)
+    return {
+        **columns,
+        "at": values.place(0) if values.change.shape[1] == 1 else None,  # a single value is not a mean over places
+        **found,
+        "axis": asked.axis,
+        "horizon": values.horizon,
+        "n_scenes": asked.n_scenes,
+        "resampled": None if tested.resampled is None else str(tested.resampled),
+    }
+
+
+def _tested(asked: Asked, found: Change) -> dict[str, Any]:
+    """Effect, interval and place of a change that was tested."""
+    values, columns = asked.values, {}
+    places = [values.place(int(point)) for point in np.flatnonzero(found.compared)]
+    if found.point is not None:
+        columns = {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
+    elif found.coordinate is not None:
+        columns = {"coordinate": values.coordinate(found.coordinate)}
+    first, second = values.scarce
+    unbounded = {"high": None} if first and found.effect > 0 else {"low": None} if second and found.effect < 0 else {}
+    return {
+        **{name: known(asked.in_unit(getattr(found, name))) for name in ("effect", "low", "high")},
+        **unbounded,
+        **columns,
+        "at_low": places[0],
+        "at_high": places[-1],
+        "scenes": _by_scene(asked, found.scenes),
+    }
+
+
+def _untested(asked: Asked) -> dict[str, Any]:
+    """Mean change where scenes are too few for a test, without an interval; of mean errors, none."""
+    change = asked.values.change
+    scenes = mean_of_points(change, np.ones(change.shape[1], dtype=np.bool_))
+    there = scenes[~np.isnan(scenes)]
+    if asked.values.total is not None or not len(there):
+        return {"scenes": {}}
+    return {"effect": known(asked.in_unit(float(there.mean()))), "scenes": _by_scene(asked, scenes)}
+
+
+def _by_scene(asked: Asked, changes: NDArray[np.float64]) -> dict[str, float]:
+    """Changes in the unit of the statistic, of scenes that have one."""
+    pairs = zip(asked.scenes, changes, strict=True)
+    return {name: asked.in_unit(float(change)) for name, change in pairs if not np.isnan(change)}
+
+
+def straddles(found: Change, margin: float) -> bool:
+    """Whether the interval contains the margin of either direction."""
+    return found.low <= margin <= found.high or found.low <= -margin <= found.high
+
+
+def known(value: float) -> float | None:
+    """A finite number; None for others."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _verdict(
+    asked: Asked, tested: Tested, margin: float, adjusted: float, q_none: float, level: float
+) -> tuple[ChangeVerdict, str | None]:
+    found, largest = tested.found, 1 - level + _ROUNDING
+    if found is None:
+        return ChangeVerdict.undecided, tested.gap
+    if adjusted <= largest:
+        verdict = ChangeVerdict.worse if found.direction == asked.worse else ChangeVerdict.better
+        return verdict, _contrary(asked, found, level)
+    if tested.gap is None and found.p_none <= (1 - level) / 2 + _ROUNDING and q_none <= largest:
+        return ChangeVerdict.none, None
+    return ChangeVerdict.undecided, tested.gap or _open(found, margin, level)
+
+
+def _contrary(asked: Asked, found: Change, level: float) -> str | None:
+    """A remark where single ages changed in the other direction."""
+    other = found.sides[-found.direction]
+    if other.p_beyond > 1 - level or other.point is None:
+        return None
+    at = asked.values.place(other.point)
+    where = "elsewhere" if asked.axis is None or at is None else place_words(asked.axis, at)
+    return f"the change has the opposite sign {where}"
+
+
+def _open(found: Change, margin: float, level: float) -> str:
+    """Why an answer is undecided although there are enough scenes."""
+    if found.p_change <= 1 - level or found.p_none <= (1 - level) / 2:
+        return "not significant after the correction for multiple tests"
+    return "the interval contains the margin" if straddles(found, margin) else UNSURE
+
+
+PASS, WORSE, UNDECIDED = "pass", "worse", "undecided"
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """What must not become worse.
+
+    Attributes
+    ----------
+    tolerances
+        Largest change for the worse, by statistic: relative for ratios, otherwise in px or as a share.
+    trackers
+        Names in the first run; None for all.
+    speeds
+        None for all.
+    level
+        One less the probability of a false answer.
+    ages
+        Whether every single age must pass, or their mean.
+    """
+
+    tolerances: Mapping[str, float]
+    trackers: tuple[str, ...] | None = None
+    speeds: tuple[int, ...] | None = None
+    level: float = LEVEL
+    ages: ComparedAges = ComparedAges.every
+
+    def about(self, asked: Asked) -> bool:
+        """Whether a question is one of the gate."""
+        tracker = self.trackers is None or asked.of.tracker in self.trackers
+        return tracker and asked.statistic in self.tolerances and (self.speeds is None or asked.of.speed in self.speeds)
+
+
+def judge(gate: Gate, asked: Sequence[Asked], missing: Sequence[str] = ()) -> GateResult:
+    """Apply a gate.
+
+    Parameters
+    ----------
+    gate
+        The tolerances.
+    asked
+        All questions of a comparison.
+    missing
+        Reasons why the comparison is incomplete.
+    """
+    chosen = [one for one in asked if gate.about(one)]
+    tested = [one.tested(_margin(gate, one), level=gate.level, ages=gate.ages) for one in chosen]
+    adjusted = holm([_p_worse(one, tests) for one, tests in zip(chosen, tested, strict=True)])
+    rows = [_row(gate, one, tests, beyond) for one, tests, beyond in zip(chosen, tested, adjusted, strict=True)]
+    lacking = [*missing, *_unanswered(gate, chosen)]
+    return GateResult(_outcome(rows, lacking), tuple(rows), tuple(lacking))
+
+
+def _margin(gate: Gate, asked: Asked) -> float:
+    tolerance = gate.tolerances[asked.statistic]
+    return float(np.log1p(tolerance)) if asked.estimand.unit == Unit.ratio else tolerance
+
+
+def _p_worse(asked: Asked, tested: Tested) -> float | None:
+    return None if tested.found is None else tested.found.sides[asked.worse].p_beyond
+
+
+def _row(gate: Gate, asked: Asked, tested: Tested, beyond: float) -> GateRow:
+    outcome, why = _answer(gate, asked, tested, beyond)
+    columns = described(asked, tested)
+    effect, low, high = (columns[name] for name in ("effect", "low", "high"))
+    return GateRow(asked.of, asked.statistic, gate.tolerances[asked.statistic], outcome, why, effect, low, high)
+
+
+def _answer(gate: Gate, asked: Asked, tested: Tested, beyond: float) -> tuple[str, str | None]:
+    """Outcome of a row, and why it is undecided."""
+    found = tested.found
+    if found is None:
+        return UNDECIDED, tested.gap
+    if beyond <= 1 - gate.level + _ROUNDING:
+        return WORSE, None
+    if tested.gap is None and found.sides[asked.worse].p_within <= (1 - gate.level) / 2 + _ROUNDING:
+        return PASS, None
+    contains = straddles(found, _margin(gate, asked))
+    return UNDECIDED, tested.gap or ("the interval contains the tolerance" if contains else UNSURE)
+
+
+def _unanswered(gate: Gate, asked: Sequence[Asked]) -> list[str]:
+    """What the gate names and the runs did not measure."""
+    statistics = {one.statistic for one in asked}
+    sentences = [f"{name} was not measured in both runs" for name in gate.tolerances if name not in statistics]
+    trackers, speeds = {one.of.tracker for one in asked}, {one.of.speed for one in asked}
+    sentences += [f"tracker {name} is not in both runs" for name in gate.trackers or () if name not in trackers]
+    return sentences + [f"speed {speed} is not in both runs" for speed in gate.speeds or () if speed not in speeds]
+
+
+def _outcome(rows: Sequence[GateRow], lacking: Sequence[str]) -> str:
+    outcomes = {row.outcome for row in rows}
+    if WORSE in outcomes:
+        return WORSE
+    return UNDECIDED if lacking or not rows or UNDECIDED in outcomes else PASS
+
+
+FORMAT = 1
+
+
+def comparison_json(comparison: Comparison) -> str:
+    """Write a comparison.
+
+    Returns
+    -------
+    str
+        An object with `format`, the fields of `Comparison`, and `estimands`: title, meaning and unit of every statistic
+        that occurs. What is missing is null.
+    """
+    statistics = {row.statistic for row in comparison.rows}
+    estimands = {name: asdict(estimand) for name, estimand in ESTIMANDS.items() if name in statistics}
+    document: dict[str, Any] = {"format": FORMAT, **asdict(comparison), "estimands": estimands}
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

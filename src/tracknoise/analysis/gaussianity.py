@@ -1,0 +1,574 @@
+"""Whether errors are Gaussian: by condition, in bands of ages, with intervals and a verdict.
+
+- Mardia's numbers, and the gains of other densities, for the bands of one condition, with intervals.
+
+The shape of errors: a verdict from effect sizes, all of them in nats per error.
+
+An effect size is what an estimator loses by assuming Gaussian errors, so one margin applies to all. All are of errors
+in units of their own scene (`tracknoise.analysis.error_shape`). The verdict is the first of these that is true for the
+bounds of the intervals (shape):
+
+1. undecided: there are no intervals.
+2. contaminated: the mixture's gain lies above the margin and above Student's gain.
+3. heavy-tailed: Student's gain, or the mixture's, lies above the margin. For either verdict at least as many errors
+   as a Gaussian has lie beyond d2 = 9.21, both in units of scenes and of all scenes together; otherwise undecided.
+4. skewed: b1 / 12 lies above the margin, and b2 below 16; where b2 is larger, a few errors decide third moments.
+5. light-tailed: kurtosis b2 lies below 8 (1 - sqrt(2 margin)), 6.87 for 0.01 nat, which is where an elliptical
+   distribution is that far from the Gaussian, and fewer errors than expected are beyond d2 = 9.21.
+6. Gaussian: both gains and b1 / 12 lie below the margin, and kurtosis above that bound.
+7. undecided: some interval contains its limit.
+
+Whether errors are Gaussian: by condition, in bands of ages, before and after trimming.
+
+Skewness and kurtosis come from the moments of all errors. Tails, quantiles and likelihoods come from a sample of errors
+(`tracknoise.statistics.samples`). Errors are standardised at each age (`tracknoise.analysis.error_shape`), so
+that the ages of a band can be pooled.
+
+Scenes are pooled, and errors that are larger in one scene than in another make the pooled distribution heavy-tailed.
+The gains are therefore also measured with each error in units of its own scene (`tracknoise.analysis.error_shape`).
+The verdict is about these. What the different scales of scenes add is stated beside them, because the remedies differ:
+a sigma that adapts to the scene, or a robust kernel.
+
+With a million errors every test rejects. The result is therefore how far from Gaussian errors are
+(`tracknoise.analysis.gaussianity`).
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.analysis.condition_units import UnitPlaces, unit_places, units_of
+from tracknoise.analysis.error_shape import (
+    ORDERS,
+    POWER_SUMS,
+    gains,
+    mardia,
+    radii,
+    standard_sums,
+    standardised,
+    standards,
+    tail_ratios,
+    ties,
+    within_scenes,
+)
+from tracknoise.analysis.truth_shares import NO_KEY_FRAMES, anchored
+from tracknoise.inference.bootstrap import Draws, draws_by_dataset
+from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL
+from tracknoise.inference.densities import Gains
+from tracknoise.inference.estimates import Estimate, EstimateArray
+from tracknoise.inference.intervals import Method, pooled
+from tracknoise.inference.units import BLOCKS, NO_GROUPS, JoinedScenes, Resampled, SceneGroups, Units
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import (
+    Condition,
+    Groups,
+    Tables,
+    TablesByCondition,
+    by_condition,
+    names,
+    scenes_by_dataset,
+)
+from tracknoise.statistics.samples import first_tracks, with_bands
+from tracknoise.tables.defaults import MIN_FEATURES
+from tracknoise.tables.enumerations import Shape
+from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
+from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
+from tracknoise.words import DASH, MINUS, SPACE, format_as, number
+
+Array = NDArray[np.float64]
+
+BAND = ["trimming", "age_low"]
+"""Columns that identify the bands of a condition."""
+FOLDS, MANY_FOLDS, MANY = 8, 2, 17
+"""Folds of scenes, or of the blocks of each, and of as many scenes as `MANY` or more.
+
+Half of so many scenes usually have more errors than are fitted (`MAX_FITTED` of `tracknoise.analysis.error_shape`).
+More folds would not be fitted to more, and would share scenes. Verdicts are as with three folds
+(`python -m benchmarks.validity.gaussianity --scenes 28`).
+"""
+_MARDIA = ("skewness", "kurtosis")
+_GAINS = ("gain_student", "gain_mixture", "gain_difference")
+_MARDIA_WITHIN = ("skewness_within", "kurtosis_within")
+_GAINS_WITHIN = ("gain_student_within", "gain_mixture_within", "gain_difference_within", "gain_scales")
+
+
+def mardia_bounds(
+    sums: pl.DataFrame, singles: pl.DataFrame, places: UnitPlaces, draws: Draws, method: Method
+) -> pl.DataFrame:
+    """Skewness and kurtosis of each band, from the moments of all errors.
+
+    Blocks have no moments beyond order 2. Where scenes are too few, the relative width of the interval is therefore
+    that of single errors, resampled by block, which are fewer.
+
+    Parameters
+    ----------
+    sums
+        What `tracknoise.analysis.error_shape.standard_sums` made of the moments of one condition, with `age_low`.
+    singles
+        What `tracknoise.analysis.error_shape.standardised` made of its samples.
+    places
+        Where these are added up; their points are the bands.
+    draws, method
+        How to resample.
+
+    Returns
+    -------
+    polars.DataFrame
+        `BAND`, n, and skewness and kurtosis, each with its bounds (``_low``, ``_high``); NaN where there is none.
+    """
+    by_scene = units_of(sums, points=BAND, columns=POWER_SUMS, groups=draws.groups).across_groups()
+    totals = by_scene.sums.sum(axis=0).T
+    exact = dict(zip(_MARDIA, mardia(totals), strict=True))
+    found = by_scene.points.with_columns_seq(n=pl.Series(totals[0], dtype=pl.Int64), **exact)
+    units = by_scene if by_scene.resampled else places.units(_powers(singles.select_seq("z_u", "z_v").to_numpy()))
+    bounds = _table(units, pooled(units, draws.weights(units), mardia, method), _MARDIA)
+    joined = found.join(bounds, on=BAND, how="left", maintain_order="left", suffix=" resampled")
+    scaled = [
+        (pl.col(f"{name}_{end}") * pl.col(name) / pl.col(f"{name} resampled")).alias(f"{name}_{end}")
+        for name in _MARDIA
+        for end in ("low", "high")
+    ]
+    return joined.with_columns_seq(scaled).select_seq(pl.exclude("^.* resampled$"))
+
+
+def gain_bounds(singles: pl.DataFrame, places: UnitPlaces, gained: Gains, draws: Draws, method: Method) -> pl.DataFrame:
+    """Gains of Student's t and of the mixture in each band, and the parameters of their fits.
+
+    Parameters
+    ----------
+    singles
+        What `tracknoise.analysis.error_shape.standardised` made of the samples of one condition.
+    places
+        As in `mardia_bounds`.
+    gained
+        What `tracknoise.analysis.error_shape.gains` returned for them, with the bands as samples.
+    draws, method
+        How to resample.
+
+    Returns
+    -------
+    polars.DataFrame
+        `BAND`, `gain_student`, `gain_mixture` and `gain_difference` (the mixture's above Student's), each with its
+        bounds; `nu`, `spread_px`, `share` and `ratio`; NaN where there is none.
+    """
+    bands, scored = places.points, ~np.isnan(gained.student)
+    units = places.units([scored, np.nan_to_num(gained.student), np.nan_to_num(gained.mixture)])
+    bounds = _table(units, pooled(units, draws.weights(units), _per_error, method), _GAINS)
+    size = np.bincount(bands.index, singles["log_spread"].to_numpy(), bands.count) / np.bincount(bands.index)
+    parameters = bands.keys.with_columns_seq(
+        nu=gained.nu, spread_px=gained.spread * np.exp(size), share=gained.share, ratio=gained.ratio
+    )
+    return bounds.join(parameters, on=BAND, maintain_order="left")
+
+
+def within_bounds(
+    pairs: Array, places: UnitPlaces, gained: tuple[Gains, Gains], draws: Draws, method: Method
+) -> pl.DataFrame:
+    """Numbers of errors in units of their own scene, and what the different scales of scenes add.
+
+    Parameters
+    ----------
+    pairs : (rows, 2)
+        What `tracknoise.analysis.error_shape.within_scenes` made of single errors.
+    places
+        Where these are added up; their points are the bands.
+    gained
+        Gains of errors as they are, and in units of their own scene; NaN where there are none.
+    draws, method
+        How to resample.
+
+    Returns
+    -------
+    polars.DataFrame
+        `BAND`, `skewness_within`, `kurtosis_within`, `gain_student_within`, `gain_mixture_within`,
+        `gain_difference_within` and `gain_scales`, which is Student's gain without units of scenes less that with
+        them, each with its bounds; NaN where there is none.
+    """
+    whole, within = gained
+    scored = ~(np.isnan(whole.student) | np.isnan(within.student))
+    sums = [scored, *(np.where(scored, value, 0.0) for value in (whole.student, within.student, within.mixture))]
+    every = places.units([*_powers(pairs), *sums])
+    moments, units = (replace(every, sums=part) for part in np.split(every.sums, [len(POWER_SUMS)], axis=-1))
+    found = _table(moments, pooled(moments, draws.weights(moments), mardia, method), _MARDIA_WITHIN)
+    bounds = _table(units, pooled(units, draws.weights(units), _per_error_within, method), _GAINS_WITHIN)
+    return found.join(bounds, on=BAND, maintain_order="left")
+
+
+def _per_error_within(sums: Array) -> Array:
+    """Gains of `_GAINS_WITHIN` from how many errors are scored, and sums of the gains that they are made of."""
+    scored, whole, student, mixture = sums
+    return np.stack([student, mixture, mixture - student, whole - student]) / np.where(scored > 0, scored, np.nan)
+
+
+def _powers(pairs: Array) -> list[Array]:
+    """What `POWER_SUMS` are sums of, of pairs (rows, 2); 0 where one is NaN."""
+    there = ~np.isnan(pairs[:, 0])
+    u, v = np.where(there[:, None], pairs, 0.0).T
+    of_u, of_v = ([there * 1.0, axis, axis**2, axis**2 * axis, axis**2 * axis**2] for axis in (u, v))
+    return [of_u[p] * of_v[q] for p, q in ORDERS]
+
+
+def _per_error(sums: Array) -> Array:
+    """Gains of `_GAINS` from how many errors are scored, and sums of their gains."""
+    scored, student, mixture = sums
+    return np.stack([student, mixture, mixture - student]) / np.where(scored > 0, scored, np.nan)
+
+
+def folds_of(places: UnitPlaces, seed: int) -> NDArray[np.intp]:
+    """Fold of each row: that of its scene or, where blocks are resampled, that of its block, drawn in each scene.
+
+    Parameters
+    ----------
+    places
+        Of single errors.
+    seed
+        Decides which scenes, if they are more than `FOLDS`, or which blocks are put into one fold.
+    """
+    rng, count = np.random.default_rng(seed), len(places.scenes)
+    if places.resampled == Resampled.blocks:
+        return np.concatenate([rng.permutation(BLOCKS) % FOLDS for _ in range(count)])[places.unit]
+    folds = FOLDS if count < MANY else MANY_FOLDS
+    return np.asarray(rng.permutation(count)[places.unit] % folds)
+
+
+def _table(units: Units, bounds: EstimateArray, names: Sequence[str]) -> pl.DataFrame:
+    """One row per point; columns for each statistic and its bounds."""
+    ends = {"": bounds.value, "_low": bounds.low, "_high": bounds.high}
+    columns = {f"{name}{end}": values[row] for row, name in enumerate(names) for end, values in ends.items()}
+    return units.points.hstack(pl.DataFrame(columns))
+
+
+MARGIN_NATS = 0.01
+"""Smaller distances from the Gaussian count as none, nats per error."""
+_FEW_DECIDE = 16.0
+UNKNOWN = Estimate(None)
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeEvidence:
+    """What the verdict is made from.
+
+    Attributes
+    ----------
+    n_sampled
+        Single errors behind gains and tails.
+    student, mixture, difference
+        Gains, nats per error, and how much the mixture's is above Student's.
+    skewness, kurtosis
+        Mardia's b1 and b2.
+    tail_99
+        P(d2 > 9.21) / 0.01; None where there are too few errors.
+    nu, share, ratio
+        Parameters of the fits; None where there are none.
+    pooled_tail_99
+        As `tail_99`, but of all scenes together.
+    scales
+        What the different scales of scenes add to Student's gain, nats per error.
+    """
+
+    n_sampled: int
+    student: Estimate
+    mixture: Estimate
+    difference: Estimate
+    skewness: Estimate
+    kurtosis: Estimate
+    tail_99: float | None
+    nu: float | None
+    share: float | None
+    ratio: float | None
+    pooled_tail_99: float | None = None
+    scales: Estimate = UNKNOWN
+
+
+def judge(evidence: ShapeEvidence, *, margin: float = MARGIN_NATS) -> tuple[Shape, str]:
+    """Verdict by (shape), and the reason in words.
+
+    Parameters
+    ----------
+    evidence
+        Of one condition, trimming and band of ages.
+    margin
+        Largest distance from the Gaussian that counts as none, nats per error.
+    """
+    student, mixture, kurtosis = evidence.student, evidence.mixture, evidence.kurtosis
+    if None in (student.low, mixture.low, kurtosis.low):
+        return Shape.undecided, f"too few errors ({evidence.n_sampled}), scenes or blocks for intervals"
+    light = 8 * (1 - math.sqrt(2 * margin))
+    if student.above(margin) or mixture.above(margin):
+        verdict, why = _heavy(evidence, margin)
+        return verdict, why + _of_scales(evidence)
+    if evidence.skewness.above(12 * margin) and kurtosis.below(_FEW_DECIDE):
+        return Shape.skewed, f"skewness b1 is {_text(evidence.skewness)}, above {12 * margin:g}"
+    if kurtosis.below(light) and evidence.tail_99 is not None and evidence.tail_99 < 1:
+        return Shape.light_tailed, f"kurtosis is {_text(kurtosis)}, below {number(light)}; that of a Gaussian is 8"
+    gains = f"Student's t gains {_text(student)} nat per error over a Gaussian, a mixture {_text(mixture)}"
+    small = student.below(margin) and mixture.below(margin)
+    if small and evidence.skewness.below(12 * margin) and kurtosis.above(light):
+        small_gains = f"{gains}. Both are below {margin:g}. Kurtosis is {_text(kurtosis)}"
+        return Shape.gaussian, small_gains + _of_scales(evidence)
+    moments = f"Kurtosis is {_text(kurtosis)}, skewness {_text(evidence.skewness)}"
+    return Shape.undecided, f"{gains}. {moments}. No interval decides"
+
+
+def _heavy(evidence: ShapeEvidence, margin: float) -> tuple[Shape, str]:
+    """The verdict where tails are heavier than a Gaussian's."""
+    tails = [tail for tail in (evidence.tail_99, evidence.pooled_tail_99) if tail is not None]
+    if min(tails, default=1.0) < 1:
+        few = f"only {number(min(tails))} times as many errors as of a Gaussian lie beyond its 99{SPACE}% ellipse"
+        return Shape.undecided, f"Student's t gains {_text(evidence.student)} nat per error over a Gaussian, but {few}"
+    mixture = _text(evidence.mixture)
+    if evidence.mixture.above(margin) and evidence.difference.above(0.0):
+        wider = f"{number(_percent(evidence.share))} % of errors {number(_root(evidence.ratio))} times as wide"
+        gains = f"gains {mixture} nat per error over a Gaussian, and {_text(evidence.difference)} more than Student's t"
+        return Shape.contaminated, f"a mixture with {wider} {gains}"
+    student = f"Student's t with {number(evidence.nu)} degrees of freedom gains {_text(evidence.student)} nat per error"
+    return Shape.heavy_tailed, f"{student} over a Gaussian; a mixture gains {mixture}"
+
+
+def _of_scales(evidence: ShapeEvidence) -> str:
+    """What the different scales of scenes add, where they do."""
+    added = f"Different scales of scenes add {_text(evidence.scales)} nat to the gain of Student's t"
+    return f". {added}" if evidence.scales.above(0.0) else ""
+
+
+def _text(estimate: Estimate) -> str:
+    return format_as(estimate, _thousandths)
+
+
+def _thousandths(value: float | None) -> str:
+    return DASH if value is None else f"{value:z.3f}".replace("-", MINUS)
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
+def _root(ratio: float | None) -> float | None:
+    return None if ratio is None else math.sqrt(ratio)
+
+
+MAX_SAMPLED = 4096
+"""Single errors of a band that are looked at, about, shared out evenly among scenes."""
+_EDGES = [*BAND, "age_high"]
+_WHERE = ["scene", "direction", "population", "axis", "at", "n"]
+"""Columns of moments that say in which bands they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """What shape errors have.
+
+    Attributes
+    ----------
+    gaussianity
+        Schema `GAUSSIANITY`, sorted by condition, trimming and band: every band in which there is an error.
+    radii
+        Schema `RADII`, sorted, in the same way.
+    """
+
+    gaussianity: pl.DataFrame
+    radii: pl.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class _Options:
+    method: Method
+    min_features: int
+    margin: float
+    seed: int
+    joined: JoinedScenes
+
+
+def gaussianity(
+    moments: Tables,
+    samples: Tables,
+    *,
+    groups: SceneGroups = NO_GROUPS,
+    key_frames: Mapping[str, int] = NO_KEY_FRAMES,
+    min_features: int = MIN_FEATURES,
+    margin: float = MARGIN_NATS,
+    kind: str = KIND_OF_INTERVAL,
+    level: float = LEVEL,
+    n_draws: int = 1000,
+    seed: int = 0,
+) -> Shapes:
+    """Shape of visible errors, by condition, trimming and band of ages.
+
+    Parameters
+    ----------
+    moments, samples
+        Of all scenes, `MOMENTS` and `SAMPLES`.
+    groups
+        Groups of scenes that are not independent of each other (`tracknoise.inference.units.JoinedScenes`).
+    key_frames
+        Where a scan makes errors zero in one frame: that frame, by direction. Bands are then of distances from it.
+    min_features
+        Fewest errors, of all scenes together, of an age that is looked at.
+    margin
+        Largest distance from the Gaussian that does not matter, nats per error.
+    kind, level
+        Of the intervals. `bca` takes the place of `student` (`Method.by_bootstrap`); column `kind` says which was made.
+    n_draws, seed
+        As in `tracknoise.inference.bootstrap.draws`; the seed decides, too, which scenes are fitted together.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    errors = by_condition(moments, MOMENTS, "moments")
+    places = {key: part.select_seq(_WHERE) for key, part in errors.items()}
+    scenes = scenes_by_dataset(_banded(places, key_frames))
+    count = math.ceil(MAX_SAMPLED / min(map(len, scenes.values()), default=1))
+    singles = by_condition(samples, SAMPLES, "samples", lambda table: first_tracks(table, count))
+    joined = JoinedScenes.of(scenes, groups)
+    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed, groups=joined.others)
+    options = _Options(Method(kind, level).by_bootstrap(), min_features, margin, seed, joined)
+    rows, quantiles = [empty(GAUSSIANITY)], [empty(RADII)]
+    for key, part in _banded(errors, key_frames):
+        of_scenes = part if part["scene"].is_sorted() else part.sort("scene", maintain_order=True)
+        found, distances = _condition(of_scenes, singles.get(key, empty(SAMPLES)), drawn[key[0]], options)
+        rows.append(found.with_columns_seq(names(key, GAUSSIANITY)))
+        quantiles.append(distances.with_columns_seq(names(key, RADII)))
+    shapes = (
+        _typed(rows, GAUSSIANITY).sort(*POOLED, *BAND),
+        _typed(quantiles, RADII).sort(*POOLED, *BAND, "probability"),
+    )
+    return Shapes(check(shapes[0], GAUSSIANITY, "gaussianity"), check(shapes[1], RADII, "radii"))
+
+
+def _banded(moments: TablesByCondition, key_frames: Mapping[str, int]) -> Iterator[tuple[Condition, pl.DataFrame]]:
+    """Moments of each condition that has any in one of the bands."""
+    for key, part in moments.items():
+        banded = with_bands(anchored(part, key_frames), pl.col("since").abs())
+        if not banded.is_empty():
+            yield key, banded
+
+
+def _condition(
+    moments: pl.DataFrame, samples: pl.DataFrame, draws: Draws, options: _Options
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Rows of `GAUSSIANITY` and `RADII` of one condition."""
+    standard = standards(moments, min_features=options.min_features)
+    bands = moments.group_by(_EDGES).agg(all=pl.col("n").sum(), n_scenes=pl.col("scene").n_unique()).sort(_EDGES)
+    sums, singles = standard_sums(moments, standard), standardised(samples, standard)
+    if sums.is_empty() or singles.is_empty():
+        rows = bands.with_columns_seq(n="all", n_sampled=0, verdict=pl.lit(Shape.undecided), why=pl.lit(_few(options)))
+        return rows, empty(RADII)
+    pairs, dataset = within_scenes(singles, sums), str(moments["dataset"][0])
+    sums, singles = (options.joined.rename(table, dataset) for table in (sums, singles))
+    places = unit_places(singles, points=BAND, groups=draws.groups).across_groups()
+    gained = _gains(singles, pairs, places, draws, options)
+    tails, quantiles = _tails(singles, pairs, places.points)
+    table = bands.join(mardia_bounds(sums, singles, places, draws, options.method), on=BAND, how="left")
+    table = table.join(gained, on=BAND, how="left").join(tails, on=BAND, how="left").sort(_EDGES)
+    known = table.with_columns_seq(pl.selectors.float().fill_nan(None))
+    judged = [_judged(row, options) for row in known.iter_rows(named=True)]
+    named = table.hstack(pl.DataFrame(judged, schema=["verdict", "why"], orient="row")).with_columns_seq(
+        pl.coalesce("n", "all").alias("n"),
+        pl.col("n_sampled").fill_null(0),
+        kind=pl.lit(options.method.kind),
+        level=options.method.level,
+        resampled=pl.lit(options.joined.resampled(places.resampled, dataset, places.scenes)),
+    )
+    return named.rename(_NAMES), quantiles.join(bands.select_seq(_EDGES), on=BAND)
+
+
+_NAMES = {
+    **{f"gain_{name}": f"gain_{name}_nats" for name in ("student", "mixture", "student_within", "mixture_within")},
+    "gain_scales": "gain_scales_nats",
+    "nu": "student_nu",
+    "spread_px": "student_scale_px",
+    "share": "mixture_share",
+    "ratio": "mixture_ratio",
+    "nu_within": "student_nu_within",
+    "share_within": "mixture_share_within",
+    "ratio_within": "mixture_ratio_within",
+}
+
+
+def _gains(
+    singles: pl.DataFrame, pairs: NDArray[np.float64], places: UnitPlaces, draws: Draws, options: _Options
+) -> pl.DataFrame:
+    """Gains by band with their intervals, also in units of scenes."""
+    bands = places.points
+    tied = _tied(singles, bands)
+    untied = np.array([reason is None for reason in tied])[bands.index]
+    folds = folds_of(places, options.seed)
+
+    def of(values: NDArray[np.float64]) -> Gains:
+        rows = untied & ~np.isnan(values[:, 0])
+        return gains(values[rows], bands.index[rows], folds[rows], bands.count).expanded(rows)
+
+    whole, within = of(singles.select_seq("z_u", "z_v").to_numpy()), of(pairs)
+    table = gain_bounds(singles, places, whole, draws, options.method)
+    parameters = {"nu_within": within.nu, "share_within": within.share, "ratio_within": within.ratio}
+    named = bands.keys.with_columns_seq(tied=pl.Series(tied, dtype=pl.String), **parameters)
+    added = within_bounds(pairs, places, (whole, within), draws, options.method)
+    return table.join(named, on=BAND).join(added, on=BAND)
+
+
+def _tied(singles: pl.DataFrame, bands: Groups) -> list[str | None]:
+    """What makes the errors of each band equal to one another."""
+    errors = singles.select_seq("du_px", "dv_px").to_numpy()
+    return [ties(errors[bands.index == band]) for band in range(bands.count)]
+
+
+def _tails(singles: pl.DataFrame, pairs: NDArray[np.float64], bands: Groups) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """By band how many single errors there are and how many lie far out; and the quantiles of their distances."""
+    tails, quantiles = [], []
+    distances = singles["z_u"].to_numpy() ** 2 + singles["z_v"].to_numpy() ** 2
+    of_pairs = np.square(pairs).sum(axis=1)
+    for band, key in enumerate(bands.keys.rows()):
+        squared, within = (values[bands.index == band] for values in (distances, of_pairs))
+        near = tail_ratios(within[~np.isnan(within)])[0]
+        tails.append((*key, len(squared), *tail_ratios(squared), near))
+        quantiles += [(*key, *point) for point in zip(*radii(squared), strict=True)]
+    place = {name: singles.schema[name] for name in BAND}
+    numbers = {"n_sampled": pl.Int64, "tail_99": pl.Float64, "tail_999": pl.Float64, "tail_99_within": pl.Float64}
+    points = dict.fromkeys(("probability", "expected", "observed"), pl.Float64)
+    return (
+        pl.DataFrame(tails, schema={**place, **numbers}, orient="row"),
+        pl.DataFrame(quantiles, schema={**place, **points}, orient="row"),
+    )
+
+
+def _judged(row: Mapping[str, Any], options: _Options) -> tuple[Shape, str]:
+    """Verdict on one band, and the reason."""
+    if row["n"] is None:
+        return Shape.undecided, _few(options)
+    if row["tied"] is not None:
+        return Shape.undecided, row["tied"]
+
+    def estimate(name: str) -> Estimate:
+        return Estimate.of_row(row, name, f"{name}_low", f"{name}_high")
+
+    evidence = ShapeEvidence(
+        n_sampled=row["n_sampled"] or 0,
+        student=estimate("gain_student_within"),
+        mixture=estimate("gain_mixture_within"),
+        difference=estimate("gain_difference_within"),
+        skewness=estimate("skewness_within"),
+        kurtosis=estimate("kurtosis_within"),
+        **{name: row[f"{name}_within"] for name in ("tail_99", "nu", "share", "ratio")},
+        scales=estimate("gain_scales"),
+        pooled_tail_99=row["tail_99"],
+    )
+    return judge(evidence, margin=options.margin)
+
+
+def _few(options: _Options) -> str:
+    return f"every age has fewer than {options.min_features} errors, or errors that do not vary"
+
+
+def _typed(tables: Sequence[pl.DataFrame], schema: Schema) -> pl.DataFrame:
+    """Rows of all conditions with the columns of a schema, null where there is no number."""
+    rows = pl.concat(tables, how="diagonal_relaxed")
+    return rows.select_seq(pl.col(name).cast(kind) for name, kind in schema.items()).with_columns_seq(
+        pl.selectors.float().fill_nan(None)
+    )

@@ -1,0 +1,650 @@
+"""How errors behave in time: white, a random walk, a drift, or saturating, by condition.
+
+- What is fitted to the errors of one condition as they grow, with intervals: (growth) and (saturating).
+- What the models of growth are fitted to and compared with, by unit: one condition and trimming.
+- Everything that is fitted to the errors of one condition, for the verdict on their growth.
+
+How errors behave in time: white, a random walk, a drift, or saturating, by condition, trimming and coordinate.
+
+The second moment about zero is fitted over the ages by (growth) and, where that fails, by (saturating). The changes of
+errors from one frame that the tracker saw to the next are correlated by (autocorrelation) of
+`tracknoise.statistics.changes`. A verdict agrees with the curve, with the autocorrelations at lags 1 to
+`LAGS`, and with the curves of long-lived tracks (`tracknoise.analysis.growth_verdict`).
+
+Errors are zero at birth (or in the key frame) by construction. What is measured at age k is n_k - n_0, where n_0 is the
+error of the detected position. If n_0 is independent of the later n_k and has the same variance s^2, the second moment
+is 2 s^2 from the first age on. `white_px` is the root of the constant, here sqrt(2) s. It is s if the first position
+has no error, as with the template of a tracker, or with the oracle.
+
+The moments at all ages come from the same tracks. Each age is weighted by how much its second moment varies when scenes
+are resampled. A twentieth of the moment is added to this spread, so that no single age dominates.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.analysis.condition_units import additive, units_of
+from tracknoise.analysis.curve_intervals import CHANGE_SUMS, correlated
+from tracknoise.analysis.growth_models import (
+    OWN,
+    TERM_UNITS,
+    TERMS,
+    Ages,
+    GrowthFit,
+    Model,
+    SaturatingFit,
+    UnitSums,
+    polynomial,
+    range_tried,
+    saturating,
+    scene_curves,
+)
+from tracknoise.analysis.growth_verdict import Changes, Growth, Loss, behaves, loss
+from tracknoise.analysis.truth_shares import NO_KEY_FRAMES, anchored
+from tracknoise.inference.bootstrap import Draws, draws_by_dataset, leave_one_out
+from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
+from tracknoise.inference.estimates import Estimate, EstimateArray
+from tracknoise.inference.intervals import Method, Statistics, pooled_by
+from tracknoise.inference.units import NO_GROUPS, JoinedScenes, Resampled, SceneGroups, Units
+from tracknoise.statistics.definitions import LAGS, POOLED
+from tracknoise.statistics.grouping import (
+    Tables,
+    TablesByCondition,
+    by_condition,
+    group_rows,
+    in_chunks,
+    reduce_each,
+    scenes_by_dataset,
+)
+from tracknoise.tables.defaults import MIN_FEATURES
+from tracknoise.tables.enumerations import Aspect, Behaviour
+from tracknoise.tables.findings_schema import TIME_STRUCTURE
+from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, SEQUENCE, check
+
+Array = NDArray[np.float64]
+_Fit = Callable[[Array], Array]
+Sizes = Mapping[str, Estimate]
+"""By term: white, saturating_white and saturating (px), walk, drift (`TERM_UNITS`), and time_constant (frames)."""
+
+MIN_AGES = 4
+"""Fewest ages of a fit."""
+GROWTH_SUMS = ("n", "uu", "vv")
+"""What a fit needs of each age: the count, and the sums of squared errors."""
+_MIN_UNITS = 4
+_ROUNDING = 1e-9
+
+
+def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
+    """Which points are fitted: up to the first that rests on too few errors, or too few units.
+
+    Parameters
+    ----------
+    units
+        Points by `since`; columns `GROWTH_SUMS`.
+    min_features
+        Fewest errors of all units together.
+    """
+    n = units.sums[..., 0]
+    enough = (n.sum(axis=0) >= min_features) & (np.count_nonzero(n, axis=0) >= min(_MIN_UNITS, len(n)))
+    return np.logical_and.accumulate(enough)
+
+
+def pooled_sizes(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Sizes, Sizes]:
+    """Sizes of (growth) of u and of v, of all errors together.
+
+    Parameters
+    ----------
+    units
+        Points by `since`; columns `GROWTH_SUMS`.
+    weights : (draws, units)
+        How often each unit was drawn.
+    ages : (points,)
+        Which are fitted, at least `MIN_AGES`, with errors that are not all zero.
+    method
+        How to make intervals.
+    """
+
+    def fits(since: Array, weight: Array) -> _Fit:
+        fit = GrowthFit.at(since, weight)
+        return lambda second: np.concatenate([fit.free(second), fit.bounded(second), fit.alone(second)])
+
+    u, v = _pooled(units, weights, ages, method, fits)
+    return _of_terms(u), _of_terms(v)
+
+
+def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Sizes, Sizes]:
+    """Sizes and time constant of (saturating) of u and of v, of all errors together.
+
+    Parameters
+    ----------
+    units, weights, ages, method
+        As in `pooled_sizes`. A bound of the time constant at an end of what is tried is none.
+    """
+    tried = range_tried(units.points["since"].to_numpy().astype(np.float64)[ages])
+
+    def named(found: list[Estimate]) -> Sizes:
+        white, size, constant = found
+        return {
+            "saturating_white": _root(white, white, unit="px"),
+            "saturating": _root(size, size, unit="px"),
+            "time_constant": _between(replace(constant, unit="frames"), *tried),
+        }
+
+    def fits(since: Array, weight: Array) -> _Fit:
+        return SaturatingFit.at(since, weight).fit
+
+    u, v = _pooled(units, weights, ages, method, fits)
+    return named(u), named(v)
+
+
+def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
+    """Mean error of u and of v per frame, px: what fits the mean errors of all ages, as a line through zero.
+
+    Parameters
+    ----------
+    moments
+        Columns since, n, u and v; at least one row.
+    """
+    since, n, u, v = (moments[name].to_numpy().astype(np.float64) for name in ("since", "n", "u", "v"))
+    total = (n * since**2).sum()
+    return float((since * u).sum() / total), float((since * v).sum() / total)
+
+
+def _pooled(
+    units: Units,
+    weights: Array,
+    ages: NDArray[np.bool_],
+    method: Method,
+    fits: Callable[[Array, Array], _Fit],
+) -> tuple[list[Estimate], list[Estimate]]:
+    """What the fits at some ages with some weights find of u and of v, with intervals."""
+    part = replace(units, sums=units.sums[:, ages], points=units.points[np.flatnonzero(ages)])
+    since = part.points["since"].to_numpy().astype(np.float64)
+    second, weight = _observed(part)
+    both = [fits(since, of_axis) for of_axis in weight]
+
+    def statistics(sums: Array) -> Array:
+        """Of u, then of v, (statistics, 1, ...); ages without data in a draw are taken as observed."""
+        drawn = _second(sums)
+        whole = second.reshape(*second.shape, *[1] * (drawn.ndim - 2))
+        known = np.where(np.isnan(drawn), whole, drawn)
+        return np.concatenate([fit(of_axis) for fit, of_axis in zip(both, known, strict=True)])[:, None]
+
+    bounds = _of_differing_scenes(part, weights, statistics, method)
+    found = [bounds.at(row) for row in range(len(bounds.value))]
+    return found[: len(found) // 2], found[len(found) // 2 :]
+
+
+def _of_differing_scenes(units: Units, weights: Array, statistics: Statistics, method: Method) -> EstimateArray:
+    """Bounds of coefficients. Those that are above 0 contain the bounds of a mean over scenes that differ by factors.
+
+    Resampling a few scenes does not show how far the largest of all scenes lie above the others; the logarithms of
+    their own coefficients do (`tracknoise.inference.jackknife`).
+    """
+    differing = method.kind == IntervalKind.bca and units.resampled != Resampled.blocks
+    methods = [method, Method(IntervalKind.student, method.level)] if differing else [method]
+    sizes = units.sums[..., 0].sum(axis=1)[None]
+    bounds, *others = pooled_by(methods, units, weights, statistics, scales="log", sizes=sizes)
+    if not others:
+        return bounds
+    skewed = others[0]
+    positive = (bounds.low > 0) & ~np.isnan(skewed.low + skewed.high)
+    return replace(
+        bounds,
+        low=np.where(positive, np.minimum(bounds.low, skewed.low), bounds.low),
+        high=np.where(positive, np.maximum(bounds.high, skewed.high), bounds.high),
+    )
+
+
+def _observed(units: Units) -> tuple[Array, Array]:
+    """Second moments of u and v at each age, and their weights, (2, ages) each."""
+    whole = _second(units.sums.sum(axis=0).T)
+    without = _second(np.moveaxis(leave_one_out(units.sums), 0, -1).swapaxes(0, 1))
+    influence = np.nan_to_num(without - whole[..., None])
+    variance = (influence**2).sum(axis=-1) if units.resampled else np.zeros_like(whole)  # of the jackknife
+    least = 1e-6 * whole.max(axis=1, keepdims=True)  # a second moment of zero must not decide alone
+    return whole, 1 / (variance + (OWN * whole) ** 2 + least**2)
+
+
+def _second(sums: Array) -> Array:
+    """(Phi) of u and of v from `GROWTH_SUMS`, (2, ages, ...), NaN where undefined."""
+    n, uu, vv = sums
+    return np.stack([uu, vv]) / np.where(n > 1, n - 1, np.nan)
+
+
+def _of_terms(found: list[Estimate]) -> Sizes:
+    """Sizes from free and bounded coefficients, and from those of terms that would explain everything alone."""
+    free, bounded, alone = (found[first : first + len(TERMS)] for first in range(0, 3 * len(TERMS), len(TERMS)))
+    return {
+        term: _at_most(_root(one, other, unit=unit), _length(whole.high))
+        for term, one, other, whole, unit in zip(TERMS, bounded, free, alone, TERM_UNITS, strict=True)
+    }
+
+
+def _at_most(size: Estimate, most: float | None) -> Estimate:
+    """The same with an upper bound that is not above that of all errors.
+
+    A coefficient of one scene can be near 0 where another term takes its part, so that the logarithms of coefficients
+    differ more than scenes do.
+    """
+    if size.value is None or size.high is None or most is None:
+        return size
+    return replace(size, high=max(min(size.high, most), size.value))
+
+
+def _root(bounded: Estimate, free: Estimate, *, unit: str) -> Estimate:
+    """Root of a coefficient of the bounded fit, with bounds that contain those of either fit.
+
+    Where the true coefficient is 0, the bounded fit shifts the other terms, and its draws do not show that.
+    """
+    low = None if bounded.low is None or free.low is None else min(bounded.low, free.low)
+    high = None if bounded.high is None or free.high is None else max(bounded.high, free.high)
+    return replace(bounded, value=_length(bounded.value), low=_length(low), high=_length(high), unit=unit)
+
+
+def _between(estimate: Estimate, least: float, most: float) -> Estimate:
+    """The same without bounds that are not between two limits."""
+    low = estimate.low if estimate.above(least * (1 + _ROUNDING)) else None
+    high = estimate.high if estimate.below(most * (1 - _ROUNDING)) else None
+    return replace(estimate, low=low, high=high)
+
+
+def _length(square: float | None) -> float | None:
+    return None if square is None else float(max(square, 0.0) ** 0.5)
+
+
+FOURTH_SUMS = ("fourth_u", "fourth_v")
+"""Sums of the fourth powers of errors."""
+_LIVED = ["at_least", "since"]
+
+
+@dataclass(frozen=True, slots=True)
+class GrowthUnits:
+    """Sums of the same units: of errors, of changes, and of long-lived tracks.
+
+    Attributes
+    ----------
+    errors
+        Points by `since`; columns `GROWTH_SUMS`.
+    changes : (units, lags, columns)
+        Columns `CHANGE_SUMS`; 0 where there are none.
+    lived : (units, ages, columns)
+        Columns `GROWTH_SUMS`, by the age that tracks live to.
+    fourth : (units, ages, 2)
+        Sums of the fourth powers of u and v, where units are scenes.
+    """
+
+    errors: Units
+    changes: Array
+    lived: Mapping[int, Array]
+    fourth: Array | None = None
+
+    def of(self, coordinate: int) -> UnitSums:
+        """Sums of one coordinate, u or v."""
+        lagged, squares = (
+            self.changes[..., CHANGE_SUMS.index(f"{name}_{'uv'[coordinate] * 2}")] for name in ("lagged", "squares")
+        )
+        sums = self.errors.sums
+        n_units = len(sums) // max(len(self.errors.scenes), 1)
+        scene = np.repeat(np.arange(len(self.errors.scenes)), n_units)
+        return UnitSums(sums[..., 0], sums[..., 1 + coordinate], lagged, squares, scene)
+
+    def lived_of(self, coordinate: int) -> dict[int, tuple[Array, Array]]:
+        """Number of errors and sum of their squares of one coordinate, (units, ages), by the age tracks live to."""
+        return {age: (sums[..., 0], sums[..., 1 + coordinate]) for age, sums in self.lived.items()}
+
+
+def with_fourth(moments: pl.DataFrame) -> pl.DataFrame:
+    """Rows of `MOMENTS` with the columns `FOURTH_SUMS`."""
+    return moments.with_columns_seq(_fourth(axis).alias(name) for axis, name in zip("uv", FOURTH_SUMS, strict=True))
+
+
+def _fourth(axis: str) -> pl.Expr:
+    """Sum of fourth powers about zero, from that about the mean."""
+    second, third, fourth = (pl.col(f"m_{power * axis}") for power in (2, 3, 4))
+    mean = pl.col(f"mean_{axis}")
+    return fourth + 4 * mean * third + 6 * mean**2 * second + pl.col("n") * mean**4
+
+
+def growth_units(
+    scenes: pl.DataFrame,
+    blocks: pl.DataFrame | None,
+    changes: pl.DataFrame | None,
+    lived: pl.DataFrame | None,
+    lived_blocks: pl.DataFrame | None,
+    groups: SceneGroups,
+) -> GrowthUnits:
+    """Sums of errors by unit, with those of changes and of long-lived tracks of the same units.
+
+    Parameters
+    ----------
+    scenes, blocks
+        Of errors, by scene and by block: columns dataset, scene (and block), since and `GROWTH_SUMS`; of scenes
+        `FOURTH_SUMS`.
+    changes
+        Columns dataset, scene, block, lag and `CHANGE_SUMS`.
+    lived, lived_blocks
+        Of long-lived tracks, by scene and by block: columns scene (and block), at_least, since and `GROWTH_SUMS`.
+    groups
+        Groups of scenes that are not independent of each other.
+    """
+    errors = units_of(scenes, blocks, points=["since"], columns=GROWTH_SUMS, groups=groups).across_groups()
+    by_block = errors.resampled == Resampled.blocks
+    of_changes = np.zeros((len(errors.sums), LAGS, len(CHANGE_SUMS)))
+    if changes is not None:
+        own = changes if by_block else None
+        units = units_of(changes, own, points=["lag"], columns=CHANGE_SUMS, groups=groups)
+        of_changes[:, units.points["lag"].to_numpy().astype(np.intp) - 1] = _aligned(units, errors)
+    if lived is None or (by_block and lived_blocks is None):
+        return GrowthUnits(errors, of_changes, {})
+    units = units_of(lived, lived_blocks if by_block else None, points=_LIVED, columns=GROWTH_SUMS, groups=groups)
+    fourth = None if by_block else units_of(scenes, points=["since"], columns=FOURTH_SUMS).sums
+    return GrowthUnits(errors, of_changes, _by_age(units, errors), fourth)
+
+
+def _aligned(units: Units, like: Units) -> Array:
+    """Sums of units in the order of others; 0 for a scene that is missing."""
+    each = len(units.sums) // max(len(units.scenes), 1)
+    by_scene = units.sums.reshape(len(units.scenes), each, *units.sums.shape[1:])
+    placed = np.zeros((len(like.scenes), *by_scene.shape[1:]))
+    known = [place for place, scene in enumerate(units.scenes) if scene in like.scenes]
+    placed[[like.scenes.index(units.scenes[place]) for place in known]] = by_scene[known]
+    return placed.reshape(-1, *units.sums.shape[1:])
+
+
+def _by_age(units: Units, errors: Units) -> dict[int, Array]:
+    """Sums of long-lived tracks at the ages of all errors, by the age that tracks live to."""
+    aligned = _aligned(units, errors)
+    ages = errors.points["since"].to_numpy()
+    found: dict[int, Array] = {}
+    for key, part in units.points.with_row_index("place").partition_by("at_least", as_dict=True).items():
+        there = part.filter(pl.col("since").is_in(ages.tolist()))
+        sums = np.zeros((len(aligned), len(ages), len(GROWTH_SUMS)))
+        sums[:, np.searchsorted(ages, there["since"].to_numpy())] = aligned[:, there["place"].to_numpy()]
+        found[int(key[0])] = sums
+    return found
+
+
+_DRAWS = 400
+"""Draws of the fit of (saturating), which takes longer than that of the polynomial."""
+
+
+def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], method: Method) -> tuple[Growth, Growth]:
+    """Fit the growth of u and of v.
+
+    Parameters
+    ----------
+    units
+        Of one condition and trimming, with errors that are not all zero at any fitted age.
+    ages
+        Where curves are, and which are fitted.
+    weights : (draws, units)
+        How often each unit was drawn.
+    method
+        How to make intervals of what is fitted to all errors together.
+    """
+    sizes = pooled_sizes(units.errors, weights, ages.fitted, method)
+    curves = [scene_curves(units.of(axis)) for axis in (0, 1)]
+    polynomials = [_known(units, *polynomial(curve, ages, method.level)) for curve in curves]
+    refused = [model.agreement.refused for model, _ in polynomials]
+    limits = pooled_saturating(units.errors, weights[:_DRAWS], ages.fitted, method) if any(refused) else ({}, {})
+    u, v = (
+        Growth(
+            {**sizes[axis], **(limits[axis] if refused[axis] else {})},
+            polynomials[axis][1],
+            polynomials[axis][0],
+            saturating(curves[axis], ages, method.level) if refused[axis] else None,
+            _loss(units, ages, axis),
+            float(ages.since[ages.fitted].max()),
+        )
+        for axis in (0, 1)
+    )
+    return u, v
+
+
+def _known(units: GrowthUnits, model: Model, sizes: Sizes) -> tuple[Model, Sizes]:
+    """The same without bounds, and not refused, where nothing can be resampled."""
+    if units.errors.resampled is not None:
+        return model, sizes
+    shares = {term: Estimate(share.value) for term, share in model.shares.items()}
+    unknown = Model(shares, replace(model.agreement, p=1.0))
+    return unknown, {term: Estimate(size.value) for term, size in sizes.items()}
+
+
+def _loss(units: GrowthUnits, ages: Ages, axis: int) -> Loss | None:
+    if units.errors.resampled is None:
+        return None
+    sums, fourth = units.of(axis), None if units.fourth is None else units.fourth[..., axis]
+    return loss(sums.n, sums.squares, ages.since, units.lived_of(axis), fourth)
+
+
+_KEY = [*POOLED, "trimming"]
+_PAIRS = [*ORIGIN, "block", "trimming", "lag"]
+_OF_SCENE = [name for name in _PAIRS if name != "block"]
+_COLUMNS = {
+    "white": "white_px",
+    "walk": "walk_px_per_sqrt_frame",
+    "drift": "drift_px_per_frame",
+    "saturating_white": "saturating_white_px",
+    "saturating": "saturating_px",
+    "time_constant": "saturating_frames",
+}
+_EVERY = pl.lit(value=True)
+LONG_LIVED = pl.col("aspect") == Aspect.long_lived
+"""Rows of `ASPECTS` that time structure needs."""
+
+
+def time_structure(
+    moments: Tables,
+    increments: pl.DataFrame | Iterable[pl.DataFrame],
+    *,
+    blocks: Tables = (),
+    aspects: Tables = (),
+    aspect_blocks: Tables = (),
+    groups: SceneGroups = NO_GROUPS,
+    key_frames: Mapping[str, int] = NO_KEY_FRAMES,
+    min_features: int = MIN_FEATURES,
+    kind: str = KIND_OF_INTERVAL,
+    level: float = LEVEL,
+    n_draws: int = 1000,
+    seed: int = 0,
+) -> pl.DataFrame:
+    """How visible errors grow, by condition, trimming and coordinate, with intervals and a verdict.
+
+    Parameters
+    ----------
+    moments, increments
+        Of all scenes, `MOMENTS` and `INCREMENTS`.
+    blocks
+        Schema `BLOCKS`: what to resample in conditions of too few scenes. They have no bounds without, and no verdict.
+    aspects
+        Schema `ASPECTS`: the long-lived tracks, in the conditions that have them. Without them it is not checked
+        whether the loss of tracks shapes the curve.
+    aspect_blocks
+        Schema `ASPECT_BLOCKS`: the same by block, for conditions of too few scenes.
+    groups
+        Groups of scenes that are not independent of each other (`tracknoise.inference.units.JoinedScenes`).
+    key_frames
+        Where a scan makes errors zero in one frame: that frame, by direction. Time is then the distance from it.
+    min_features
+        Ages are fitted up to the first at which all scenes together have fewer features than this.
+    kind, level, n_draws, seed
+        As in `tracknoise.analysis.curve_intervals.interval_table`. For what is fitted, `bca` takes the place of
+        `student` (`Method.by_bootstrap`); columns `kind` and `autocorrelation_kind` say which was made. Geometric means
+        over scenes always have Student's interval from the jackknife.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `TIME_STRUCTURE`, sorted: a row for each condition and trimming that has visible errors, and coordinate.
+        Where fewer than `MIN_AGES` ages can be fitted there are no numbers, and the verdict is undecided.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    errors = by_condition(moments, MOMENTS, "moments")
+    scenes = scenes_by_dataset(errors.items())
+    joined = JoinedScenes.of(scenes, groups)
+    by_scene = _sums({key: with_fourth(part) for key, part in errors.items()}, key_frames, joined)
+    by_block = _sums(by_condition(blocks, BLOCKS, "blocks"), key_frames, joined)
+    chunks = in_chunks(increments, INCREMENTS, "increments")
+    changes = reduce_each(chunks, INCREMENTS, "increments", _of_lags).partition_by(_KEY, as_dict=True)
+    changes = {key: joined.rename(part, key[0]) for key, part in changes.items()}
+    lived = _sums(by_condition(aspects, ASPECTS, "aspects", _long_lived), key_frames, joined, LONG_LIVED)
+    lived_blocks = _sums(
+        by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects", _long_lived), key_frames, joined, LONG_LIVED
+    )
+    drawn = draws_by_dataset(joined.scenes(scenes), n_draws=n_draws, seed=seed, groups=joined.others)
+    every: list[dict[str, Any]] = []
+    for key, part in by_scene.items():
+        sums = _Sums.of(part, *(table.get(key) for table in (changes, by_block, lived, lived_blocks)))
+        rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, key[_KEY.index("speed")])
+        labels = {**dict(zip(_KEY, key, strict=True)), "level": level}
+        names = part["scene"].unique().sort().to_list()
+        of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0], names)} for row in rows]
+        every += [{**labels, **row} for row in of_groups]
+    table = (
+        pl.DataFrame(every, schema=dict(TIME_STRUCTURE))
+        .with_columns_seq(pl.selectors.float().fill_nan(None))
+        .sort(*_KEY, "coordinate")
+    )
+    return check(table, TIME_STRUCTURE, "time structure")
+
+
+@dataclass(frozen=True, slots=True)
+class _Sums:
+    """Sums of a condition and trimming: of errors by scene and block, of changes, and of long-lived tracks.
+
+    Ages are distances from where errors are zero. `mean_px_per_frame` is of u and of v.
+    """
+
+    scenes: pl.DataFrame
+    blocks: pl.DataFrame | None
+    changes: pl.DataFrame | None
+    lived: pl.DataFrame | None
+    lived_blocks: pl.DataFrame | None
+    mean_px_per_frame: tuple[float, float]
+
+    @classmethod
+    def of(cls, scenes: pl.DataFrame, changes: pl.DataFrame | None, *others: pl.DataFrame | None) -> "_Sums":
+        """Of tables by the side of the key frame that errors are on."""
+        blocks, lived, lived_blocks = map(_apart, others)
+        apart = scenes.with_columns_seq(pl.col("since").abs())
+        return cls(apart, blocks, changes, lived, lived_blocks, mean_drift(scenes))
+
+
+def _sums(
+    moments: TablesByCondition, key_frames: Mapping[str, int], joined: JoinedScenes, chosen: pl.Expr = _EVERY
+) -> dict[tuple[Any, ...], pl.DataFrame]:
+    """Sums of each condition and trimming; what is added up in one place is of one scene, and in its order."""
+    return {
+        (*key, *trimming): sums
+        for key, part in moments.items()
+        for trimming, sums in additive(anchored(_joined(part.filter(chosen), joined, key[0]), key_frames))
+        .partition_by("trimming", as_dict=True)
+        .items()
+    }
+
+
+def _joined(moments: pl.DataFrame, joined: JoinedScenes, dataset: str) -> pl.DataFrame:
+    """Moments with new names of scenes. Column measured keeps the names of the scenes, which are counted."""
+    return joined.rename(moments.with_columns_seq(measured="scene"), dataset)
+
+
+def lagged(increments: pl.DataFrame, few: pl.DataFrame) -> pl.DataFrame:
+    """Rows of `INCREMENTS` of which (autocorrelation) is made: all that time structure needs.
+
+    Parameters
+    ----------
+    increments
+        Of any number of sequences, one after another.
+    few
+        Conditions of so few scenes that blocks are resampled. In others all blocks are added up, as block 0.
+    """
+    pairs = increments.filter(pl.col("lag") > 0)
+    if few.is_empty():
+        return _of_all_blocks(pairs)
+    by_block, whole = (pairs.join(few, on=few.columns, how=how, maintain_order="left") for how in ("semi", "anti"))
+    return pl.concat([by_block, _of_all_blocks(whole)])
+
+
+def _of_all_blocks(pairs: pl.DataFrame) -> pl.DataFrame:
+    """Sums over the blocks of each scene, as block 0; sequences stay in their order."""
+    numbered = pairs.with_columns_seq(sequence=pl.struct(list(SEQUENCE)).rle_id())
+    groups = group_rows(numbered, ["sequence", *_OF_SCENE])
+    known = {name: pl.col(name) for name in (*_OF_SCENE, *CHANGE_SUMS)} | {"block": pl.lit(0)}
+    columns = [known.get(name, pl.lit(None)).cast(kind).alias(name) for name, kind in INCREMENTS.items()]
+    return groups.keys.hstack(groups.sums(pairs, CHANGE_SUMS)).select_seq(columns)
+
+
+def _long_lived(aspects: pl.DataFrame) -> pl.DataFrame:
+    return aspects.filter(LONG_LIVED)
+
+
+def _rows(tables: _Sums, draws: Draws, method: Method, min_features: int, step: int) -> Iterator[dict[str, Any]]:
+    """Rows of a condition and trimming, by the columns of `TIME_STRUCTURE`."""
+    units = growth_units(tables.scenes, tables.blocks, tables.changes, tables.lived, tables.lived_blocks, draws.groups)
+    errors, fitted = units.errors, fit_ages(units.errors, min_features=min_features)
+    ages = Ages(errors.points["since"].to_numpy().astype(np.float64), fitted, step)
+    related = _related(tables.changes, draws, method, resampled=errors.resampled is not None)
+    made, n_ages = method.by_bootstrap(), int(np.count_nonzero(fitted))
+    n_scenes = tables.scenes["measured"].n_unique()
+    labels = {"n_ages": n_ages, "n_scenes": n_scenes, "resampled": errors.resampled, "kind": made.kind,
+              "autocorrelation_kind": method.kind}  # fmt: skip
+    usable = n_ages >= MIN_AGES and bool((errors.sums[:, fitted, 1:].sum(axis=0) > 0).all())
+    fits = growth_fits(units, ages, draws.weights(errors), made) if usable else (None, None)
+    for place, (coordinate, fit) in enumerate(zip("uv", fits, strict=True)):
+        correlations = {f"autocorrelation{end}": found[place] for end, found in related.items()}
+        if fit is None:
+            few = f"ages with enough errors: {n_ages}; at least {MIN_AGES} are needed"
+            why = few if n_ages < MIN_AGES else "all errors are zero at some age"
+            found = {**_bounds(correlations), "verdict": Behaviour.undecided, "why": why}
+        else:
+            verdict, why = behaves(fit, Changes(correlations.get("autocorrelation"), tables.mean_px_per_frame[place]))
+            found = {**_bounds({**correlations, **_named(fit)}), "verdict": verdict, "why": why}
+        yield {"coordinate": coordinate, **labels, **found}
+
+
+def _named(fit: Growth) -> dict[str, Estimate]:
+    """Sizes by their columns."""
+    geometric = {f"{_COLUMNS[term]}_geometric": size for term, size in fit.geometric.items()}
+    return {_COLUMNS[term]: size for term, size in fit.sizes.items()} | geometric
+
+
+def _bounds(found: Mapping[str, Estimate]) -> dict[str, float | None]:
+    """Values and bounds by their columns."""
+    return {
+        f"{name}{end}": getattr(estimate, which)
+        for name, estimate in found.items()
+        for end, which in (("", "value"), ("_low", "low"), ("_high", "high"))
+    }
+
+
+def _of_lags(increments: pl.DataFrame) -> pl.DataFrame:
+    """Rows of `INCREMENTS` and columns that (autocorrelation) is made of."""
+    return increments.filter(pl.col("lag") > 0).select_seq(*_PAIRS, *CHANGE_SUMS)
+
+
+def _related(
+    changes: pl.DataFrame | None, draws: Draws, method: Method, *, resampled: bool
+) -> dict[str, tuple[Estimate, Estimate]]:
+    """(autocorrelation) of u and of v by the end of the name of its column; if `resampled`, of blocks too."""
+    if changes is None:
+        return {}
+    blocks = changes if resampled else None
+    units = units_of(changes, blocks, points=["lag"], columns=CHANGE_SUMS, groups=draws.groups).across_groups()
+    found = correlated(units, draws.weights(units), method)
+    ends = ["" if lag == 1 else f"_{lag}" for lag in units.points["lag"]]
+    return {end: (found.at(0, place), found.at(1, place)) for place, end in enumerate(ends)}
+
+
+def _apart(moments: pl.DataFrame | None) -> pl.DataFrame | None:
+    """Moments by how far they are from where errors are zero, before or after."""
+    return None if moments is None else moments.with_columns_seq(pl.col("since").abs())

@@ -1,0 +1,441 @@
+"""What errors of the truth can explain: its floor, its audit, two truths, differences between trackers, and fits.
+
+- Moments by their distance from where errors are zero by construction.
+- How far two truths of the same images disagree, with intervals.
+- Mean and covariance of the differences between two trackers, (between), with intervals.
+- Noise of tracks with triangulated truth, (noise.triangulated) and (noise.epipolar), with intervals.
+
+Whether faults of the truth that an audit found explain an error: what is left of it where they are corrected.
+
+`AUDIT_CURVES` has errors by age as measured, and with all faults corrected, in units that took no part in the fit. A
+mean error, or the growth of a second moment, is covered by the audit if the corrections take off at least half of it:
+the claim that it is the tracker's then rests on what is stated wrongly. (audit.cover)
+
+Whether an error may come from the truth alone: an error beside its truth floor.
+
+A mean error is covered if it lies within two standard deviations of what the errors of the truth add to the mean. The
+growth of a second moment is covered if it is at most twice the growth of the floor: the errors of the poses of a few
+stretches scatter about their expected size, and that size is itself known roughly only.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import hypot, sqrt
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
+from tracknoise.inference.bootstrap import Draws
+from tracknoise.inference.intervals import Method, pooled
+from tracknoise.statistics.definitions import LENGTHS, POOLED, UNITS
+from tracknoise.statistics.grouping import Tables, by_condition
+from tracknoise.statistics.moments import ABOUT_ZERO
+from tracknoise.tables.enumerations import Axis, Population
+from tracknoise.tables.findings_schema import (
+    EVERYTHING,
+    MEASURED,
+    POSE_DISAGREEMENT,
+    TRACKER_DIFFERENCES,
+    TRIANGULATED_NOISE,
+    TWO_TRUTHS,
+)
+from tracknoise.tables.schema import BETWEEN_TRACKERS, FITTED_NOISE, ORIGIN, POSE_DIFFERENCES, TRUTH_DIFFERENCES, check
+
+NO_KEY_FRAMES: Mapping[str, int] = {}
+
+
+def anchored(table: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame:
+    """Rows of visible errors that are not zero by construction, with their distance from where errors are.
+
+    Parameters
+    ----------
+    table
+        Moments by age or frame: columns direction, population, axis, at and n, besides any others.
+    key_frames
+        Where rows are of frames: the one in which errors are zero, by direction; in others it is frame 0.
+
+    Returns
+    -------
+    polars.DataFrame
+        The same columns, and `since` (Int64), not 0: an age, or frames after the key frame, negative before it.
+    """
+    key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
+    since = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
+    return table.with_columns_seq(since=since).filter(
+        pl.col("n") > 0, pl.col("since") != 0, population=Population.visible
+    )
+
+
+_MOST_LEFT = 0.5
+_LEAST_ERRORS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class AuditCover:
+    """An error, and what corrections of the truth leave of it.
+
+    Attributes
+    ----------
+    age
+        Largest audited age up to that in question.
+    error_px, left_px
+        Size of the error as measured and corrected, px; of a growth its root.
+    is_covered
+        Whether at most half of the mean, or of the growth of the second moment, is left.
+    """
+
+    age: int
+    error_px: float
+    left_px: float
+    is_covered: bool
+
+
+def audited_mean(curves: pl.DataFrame, tracker: str, at: int) -> AuditCover | None:
+    """Length of the mean error of a tracker at an age, with and without corrections: (audit.cover).
+
+    Parameters
+    ----------
+    curves
+        Table `AUDIT_CURVES`.
+    tracker
+        Its name.
+    at
+        Age, or distance from the key frame, frames.
+
+    Returns
+    -------
+    AuditCover or None
+        None where no fault was found, or the tracker took no part in the audit.
+    """
+    rows = _both(curves, tracker, at)
+    if not rows:
+        return None
+    error_px, left_px = (hypot(rows[-1][f"mean_u_px{end}"], rows[-1][f"mean_v_px{end}"]) for end in ("", "_left"))
+    return AuditCover(rows[-1]["age"], error_px, left_px, is_covered=left_px <= _MOST_LEFT * error_px)
+
+
+def audited_growth(curves: pl.DataFrame, tracker: str, coordinate: str, at: int) -> AuditCover | None:
+    """Root of the growth of a second moment from the first audited age to another: see `audited_mean`.
+
+    Parameters
+    ----------
+    curves, tracker, at
+        As for `audited_mean`.
+    coordinate
+        u or v.
+    """
+    rows, column = _both(curves, tracker, at), f"second_{coordinate}{coordinate}"
+    if len(rows) < 2:
+        return None
+    grown, left = (rows[-1][f"{column}{end}"] - rows[0][f"{column}{end}"] for end in ("", "_left"))
+    error_px, left_px = (sqrt(max(value, 0.0)) for value in (grown, left))
+    return AuditCover(rows[-1]["age"], error_px, left_px, is_covered=grown > 0.0 and left <= _MOST_LEFT * grown)
+
+
+def _both(curves: pl.DataFrame, tracker: str, at: int) -> list[dict[str, Any]]:
+    """Rows of the errors as measured, beside those with all faults corrected, by age."""
+    enough = curves.filter(pl.col("age") <= at, pl.col("n") >= _LEAST_ERRORS, tracker=tracker)
+    measured, left = (enough.filter(correction=name) for name in (MEASURED, EVERYTHING))
+    return measured.join(left, on=["dataset", "age"], suffix="_left").sort("age").to_dicts()
+
+
+SIGMAS = 2.0
+_VARIANCES = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class FloorCover:
+    """An error and what the truth can cause.
+
+    Attributes
+    ----------
+    error_px
+        Size of the error, px.
+    limit_px
+        Largest size that errors of the truth can explain, px.
+    """
+
+    error_px: float
+    limit_px: float
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether the error of the truth alone can explain the error."""
+        return self.error_px <= self.limit_px
+
+
+def cover_of_mean(mean_px: float | None, floor_mean_px: float | None) -> FloorCover | None:
+    """A mean error beside its floor; None where either is unknown, or the truth is exact.
+
+    Parameters
+    ----------
+    mean_px
+        Mean error of a coordinate, px.
+    floor_mean_px
+        Standard deviation of what the errors of the truth add to it, px.
+    """
+    if mean_px is None or not floor_mean_px:
+        return None
+    return FloorCover(abs(mean_px), SIGMAS * floor_mean_px)
+
+
+def cover_of_second(second: float | None, floor: float | None) -> FloorCover | None:
+    """A second moment, or its growth, beside that of the floor; None where either is unknown, or the truth is exact.
+
+    Parameters
+    ----------
+    second
+        Second moment of a coordinate, or its growth between two ages, px^2.
+    floor
+        The same of the truth floor, px^2.
+    """
+    if second is None or floor is None or floor <= 0.0:
+        return None
+    return FloorCover(sqrt(max(second, 0.0)), sqrt(_VARIANCES * floor))
+
+
+def covered_by_floor(*found: FloorCover | None) -> bool:
+    """Whether there is an error at all, and errors of the truth alone can explain each."""
+    known = [one for one in found if one is not None]
+    return bool(known) and len(known) == len(found) and all(one.is_covered for one in known)
+
+
+_TWO_TRUTH_SUMS = ["n", "u", "v", "uu", "vv", "uv"]
+_TWO_TRUTH_POINT = ["quantity", "trimming", "age"]
+_VALUES = pl.DataFrame(
+    {"statistic": ["mean"] * 2 + ["second"] * 3, "coordinate": ["u", "v", "u", "v", "uv"]},
+)
+_TWO_TRUTH_SCALES = ("linear", "linear", "log", "log", "linear")
+_POSES = pl.DataFrame({"quantity": ["rotation", "translation"], "unit": ["deg", "m"]})
+_POSE_KEYS = [*(name for name in POSE_DISAGREEMENT if name in POOLED), "lag", "quantity"]
+_ANY_CONDITION = {"tracker": pl.lit(""), "speed": pl.lit(1, dtype=ORIGIN["speed"])}
+"""Poses do not depend on trackers and speeds."""
+
+
+def two_truths_table(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
+    """Mean and second moment of the disagreement of true positions, and of the errors by each truth, by age.
+
+    Parameters
+    ----------
+    sums
+        Tables of all scenes, schema `TRUTH_DIFFERENCES`.
+    sampling
+        How scenes are resampled.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `TWO_TRUTHS`, sorted by its columns before `n`.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    conditions = by_condition(sums, TRUTH_DIFFERENCES, "truth differences")
+    table = condition_table(conditions, TWO_TRUTHS, _of_positions, sampling)
+    return check(table.sort(*POOLED, *_TWO_TRUTH_POINT, "statistic", "coordinate"), TWO_TRUTHS, "two truths")
+
+
+def pose_disagreement_table(sums: pl.DataFrame | Iterable[pl.DataFrame], sampling: Sampling = USUAL) -> pl.DataFrame:
+    """Root mean square difference of the relative poses of two truths, by lag: see `two_truths_table`.
+
+    Parameters
+    ----------
+    sums
+        Tables of all scenes, schema `POSE_DIFFERENCES`.
+    sampling
+        How scenes are resampled.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `POSE_DISAGREEMENT`, sorted by its columns before `n`.
+
+    Raises
+    ------
+    SchemaError, SettingsError
+        As `two_truths_table`.
+    """
+    tables = [sums] if isinstance(sums, pl.DataFrame) else sums
+    named = (check(table, POSE_DIFFERENCES, "pose differences").with_columns_seq(**_ANY_CONDITION) for table in tables)
+    schema = {**ORIGIN, **{name: kind for name, kind in POSE_DIFFERENCES.items() if name not in ORIGIN}}
+    conditions = by_condition((table.select_seq(*schema) for table in named), schema, "pose differences")
+    wide = {**TWO_TRUTHS, **POSE_DISAGREEMENT}
+    columns = {name: wide[name] for name in (*POOLED, *(name for name in POSE_DISAGREEMENT if name not in POOLED))}
+    table = condition_table(conditions, columns, _of_poses, sampling)
+    return check(table.select_seq(*POSE_DISAGREEMENT).sort(_POSE_KEYS), POSE_DISAGREEMENT, "pose disagreement")
+
+
+def _of_positions(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per quantity, trimming, age, statistic and coordinate of a condition."""
+    units = units_of(sums, sums, points=_TWO_TRUTH_POINT, columns=_TWO_TRUTH_SUMS, groups=draws.groups)
+    found = pooled(units, draws.weights(units), _moments, method, scales=_TWO_TRUTH_SCALES)
+    labels = _VALUES.join(units.points, how="cross")
+    table = estimated(labels, found, units, TWO_TRUTHS, value="value")
+    return _counted(table, units.sums[..., 0], _VALUES.height)
+
+
+def _of_poses(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per lag and quantity of a condition."""
+    columns = ["n", "rotation_rad2", "translation_m2"]
+    units = units_of(sums, sums, points=["lag"], columns=columns, groups=draws.groups)
+    found = pooled(units, draws.weights(units), _two_truth_deviations, method, scales=["log"] * _POSES.height)
+    labels = _POSES.join(units.points, how="cross")
+    table = estimated(labels, found, units, POSE_DISAGREEMENT, value="value")
+    return _counted(table, units.sums[..., 0], _POSES.height)
+
+
+def _counted(table: pl.DataFrame, counts: NDArray[np.float64], times: int) -> pl.DataFrame:
+    n = np.tile(counts.sum(axis=0), times)
+    return table.with_columns_seq(pl.col("value", "low", "high").fill_nan(None), pl.Series("n", n, dtype=pl.Float64))
+
+
+def _moments(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means and second moments about zero, (5, points, ...), NaN where there are no observations."""
+    return np.asarray(sums[1:] / np.where(sums[:1] > 0, sums[:1], np.nan))
+
+
+def _two_truth_deviations(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation in degrees and translation in metres, (2, points, ...), NaN where there are no pairs."""
+    deviations = np.sqrt(_moments(sums))
+    return np.asarray(np.stack([np.degrees(deviations[0]), deviations[1]]))
+
+
+_TRACKER_DIFFERENCE_SUMS = ["n", "u", "v", "uu", "uv", "vv"]
+_TRACKER_DIFFERENCE_POINT = ["other", "age"]
+_ROWS = (("mean", "u"), ("mean", "v"), ("central", "u"), ("central", "uv"), ("central", "v"))
+"""Statistic and coordinate of the rows of each point."""
+_TRACKER_DIFFERENCE_SCALES = ("linear", "linear", "log", "linear", "log")
+
+
+def tracker_differences(moments: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
+    """Mean and covariance of the differences of every two trackers, by age.
+
+    Parameters
+    ----------
+    moments
+        Tables of all scenes, schema `BETWEEN_TRACKERS`.
+    sampling
+        How scenes are resampled.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `TRACKER_DIFFERENCES`, sorted. Without rows where no two trackers had tracks of the same corner.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    conditions = by_condition(moments, BETWEEN_TRACKERS, "between trackers")
+    table = condition_table(conditions, TRACKER_DIFFERENCES, _tracker_difference_rows, sampling)
+    order = [*POOLED, "other", "statistic", "age", "coordinate"]
+    return check(table.sort(order), TRACKER_DIFFERENCES, "tracker differences")
+
+
+def _tracker_difference_rows(moments: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per other tracker, age, statistic and coordinate of a condition."""
+    sums = moments.with_columns_seq(**ABOUT_ZERO)
+    units = units_of(
+        sums, sums, points=_TRACKER_DIFFERENCE_POINT, columns=_TRACKER_DIFFERENCE_SUMS, groups=draws.groups
+    )
+    weights = draws.weights(units)
+    found = pooled(units, weights, _statistics, method, scales=_TRACKER_DIFFERENCE_SCALES)
+    labels = pl.DataFrame(_ROWS, schema=["statistic", "coordinate"], orient="row").join(units.points, how="cross")
+    n = np.tile(units.sums[..., 0].sum(axis=0), len(_ROWS))
+    rows = estimated(labels, found, units, TRACKER_DIFFERENCES, value="value").with_columns_seq(
+        pl.col("statistic").replace_strict(UNITS).alias("unit"), pl.Series("n", n)
+    )
+    strict = pooled(units, weights, _statistics, _corrected(method, units.points), scales=_TRACKER_DIFFERENCE_SCALES)
+    nonzero = (strict.low > 0.0) | (strict.high < 0.0)
+    means = pl.when(pl.col("statistic") == "mean").then(pl.Series(nonzero.ravel()))
+    return rows.with_columns_seq(pl.col("value", "low", "high").fill_nan(None), established=means).drop_nulls("value")
+
+
+def _corrected(method: Method, points: pl.DataFrame) -> Method:
+    """Bonferroni's level for both coordinates and all ages of two trackers."""
+    n_ages = points["age"].n_unique()
+    return Method(method.kind, 1.0 - (1.0 - method.level) / (2.0 * max(n_ages, 1)))
+
+
+def _statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means and central covariance, (5, points, ...), of the sums of `_SUMS`; NaN where there are none."""
+    n, u, v, uu, uv, vv = sums
+    count = np.where(n > 0, n, np.nan)
+    mean_u, mean_v = u / count, v / count
+    pairs = ((uu, mean_u * mean_u), (uv, mean_u * mean_v), (vv, mean_v * mean_v))
+    freedom = np.where(n > 1, n - 1, np.nan)
+    central = [(product - count * of_means) / freedom for product, of_means in pairs]
+    return np.stack([mean_u, mean_v, *central])
+
+
+_FITTED_NOISE_SUMS = ["n", "squares_u", "freedom_u", "squares_v", "freedom_v", "squares", "freedom"]
+_COORDINATES = ("u", "v", "both")
+_FITTED_NOISE_POINT = ["measure", "trimming", "length_low"]
+
+
+def fitted_noise_table(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
+    """Standard deviation of the noise of one coordinate, by length of the track and for all lengths together.
+
+    Parameters
+    ----------
+    sums
+        Tables of all scenes, schema `FITTED_NOISE`.
+    sampling
+        How scenes are resampled.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `TRIANGULATED_NOISE`, sorted. Without rows unless true positions are triangulated.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    conditions = by_condition(sums, FITTED_NOISE, "fitted noise")
+    table = condition_table(conditions, TRIANGULATED_NOISE, _fitted_noise_rows, sampling)
+    order = [*POOLED, "measure", "trimming", "length_low", "coordinate"]
+    return check(table.sort(order), TRIANGULATED_NOISE, "triangulated noise")
+
+
+def _fitted_noise_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per measure, trimming, class of lengths and coordinate of a condition."""
+    together = sums.with_columns_seq(length_low=pl.lit(0, dtype=pl.UInt32))  # sorts before all classes
+    both = pl.concat([together, sums])
+    units = units_of(both, both, points=_FITTED_NOISE_POINT, columns=_FITTED_NOISE_SUMS, groups=draws.groups)
+    sizes = np.stack([units.sums[..., place].T for place in (2, 4, 6)])
+    found = pooled(
+        units, draws.weights(units), _fitted_noise_deviations, method, scales=["log"] * len(_COORDINATES), sizes=sizes
+    )
+    labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")
+    n = np.tile(units.sums[..., 0].sum(axis=0), len(_COORDINATES))
+    table = estimated(labels, found, units, TRIANGULATED_NOISE, value="sigma_px").with_columns_seq(
+        _lengths(), pl.Series("n", n, dtype=pl.Float64)
+    )
+    return table.with_columns_seq(
+        pl.col("sigma_px", "low", "high").fill_nan(None), length_low=pl.col("length_low").replace({0: None})
+    ).drop_nulls("sigma_px")
+
+
+def _lengths() -> pl.Expr:
+    highest = {low: high for low, high in LENGTHS if high is not None}
+    return pl.col("length_low").replace_strict(highest, default=None, return_dtype=pl.Int64).alias("length_high")
+
+
+def _fitted_noise_deviations(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviations in u, in v and of both, (3, points, ...), NaN where there are no degrees of freedom."""
+    squares, freedom = sums[1::2], sums[2::2]
+    return np.asarray(np.sqrt(squares / np.where(freedom > 0, freedom, np.nan)))

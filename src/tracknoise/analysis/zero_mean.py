@@ -1,0 +1,241 @@
+"""Tests of whether the mean error is zero, at every age and at all ages together.
+
+The sampling units of the test are scenes (`tracknoise.inference.sign_flips`). Each counts once. The table also has the
+p-value of Hotelling's test with features as sampling units (iid). Errors of the features of a scene are correlated, so
+this test rejects most true zeros.
+
+Many conditions are asked at once. The verdict therefore allows for all of a dataset: it is `yes` if the evidence is
+larger than the largest that flips of the same scenes lead to in any condition, at any age.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.inference.multiple_tests import holm
+from tracknoise.inference.sign_flips import Chance, FlipTest, family_p, flip_test
+from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, Resampled, SceneGroups
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.statistics.grouping import (
+    Groups,
+    Tables,
+    TablesByCondition,
+    by_condition,
+    group_rows,
+    scenes_by_dataset,
+)
+from tracknoise.tables.defaults import POPULATION
+from tracknoise.tables.enumerations import Axis, Verdict, Weighting
+from tracknoise.tables.findings_schema import ZERO_MEAN
+from tracknoise.tables.schema import CURVES, MOMENTS, check, empty
+from tracknoise.words import scenes_counted
+
+ALPHA = 0.05
+"""Probability of a false `yes`: of rejecting a true zero, all ages of a condition together."""
+_FLAT = 1e-12
+"""Determinants that are smaller than this, relative to what they are a difference of, are rounding."""
+_FEW_GROUPS = "too few groups of scenes for a test"
+_CHANCE = "a mean error of this size may be chance"
+_LINE = ["trimming", "axis"]
+_CURVE = [*POOLED, *_LINE]
+
+
+def zero_mean(
+    moments: Tables,
+    curves: pl.DataFrame,
+    *,
+    key_frames: Mapping[str, int] | None = None,
+    population: str = POPULATION,
+    groups: SceneGroups = NO_GROUPS,
+    seed: int = 0,
+) -> pl.DataFrame:
+    """Test at every age whether the mean error is zero, and at all ages together.
+
+    Parameters
+    ----------
+    moments
+        Schema `MOMENTS`, of all scenes.
+    curves
+        What `tracknoise.statistics.curves.curves` made of them. Where they are cut there is no test.
+    key_frames
+        Where curves run along frames: the one in which errors are zero by construction, by direction. Neither it nor
+        age 0 is tested.
+    population
+        Which observations the errors are of: `visible` or `projected`.
+    groups
+        Scenes that are not independent of each other. Whole groups are flipped. With fewer than `MIN_SCENES` groups
+        the test is within groups, and holds for these groups only.
+    seed
+        Of the flips, where they are not all used.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `ZERO_MEAN`, sorted by condition, trimming and age, the row of all ages first. Means and second moments
+        weigh scenes equally. The row of all ages has the means at the age where the evidence is strongest, which `why`
+        names; these are larger than at an age chosen beforehand. The verdict is `yes` if the flips' p-value, adjusted
+        over the ages of all conditions of the dataset (of one trimming and axis), is at most `ALPHA`; it is never `no`:
+        a mean that could not be distinguished from zero may differ from it by as much as its interval is wide. Under
+        `MIN_SCENES` scenes there is no test.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    """
+    points = _points(check(curves, CURVES, "curves").filter(population=population), key_frames or {})
+    by_curve = points.partition_by(_CURVE, as_dict=True)
+    errors = by_condition(moments, MOMENTS, "moments")
+    chances = {
+        dataset: Chance.of(sorted(scenes), groups.of(dataset, sorted(scenes)), seed=seed)
+        for dataset, scenes in scenes_by_dataset(errors.items()).items()
+    }
+    asked = [
+        _Curve.of(key, by_curve.get(key, points.clear()), scenes, chances[key[0]])
+        for key, scenes in _means_by_curve(errors, population)
+    ]
+    tables = [empty({**ZERO_MEAN, "within": pl.Boolean})]
+    for family in _families(asked):
+        for curve, p in zip(family, family_p([curve.test for curve in family]), strict=True):
+            tables += _of_curve(curve, p)
+    rows = pl.concat(tables, how="diagonal_relaxed").with_columns_seq(
+        pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None)
+    )
+    table = _judged(rows).select_seq(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items())
+    return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """A curve that is tested: its key, the points, how many scenes it has, and the test."""
+
+    key: tuple[Any, ...]
+    points: pl.DataFrame
+    n_scenes: int
+    test: FlipTest
+    within: bool
+
+    @classmethod
+    def of(cls, key: tuple[Any, ...], points: pl.DataFrame, scenes: pl.DataFrame, chance: Chance) -> "_Curve":
+        """Test the means of some scenes."""
+        groups = group_rows(scenes, ["scene"])
+        test = flip_test(_means(points, scenes, groups), chance=chance.some(groups.keys["scene"].to_list()))
+        return cls(key, points, groups.count, test, chance.kind == Resampled.within)
+
+
+def _families(curves: Sequence[_Curve]) -> Iterator[list[_Curve]]:
+    """Curves of each dataset, trimming and axis: their verdicts are asked together."""
+    found: dict[tuple[Any, ...], list[_Curve]] = {}
+    for curve in curves:
+        family = (curve.key[0], *curve.key[-len(_LINE) :])
+        found.setdefault(family, []).append(curve)
+    yield from found.values()
+
+
+def _means_by_curve(moments: TablesByCondition, population: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
+    """Mean errors of the scenes of each curve."""
+    for condition, part in moments.items():
+        means = part.filter(pl.col("n") > 0, population=population).select_seq(
+            *_LINE, "scene", "at", "mean_u", "mean_v"
+        )
+        for line, scenes in means.partition_by(_LINE, as_dict=True, include_key=False).items():
+            yield (*condition, *line), scenes
+
+
+def _points(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame:
+    """Places that are tested, by curve: what weighs scenes equally, and (iid), which weighs features equally."""
+    key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
+    zero = pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
+    usable = curves.with_columns_seq(pl.col("at").cast(pl.Int64)).filter(~pl.col("cut"), pl.col("at") != zero)
+    points = usable.group_by(*_CURVE, "at").agg(
+        n=pl.col("n").first(),
+        mean_u=_value("u", "mean", Weighting.scenes),
+        mean_v=_value("v", "mean", Weighting.scenes),
+        second=_value("u", "second", Weighting.scenes) + _value("v", "second", Weighting.scenes),
+        iid_p=_iid_p(),
+    )
+    length = (pl.col("mean_u") ** 2 + pl.col("mean_v") ** 2).sqrt()
+    share = pl.when(pl.col("second") > 0).then(length**2 / pl.col("second"))
+    return points.with_columns_seq(effect_px=length, share_of_second=share).sort(*_CURVE, "at")
+
+
+def _value(column: str, role: str, weighting: str) -> pl.Expr:
+    names = [called[role] for called in NAMES.values()]
+    return pl.col(column).filter(pl.col("statistic").is_in(names), weighting=weighting).first()
+
+
+def _iid_p() -> pl.Expr:
+    """P-value of Hotelling's test over features; null where they do not vary in both directions."""
+    n, u, v = pl.col("n").first(), _value("u", "mean", Weighting.features), _value("v", "mean", Weighting.features)
+    uu, vv, uv = (_value(column, "central", Weighting.features) for column in ("u", "v", "uv"))
+    determinant = uu * vv - uv**2
+    t2 = n * (vv * u**2 - 2 * uv * u * v + uu * v**2) / determinant
+    possible = (n > 2) & (determinant > _FLAT * uu * vv)
+    return pl.when(possible).then((-(n - 2) / 2 * (t2 / (n - 1)).log1p()).exp())
+
+
+def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> list[pl.DataFrame]:
+    """Rows of one curve: of all ages together, and of every age."""
+    found = curve.test
+    tests = {
+        "n_scenes": found.n_scenes,
+        "hotelling_p": found.hotelling_p,
+        "hotelling_p_adjusted": holm(found.hotelling_p),
+        "sign_flip_p": found.sign_flip_p,
+        "sign_flip_p_adjusted": found.adjusted_p,
+        "sign_flip_p_family": family,
+    }
+    means = {"mean_u_px": "mean_u", "mean_v_px": "mean_v"}
+    ages = curve.points.with_columns_seq(**means, **{name: pl.Series(p) for name, p in tests.items()})
+    known = {name: pl.lit(value) for name, value in zip(_CURVE, curve.key, strict=True)}
+    return [
+        rows.with_columns_seq(**known, within=curve.within) for rows in (_overall(ages, found, curve.n_scenes), ages)
+    ]
+
+
+def _judged(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows with the verdict, and the reason; that of all ages together has one already."""
+    p, alone = pl.col("sign_flip_p_family"), pl.col("sign_flip_p_adjusted")
+    differs = (p <= ALPHA).fill_null(value=False)
+    few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
+    others = pl.when(alone <= ALPHA).then(pl.lit(f"{_CHANCE} in one of the conditions that were asked"))
+    why = pl.when(~differs).then(pl.coalesce(others, pl.lit(_CHANCE)))
+    untested = pl.when(p.is_null()).then(pl.lit(_FEW_GROUPS))
+    limits = pl.when("within").then(pl.lit("; for these groups of scenes only")).otherwise(pl.lit(""))
+    said = (
+        pl.when(pl.col("n_scenes") < MIN_SCENES)
+        .then(few)
+        .otherwise(pl.coalesce("why", untested, why) + pl.when(p.is_null()).then(pl.lit("")).otherwise(limits))
+    )
+    verdict = pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
+    return rows.with_columns_seq(why=said, verdict=verdict)
+
+
+def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame:
+    """Row of all ages, with the means of the strongest."""
+    counted = {"n_scenes": n_scenes}
+    if found.strongest is None:
+        enough = (found.n_scenes >= MIN_SCENES).any()
+        why = _FEW_GROUPS if enough else f"no age or frame has {MIN_SCENES} scenes"
+        why = why if ages.height else "no age or frame has enough features"
+        return pl.DataFrame({**counted, "why": why})
+    strongest = ages.select_seq("n", "mean_u_px", "mean_v_px", "effect_px", "share_of_second").row(
+        found.strongest, named=True
+    )
+    family = {"sign_flip_p_family": ages["sign_flip_p_family"][found.strongest]}
+    p = {"sign_flip_p": found.overall_p, "sign_flip_p_adjusted": found.overall_p, **family}
+    why = "strongest evidence at {axis} {at}".format(**ages.row(found.strongest, named=True))
+    return pl.DataFrame({**strongest, **counted, **p, "why": why})
+
+
+def _means(points: pl.DataFrame, scenes: pl.DataFrame, groups: Groups) -> NDArray[np.float64]:
+    """Mean error of each scene at each of the points, (scenes, points, 2), NaN where a scene has none."""
+    order = points.select_seq(pl.col("at"), place=pl.int_range(pl.len()))
+    rows = scenes.with_columns_seq(pl.col("at").cast(pl.Int64), number=groups.index).join(order, on="at")
+    means = np.full((groups.count, points.height, 2), np.nan)
+    means[rows["number"].to_numpy(), rows["place"].to_numpy()] = rows.select_seq("mean_u", "mean_v").to_numpy()
+    return means

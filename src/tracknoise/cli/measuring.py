@@ -1,0 +1,64 @@
+"""Measure an experiment from the command line, with progress on stderr."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tracknoise import processes as signals
+
+if TYPE_CHECKING:
+    from tracknoise.cli.terminal import Terminal
+    from tracknoise.experiments.execute import Outcome
+    from tracknoise.experiments.settings import Experiment
+
+
+def processes(workers: int | None) -> int:
+    """Number of worker processes: as requested, otherwise one per core."""
+    return workers or os.cpu_count() or 1
+
+
+def measure(
+    terminal: "Terminal",
+    experiment: "Experiment",
+    out: Path,
+    workers: int | None,
+    *,
+    scheduler: str | None = None,
+    fresh: bool,
+    verify: bool = False,
+) -> "Outcome":
+    """Measure an experiment into a run folder.
+
+    Parameters
+    ----------
+    terminal
+        Shows the progress.
+    experiment
+        What to measure.
+    out
+        The run folder. A run of the same experiment is resumed.
+    workers
+        Number of worker processes; None means one per core.
+    scheduler
+        Address of a Dask scheduler whose workers are used instead.
+    fresh
+        Delete the run that the folder holds.
+    verify
+        Compare the contents of all files that measured sequences were read from.
+    """
+    from tracknoise.cli.progress import RunProgress
+    from tracknoise.experiments.execute import execute
+    from tracknoise.tables.store import RunFolder
+
+    signals.end_system_calls()
+    with RunProgress(terminal) as progress:
+        return execute(
+            experiment,
+            RunFolder(out),
+            listener=progress,
+            workers=processes(workers),
+            scheduler=scheduler,
+            fresh=fresh,
+            verify=verify,
+            debug=terminal.debug,
+        )

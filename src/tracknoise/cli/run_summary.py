@@ -1,0 +1,177 @@
+"""What a run produced, as text: its summary, the path of its report, and the sequences that failed."""
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import polars as pl
+
+from tracknoise.cli.text_table import aligned
+from tracknoise.report.measured import mixed_kernels
+from tracknoise.report.names import by_statement, together
+from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.tables.enumerations import FittedMeasure, Trimming
+from tracknoise.tables.identity import readable
+from tracknoise.tables.store import RunFolder
+from tracknoise.text import counted
+
+if TYPE_CHECKING:
+    from tracknoise.cli.terminal import Terminal
+    from tracknoise.experiments.execute import Outcome
+
+_WIDTH = 110
+_NAMED = 10
+"""Maximum number of causes of failure for which the final message names the sequences."""
+_TRACKS = (
+    ("tracks", "n_tracks", "{:,}"),
+    ("median\nlifetime", "median_lifetime", "{}"),
+    ("outlier\nratio", "outlier_ratio", "{:.3f}"),
+)
+_FITTED_TOPICS = ("truth", "noise")
+_AT = ("at\n{axis}", "at", "{}")
+_ERRORS = (
+    ("mean {axis}\npx", "nu", "{:+.3f}"),
+    ("core {axis}\npx", "core", "{:.3f}"),
+    ("rms {axis}\npx", "rms", "{:.3f}"),
+)
+"""Headings, the statistic in the names of columns, and how numbers are written."""
+_FLOOR = tuple((f"floor {axis}\npx", f"floor_{axis}_px", "{:.3f}") for axis in "uv")
+"""Beside errors, where anything is known of the errors of the truth."""
+_NOISE = (
+    ("noise by\nfitted points px", FittedMeasure.triangulated, "{:.3f}"),
+    ("noise by\nepipolar lines px", FittedMeasure.epipolar, "{:.3f}"),
+)
+"""In place of errors, where true positions are fitted to the tracks."""
+
+
+def print_outcome(terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool) -> int:
+    """Print the summary of a run that has ended, its report and its failures.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if every sequence was measured, 2 if some were, 1 if none was.
+    """
+    if not outcome.measured:
+        return 1 if outcome.failures else 0
+    print_results(terminal, RunFolder(out), report=report)
+    if not outcome.failures:
+        return 0
+    _print_failures(terminal, outcome)
+    return 2
+
+
+def print_results(terminal: "Terminal", run: RunFolder, *, report: bool) -> None:
+    """Print the summary of a run. With `report`, also write its report and print the path."""
+    terminal.result(summary_text(run))
+    if report:
+        from tracknoise.report.page import write_report
+
+        terminal.say("writing the report")
+        terminal.result(f"report: {write_report(run).resolve()}")
+
+
+def summary_text(run: RunFolder) -> str:
+    """Summary table with one row per condition: lifetime, outlier ratio, and errors (observed minus true) at one age.
+
+    If there are too many conditions, only those that the report's figures show have a row.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If the run has no usable statistics.
+    """
+    data = ReportData.of(run)
+    table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else data.summary))
+    shown = [*((name, name, "{}") for name in data.condition_columns), *_TRACKS, *_errors(data)]
+    headings = [heading.format(axis=data.axis.name).split("\n") for heading, _, _ in shown]
+    rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
+    rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
+    lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
+    texts = [*_others(data), *_for_estimators(data), *_fitted(data), *_where_trimming_matters(data), *_machines(data)]
+    return "\n".join([*_doubts(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
+
+
+def _errors(data: ReportData) -> list[tuple[str, str, str]]:
+    """Columns of the errors that verdicts are about, where tracks were dropped the RMS of the others, and the floor.
+
+    Where true positions are fitted to the tracks, their noise, because errors about fitted points are smaller.
+    """
+    if data.truth_is_fitted:
+        return list(_NOISE)
+    shown = [
+        (heading.replace("{axis}", axis), f"{data.trimming}_{statistic}_{axis}_px", form)
+        for heading, statistic, form in _ERRORS
+        for axis in "uv"
+    ]
+    others = [] if data.percentile is None else [other for other in Trimming if other != data.trimming]
+    return [
+        _AT,
+        *shown,
+        *((f"rms {axis}\n{other}", f"{other}_rms_{axis}_px", "{:.3f}") for other in others for axis in "uv"),
+        *(_FLOOR if (data.summary["floor_u_px"] > 0).any() else ()),
+    ]
+
+
+def _with_noise(data: ReportData) -> pl.DataFrame:
+    """The summary with columns of `_NOISE`: noise of one coordinate of tracks of any length, px."""
+    of_all = data.triangulated_noise.filter(
+        pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming
+    ).with_columns(pl.col("measure").cast(pl.String))
+    table = data.summary
+    for _, measure, _ in _NOISE:
+        noise = of_all.filter(measure=measure).select(*POOLED, pl.col("sigma_px").alias(measure))
+        table = table.join(noise, on=POOLED, how="left", nulls_equal=True, maintain_order="left")
+    return table
+
+
+def _doubts(data: ReportData) -> list[str]:
+    """The findings that say why the data look wrong and which scenes are copies, before any number."""
+    about = data.findings.filter(pl.col("topic").is_in(["data", "copies"]))
+    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in about["text"]]
+
+
+def _for_estimators(data: ReportData) -> list[str]:
+    """The finding that says which noise to set in an estimator."""
+    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="estimator")["text"]]
+
+
+def _where_trimming_matters(data: ReportData) -> list[str]:
+    """The finding that says where trimmed and untrimmed errors disagree."""
+    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="trimming")["text"]]
+
+
+def _machines(data: ReportData) -> list[str]:
+    """That sequences were measured on machines of different kinds, if so."""
+    mixed = mixed_kernels(data)
+    return [textwrap.fill(mixed, _WIDTH)] if mixed else []
+
+
+def _fitted(data: ReportData) -> list[str]:
+    """What errors about fitted points hide, and the noise that is corrected for the fit."""
+    if not data.truth_is_fitted:
+        return []
+    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(pl.col("topic").is_in(_FITTED_TOPICS))["text"]]
+
+
+def _others(data: ReportData) -> list[str]:
+    n = data.summary.height - data.listed(data.summary).height
+    if not n:
+        return []
+    others = "1 other condition is" if n == 1 else f"{n} other conditions are"
+    return [f"({data.where.strip()}; {others} in the report's tables/summary.csv)"]
+
+
+def _cell(value: object, form: str) -> str:
+    return "-" if value is None else form.format(value)
+
+
+def _print_failures(terminal: "Terminal", outcome: "Outcome") -> None:
+    """Name the sequences that failed, grouped by cause: the errors themselves may have scrolled away."""
+    failures = outcome.failures
+    named = list(by_statement(sorted(failures.items())).values())[:_NAMED]
+    rest = len(failures) - sum(map(len, named))
+    names = "; ".join([*(together([*map(readable, keys)]) for keys in named), *([f"{rest} more"] if rest else [])])
+    of_all = f"{len(failures)} of {counted(len(failures) + len(outcome.measured), 'sequence')} failed"
+    terminal.say(f"{of_all}: {names}; see failures.jsonl. Run the same command again to retry them.")

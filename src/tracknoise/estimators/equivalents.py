@@ -1,0 +1,317 @@
+"""Standard deviations and gates for estimators, each named by what it makes right.
+
+- Where several decreasing functions of one number are zero, if each evaluation gives the values of all of them.
+
+Gates that let through a stated share of good tracks, by length of the window and kind of landmark.
+
+Where the first observation has a residual like any other, gates are those of the measured windows, tails included, but
+without windows whose residuals are as large as with one outlier. If there are too few, they are those of Gaussian noise
+with the components. Where the first observation is exact or a state, its error is in all residuals. The linear
+benchmark says what that does to Gaussian noise, and the gate is larger by as much:
+
+    gate = measured modelled(landmark) / modelled(free)    (gates.landmark)
+
+Standard deviations for all observations, each named by what it makes right.
+
+An estimator that assumes one standard deviation s for all observations claims covariances in proportion to s^2, while
+the actual ones are linear in A, W, Q and D. What makes a purpose right is therefore
+
+    s^2 = sum_j kappa_j a_j    (equivalents)
+
+with half the trace a_j of each component, and kappa_j from the linear benchmark with one component of 1 px^2 alone. It
+is the mean over windows of the recordings, with their motions, depths and track lengths. A is in tracks that begin in
+the window; those that began before it have W in their first observation there. If the first direction is a state with
+the prior A, the claimed covariances are not in proportion to s^2; s is then found by trying. Its interval is
+as wide, relative to it, as that for a free landmark.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.special import gammaincinv
+
+from tracknoise.estimators.components import NAMES
+from tracknoise.estimators.linear_window import (
+    EXACT,
+    Covariances,
+    LinearTracks,
+    consistencies,
+    gate_factor,
+    scalar_covariances,
+    true_covariances,
+)
+from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, quantile, share_below
+from tracknoise.tables.enumerations import Trimming
+
+if TYPE_CHECKING:
+    from tracknoise.estimators.components import FittedComponents
+
+
+Array = NDArray[np.float64]
+
+_MOST_WIDENED, _MOST_ROUNDS = 12, 4
+"""Steps by which a range is widened at most, at either end, and rounds of interpolation."""
+
+
+def shared_roots(values: Callable[[float], Array], start: Array, *, close: float) -> Array:
+    """Roots of n smooth decreasing functions, (n,), by repeated linear interpolation.
+
+    Parameters
+    ----------
+    values
+        Of all functions, (n,).
+    start : (points,)
+        Where they are evaluated first, increasing in equal steps. The range is widened by such steps until it contains
+        all roots, or until it is `_MOST_WIDENED` steps longer at an end. A root beyond is taken to be there.
+    close
+        Interpolation is repeated until the functions are known this close to each root.
+    """
+    known = {float(at): values(float(at)) for at in start}
+    step = float(start[1] - start[0])
+    _widen(known, values, -step)
+    _widen(known, values, step)
+    for _ in range(_MOST_ROUNDS):
+        roots = _interpolated(known)
+        for root in roots.tolist():
+            if min(abs(root - at) for at in known) > close:
+                known[root] = values(root)
+    return _interpolated(known)
+
+
+def _widen(known: dict[float, Array], values: Callable[[float], Array], step: float) -> None:
+    """Add places below all others (negative step) or above them, as long as a root is beyond."""
+    for _ in range(_MOST_WIDENED):
+        end = min(known) if step < 0.0 else max(known)
+        if not (known[end] * step > 0.0).any():
+            return
+        known[end + step] = values(end + step)
+
+
+def _interpolated(known: dict[float, Array]) -> Array:
+    places = sorted(known)
+    table = -np.array([known[at] for at in places])
+    return np.array([np.interp(0.0, column, places) for column in table.T])
+
+
+LEVELS = (0.95, 0.99)
+_LEAST = 200
+_NEAR = 0.2
+"""Windows may differ in length by this share."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gates:
+    """Gates of windows of one length.
+
+    Attributes
+    ----------
+    window, noise
+        A window of this length, and its noise; walk and drift per frame of the window.
+    modelled, measured
+        Quantiles of `LEVELS` of the sum of squared residuals of a track, px^2, over those of chi square with as many
+        degrees of freedom, for a free landmark: of Gaussian noise, and of good tracks.
+    """
+
+    window: Sequence[LinearTracks]
+    noise: TrackNoise
+    modelled: tuple[float, ...]
+    measured: tuple[float, ...]
+    _known: dict[tuple[float, bool], tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
+
+    def factors(self, sigma: float, *, first: float | None, born_only: bool = False) -> tuple[float, ...]:
+        """What to multiply gates at `LEVELS` by, (gates.landmark).
+
+        Parameters
+        ----------
+        sigma
+            Of all observations, px, above 0.
+        first
+            That of first observations over it; None for a free landmark.
+        born_only
+            Whether this is that of tracks that begin in the window only.
+        """
+        squares = self.measured if first is None else self._with_first(first, born_only)
+        return tuple(square / sigma**2 for square in squares)
+
+    def _with_first(self, first: float, born_only: bool) -> tuple[float, ...]:
+        """Quantiles as in `measured`, of residuals whitened by this ratio for first observations; computed once."""
+        if (first, born_only) not in self._known:
+            own = partial(gate_factor, self.window, self.noise, sigma=1.0, first=first, born_only=born_only)
+            pairs = zip(LEVELS, self.measured, self.modelled, strict=True)
+            found = tuple(own(level=level) * measured / modelled for level, measured, modelled in pairs)
+            self._known[first, born_only] = found
+        return self._known[first, born_only]
+
+
+def gates(
+    windows: pl.DataFrame, length: int, *, limit_px: float, window: Sequence[LinearTracks], noise: TrackNoise
+) -> Gates:
+    """Gates of windows of a length.
+
+    Parameters
+    ----------
+    windows
+        Schema `WINDOW_NOISE`, of one tracker and speed.
+    length
+        Frames of the window.
+    limit_px
+        Errors beyond this are outliers.
+    window, noise
+        As in `Gates`.
+    """
+    modelled = tuple(gate_factor(window, noise, sigma=1.0, level=level) for level in LEVELS)
+    return Gates(window, noise, modelled, _measured(windows, length, limit_px) or modelled)
+
+
+def _measured(windows: pl.DataFrame, length: int, limit_px: float) -> tuple[float, ...] | None:
+    """Those of the measured windows of nearly this length; None if there are too few, or if they have no noise."""
+    apart = (pl.col("window").cast(pl.Int64) - length).abs()
+    near = windows.filter(pl.col("trimming") == Trimming.untrimmed, apart <= _NEAR * length)
+    if near["n"].to_numpy().sum() < _LEAST:
+        return None
+    nearest = near.filter(apart == near.select(apart.min()).item())
+    counts = (
+        np.array(nearest["residual_counts"].to_list(), dtype=np.float64).reshape(-1, LOG_HISTOGRAM_BINS).sum(axis=0)
+    )
+    freedom = (nearest["freedom_u"].to_numpy().sum() + nearest["freedom_v"].to_numpy().sum()) / nearest[
+        "n"
+    ].to_numpy().sum()
+    good = float(share_below(counts, np.array(limit_px / np.sqrt(freedom))))
+    squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in LEVELS]
+    if not np.isfinite(squares).all():
+        return None
+    return tuple(
+        float(square / (2.0 * gammaincinv(freedom / 2.0, level))) for square, level in zip(squares, LEVELS, strict=True)
+    )
+
+
+Window = Sequence[LinearTracks]
+
+LENGTHS = (5, 10, 11, 20, 30)
+"""Lengths of windows, frames of the tracker."""
+_FIRST_TRIED = np.array([-0.7, 0.0])
+"""What is tried first for a state: logarithms of ratios to the sigma that makes all poses right for a free landmark."""
+_CLOSE = 0.02
+"""How close to the sigma of a state one must have been tried, as logarithm of a ratio."""
+
+
+def equivalents(
+    fitted: "FittedComponents",
+    windows: Sequence[Window],
+    *,
+    length: int,
+    speed: int,
+    gates: Gates,
+) -> list[Equivalent]:
+    """Standard deviations for all kinds of landmarks and purposes, for windows of one length.
+
+    Parameters
+    ----------
+    fitted
+        The components.
+    windows
+        Windows of this length.
+    length
+        Frames of the tracker.
+    speed
+        Frames of the recording per frame of the tracker.
+    gates
+        Of windows of this length.
+    """
+    alone = [[true_covariances(window, noise) for noise in _units_of_noise(speed)] for window in windows]
+    free, exact = (_linear(fitted, windows, alone, first) for first in (None, EXACT))
+    state = _state(fitted, windows, alone, speed, free)
+    prior = fitted.components["first"].sigma.value
+    named = {Landmark.FREE: (free, None), Landmark.EXACT: (exact, 0.0), Landmark.STATE: (state, prior)}
+    return [*_named(named, length, gates)]
+
+
+def _named(
+    sigmas: Mapping[Landmark, tuple[Mapping[Purpose, Interval], float | None]], length: int, gates: Gates
+) -> Iterator[Equivalent]:
+    """From sigmas by purpose, and the standard deviation of first observations, px; None if it is that of all."""
+    for landmark, (by_purpose, prior) in sigmas.items():
+        for purpose, sigma in by_purpose.items():
+            ratios = _gates_of(sigma.value, prior, gates, born_only=landmark is Landmark.STATE)
+            yield Equivalent(
+                landmark=landmark,
+                purpose=purpose,
+                window=length,
+                sigma=sigma,
+                gate_95=ratios[0],
+                gate_99=ratios[1],
+            )
+
+
+def _gates_of(sigma: float, prior: float | None, gates: Gates, *, born_only: bool) -> tuple[float, ...]:
+    if sigma <= 0.0:
+        return 1.0, 1.0
+    return gates.factors(sigma, first=None if prior is None else max(prior / sigma, EXACT), born_only=born_only)
+
+
+def _linear(
+    fitted: "FittedComponents",
+    windows: Sequence[Window],
+    alone: Sequence[Sequence[Covariances]],
+    first: float | None,
+    *,
+    born_only: bool = False,
+) -> dict[Purpose, Interval]:
+    """By (equivalents), with the true covariances of each component alone, and sigma of first observations."""
+    pairs = zip(windows, alone, strict=True)
+    rows = [_ratios(window, actual, 1.0, first, born_only=born_only) for window, actual in pairs]
+    kappa = np.array([[[one[purpose] for one in row] for purpose in Purpose] for row in rows]).mean(axis=0)
+    return dict(zip(Purpose, fitted.combined(kappa), strict=True))
+
+
+def _units_of_noise(speed: int) -> list[TrackNoise]:
+    """Noise of one component of 1 px^2 alone; walk and drift are per frame of the recording."""
+    scales = (1.0, 1.0, speed**0.5, float(speed))
+    return [TrackNoise.isotropic(**{name: scale}) for name, scale in zip(NAMES, scales, strict=True)]
+
+
+def _ratios(
+    window: Window, actual: Sequence[Covariances], sigma: float, first: float | None, *, born_only: bool
+) -> list[dict[Purpose, float]]:
+    return consistencies(window, actual, scalar_covariances(window, sigma, first=first, born_only=born_only))
+
+
+def _state(
+    fitted: "FittedComponents",
+    windows: Sequence[Window],
+    alone: Sequence[Sequence[Covariances]],
+    speed: int,
+    free: Mapping[Purpose, Interval],
+) -> dict[Purpose, Interval]:
+    """With the prior A on the first direction; where A is 0, the first observation of a track is exact.
+
+    Where only A is not 0, all other observations are exact, and sigma is 0.
+    """
+    first, noise = fitted.components["first"].sigma.value, fitted.noise.per_frames(speed)
+    if first == 0.0:
+        return _linear(fitted, windows, alone, EXACT, born_only=True)
+    if not any(part.any() for part in (noise.white, noise.walk, noise.drift)):
+        return dict.fromkeys(Purpose, Interval(value=0.0))
+    pairs = [(window, [true_covariances(window, noise)]) for window in windows]
+
+    def excess(log_sigma: float) -> Array:
+        sigma = float(np.exp(log_sigma))
+        each = [_ratios(window, actual, sigma, first, born_only=True)[0] for window, actual in pairs]
+        return np.log([np.mean([one[purpose] for one in each]) for purpose in Purpose])
+
+    start = float(np.log(free[Purpose.ALL_POSES].value)) + _FIRST_TRIED
+    sigmas = np.exp(shared_roots(excess, start, close=_CLOSE)).tolist()
+    return {purpose: _scaled(free[purpose], sigma) for purpose, sigma in zip(Purpose, sigmas, strict=True)}
+
+
+def _scaled(interval: Interval, value: float) -> Interval:
+    """The value, with bounds in the same ratio to it."""
+    low, high = (None if bound is None else bound * value / interval.value for bound in (interval.low, interval.high))
+    return Interval(value=value, low=low, high=high)

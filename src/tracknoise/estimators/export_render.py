@@ -1,0 +1,381 @@
+"""Exports of a noise model: converted to the px and frames of an estimator, and filled into its template.
+
+- Parts of a noise model in other px.
+- Exports of a noise model: templates of estimators filled with its numbers.
+
+Sigmas for an estimator that uses every n-th frame of a tracker.
+
+Between two used frames the walks of n frames add up, while white noise is that of one frame. How much larger sigma must
+be is the same as in the linear benchmark, over a window of sideways and one of forward motion.
+
+A noise model in the px and frames of an estimator.
+
+Rules:
+
+- The focal length of the estimator must be that of the model, to `TOLERANCE`. Noise is measured in px of the images
+  that the tracker saw. It scales with the focal length only if these images are resampled.
+- The estimator must use as many frames per second as the tracker of the model saw, to `TOLERANCE`. Another rate has
+  other motions between frames, and therefore other noise. The noise is known only if features are tracked in every
+  frame and the estimator uses every n-th: white noise stays, and the walk of n frames adds up.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from numpy.typing import NDArray
+
+from tracknoise.estimators import exports
+from tracknoise.estimators.exports import (
+    Estimator,
+    Export,
+    ExportedModel,
+    FocalChange,
+    Noise,
+    RateChange,
+    Target,
+    estimator,
+)
+from tracknoise.estimators.linear_window import (
+    CAMERA,
+    EXACT,
+    Motion,
+    consistencies,
+    linear_tracks,
+    scalar_covariances,
+    simulated_tracks,
+    trajectory,
+    true_covariances,
+)
+from tracknoise.estimators.model import TOLERANCE, Component, Equivalent, Interval, Landmark, Purpose
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.exceptions import SettingsError
+from tracknoise.text import significant
+
+
+def scaled_component(component: Component, scale: float) -> Component:
+    """A component whose standard deviations are larger by a factor."""
+    sigma = scaled_interval(component.sigma, scale)
+    return replace(component, covariance=component.covariance * scale**2, sigma=sigma)
+
+
+def scaled_equivalent(equivalent: Equivalent, scale: float) -> Equivalent:
+    """A sigma that is larger by a factor. Gates are ratios, and stay."""
+    return replace(equivalent, sigma=scaled_interval(equivalent.sigma, scale))
+
+
+def scaled_interval(interval: Interval, scale: float) -> Interval:
+    """An interval times a factor, with its bounds."""
+    low, high = (None if bound is None else bound * scale for bound in (interval.low, interval.high))
+    return Interval(value=interval.value * scale, low=low, high=high)
+
+
+_TRACKS = 40
+"""Per window."""
+
+
+def thinned(model: ExportedModel, n: int) -> tuple[Equivalent, ...]:
+    """Return the sigmas of a model for windows of every n-th frame that its tracker saw.
+
+    A first direction that is a state counts as exact where the model has no noise of the first position, and as free
+    otherwise.
+
+    Parameters
+    ----------
+    model
+        If it has no walk and no drift, its sigmas do not change.
+    n
+        Frames of the tracker per used frame.
+    """
+    if not (model.walk.covariance.any() or model.drift.covariance.any()):
+        return model.equivalents
+    noises = [model.components.per_frames(model.training.speed * steps) for steps in (1, n)]
+    is_free = {Landmark.FREE: True, Landmark.EXACT: False, Landmark.STATE: bool(model.first.covariance.any())}
+    kinds = {(one.window, is_free[one.landmark]) for one in model.equivalents}
+    growth = {(window, free): _growth(noises, window, free=free) for window, free in kinds}
+    return tuple(_grown(one, growth[one.window, is_free[one.landmark]]) for one in model.equivalents)
+
+
+def _growth(noises: Sequence[TrackNoise], length: int, *, free: bool) -> Mapping[Purpose, float]:
+    """How much larger the squared sigma of each purpose is for the second noise than for the first."""
+    summed = {purpose: np.zeros(len(noises)) for purpose in Purpose}
+    for motion in Motion:
+        poses = trajectory(motion, length)
+        window = [linear_tracks(CAMERA, poses, tracks) for tracks in simulated_tracks(poses, n_tracks=_TRACKS)]
+        assumed = scalar_covariances(window, 1.0, first=None if free else EXACT)
+        found = consistencies(window, [true_covariances(window, noise) for noise in noises], assumed)
+        for purpose, total in summed.items():
+            total += [one[purpose] for one in found]
+    return {purpose: float(total[1] / total[0]) for purpose, total in summed.items()}
+
+
+def _grown(equivalent: Equivalent, growth: Mapping[Purpose, float]) -> Equivalent:
+    """Sigma grows by the ratio of its purpose, and the sum of squares that a gate sees by that of innovations."""
+    own = growth[equivalent.purpose]
+    seen = growth[Purpose.INNOVATIONS] / own
+    found = scaled_equivalent(equivalent, math.sqrt(own))
+    return replace(found, gate_95=found.gate_95 * seen, gate_99=found.gate_99 * seen)
+
+
+_MOST_PX = 1e6
+"""Longest side of an image."""
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """A noise model for an estimator.
+
+    Parameters
+    ----------
+    model
+        In px of its images. Walk and drift are those of one of its frames, and the rate of the camera is its own.
+    caveats
+        What was assumed, one sentence each.
+    """
+
+    model: ExportedModel
+    caveats: tuple[str, ...]
+
+
+def converted(model: ExportedModel, target: Target) -> Converted:
+    """Return the model in the px and frames of an estimator.
+
+    Raises
+    ------
+    SettingsError
+        If the focal length or the rate is not a positive number, or is not that of the model and cannot be converted.
+    """
+    caveats: list[str] = []
+    scale = _scale(model, target, caveats)
+    thinning = _thinning(model, target, caveats)
+    steps = float(model.training.speed) * thinning
+    camera = replace(
+        model.camera,
+        width=round(model.camera.width * scale),
+        height=round(model.camera.height * scale),
+        focal_px=target.focal_px or model.camera.focal_px,
+        rate_hz=target.rate_hz or _seen_rate(model),
+    )
+    found = replace(
+        model,
+        camera=camera,
+        first=scaled_component(model.first, scale),
+        white=scaled_component(model.white, scale),
+        walk=scaled_component(model.walk, scale * math.sqrt(steps)),
+        drift=scaled_component(model.drift, scale * steps),
+        equivalents=tuple(scaled_equivalent(one, scale) for one in _equivalents(model, thinning, caveats)),
+    )
+    return Converted(found, tuple(caveats))
+
+
+def _scale(model: ExportedModel, target: Target, caveats: list[str]) -> float:
+    """How much larger the images of the estimator are."""
+    known = model.camera.focal_px
+    if target.focal_px is None:
+        return 1.0
+    _require_positive("focal length", target.focal_px, "px")
+    if target.focal_change is FocalChange.LENS:
+        measured = "an unknown focal length" if known is None else f"a focal length of {known:g} px"
+        caveats.append(f"The model was measured at {measured}. Its px are kept for another lens.")
+        return 1.0
+    if known is None:
+        raise SettingsError(
+            f"focal length is {target.focal_px:g} px, expected none: the model does not know that of its recordings; "
+            "`--allow-focal lens` to use its px as they are"
+        )
+    ratio = target.focal_px / known
+    if target.focal_change is None:
+        _require_same_focal(ratio, target.focal_px, known)
+        return 1.0
+    _require_pixels(model, ratio, target.focal_px)
+    caveats.append(
+        f"The images are those of the model, resampled by {ratio:.3g}: px scale with them. A tracker that runs on "
+        "resampled images has other noise. Measure it on them."
+    )
+    return ratio
+
+
+def _require_same_focal(ratio: float, focal: float, known: float) -> None:
+    if abs(ratio - 1.0) > TOLERANCE:
+        raise SettingsError(
+            f"focal length is {focal:g} px, expected that of the model, {known:g} px, to {100 * TOLERANCE:g} %; "
+            "`--allow-focal resampled` if the images are the same in another size, "
+            "`--allow-focal lens` to use its px as they are"
+        )
+
+
+def _require_pixels(model: ExportedModel, ratio: float, focal: float) -> None:
+    sides = [side * ratio for side in (model.camera.width, model.camera.height)]
+    if not 1.0 <= min(sides) <= max(sides) <= _MOST_PX:
+        shown = " x ".join(significant(side, 3) for side in sides)
+        raise SettingsError(
+            f"focal length is {focal:g} px, which makes images of {shown} px, expected one of real images"
+        )
+
+
+def _thinning(model: ExportedModel, target: Target, caveats: list[str]) -> int:
+    """How many frames of the tracker there are for one of the estimator."""
+    if target.rate_hz is None:
+        return 1
+    _require_positive("rate", target.rate_hz, "Hz")
+    seen = _seen_rate(model)
+    if seen is None:
+        return _unchecked(target, caveats)
+    ratio = seen / target.rate_hz
+    if abs(ratio - 1.0) <= TOLERANCE:
+        return 1
+    if target.rate_change is not RateChange.THINNED:
+        raise SettingsError(
+            f"rate is {target.rate_hz:g} Hz, expected that of the model, {seen:g} Hz, to {100 * TOLERANCE:g} %; "
+            "`--allow-rate thinned` if features are tracked in every frame and the estimator uses every n-th"
+        )
+    return _every(ratio, seen, target.rate_hz, caveats)
+
+
+def _unchecked(target: Target, caveats: list[str]) -> int:
+    if target.rate_change is not RateChange.UNCHECKED:
+        raise SettingsError(
+            f"rate is {target.rate_hz:g} Hz, expected none: the model does not know the rate of its recordings; "
+            "`--allow-rate unchecked` if that is the one"
+        )
+    caveats.append(f"The model does not know the rate of its recordings. It is taken to be {target.rate_hz:g} Hz.")
+    return 1
+
+
+def _every(ratio: float, seen: float, used: float, caveats: list[str]) -> int:
+    """The whole number n of frames, if noise of every n-th frame is known."""
+    n = round(ratio)
+    if n < 1 or abs(ratio / n - 1.0) > TOLERANCE:
+        raise SettingsError(f"rate is {used:g} Hz, expected {seen:g} Hz of the model over a whole number")
+    caveats.append(f"Features are tracked in every frame, and one frame of {n} is used.")
+    return n
+
+
+def _equivalents(model: ExportedModel, thinning: int, caveats: list[str]) -> tuple[Equivalent, ...]:
+    found = model.equivalents if thinning == 1 else thinned(model, thinning)
+    if found != model.equivalents:
+        caveats.append(
+            f"The walk of {thinning} frames adds up between used frames. What this does to sigma is computed by the "
+            "linear benchmark, for tracks that live as long as a window."
+        )
+    return found
+
+
+def _seen_rate(model: ExportedModel) -> float | None:
+    """Frames per second that the tracker of the model saw."""
+    recorded = model.camera.rate_hz
+    return None if recorded is None else recorded / model.training.speed
+
+
+def _require_positive(name: str, value: float, unit: str) -> None:
+    if not 0.0 < value < math.inf:
+        raise SettingsError(f"{name} is {value:g} {unit}, expected a number above 0")
+
+
+_DIGITS, _MORE_DIGITS = 3, 6
+
+
+def export(
+    model: ExportedModel,
+    name: str,
+    *,
+    target: Target | None = None,
+    source: str = "a noise model",
+    observations: str | None = None,
+) -> Export:
+    """Write the noise of a model in the syntax of an estimator.
+
+    Parameters
+    ----------
+    model
+        What to write.
+    name
+        Of the estimator: see `estimators.estimators`.
+    target
+        Camera, rate, window and purpose. By default, those of the model and what is usual for the estimator.
+    source
+        Name of the file of the model, for the first line of each file.
+    observations
+        Covariances of observations, CSV: what ``csv`` writes.
+
+    Raises
+    ------
+    SettingsError
+        If the estimator takes no noise of tracks, the focal length or the rate cannot be converted, or the estimator
+        needs what is not given.
+    UnknownNameError
+        If the estimator is not known.
+    """
+    about, wanted = estimator(name), target or Target()
+    at = converted(model, wanted)
+    noise = Noise(at.model, about.landmark, wanted.window or about.window, _purpose(about, wanted))
+    camera = at.model.camera
+    known = {"focal length": camera.focal_px, "rate": camera.rate_hz, "observations": observations}
+    _require_known(about, known)
+    if about.family == "data" and at.caveats:
+        raise SettingsError(f"{about.title}: found another focal length or rate, expected those of the model")
+    header = exports.header(noise, source, model.sha256)
+    values = {"noise": noise, "camera": camera, "header": header, "model": model, "observations": observations}
+    caveats = (*camera.notes, *at.caveats, *exports.caveats(about, noise))
+    return Export(
+        files={file: _filled(template, values) for file, template in about.files.items()},
+        text=exports.text(about, header, (*caveats, *about.notes)),
+        patch=None if about.patch is None else _filled(about.patch, values),
+        caveats=caveats,
+    )
+
+
+def _purpose(about: Estimator, wanted: Target) -> Purpose | None:
+    return about.purpose and (wanted.purpose or about.purpose)
+
+
+def _require_known(about: Estimator, known: Mapping[str, object]) -> None:
+    expected = {
+        "focal length": "that of its camera, with `--focal`",
+        "rate": "frames per second, with `--rate`",
+        "observations": "tracks, with `--tracks`",
+    }
+    for need in about.needs:
+        if known[need] is None:
+            raise SettingsError(f"{about.title}: no {need}, expected {expected[need]}")
+
+
+def _filled(template: str, values: Mapping[str, object]) -> str:
+    return _environment().from_string(template).render(values)
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("tracknoise.estimators", "shared"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        finalize=lambda value: number(value) if isinstance(value, float) else value,
+    )
+    environment.filters |= {"precise": _precise, "rows": _rows, "entries": _entries}
+    return environment
+
+
+def number(value: float, digits: int = _DIGITS) -> str:
+    """Write a number as JSON, YAML, C++ and Python all read it, with a point: ``0.100``, ``1.00e-05``."""
+    text = f"{value:#.{digits}g}"
+    return f"{text}0" if text.endswith(".") else text
+
+
+def _precise(value: float) -> str:
+    """A number that is not measured, such as a focal length."""
+    return number(value, _MORE_DIGITS)
+
+
+def _rows(matrix: NDArray[np.float64]) -> str:
+    """A matrix as a nested list, as Python has it."""
+    return "[" + ", ".join(f"[{_entries(matrix[row])}]" for row in range(len(matrix))) + "]"
+
+
+def _entries(matrix: NDArray[np.float64]) -> str:
+    """All numbers of a matrix, row by row, with commas between them."""
+    return ", ".join(map(_precise, matrix.ravel().tolist()))

@@ -1,0 +1,593 @@
+"""The noise of a model in the syntax of estimators: what templates can name, and what is said about an export.
+
+- What an export returns, and what it is asked for.
+- What exports use of a noise model.
+- What the templates of estimators can name: numbers of a noise model, for one estimator.
+- The estimators that noise can be exported to. Each is a file in the folder `estimators`.
+- What is said about an export: its first line, its caveats and its text.
+"""
+
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import Field, dataclass
+from enum import StrEnum
+from functools import cache
+from importlib import resources
+from importlib.metadata import version
+from itertools import chain
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, TypeAdapter
+
+from tracknoise.estimators.model import (
+    Bias,
+    BiasKind,
+    CameraOfModel,
+    Component,
+    Equivalent,
+    Interval,
+    Landmark,
+    Loss,
+    Purpose,
+    Training,
+)
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.exceptions import SettingsError, UnknownNameError
+
+_SHORTEST = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """The noise of a model in the syntax of an estimator.
+
+    Parameters
+    ----------
+    files
+        Contents by name of the file.
+    text
+        What it is: unit, place, what it makes right, what it cannot express, and what it was checked against.
+    patch
+        Change of the source code of the estimator, None if there is none.
+    caveats
+        One sentence each.
+    """
+
+    files: dict[str, str]
+    text: str
+    patch: str | None
+    caveats: tuple[str, ...]
+
+
+class FocalChange(StrEnum):
+    """Why the focal length of the estimator is not that of the model."""
+
+    RESAMPLED = "resampled"
+    """The images are the same, made smaller or larger: px scale with the focal length."""
+    LENS = "lens"
+    """The lens is another one: px stay as they are, without a measurement that says so."""
+
+
+class RateChange(StrEnum):
+    """Why the rate of the estimator is not that of the model."""
+
+    THINNED = "thinned"
+    """Features are tracked in every frame, and the estimator uses every n-th."""
+    UNCHECKED = "unchecked"
+    """The model does not know the rate of its recordings. It is taken to be the stated one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """The estimator's side.
+
+    Parameters
+    ----------
+    focal_px
+        Focal length of its images, px. By default, that of the model.
+    rate_hz
+        Frames that it uses per second. By default, those that the tracker of the model saw.
+    focal_change, rate_change
+        Why they differ from those of the model. They must not, if None.
+    window, purpose
+        Length of its window, frames, and what its sigma is to make right. By default, what is usual for the estimator.
+
+    Raises
+    ------
+    SettingsError
+        If the window has fewer than two frames, or a reason is given for a focal length or a rate that is not.
+    """
+
+    focal_px: float | None = None
+    rate_hz: float | None = None
+    focal_change: FocalChange | None = None
+    rate_change: RateChange | None = None
+    window: int | None = None
+    purpose: Purpose | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a window without a second frame, and reasons for a difference that is not stated."""
+        if self.window is not None and self.window < _SHORTEST:
+            raise SettingsError(f"window of {self.window}, expected at least {_SHORTEST} frames")
+        if self.focal_change is not None and self.focal_px is None:
+            raise SettingsError(f"found no focal length, expected one because it may differ ({self.focal_change})")
+        if self.rate_change is not None and self.rate_hz is None:
+            raise SettingsError(f"found no rate, expected one because it may differ ({self.rate_change})")
+
+
+class ExportedModel(Protocol):
+    """What exports use of a noise model: see `tracknoise.estimators.noise_model.NoiseModel`."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def training(self) -> Training:
+        """What it was fitted to."""
+
+    @property
+    def camera(self) -> CameraOfModel:
+        """The camera of the recordings that it was fitted to."""
+
+    @property
+    def first(self) -> Component:
+        """Noise of the first position."""
+
+    @property
+    def white(self) -> Component:
+        """White noise."""
+
+    @property
+    def walk(self) -> Component:
+        """Random walk."""
+
+    @property
+    def drift(self) -> Component:
+        """Drift."""
+
+    @property
+    def bias(self) -> Bias:
+        """Mean error."""
+
+    @property
+    def equivalents(self) -> tuple[Equivalent, ...]:
+        """Standard deviations for all observations, named by what they make right."""
+
+    @property
+    def components(self) -> TrackNoise:
+        """All components."""
+
+    @property
+    def text(self) -> str:
+        """The model as a document."""
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the document."""
+
+    def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
+        """The standard deviation for a purpose."""
+
+    def loss(self, kind: str = ...) -> Loss:
+        """A robust loss that fits the tails."""
+
+
+LEAST_PX = 0.01
+"""What is written for a component that is zero, px: estimators divide by it."""
+_GOOD_TRACKS = 0.999
+"""Share of good tracks that pass a bound on their largest residual."""
+_GAUSSIAN_KNEES: Mapping[str, float] = {"huber": 2.45, "cauchy": 2.385}
+"""Knees for Gaussian errors, in standard deviations of residuals.
+
+95 % of 2-D residuals are below that of Huber, which leaves the covariance right. That of Cauchy keeps 95 % of the
+efficiency of least squares.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """The noise of a model, as an estimator uses it. Templates call it `noise`.
+
+    Factors on gates are not below 1. Those of a model are for true poses, and are smaller where sigma is larger than
+    the residuals. The innovations that a filter gates contain the errors of its predicted poses, too.
+
+    Parameters
+    ----------
+    model
+        In px and frames of the estimator.
+    landmark, window
+        How it uses the first observation of a track, and the length of its window, frames.
+    purpose
+        What its sigma makes right; None if it takes the components themselves.
+    """
+
+    model: ExportedModel
+    landmark: Landmark
+    window: int
+    purpose: Purpose | None
+
+    def equivalent(self, *, window: int | None = None, purpose: Purpose | None = None) -> Equivalent:
+        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals.
+
+        Raises
+        ------
+        SettingsError
+            If the model has none, or one that is not a positive number.
+        """
+        found = self.model.equivalent(
+            landmark=self.landmark,
+            window=self.window if window is None else window,
+            purpose=purpose or self.purpose or Purpose.INNOVATIONS,
+        )
+        if not 0.0 < found.sigma.value < math.inf:
+            raise SettingsError(
+                f"sigma for {found.purpose}, windows of {found.window} frames, is {found.sigma.value:g} px, "
+                "expected a number above 0"
+            )
+        return found
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation, px."""
+        return self.equivalent().sigma.value
+
+    def sigma_at(self, window: int) -> float:
+        """The same for another window."""
+        return self.equivalent(window=window).sigma.value
+
+    @property
+    def gate_95(self) -> float:
+        """Factor on a chi-square gate at .95, with `sigma`."""
+        return max(self.equivalent().gate_95, 1.0)
+
+    @property
+    def residual_gate_95(self) -> float:
+        """Factor on a chi-square gate at .95, with a sigma of the size of residuals."""
+        return max(self._residual.gate_95, 1.0)
+
+    @property
+    def gate_99(self) -> float:
+        """Factor on a chi-square gate at .99, with `sigma`."""
+        return max(self.equivalent().gate_99, 1.0)
+
+    def gate_at(self, window: int) -> float:
+        """Factor on a chi-square gate at .95, with `sigma_at`."""
+        return max(self.equivalent(window=window).gate_95, 1.0)
+
+    @property
+    def first(self) -> float:
+        """Standard deviation of the first position, px, not below `LEAST_PX`."""
+        return max(self.model.first.sigma.value, LEAST_PX)
+
+    @property
+    def white(self) -> float:
+        """Standard deviation that is independent in each frame, px, not below `LEAST_PX`."""
+        return max(self.model.white.sigma.value, LEAST_PX)
+
+    @property
+    def walk(self) -> float:
+        """Standard deviation of the walk in one frame, px; may be zero."""
+        return self.model.walk.sigma.value
+
+    @property
+    def first_covariance(self) -> NDArray[np.float64]:
+        """(2, 2) float64, px^2, invertible."""
+        return invertible(self.model.first.covariance)
+
+    @property
+    def white_covariance(self) -> NDArray[np.float64]:
+        """(2, 2) float64, px^2, invertible."""
+        return invertible(self.model.white.covariance)
+
+    @property
+    def walk_covariance(self) -> NDArray[np.float64]:
+        """(2, 2) float64, px^2 per frame; may be zero."""
+        return self.model.walk.covariance
+
+    @property
+    def drift_covariance(self) -> NDArray[np.float64]:
+        """(2, 2) float64, px^2 per frame^2; may be zero."""
+        return self.model.drift.covariance
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(2, 2) float64, px^2, of one observation: its mean variance is that of `sigma`.
+
+        Its shape is that of an observation in the middle of a window.
+        """
+        age = (self.window - 1) / 2.0
+        total = self.first_covariance + self.white_covariance + age * self.walk_covariance
+        total = total + age**2 * self.drift_covariance
+        return np.asarray(self.sigma**2 * total / (np.trace(total) / 2.0))
+
+    @property
+    def huber_px(self) -> float:
+        """Knee of a Huber loss, px."""
+        return self._knee("huber")
+
+    @property
+    def cauchy_px(self) -> float:
+        """Scale of a Cauchy loss, px."""
+        return self._knee("cauchy")
+
+    @property
+    def huber(self) -> float:
+        """Knee of a Huber loss, in units of `sigma`."""
+        return self.huber_px / self.sigma
+
+    @property
+    def cauchy(self) -> float:
+        """Scale of a Cauchy loss, in units of `sigma`."""
+        return self.cauchy_px / self.sigma
+
+    @property
+    def largest_residual(self) -> float:
+        """Bound on the lengths of all residuals of a track, px: one of 1000 good tracks exceeds it.
+
+        For Gaussian errors, widened by what the gate shows of their tails.
+        """
+        longest = math.sqrt(-2.0 * math.log1p(-(_GOOD_TRACKS ** (1.0 / self.window))))
+        return self._residual.sigma.value * longest * math.sqrt(self._residual.gate_99)
+
+    @property
+    def longer_side(self) -> int:
+        """Longer side of the image, px."""
+        return max(self.model.camera.width, self.model.camera.height)
+
+    def _knee(self, kind: str) -> float:
+        """Knee of a robust loss on residuals that are not whitened, px. It depends on their size, not on `sigma`."""
+        loss = self.model.loss(kind)
+        robust = math.isfinite(loss.knee)
+        knee = loss.knee * math.sqrt(loss.covariance_factor) if robust else _GAUSSIAN_KNEES[kind]
+        return knee * self._residual.sigma.value
+
+    @property
+    def _residual(self) -> Equivalent:
+        """The sigma that residuals have."""
+        return self.equivalent(purpose=Purpose.INNOVATIONS)
+
+
+def invertible(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariances (..., 2, 2) px^2, with variances not below the square of `LEAST_PX` in any direction."""
+    variances, axes = np.linalg.eigh(covariances)
+    return np.asarray((axes * np.maximum(variances, LEAST_PX**2)[..., None, :]) @ np.swapaxes(axes, -1, -2))
+
+
+_ROOM = "tracknoise.estimators"
+FAMILIES: Mapping[str, str] = {
+    "filters": "Filters",
+    "smoothers": "Smoothers and visual SLAM",
+    "maps": "Mapping and structure from motion",
+    "libraries": "Libraries",
+    "data": "Data",
+}
+"""Kinds of estimators and their titles, in order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimator:
+    """An estimator, and how its noise is written.
+
+    Parameters
+    ----------
+    title, family
+        Its name in text, and a key of `FAMILIES`.
+    unit, place
+        Of what is written: phrases.
+    landmark
+        How it uses the first observation of a track.
+    purpose, window
+        What its sigma makes right by default, and the length of its window as shipped, frames. The purpose is None
+        where the components of the model are written themselves.
+    needs
+        What must be known: ``focal length``, ``rate``, ``observations``.
+    cannot
+        What it cannot express: phrases.
+    without_effect
+        Keys that look right and do nothing, or something else: sentences.
+    notes
+        Sentences.
+    checked_against
+        Repositories and commits whose source code was read, or packages that were run.
+    files, patch
+        Templates of the files by name, and of a change of its source code. See `values.template_values`.
+    aliases
+        Other names: of programs that are written for alike, and names that are in use.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    title: str
+    family: str
+    unit: str
+    place: str
+    landmark: Landmark
+    cannot: tuple[str, ...]
+    files: Mapping[str, str]
+    purpose: Purpose | None = None
+    window: int = 11
+    needs: tuple[str, ...] = ()
+    without_effect: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    checked_against: tuple[str, ...] = ()
+    patch: str | None = None
+    aliases: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refused:
+    """An estimator that noise of tracks cannot be exported to, and why not."""
+
+    title: str
+    why: str
+    aliases: tuple[str, ...] = ()
+
+
+@cache
+def estimators() -> Mapping[str, Estimator]:
+    """All estimators by name, in the order of their families."""
+    folder = resources.files(_ROOM) / "syntaxes"
+    texts = {file.name.removesuffix(".toml"): file.read_text(encoding="utf-8") for file in folder.iterdir()}
+    read = TypeAdapter(Estimator)
+    found = {name: read.validate_python(tomllib.loads(text)) for name, text in texts.items()}
+    order = list(FAMILIES)
+    return dict(sorted(found.items(), key=lambda item: (order.index(item[1].family), item[0])))
+
+
+@cache
+def refused() -> Mapping[str, Refused]:
+    """Estimators without an export, by name."""
+    text = (resources.files(_ROOM) / "refused.toml").read_text(encoding="utf-8")
+    return {name: TypeAdapter(Refused).validate_python(fields) for name, fields in tomllib.loads(text).items()}
+
+
+def estimator(name: str) -> Estimator:
+    """Return an estimator by its name: see `estimator_name`.
+
+    Raises
+    ------
+    SettingsError, UnknownNameError
+        As `estimator_name`.
+    """
+    return estimators()[estimator_name(name)]
+
+
+def estimator_name(name: str) -> str:
+    """Return the name under which an estimator is known. Case and the signs between words do not matter.
+
+    Parameters
+    ----------
+    name
+        Its name or one of its aliases: ``orbslam3``, ``ORB-SLAM3`` and ``orb-slam2`` are one.
+
+    Raises
+    ------
+    SettingsError
+        If its noise cannot be exported, with the reason.
+    UnknownNameError
+        If it is not known.
+    """
+    if (known := _names().get(_plain(name))) is None:
+        listed = {one: about.aliases for one, about in estimators().items()}
+        raise UnknownNameError("estimator", name, [*listed, *chain.from_iterable(listed.values())])
+    if known in refused():
+        raise SettingsError(f"{refused()[known].title}: {refused()[known].why}")
+    return known
+
+
+@cache
+def _names() -> Mapping[str, str]:
+    """The name of every estimator by its names and aliases, each without signs and capitals."""
+    every: Mapping[str, Estimator | Refused] = {**refused(), **estimators()}
+    return {_plain(alias): name for name, about in every.items() for alias in (name, *about.aliases)}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\W_]+", "", name).casefold()
+
+
+PURPOSES: Mapping[Purpose, str] = {
+    Purpose.INNOVATIONS: "the size of residuals and innovations",
+    Purpose.ALL_POSES: "the covariance of all poses on average",
+    Purpose.NEWEST_POSE: "the covariance of the newest pose",
+    Purpose.DEPTH: "the covariance of the depth of points",
+}
+"""What a sigma makes right."""
+LANDMARKS: Mapping[Landmark, str] = {
+    Landmark.FREE: "the point is solved for, and the first observation has a residual",
+    Landmark.EXACT: "the first observation is taken as true",
+    Landmark.STATE: "the first direction is a state with a prior",
+}
+"""How an estimator uses the first observation of a track."""
+_DIGITS_OF_HASH = 12
+_TRACK = "track_covariance."
+"""In templates that include the covariance of a track, with all components."""
+_DIFFERENT = 1.02
+"""Ratio from which on the sigmas of two purposes are stated as different."""
+
+
+def header(noise: Noise, source: str, sha256: str) -> str:
+    """Write the first line of a file: tool, model, tracker, and what is right. It can stand in a comment.
+
+    Parameters
+    ----------
+    noise
+        What is written.
+    source, sha256
+        Name and hash of the file of the model.
+    """
+    training = noise.model.training
+    parts = [
+        f"tracknoise {version('tracknoise')}",
+        f"{source} sha256 {sha256[:_DIGITS_OF_HASH]}",
+        f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
+        makes_right(noise),
+    ]
+    return in_comment("; ".join(parts))
+
+
+def in_comment(line: str) -> str:
+    """A line without signs that could end a comment, in any of the syntaxes."""
+    return re.sub(r"--+", "-", re.sub(r"[^\w .,:;()/+=%@-]", "_", line))
+
+
+def makes_right(noise: Noise) -> str:
+    """Write which numbers are used, with intervals, and what they make right."""
+    if noise.purpose is None:
+        parts = {"first position": noise.model.first, "each frame": noise.model.white, "walk": noise.model.walk}
+        return "components of the model: " + ", ".join(f"{name} {_px(one.sigma)}" for name, one in parts.items())
+    used = noise.equivalent()
+    return f"sigma {_px(used.sigma)}: right for {PURPOSES[noise.purpose]}, in windows of {used.window} frames"
+
+
+def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
+    """Sentences on what the export does not express, and on what the model knows of that."""
+    cannot = [f"Cannot be expressed: {'; '.join(about.cannot)}."] if about.cannot else []
+    return (*cannot, *about.without_effect, *_of_model(noise), *_of_zeros(about, noise))
+
+
+def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
+    """Write the text of an export: what it is, with its caveats."""
+    parts = {
+        "Unit": about.unit,
+        "Where": about.place,
+        "First observation": LANDMARKS[about.landmark],
+        "Checked against": ", ".join(about.checked_against),
+    }
+    lines = [about.title, first_line, "", *(f"{name}: {value}" for name, value in parts.items() if value), ""]
+    return "\n".join([*lines, *(f"- {sentence}" for sentence in sentences)]) + "\n"
+
+
+def _of_model(noise: Noise) -> Iterator[str]:
+    if noise.purpose is not None and (others := ", ".join(_other_sigmas(noise))):
+        yield f"One sigma does not make everything right. This model has {others}."
+    if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
+        yield "The model has a bias: correct the pixels before the estimator gets them."
+
+
+def _of_zeros(about: Estimator, noise: Noise) -> Iterator[str]:
+    """What is written for components that are zero, where the templates name them."""
+    templates = " ".join((*about.files.values(), about.patch or ""))
+    named = {"first": "a first position", "white": "a single frame"}
+    for name, phrase in named.items():
+        is_written = f"noise.{name}" in templates or _TRACK in templates
+        if is_written and not getattr(noise.model, name).covariance.any():
+            yield f"The model has no noise of {phrase}: {LEAST_PX:g} px are written instead of zero."
+
+
+def _other_sigmas(noise: Noise) -> Iterator[str]:
+    """The sigmas of other purposes, for the same window, where they differ."""
+    used = noise.equivalent()
+    for other in noise.model.equivalents:
+        same = (other.landmark, other.window) == (used.landmark, used.window)
+        ratio = other.sigma.value / used.sigma.value
+        if same and not 1.0 / _DIFFERENT < ratio < _DIFFERENT:
+            yield f"{other.sigma.value:.3g} px for {PURPOSES[other.purpose]}"
+
+
+def _px(interval: Interval) -> str:
+    bounds = "" if interval.low is None or interval.high is None else f" ({interval.low:.3g} to {interval.high:.3g})"
+    return f"{interval.value:.3g} px{bounds}"

@@ -1,0 +1,568 @@
+"""What an estimator that assumes one noise makes of another, by exact linear algebra on windows of frames.
+
+Windows of frames with tracks of static points, as linear algebra sees them.
+
+The first pose is known, and so is the scale: the newest position does not move along the line from the first one to it.
+All other coordinates of poses, and all points, are unknown.
+
+What an estimator that assumes one noise makes of another, by exact linear algebra.
+
+Each track is whitened by the covariance that the estimator assumes, and its 3-D point is eliminated. With G for what is
+left of the derivatives by poses, C for the true covariance after whitening, and sums over tracks,
+
+    claimed = (sum G' G)^-1,  actual = claimed (sum G' C G) claimed    (benchmark.covariances)
+    NEES / dof = trace(claimed^-1 actual) / dof                        (benchmark.nees)
+
+The normalised estimation error squared is 1 if the estimator is as certain as it should be, and larger if it is
+overconfident. Innovations are the residuals of a track after its point was fitted with the true poses.
+
+Points fitted to tracks by least squares with a covariance of all observations, to first order.
+
+With F the derivatives of the positions by the point, e the errors and C their assumed covariance, the point errs by
+
+    dX = P F' C^-1 e,  and its claimed covariance is  P = (F' C^-1 F)^-1    (point_fit)
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+from scipy.special import gammaincinv
+
+from tracknoise.estimators.model import Landmark, Purpose
+from tracknoise.estimators.track_noise import Reference, TrackNoise
+from tracknoise.geometry.cameras import Camera, CameraModel
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.geometry.projection import image_derivatives
+
+CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5)
+"""The camera of simulated windows."""
+_VIEW_PX = (560.0, 400.0)
+_DEPTHS_M = (2.0, 10.0)
+_LEAST_LENGTH = 3
+
+
+class Motion(StrEnum):
+    """How the camera moves through a simulated window."""
+
+    SIDEWAYS = "sideways"
+    """0.06 m per frame along x, without rotation."""
+    FORWARD = "forward"
+    """0.10 m per frame along z, and 0.01 rad per frame about y."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointTracks:
+    """Tracks that have the same number n of observations.
+
+    Parameters
+    ----------
+    frames
+        (tracks, n) integers: frames of the window, increasing.
+    points
+        (tracks, 3) float64: points in the world, metres.
+    born
+        (tracks,) bool: whether a track begins with its first observation of the window. Others began before it. By
+        default all do.
+    """
+
+    frames: NDArray[np.int64]
+    points: NDArray[np.float64]
+    born: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearTracks:
+    """Tracks that have the same number n of observations, with derivatives of the images.
+
+    Parameters
+    ----------
+    by_pose
+        (tracks, 2 n, p) float64: by the p unknown coordinates of poses.
+    by_point
+        (tracks, 2 n, 3) float64: px per metre.
+    magnification
+        (tracks, n) float64: Z_0 / Z_k.
+    rays
+        (tracks, 3) float64: from the first camera that sees a point to the point, metres.
+    born
+        (tracks,) bool: as that of `PointTracks`.
+    """
+
+    by_pose: NDArray[np.float64]
+    by_point: NDArray[np.float64]
+    magnification: NDArray[np.float64]
+    rays: NDArray[np.float64]
+    born: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gauge:
+    """What an estimator of a window takes as known, and which coordinates of poses it has to find.
+
+    A pose is moved as in `tracknoise.geometry.projection.image_derivatives`. The p = 6 frames - 7 coordinates are the
+    six of each pose but the first; the newest position has two, across the line from the first position to it.
+
+    Parameters
+    ----------
+    across
+        (3, 2) float64: orthonormal directions, along which the newest position is moved.
+    """
+
+    across: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, positions: NDArray[np.float64]) -> "Gauge":
+        """Of a camera at positions (frames, 3), metres, of which the first and the last differ."""
+        line = positions[-1:] - positions[:1]
+        return cls(np.linalg.svd(line)[2][1:].T)
+
+    def free(self, by_pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., p) float64: derivatives by the coordinates to be found, from those by all, (..., 6 frames)."""
+        return np.concatenate([by_pose[..., 6:-3], by_pose[..., -3:] @ self.across], axis=-1)
+
+    def moved(self, world_from_camera: NDArray[np.float64], coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(frames, 4, 4) float64: poses moved by their coordinates (p,)."""
+        moves = np.concatenate([np.zeros(6), coordinates[:-2], self.across @ coordinates[-2:]]).reshape(-1, 6)
+        poses = world_from_camera.copy()
+        poses[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(moves[:, :3]).as_matrix()
+        poses[:, :3, 3] += moves[:, 3:]
+        return poses
+
+    def between(self, estimated: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(p,) float64: coordinates that move true poses (frames, 4, 4) to estimated ones."""
+        turned = np.swapaxes(true[:, :3, :3], 1, 2) @ estimated[:, :3, :3]
+        moves = np.hstack([Rotation.from_matrix(turned).as_rotvec(), estimated[:, :3, 3] - true[:, :3, 3]])
+        return self.free(moves.ravel())
+
+
+def linear_tracks(
+    camera: CameraModel, world_from_camera: NDArray[np.float64], tracks: PointTracks, gauge: Gauge | None = None
+) -> LinearTracks:
+    """Derivatives of the images of tracks at given poses, (frames, 4, 4), and points.
+
+    The gauge is by default that of these poses.
+    """
+    count, length = tracks.frames.shape
+    rows = tracks.frames.ravel()
+    poses = world_from_camera[rows]
+    points = np.repeat(tracks.points, length, axis=0)
+    by_pose, by_point = image_derivatives(camera, poses, points)
+    depth = transform(invert(poses), points)[:, 2].reshape(count, length)
+    spread = np.zeros((count * length, 2, len(world_from_camera), 6))
+    spread[np.arange(count * length), :, rows] = by_pose
+    known = Gauge.of(world_from_camera[:, :3, 3]) if gauge is None else gauge
+    return LinearTracks(
+        by_pose=known.free(spread.reshape(count, 2 * length, -1)),
+        by_point=by_point.reshape(count, 2 * length, 3),
+        magnification=depth[:, :1] / depth,
+        rays=tracks.points - world_from_camera[tracks.frames[:, 0], :3, 3],
+        born=np.ones(count, dtype=np.bool_) if tracks.born is None else tracks.born,
+    )
+
+
+def trajectory(motion: Motion, n_frames: int) -> NDArray[np.float64]:
+    """(n_frames, 4, 4) float64: world_from_camera of a simulated window, the first one the identity."""
+    frame = np.arange(n_frames)
+    poses = np.tile(np.eye(4), (n_frames, 1, 1))
+    if motion is Motion.SIDEWAYS:
+        poses[:, 0, 3] = 0.06 * frame
+    else:
+        poses[:, 2, 3] = 0.10 * frame
+        poses[:, :3, :3] = Rotation.from_rotvec(np.outer(0.01 * frame, (0.0, 1.0, 0.0))).as_matrix()
+    return poses
+
+
+def simulated_tracks(
+    world_from_camera: NDArray[np.float64],
+    *,
+    n_tracks: int = 80,
+    lengths: Sequence[int] | NDArray[np.int64] | None = None,
+    seed: int = 0,
+    camera: Camera = CAMERA,
+    sights: NDArray[np.float64] | None = None,
+) -> tuple[PointTracks, ...]:
+    """Tracks of points, as long as they are in the image of a camera, grouped by their length.
+
+    Parameters
+    ----------
+    world_from_camera
+        (frames, 4, 4) float64.
+    n_tracks
+        How many tracks are drawn. Those with fewer than 3 observations are left out.
+    lengths
+        Observations of measured tracks, drawn at random. Tracks then begin at any time, in the window or before it,
+        equally often in each frame, and only what lies in the window counts: long tracks are seen in more windows. By
+        default all tracks begin in the first frame and end when they leave the image.
+    seed
+        Of the random numbers.
+    camera
+        The camera.
+    sights
+        (n, 3) float64: u, v (px) and depth (m) at first sight, drawn at random. By default in the middle of the image
+        of `CAMERA`, at 2 to 10 m.
+    """
+    random = np.random.default_rng(seed)
+    drawn = [_track(random, world_from_camera, lengths, camera, sights) for _ in range(n_tracks)]
+    long_enough = [track for track in drawn if len(track[0]) >= _LEAST_LENGTH]
+    groups = sorted({len(frames) for frames, _, _ in long_enough})
+    return tuple(_stacked([track for track in long_enough if len(track[0]) == length]) for length in groups)
+
+
+def _stacked(tracks: Sequence[tuple[NDArray[np.int64], NDArray[np.float64], bool]]) -> PointTracks:
+    frames, points, born = zip(*tracks, strict=True)
+    return PointTracks(np.stack(frames), np.stack(points), np.array(born))
+
+
+def _track(
+    random: np.random.Generator,
+    world_from_camera: NDArray[np.float64],
+    lengths: Sequence[int] | NDArray[np.int64] | None,
+    camera: Camera,
+    sights: NDArray[np.float64] | None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
+    """Frames, point, and whether it begins in the window."""
+    n_frames = len(world_from_camera)
+    birth, end = (0, n_frames) if lengths is None else _lifespan(random, np.asarray(lengths), n_frames)
+    first = max(birth, 0)
+    *uv, depth = drawn_sight(random) if sights is None else sights[random.integers(len(sights))]
+    seen = camera.unproject(np.asarray(uv), np.array(depth))
+    point = transform(world_from_camera[first], seen[None])[0]
+    frames = np.arange(first, end)
+    images = camera.project(transform(invert(world_from_camera[frames]), np.tile(point, (len(frames), 1))))
+    visible = np.logical_and.accumulate(camera.contains(images))
+    return frames[visible], point, birth >= 0
+
+
+def drawn_sight(random: np.random.Generator) -> tuple[float, float, float]:
+    """u, v (px) and depth (m) at first sight: in the middle of the image of `CAMERA`, at 2 to 10 m."""
+    u, v = (random.random(2) - 0.5) * _VIEW_PX + (CAMERA.cx, CAMERA.cy)
+    return float(u), float(v), random.uniform(*_DEPTHS_M)
+
+
+def _lifespan(random: np.random.Generator, lengths: NDArray[np.int64], n_frames: int) -> tuple[int, int]:
+    """First frame, and end in a window, of a track that is seen in at least `_LEAST_LENGTH` of its frames.
+
+    It is negative if the track begins before the window. As many tracks begin in each frame. The number of births with
+    which a track of length T is seen is T + frames - 2 least + 1, from least - T to frames - least.
+    """
+    long_enough = lengths[lengths >= _LEAST_LENGTH] if (lengths >= _LEAST_LENGTH).any() else np.array([_LEAST_LENGTH])
+    births = long_enough + n_frames - 2 * _LEAST_LENGTH + 1
+    length = int(random.choice(long_enough, p=births / births.sum()))
+    birth = int(random.integers(_LEAST_LENGTH - length, n_frames - _LEAST_LENGTH + 1))
+    return birth, min(birth + length, n_frames)
+
+
+EXACT = 1e-4
+"""Standard deviation of an observation that is taken as true, as a share of that of the others."""
+_NEWEST = 5
+"""Coordinates of the newest pose: three of its rotation, two of its position."""
+_FACTORS = (-4.0, 4.0)
+"""Range of the standard deviation that is searched, as logarithm of its ratio to the one for a free landmark."""
+_DRAWS = 200
+_ROUNDING = 1e-3
+"""Error of a NEES that rounding may cause. It is larger where the poses of a window are not determined."""
+Covariances = Sequence[NDArray[np.float64]]
+"""(tracks, 2 n, 2 n) float64 for each group of tracks, px^2."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What an estimator claims about the poses of a window, and what is so.
+
+    Parameters
+    ----------
+    claimed, actual
+        (p, p) float64: covariances of the unknown coordinates of poses; radians and metres, those of the newest last.
+    innovations
+        Mean square of the whitened innovations; 1 if they look right.
+    """
+
+    claimed: NDArray[np.float64]
+    actual: NDArray[np.float64]
+    innovations: float
+
+    @property
+    def nees_all(self) -> float:
+        """(benchmark.nees) of all poses."""
+        return _nees(self.claimed, self.actual)
+
+    @property
+    def nees_newest(self) -> float:
+        """(benchmark.nees) of the newest pose, with its own block of the covariance."""
+        return _nees(self.claimed[-_NEWEST:, -_NEWEST:], self.actual[-_NEWEST:, -_NEWEST:])
+
+    @property
+    def position_m(self) -> float:
+        """Root mean square error of the newest position."""
+        return float(np.sqrt(np.trace(self.actual[-2:, -2:])))
+
+    @property
+    def rotation_rad(self) -> float:
+        """Root mean square error of the newest rotation."""
+        return float(np.sqrt(np.trace(self.actual[-_NEWEST:-2, -_NEWEST:-2])))
+
+
+def _nees(claimed: NDArray[np.float64], actual: NDArray[np.float64]) -> float:
+    return float(np.trace(np.linalg.solve(claimed, actual)) / len(claimed))
+
+
+def true_covariances(window: Sequence[LinearTracks], noise: TrackNoise) -> Covariances:
+    """Covariances of the errors of all tracks, counted from the true positions.
+
+    A track that began before the window has its first observation there with the noise W of any other one. What it
+    carries from before, its point absorbs.
+    """
+    found = []
+    for tracks in window:
+        covariance = noise.covariance(tracks.magnification, reference=Reference.FREE)
+        covariance[~tracks.born, :2, :2] = noise.white
+        found.append(covariance)
+    return found
+
+
+def scalar_covariances(
+    window: Sequence[LinearTracks], sigma: float, *, first: float | None = None, born_only: bool = False
+) -> Covariances:
+    """One standard deviation for all observations, px, and another for first ones if it is given.
+
+    With `born_only`, this is that of tracks that begin in the window, as where the first direction of a track is a
+    state. An estimator that takes the first observation as exact does so with each track of its window.
+    """
+    variances = []
+    for tracks in window:
+        variance = np.full(tracks.by_point.shape[:2], sigma**2)
+        if first is not None:
+            variance[tracks.born | (not born_only), :2] = first**2
+        variances.append(np.asarray(variance[:, :, None] * np.eye(len(variance[0]))))
+    return variances
+
+
+def outcome(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances) -> Outcome:
+    """Claimed and actual covariance of the poses of a window, (benchmark.covariances)."""
+    return outcomes(window, [actual], assumed)[0]
+
+
+def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances) -> list[Outcome]:
+    """The same for several true covariances, of an estimator that assumes one."""
+    size = window[0].by_pose.shape[2]
+    information, middle = np.zeros((size, size)), np.zeros((len(actual), size, size))
+    squares, freedom = np.zeros(len(actual)), 0
+    for place, (tracks, believed) in enumerate(zip(window, assumed, strict=True)):
+        whitening = np.linalg.inv(np.linalg.cholesky(believed))
+        span = np.linalg.qr(whitening @ tracks.by_point)[0]
+        by_pose = _without(whitening @ tracks.by_pose, span)
+        rows = by_pose.reshape(-1, size)
+        information += rows.T @ rows
+        freedom += by_pose.shape[0] * (by_pose.shape[1] - 3)
+        for number, each in enumerate(actual):
+            noise = _innovations(whitening, span, each[place])
+            middle[number] += rows.T @ (noise @ by_pose).reshape(-1, size)
+            squares[number] += np.trace(noise, axis1=1, axis2=2).sum()
+    claimed = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return [
+        Outcome(claimed, claimed @ one @ claimed, float(sum_ / freedom))
+        for one, sum_ in zip(middle, squares, strict=True)
+    ]
+
+
+def determines_poses(window: Sequence[LinearTracks]) -> bool:
+    """Whether tracks determine all poses of a window, so that an estimator with the true noise has a NEES of 1."""
+    if not window:
+        return False
+    white = scalar_covariances(window, 1.0)
+    try:
+        found = outcome(window, white, white)
+        errors = np.array([found.nees_all, found.nees_newest]) - 1.0
+    except np.linalg.LinAlgError:
+        return False
+    return bool((np.abs(errors) < _ROUNDING).all())
+
+
+def _innovations(
+    whitening: NDArray[np.float64], span: NDArray[np.float64], true: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Covariances of whitened innovations, without what the points absorb."""
+    half = _without(whitening @ true, span)
+    return _without(whitening @ np.swapaxes(half, 1, 2), span)
+
+
+def _without(values: NDArray[np.float64], span: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Columns without their parts in the span of orthonormal ones."""
+    return np.asarray(values - span @ (np.swapaxes(span, 1, 2) @ values))
+
+
+def consistent_sigma(
+    window: Sequence[LinearTracks],
+    noise: TrackNoise,
+    *,
+    purpose: Purpose,
+    landmark: Landmark = Landmark.FREE,
+) -> float:
+    """The standard deviation of all observations that makes a purpose right, px.
+
+    Parameters
+    ----------
+    window
+        Tracks of the window, grouped by length.
+    noise
+        The true noise.
+    purpose
+        What is to be right.
+    landmark
+        How the first observation is used. For `Landmark.STATE` that of a track that begins in the window has the
+        covariance A, and sigma is that of the others; where A is 0, it is exact. NaN if no standard deviation does it.
+    """
+    actual = true_covariances(window, noise)
+    free = np.sqrt(_consistency(window, actual, scalar_covariances(window, 1.0), purpose))
+    if landmark is Landmark.FREE:
+        return float(free)
+    is_state = landmark is Landmark.STATE
+    first = np.sqrt(np.trace(noise.first) / 2.0) if is_state else 0.0
+
+    def excess(log_sigma: float) -> float:
+        sigma = float(np.exp(log_sigma))
+        assumed = scalar_covariances(window, sigma, first=max(first, EXACT * sigma), born_only=is_state)
+        return float(np.log(_consistency(window, actual, assumed, purpose)))
+
+    return float(np.exp(_root(excess, float(np.log(free)))))
+
+
+def _root(excess: Callable[[float], float], start: float) -> float:
+    low, high = (start + factor for factor in _FACTORS)
+    if excess(low) < 0.0 or excess(high) > 0.0:
+        return float("nan")
+    return float(brentq(excess, low, high, xtol=1e-6))
+
+
+def consistencies(
+    window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances
+) -> list[dict[Purpose, float]]:
+    """Actual over claimed mean square of what each purpose is about, for each of several true covariances."""
+    return [
+        {
+            Purpose.INNOVATIONS: found.innovations,
+            Purpose.ALL_POSES: found.nees_all,
+            Purpose.NEWEST_POSE: found.nees_newest,
+            Purpose.DEPTH: _depth_consistency(window, each, assumed),
+        }
+        for each, found in zip(actual, outcomes(window, actual, assumed), strict=True)
+    ]
+
+
+def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances, purpose: Purpose) -> float:
+    """Actual over claimed mean square of what a purpose is about."""
+    if purpose is Purpose.DEPTH:
+        return _depth_consistency(window, actual, assumed)
+    found = outcome(window, actual, assumed)
+    match purpose:
+        case Purpose.INNOVATIONS:
+            return found.innovations
+        case Purpose.ALL_POSES:
+            return found.nees_all
+        case _:
+            return found.nees_newest
+
+
+def _depth_consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances) -> float:
+    """Mean square of the error of the depth of points over the claimed variance, with the true poses."""
+    ratios = []
+    for tracks, true, believed in zip(window, actual, assumed, strict=True):
+        whitening = np.linalg.inv(np.linalg.cholesky(believed))
+        span, root = np.linalg.qr(whitening @ tracks.by_point)
+        along = np.linalg.solve(
+            np.swapaxes(root, 1, 2), tracks.rays[:, :, None]
+        )  # exact observations leave it accurate
+        weights = np.swapaxes(whitening, 1, 2) @ (span @ along)
+        claimed = np.square(along).sum(axis=(1, 2))
+        ratios.append((np.swapaxes(weights, 1, 2) @ true @ weights)[:, 0, 0] / claimed)
+    return float(np.concatenate(ratios).mean())
+
+
+def gate_factor(
+    window: Sequence[LinearTracks],
+    noise: TrackNoise,
+    *,
+    sigma: float,
+    level: float,
+    first: float | None = None,
+    born_only: bool = False,
+    seed: int = 0,
+) -> float:
+    """What to multiply a chi-square gate of a track by, so that it lets through a share of `level` of good tracks.
+
+    The gate is over the innovations of a track, whitened as by `scalar_covariances`, with 2 n - 3 degrees of freedom.
+    Noise is Gaussian. The quantile is that of 200 draws of each track.
+    """
+    random = np.random.default_rng(seed)
+    actual, assumed = (
+        true_covariances(window, noise),
+        scalar_covariances(window, sigma, first=first, born_only=born_only),
+    )
+    ratios = []
+    for tracks, true, believed in zip(window, actual, assumed, strict=True):
+        whitening = np.linalg.inv(np.linalg.cholesky(believed))
+        span = np.linalg.qr(whitening @ tracks.by_point)[0]
+        spread = np.linalg.eigvalsh(_innovations(whitening, span, true))
+        draws = random.chisquare(1.0, (len(spread), _DRAWS, spread.shape[1]))
+        squares = np.einsum("tdi,ti->td", draws, np.maximum(spread, 0.0))
+        ratios.append(squares.ravel() / (2.0 * gammaincinv((spread.shape[1] - 3) / 2.0, level)))
+    return float(np.quantile(np.concatenate(ratios), level))
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedPoints:
+    """Points of tracks, and what is left of the errors.
+
+    Attributes
+    ----------
+    step : (tracks, 3) float64
+        dX.
+    claimed : (tracks, 3, 3) float64
+        P.
+    residuals : (tracks, n) float64
+        e - F dX.
+    """
+
+    step: Array
+    claimed: Array
+    residuals: Array
+
+    def along(self, directions: Array) -> tuple[Array, Array]:
+        """Errors of the points along directions (tracks, 3), and these over their claimed standard deviations."""
+        moved = np.einsum("ti,ti->t", directions, self.step)
+        variance = np.einsum("ti,tij,tj->t", directions, self.claimed, directions)
+        return moved, moved / np.sqrt(variance)
+
+
+def fit_points(by_point: Array, errors: Array, covariance: Array) -> FittedPoints:
+    """Fit points to tracks of equal length, (point_fit).
+
+    Parameters
+    ----------
+    by_point
+        (tracks, n, 3) float64: derivatives of the n coordinates of each track by its point.
+    errors
+        (tracks, n) float64, px.
+    covariance
+        (tracks, n, n) or (n, n) float64, px^2, of full rank.
+    """
+    weighted = np.asarray(np.linalg.solve(covariance, by_point), dtype=np.float64)
+    claimed = np.asarray(np.linalg.inv(np.swapaxes(by_point, 1, 2) @ weighted), dtype=np.float64)
+    step = np.einsum("tij,tnj,tn->ti", claimed, weighted, errors)
+    return FittedPoints(step, claimed, errors - np.einsum("tni,ti->tn", by_point, step))
+
+
+def of_full_rank(covariances: Array) -> Array:
+    """Covariances (tracks, n, n) with a small variance added, so that no observation is exact."""
+    size = covariances.shape[1]
+    level = np.trace(covariances, axis1=1, axis2=2) / size
+    added: Array = covariances + EXACT**2 * level[:, None, None] * np.eye(size)
+    return added

@@ -1,0 +1,394 @@
+"""What is known of the noise of one tracker at one speed, as an estimator needs it.
+
+- How values of a noise model that JSON does not know are written in it.
+- Factors on the covariances of white noise and walk, by what is known at run time.
+- Correction of the mean error.
+
+What is known of the noise of one tracker at one speed, as an estimator needs it.
+
+The error of an observation about the first position of its track, at age k >= 1, is modelled as
+
+    e_k = M_k a + w_k + sum_{1 <= i <= k} (M_k / M_i) q_i + k d                          (noise_model.error)
+
+with the magnification of the image about the point since birth, M_k = Z_0 / Z_k; a of covariance A (the error of the
+first position, its sign turned), w_k of covariance W (independent in each frame), q_i of covariance Q (walk) and d of
+covariance D (drift, constant in a track).
+
+Robust losses that fit the tails of a noise model.
+
+For errors of Student's t in two dimensions, the loss of Cauchy with its knee at sqrt(nu + 2) is the likelihood itself,
+on residuals that are whitened by nu / (nu + 2) times the core (noise_model.cauchy). The knee of Huber is the one under
+which least squares estimates are most certain; residuals are whitened by the core.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, GetPydanticSchema
+from pydantic_core import CoreSchema, core_schema
+
+from tracknoise.exceptions import SettingsError, UnknownNameError
+
+
+def as_covariance() -> GetPydanticSchema:
+    """Two rows of two numbers."""
+    number = core_schema.float_schema(allow_inf_nan=False)
+    row = core_schema.list_schema(number, min_length=2, max_length=2)
+    rows = core_schema.list_schema(row, min_length=2, max_length=2)
+    return _converted(rows, _covariance, lambda array: array.tolist())
+
+
+def as_degrees() -> GetPydanticSchema:
+    """A positive number, or null for infinity."""
+    number = core_schema.nullable_schema(core_schema.float_schema(gt=0.0, allow_inf_nan=False))
+    return _converted(number, lambda found: math.inf if found is None else found, _finite_or_none)
+
+
+def _converted(schema: CoreSchema, read: Callable[[Any], Any], write: Callable[[Any], Any]) -> GetPydanticSchema:
+    written = core_schema.plain_serializer_function_ser_schema(write)
+    found = core_schema.no_info_after_validator_function(read, schema, serialization=written)
+    return GetPydanticSchema(lambda _kind, _handler: found)
+
+
+def _finite_or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _covariance(rows: list[list[float]]) -> NDArray[np.float64]:
+    covariance = np.array(rows)
+    if covariance[0, 1] != covariance[1, 0] or np.linalg.eigvalsh(covariance)[0] < -1e-9 * np.trace(covariance):
+        raise ValueError("a symmetric matrix without negative eigenvalues")
+    return covariance
+
+
+TOLERANCE = 0.02
+"""Largest relative difference of focal lengths, and of rates, that count as equal."""
+
+Covariance = Annotated[NDArray[np.float64], as_covariance()]
+"""(2, 2) float64, symmetric and not negative: of u and v."""
+
+
+class Landmark(StrEnum):
+    """How an estimator uses the first observation of a track."""
+
+    FREE = "free"
+    """The 3-D point is solved for, and the first observation has a residual like any other."""
+    EXACT = "exact"
+    """The first observation is taken as true."""
+    STATE = "state"
+    """The first direction is a state with a prior."""
+
+
+class Purpose(StrEnum):
+    """What one standard deviation is to make right."""
+
+    INNOVATIONS = "innovations"
+    """Normalised innovations or residuals are as large as their degrees of freedom."""
+    ALL_POSES = "all_poses"
+    """The covariance of all poses of a window is right on average."""
+    NEWEST_POSE = "newest_pose"
+    """The covariance of the newest pose is right."""
+    DEPTH = "depth"
+    """The covariance of the depth of triangulated points is right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A value with the bounds of its interval, all in the same unit. Bounds are None where there is no interval."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Component:
+    """A covariance of `noise_model.error`.
+
+    Parameters
+    ----------
+    covariance
+        (2, 2) float64, px^2 at full resolution; of the walk px^2 per frame, of the drift px^2 per frame^2. Zero if the
+        component was dropped.
+    sigma
+        The square root of half its trace, px, with its interval over scenes.
+    why_dropped
+        A sentence, if the component was dropped.
+    """
+
+    covariance: Covariance
+    sigma: Interval
+    why_dropped: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equivalent:
+    """One standard deviation for all observations, and what it makes right.
+
+    Parameters
+    ----------
+    landmark, purpose
+        Estimators and uses it is right for.
+    window
+        Length of the window, frames.
+    sigma
+        Standard deviation of each coordinate, px at full resolution.
+    gate_95, gate_99
+        What to multiply a chi-square gate at .95 or .99 by, so that it lets through that share of good tracks.
+    """
+
+    landmark: Landmark
+    purpose: Purpose
+    window: int
+    sigma: Interval
+    gate_95: float
+    gate_99: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tails:
+    """Student t of the errors, untrimmed.
+
+    Parameters
+    ----------
+    nu
+        Degrees of freedom; infinite where the Gaussian describes the errors at least as well.
+    core_sigma
+        Scale of the core (2-D, per axis) at the ages of the sample, px.
+    core_ratio
+        This scale over the standard deviation that the components give at the same ages.
+    """
+
+    nu: Annotated[float, as_degrees()]
+    core_sigma: float
+    core_ratio: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraOfModel:
+    """The camera of the recordings of a model: image size, px, and if known focal length, px, and rate, Hz.
+
+    Focal length and rate are unknown where recordings differ in them. `notes` are sentences that say so.
+    """
+
+    width: Annotated[int, Field(gt=0)]
+    height: Annotated[int, Field(gt=0)]
+    focal_px: Annotated[float, Field(gt=0)] | None
+    rate_hz: Annotated[float, Field(gt=0)] | None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """What a model was fitted to.
+
+    Parameters
+    ----------
+    dataset, tracker, speed
+        Names as in the run; speed in frames of the recording per processed frame.
+    tracker_settings
+        Resolved options of the tracker, as in ``experiment.toml``.
+    scenes
+        Names of the scenes.
+    n_tracks, n_observations
+        Counts of what was fitted.
+    ages
+        First and last age that were fitted, frames.
+    """
+
+    dataset: str
+    tracker: str
+    speed: Annotated[float, Field(gt=0)]
+    tracker_settings: dict[str, object]
+    scenes: tuple[str, ...]
+    n_tracks: int
+    n_observations: int
+    ages: tuple[int, int]
+
+    def scenes_of(self, dataset: str) -> frozenset[str]:
+        """Names of those of its scenes that are of a data set. Others have scenes of the same names."""
+        return frozenset(self.scenes if dataset in self.dataset.split(", ") else ())
+
+
+class BiasKind(StrEnum):
+    """What is known of the mean error."""
+
+    NONE = "none"
+    """It was not examined, or is not known."""
+    REFUSED = "refused"
+    """No correction is warranted."""
+    BY_AGE = "by_age"
+    """It depends on the age of the track."""
+    ALONG_MOTION = "along_motion"
+    """It is proportional to the motion of the image."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bias:
+    """Mean error, and whether a correction by it is warranted.
+
+    Parameters
+    ----------
+    kind
+        What it depends on.
+    why
+        A sentence.
+    ages, mean_px
+        Ages, and the mean error (u, v) at each of them, px; empty for other kinds.
+    per_motion
+        Error along the motion of the image, per px of motion from one frame to the next; 0 for other kinds.
+    reduction
+        Share of the second moment of the errors of scenes that were left out, that the correction removes.
+    """
+
+    kind: BiasKind
+    why: str
+    ages: tuple[int, ...] = ()
+    mean_px: tuple[tuple[float, float], ...] = ()
+    per_motion: float = 0.0
+    reduction: Interval | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse ages without a mean error, means without an age, and a mean by age without any."""
+        missing = self.kind == BiasKind.BY_AGE and not self.ages
+        if missing or len(self.ages) != len(self.mean_px) or not _increase(self.ages):
+            raise ValueError("increasing ages and a mean error of each")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Factor:
+    """A factor on the covariances of white noise and walk, by something that is known at run time.
+
+    It is piecewise linear in the natural logarithm of the covariate, and constant outside of the trained range.
+
+    Parameters
+    ----------
+    of
+        Name of the covariate: ``motion_px``, or that of a quality that the tracker reports.
+    log_knots, log_factor
+        Natural logarithms of the covariate, and of the factor there.
+    gain
+        Mean gain in log likelihood on scenes that were left out, nat per change of the error. That of a second factor
+        is beyond the first one.
+    """
+
+    of: str
+    log_knots: tuple[float, ...]
+    log_factor: tuple[float, ...]
+    gain: Interval
+
+    def __post_init__(self) -> None:
+        """Refuse knots without a factor, and factors without a knot."""
+        if not self.log_knots or len(self.log_knots) != len(self.log_factor) or not _increase(self.log_knots):
+            raise ValueError("increasing knots and a factor at each")
+
+
+def _increase(values: Sequence[float]) -> bool:
+    return all(before < after for before, after in pairwise(values))
+
+
+_HUBER_NU = (2.2, 2.5, 3.0, 4.0, 5.0, 8.0, 15.0)
+_HUBER_KNEE = (0.73, 0.81, 0.91, 1.10, 1.24, 1.56, 1.99)
+"""Best knees in units of the core, for blocks of two coordinates."""
+
+
+class LossKind(StrEnum):
+    """Robust losses of estimators."""
+
+    CAUCHY = "cauchy"
+    HUBER = "huber"
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """A robust loss on whitened residuals.
+
+    Parameters
+    ----------
+    kind
+        Its name.
+    knee
+        In standard deviations after whitening; infinite where no robust loss is warranted.
+    covariance_factor
+        What to multiply covariances of the model by before whitening with them.
+    expected_nees
+        Normalised estimation error squared per degree of freedom that a solver reports if the model is right.
+    """
+
+    kind: LossKind
+    knee: float
+    covariance_factor: float
+    expected_nees: float | None
+
+
+def matched_loss(kind: LossKind, tails: Tails) -> Loss:
+    """The loss of a kind that fits the tails."""
+    if math.isinf(tails.nu):
+        return Loss(kind, math.inf, 1.0, 1.0)
+    core, nu = tails.core_ratio**2, tails.nu
+    if kind == LossKind.CAUCHY:
+        factor = core * nu / (nu + 2.0)
+        return Loss(
+            kind=kind, knee=math.sqrt(nu + 2.0), covariance_factor=factor, expected_nees=(nu + 4.0) / (nu + 2.0)
+        )
+    knee = float(np.interp(nu, _HUBER_NU, _HUBER_KNEE))
+    return Loss(kind, knee, core, None)
+
+
+def factor_of(conditions: Sequence[Factor], at: Mapping[str, ArrayLike], count: int) -> NDArray[np.float64]:
+    """Product of the factors, (count,) float64; what is unknown or NaN has the factor 1.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no factor by one of the names.
+    """
+    by_name = {factor.of: factor for factor in conditions}
+    for name in at:
+        if name not in by_name:
+            raise UnknownNameError("condition of the noise model", name, by_name)
+    total = np.zeros(count)
+    for name, values in at.items():
+        total += log_factor(by_name[name], np.broadcast_to(np.asarray(values, dtype=np.float64), (count,)))
+    return np.asarray(np.exp(total))
+
+
+def log_factor(factor: Factor, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Logarithms of a factor at values (n,) of its covariate; 0 where they are NaN."""
+    least = np.exp(factor.log_knots[0])
+    known = np.where(np.isnan(values), least, np.maximum(values, least))
+    found = np.interp(np.log(known), factor.log_knots, factor.log_factor)
+    return np.where(np.isnan(values), 0.0, found)
+
+
+def corrected(
+    bias: Bias, uv: NDArray[np.float64], ages: NDArray[np.float64], flow: ArrayLike | None
+) -> NDArray[np.float64]:
+    """Positions (n, 2) px without the bias, at ages (n,). First positions stay: biases are about them.
+
+    Raises
+    ------
+    SettingsError
+        If the bias is along the motion, and there is no flow.
+    """
+    if bias.kind == BiasKind.BY_AGE:
+        return uv - by_age(bias, ages)
+    if bias.kind == BiasKind.ALONG_MOTION:
+        if flow is None:
+            raise SettingsError("correction: found no flow, expected it because the bias is along the motion")
+        later = np.where(ages[:, None] > 0.0, np.asarray(flow, dtype=np.float64), 0.0)
+        return np.asarray(uv - bias.per_motion * later)
+    return uv.copy()
+
+
+def by_age(bias: Bias, ages: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean error at ages (n,), (n, 2) px: between the known ages along a line, beyond them that of the last."""
+    mean = np.array(bias.mean_px)
+    since = np.array((0, *bias.ages), dtype=np.float64)
+    return np.stack([np.interp(ages, since, [0.0, *mean[:, axis]]) for axis in (0, 1)], axis=1)

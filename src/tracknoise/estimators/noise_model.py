@@ -1,0 +1,458 @@
+"""The noise model of one tracker at one speed: what an estimator asks it, and its file.
+
+- The document of a noise model: JSON with a published schema, checked when it is read.
+- The noise model of one tracker at one speed: what an estimator asks it, and its file.
+"""
+
+import hashlib
+import json
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from scipy import linalg
+
+from tracknoise.estimators.export_render import export
+from tracknoise.estimators.exports import Export, Target
+from tracknoise.estimators.fit import fitted_fields
+from tracknoise.estimators.model import (
+    Bias,
+    CameraOfModel,
+    Component,
+    Equivalent,
+    Factor,
+    Interval,
+    Landmark,
+    Loss,
+    LossKind,
+    Purpose,
+    Tails,
+    Training,
+    corrected,
+    factor_of,
+    matched_loss,
+)
+from tracknoise.estimators.track_noise import (
+    Reference,
+    TrackNoise,
+    change_covariances,
+    error_covariances,
+    track_covariance,
+)
+from tracknoise.estimators.training import TrainingTables, training_tables
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
+from tracknoise.foreign_files import MIB, read_text
+from tracknoise.tables.files import write_atomically
+from tracknoise.tables.store import RunFolder
+
+FORMAT = "tracknoise.noise/1"
+_KEY = "format"
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""What a class of documents sets as its ``__pydantic_config__``: unknown keys are refused."""
+_Model = TypeVar("_Model")
+
+
+def _adapter(kind: type[_Model]) -> TypeAdapter[_Model]:
+    return TypeAdapter(kind)
+
+
+def written(kind: type[_Model], model: _Model) -> str:
+    """The document of a model, JSON."""
+    fields = _adapter(kind).dump_python(model, mode="json")
+    return json.dumps({_KEY: FORMAT, **fields}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def document_schema(kind: type[_Model]) -> str:
+    """JSON Schema of the document, as text."""
+    schema = _adapter(kind).json_schema()
+    schema["properties"] = {_KEY: {"const": FORMAT, "title": "Format"}, **schema["properties"]}
+    schema["required"] = [_KEY, *schema["required"]]
+    return json.dumps(schema, indent=2) + "\n"
+
+
+def read_document(kind: type[_Model], path: Path) -> _Model:
+    """Read a document.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or is not such a document.
+    """
+    fields = _fields(path, read_text(path, "a noise model", most=16 * MIB))
+    try:
+        return _adapter(kind).validate_python(fields)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"])) or "document"
+        message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+        raise DataError(path, f"{key}: found {_shown(first['input'])}", message) from error
+
+
+def _fields(path: Path, text: str) -> dict[str, object]:
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:  # thousands of brackets
+        raise DataError(path, f"is not JSON ({error})", "a noise model, as `tracknoise noise fit` writes it") from error
+    if not isinstance(document, dict) or document.get(_KEY) != FORMAT:
+        found = document.get(_KEY) if isinstance(document, dict) else None
+        raise DataError(path, f"format is {found!r}", f"{FORMAT!r}")
+    return {name: value for name, value in document.items() if name != _KEY}
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:80]}..."
+
+
+_Kind = TypeVar("_Kind", bound=StrEnum)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoiseModel:
+    """Noise of the tracks of one tracker at one speed.
+
+    Parameters
+    ----------
+    training, camera
+        What it was fitted to.
+    first, white, walk, drift
+        A, W, Q and D of (noise_model.error).
+    tails
+        Student t of the errors, with the outliers.
+    outlier_share, outliers_beyond_px
+        Share of the observations that the components do not describe, because their errors exceed this.
+    bias
+        Mean error.
+    conditions
+        Factors on white noise and walk. They multiply.
+    common_share
+        Share of the variance that all features of a frame have in common, with its interval; None if unknown.
+    truth_floor_px
+        Root mean square error of the true positions at the ages that were fitted; None if unknown.
+    equivalents
+        Standard deviations for all observations, named by what they make right.
+    """
+
+    __pydantic_config__ = STRICT
+
+    training: Training
+    camera: CameraOfModel
+    first: Component
+    white: Component
+    walk: Component
+    drift: Component
+    tails: Tails
+    outlier_share: float
+    outliers_beyond_px: float
+    bias: Bias
+    conditions: tuple[Factor, ...] = ()
+    common_share: Interval | None = None
+    truth_floor_px: float | None = None
+    equivalents: tuple[Equivalent, ...] = ()
+
+    @classmethod
+    def fit(
+        cls, run: str | Path, *, tracker: str, speed: int = 1, scenes: Collection[str] | None = None
+    ) -> "NoiseModel":
+        """Fit a model to a finished run.
+
+        Parameters
+        ----------
+        run
+            Its folder.
+        tracker, speed
+            As in the run.
+        scenes
+            Names of the scenes; by default all. What a model is checked on should be others.
+
+        Raises
+        ------
+        UnknownNameError
+            If the run has no such tracker or scene.
+        SettingsError
+            If it has no such speed, no scene is named, or there are too few errors.
+        StoreError, SchemaError
+            If there is no finished run, or it does not hold what models are fitted to.
+        """
+        return cls.fitted_to(training_tables(RunFolder(Path(run)), tracker=tracker, speed=speed, scenes=scenes))
+
+    @classmethod
+    def fitted_to(cls, tables: TrainingTables) -> "NoiseModel":
+        """Fit a model to tables that were read before.
+
+        Parameters
+        ----------
+        tables
+            Of one tracker and speed (`tracknoise.estimators.training.training_tables`).
+
+        Raises
+        ------
+        SettingsError
+            If there are too few errors.
+        StoreError, SchemaError
+            If a table of a sequence is missing or damaged.
+        """
+        return cls(**fitted_fields(tables))
+
+    def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
+        """The standard deviation for a kind of estimator and a purpose, of the window that is nearest in length.
+
+        Raises
+        ------
+        SettingsError
+            If the model has none of this kind.
+        """
+        known = [one for one in self.equivalents if (one.landmark, one.purpose) == (landmark, purpose)]
+        if not known:
+            found = f"the model has no sigma for landmark {landmark} and purpose {purpose}"
+            raise SettingsError(f"noise of {self.training.tracker}: {found}, expected a model fitted to windows of it")
+        return min(known, key=lambda one: (abs(one.window - window), one.window))
+
+    def sigma(self, *, landmark: str = Landmark.FREE, window: int = 11, purpose: str = Purpose.NEWEST_POSE) -> Interval:
+        """The standard deviation of `equivalent`, px, with its interval.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such kind of landmark, or no such purpose.
+        SettingsError
+            If the model has none of this kind.
+        """
+        kind, use = _named(Landmark, "kind of landmark", landmark), _named(Purpose, "purpose", purpose)
+        return self.equivalent(landmark=kind, window=window, purpose=use).sigma
+
+    def covariance(self, *, age: ArrayLike, magnification: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
+        """Covariances of errors about the first position: 0 at age 0.
+
+        No estimator must take an observation of age 0 as exact because of that. `track_covariance` with the reference
+        ``free`` has the covariance that it should assume.
+
+        Parameters
+        ----------
+        age
+            (n,) frames of the recording since birth.
+        magnification
+            (n,) or one number: M_k = Z_0 / Z_k.
+        **at
+            (n,) or one number each: what is known at run time, by the names of `conditions`. What is missing or NaN
+            has the factor 1.
+
+        Returns
+        -------
+        (n, 2, 2) float64, px^2
+
+        Raises
+        ------
+        SettingsError
+            If an age is negative, or a magnification is not positive.
+        UnknownNameError
+            If the model has no such condition.
+        """
+        ages, carried, *_ = _spread(age, magnification, *at.values())
+        if not ((ages >= 0.0).all() and (carried > 0.0).all()):
+            raise SettingsError(
+                "errors: found a negative age, or M that is not above 0, expected ages from 0 on, and M > 0"
+            )
+        return error_covariances(self.components, ages, carried, factor_of(self.conditions, at, len(ages)))
+
+    def change_covariance(self, *, frames: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
+        """Covariances of what errors change by, after the first frame of a track.
+
+        Parameters
+        ----------
+        frames
+            (n,) or one number: frames of the recording in between.
+        **at
+            As in `covariance`.
+
+        Returns
+        -------
+        (n, 2, 2) float64, px^2
+
+        Raises
+        ------
+        SettingsError
+            If a number of frames is not positive.
+        UnknownNameError
+            If the model has no such condition.
+        """
+        (apart, *_) = _spread(frames, *at.values())
+        if not (apart > 0.0).all():
+            raise SettingsError(f"changes: found {apart.min():g} frames in between, expected more than 0")
+        return change_covariances(self.components, apart, factor_of(self.conditions, at, len(apart)))
+
+    def track_covariance(
+        self,
+        ages: ArrayLike,
+        *,
+        reference: str = Reference.BIRTH,
+        magnification: ArrayLike = 1.0,
+        **at: ArrayLike,
+    ) -> NDArray[np.float64]:
+        """Covariance of all observations of a track.
+
+        Parameters
+        ----------
+        ages
+            (m,) increasing, frames of the recording since birth.
+        reference
+            ``birth``: errors about the first position. An observation of age 0 then has none. ``free``: the first
+            observation has the error A, and the others do not contain it.
+        magnification
+            (m,) or one number: M_k = Z_0 / Z_k.
+        **at
+            As in `covariance`, (m,) or one number each.
+
+        Returns
+        -------
+        (2 m, 2 m) float64, px^2
+            u and v of each observation in turn.
+
+        Raises
+        ------
+        SettingsError
+            If ages do not increase, or a magnification is not positive.
+        UnknownNameError
+            If the model has no such condition, or there is no such reference.
+        """
+        about = _named(Reference, "reference", reference)
+        spread, carried = _spread(ages, magnification)
+        increase = len(spread) > 0 and spread[0] >= 0.0 and bool((np.diff(spread) > 0.0).all())
+        if not (increase and (carried > 0.0).all()):
+            found = f"ages {spread.tolist()}, magnifications {carried.tolist()}"
+            raise SettingsError(f"track: found {found}, expected increasing ages from 0 on, and M > 0")
+        factor = factor_of(self.conditions, at, len(spread))
+        return track_covariance(self.components, spread, about, carried, factor)
+
+    def whiten(
+        self,
+        residuals: ArrayLike,
+        ages: ArrayLike,
+        *,
+        reference: str = Reference.FREE,
+        magnification: ArrayLike = 1.0,
+        **at: ArrayLike,
+    ) -> NDArray[np.float64]:
+        """Residuals of a track, or rows of their derivatives, times the inverse of the root of its covariance.
+
+        Parameters
+        ----------
+        residuals
+            (2 m,) or (2 m, n): u and v of each observation in turn.
+        ages, reference, magnification, **at
+            As in `track_covariance`.
+
+        Raises
+        ------
+        SettingsError
+            As `track_covariance`, and if the covariance is singular, as that of age 0 about birth.
+        """
+        covariance = self.track_covariance(ages, reference=reference, magnification=magnification, **at)
+        try:
+            root = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError as error:
+            expected = "noise in every observation (with reference birth, leave age 0 out)"
+            raise SettingsError(f"track: found a singular covariance, expected {expected}") from error
+        return np.asarray(linalg.solve_triangular(root, np.asarray(residuals, dtype=np.float64), lower=True))
+
+    def correct(self, uv: ArrayLike, ages: ArrayLike, *, flow: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Observed positions without the mean error, (n, 2) px; unchanged where no correction is warranted.
+
+        Parameters
+        ----------
+        uv
+            (n, 2) px, observed.
+        ages
+            (n,) frames of the recording since birth.
+        flow
+            (n, 2) px: motion of the image since the frame of the tracker before. Only a bias along the motion needs it,
+            and not at age 0.
+
+        Raises
+        ------
+        SettingsError
+            If the flow is needed and missing.
+        """
+        return corrected(self.bias, np.asarray(uv, dtype=np.float64), np.asarray(ages, dtype=np.float64), flow)
+
+    def loss(self, kind: str = LossKind.CAUCHY) -> Loss:
+        """The robust loss that fits the tails: its knee, and what covariances are to be multiplied by.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such loss.
+        """
+        return matched_loss(_named(LossKind, "loss", kind), self.tails)
+
+    def export(self, estimator: str, *, target: Target | None = None) -> Export:
+        """The noise in the syntax of an estimator, with what it makes right and what cannot be expressed.
+
+        Parameters
+        ----------
+        estimator
+            Its name: see docs/estimators/exports.md.
+        target
+            Its camera, rate, window and purpose. By default, those of the model and what is usual for the estimator.
+
+        Raises
+        ------
+        SettingsError
+            If the estimator takes no noise of tracks, or the model was not measured at its focal length or rate.
+        UnknownNameError
+            If the estimator is not known.
+        """
+        return export(self, estimator, target=target)
+
+    @property
+    def components(self) -> TrackNoise:
+        """The covariances of A, W, Q and D."""
+        parts = {name: getattr(self, name).covariance for name in ("first", "white", "walk", "drift")}
+        return TrackNoise(**parts)
+
+    @property
+    def text(self) -> str:
+        """The document, JSON."""
+        return written(NoiseModel, self)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the document."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    def write(self, path: str | Path) -> None:
+        """Write the document, JSON.
+
+        Raises
+        ------
+        StoreError
+            If the file cannot be written.
+        """
+        write_atomically(Path(path), self.text.encode())
+
+    @classmethod
+    def read(cls, path: str | Path) -> "NoiseModel":
+        """Read a document.
+
+        Raises
+        ------
+        DataError
+            If it cannot be read, or is not a noise model: with the place, what was found and what was expected.
+        """
+        return read_document(cls, Path(path))
+
+
+def _spread(*values: ArrayLike) -> list[NDArray[np.float64]]:
+    """Arrays of one length, (n,) float64."""
+    return [np.atleast_1d(array).astype(np.float64) for array in np.broadcast_arrays(*values)]
+
+
+def _named(kinds: type[_Kind], what: str, name: str) -> _Kind:
+    if name not in list(kinds):
+        raise UnknownNameError(what, name, kinds)
+    return kinds(name)

@@ -1,0 +1,445 @@
+"""The tables and windows of a run that a noise model is fitted to.
+
+- The view of a run that noise is of.
+- The camera of the recordings that a model is fitted to, and where they do not have one in common.
+- The tables of a run that a noise model is fitted to, of one tracker at one speed in one view of each scene.
+- Windows of the recordings that a model is fitted to, as linear algebra: their motions, depths and track lengths.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.analysis.condition_units import groups_of_run
+from tracknoise.estimators.linear_window import (
+    CAMERA,
+    LinearTracks,
+    Motion,
+    determines_poses,
+    linear_tracks,
+    simulated_tracks,
+    trajectory,
+)
+from tracknoise.estimators.model import TOLERANCE, CameraOfModel
+from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
+from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.pose import from_quaternion
+from tracknoise.inference.units import SceneGroups
+from tracknoise.tables.identity import SequenceId, readable
+from tracknoise.tables.schema import NOISE_PAIRS, empty
+from tracknoise.tables.store import RunFolder
+
+
+def reference_view(table: pl.DataFrame) -> dict[str, Any]:
+    """The least turned images, played forward if there are such.
+
+    Errors of turned images have other axes, and a drift changes its sign where frames are played backward: they cannot
+    be added to others.
+
+    Parameters
+    ----------
+    table
+        Of any sequences, with rows and the columns rotation and direction.
+
+    Returns
+    -------
+    dict
+        Values of these columns, for `polars.DataFrame.filter`.
+    """
+    rotation = table["rotation"].min()
+    return {"rotation": rotation, "direction": table.filter(rotation=rotation)["direction"].max()}
+
+
+def recorded_camera(cameras: Mapping[str, pl.DataFrame]) -> CameraOfModel:
+    """The camera of recordings. What differs by more than `TOLERANCE` is not known of the model, and noted.
+
+    Parameters
+    ----------
+    cameras
+        Schema `CAMERAS`, at least one row each, by the key of the sequence.
+
+    Returns
+    -------
+    CameraOfModel
+        With the image size of the first sequence, and the rate from the median time between two frames.
+
+    Raises
+    ------
+    SettingsError
+        If no sequence has a known focal length.
+    """
+    focal = [value for table in cameras.values() for value in table["fx_px"].unique().to_list()]
+    if not any(focal):
+        key = next(iter(cameras))
+        raise SettingsError(
+            f"noise model: found no focal length of {readable(key)}, expected a camera with a known lens"
+        )
+    rates = [_rate_hz(table) for table in cameras.values()]
+    sizes = {size for table in cameras.values() for size in table.select("width", "height").unique().iter_rows()}
+    width, height = next(iter(cameras.values())).select("width", "height").row(0)
+    return CameraOfModel(
+        width=width,
+        height=height,
+        focal_px=_common(focal),
+        rate_hz=_common(rates),
+        notes=(*_differing("focal lengths", focal, "px"), *_differing("rates", rates, "Hz"), *_size_note(sizes)),
+    )
+
+
+def _rate_hz(table: pl.DataFrame) -> float | None:
+    step = table["time_s"].diff().median()
+    return 1.0 / step if isinstance(step, float) and step > 0.0 else None
+
+
+def _common(values: Sequence[float | None]) -> float | None:
+    """The first of values that are equal to `TOLERANCE`; None where they differ or one is unknown."""
+    known = [value for value in values if value is not None]
+    same = len(known) == len(values) and max(known) <= (1.0 + TOLERANCE) * min(known)
+    return known[0] if same else None
+
+
+def _differing(what: str, values: Sequence[float | None], unit: str) -> Iterable[str]:
+    """A sentence where values differ, or only some are known."""
+    known = [value for value in values if value is not None]
+    if known and _common(values) is None:
+        unknown = "" if len(known) == len(values) else ", and unknown ones"
+        shown = f"{min(known):.4g} to {max(known):.4g} {unit}" if min(known) < max(known) else f"{known[0]:.4g} {unit}"
+        yield f"It was fitted to recordings with different {what}, {shown}{unknown}: it has none of its own."
+
+
+def _size_note(sizes: set[tuple[int, int]]) -> Iterable[str]:
+    if len(sizes) > 1:
+        shown = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
+        yield f"It was fitted to images of different sizes: {shown} px."
+
+
+_NEEDED, _PAIRS = "noise_sums", "noise_pairs"
+_OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors", "rigid")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrainingTables:
+    """Tables of all scenes that a model is fitted to.
+
+    Attributes
+    ----------
+    tracker, speed
+        Name, and frames of the recording per frame that it saw.
+    settings
+        Its options.
+    scenes
+        Names, sorted.
+    keys
+        Of the sequences.
+    groups
+        Of scenes that are not independent of each other.
+    tables
+        Tables of all sequences together, of the tracker at the speed, by name.
+    folder
+        Of the run.
+    """
+
+    tracker: str
+    speed: int
+    settings: dict[str, object]
+    scenes: tuple[str, ...]
+    keys: tuple[str, ...]
+    groups: SceneGroups
+    tables: dict[str, pl.DataFrame]
+    folder: RunFolder
+
+    def __getitem__(self, name: str) -> pl.DataFrame:
+        return self.tables[name]
+
+    def of_sequence(self, name: str, key: str) -> pl.DataFrame:
+        """A table of one sequence."""
+        return self.folder.sequence_table(name, key)
+
+    @property
+    def audit_curves(self) -> pl.DataFrame | None:
+        """Table `AUDIT_CURVES` of the run; None while it has not been audited."""
+        audited = "audit_curves" in self.folder.manifest().statistics
+        return self.folder.statistics("audit_curves") if audited else None
+
+    def of_scenes(self, scenes: Collection[str]) -> "TrainingTables":
+        """The same of some of the scenes."""
+        of_scenes = self._of(pl.col("scene").is_in(list(scenes)), lambda sequence: sequence.scene in scenes)
+        return replace(of_scenes, scenes=tuple(sorted(scenes)))
+
+    def of_reference_view(self) -> "TrainingTables":
+        """The same of one view of each scene."""
+        view = reference_view(self[_NEEDED])
+        rows = pl.all_horizontal(pl.col(name) == value for name, value in view.items())
+        of_view = self._of(rows, lambda found: all(getattr(found, name) == value for name, value in view.items()))
+        return replace(of_view, scenes=tuple(sorted(of_view[_NEEDED]["scene"].unique())))
+
+    def _of(self, rows: pl.Expr, includes: Callable[[SequenceId], bool]) -> "TrainingTables":
+        entries = self.folder.manifest().sequences
+        return replace(
+            self,
+            keys=tuple(key for key in self.keys if includes(entries[key].sequence)),
+            tables={name: table.filter(rows) for name, table in self.tables.items()},
+        )
+
+
+def conditions(folder: RunFolder) -> list[tuple[str, int]]:
+    """Trackers and speeds that noise models can be fitted to, sorted.
+
+    Raises
+    ------
+    StoreError
+        If there are none.
+    """
+    found = [table.unique() for table in folder.stored_tables(_NEEDED, only=["tracker", "speed"])]
+    rows = sorted(pl.concat(found).unique().iter_rows()) if found else []
+    if not rows:
+        raise _without_sums(folder)
+    return rows
+
+
+def chosen_conditions(
+    folder: RunFolder, *, trackers: Collection[str] | None = None, speeds: Collection[int] | None = None
+) -> list[tuple[str, int]]:
+    """The same of some trackers and speeds; by default of all.
+
+    Raises
+    ------
+    UnknownNameError
+        If one of the trackers is not among them.
+    SettingsError
+        If one of the speeds is not, or no such tracker has such a speed.
+    StoreError
+        If there are none.
+    """
+    known = conditions(folder)
+    names, every = {name for name, _ in known}, sorted({speed for _, speed in known})
+    for tracker in trackers or ():
+        if tracker not in names:
+            raise UnknownNameError("tracker", tracker, names)
+    for speed in speeds or ():
+        if speed not in every:
+            raise SettingsError(f"{folder.path}: found no speed {speed}, expected one of {', '.join(map(str, every))}")
+    wanted = [(name, speed) for name, speed in known if name in (trackers or names) and speed in (speeds or every)]
+    if not wanted:
+        expected = ", ".join(f"{name}@{speed}" for name, speed in known)
+        raise SettingsError(f"{folder.path}: found none of the wanted trackers and speeds, expected some of {expected}")
+    return wanted
+
+
+def _without_sums(folder: RunFolder) -> StoreError:
+    expected = "a run of this version whose truth is known for each first position (neither scan nor triangulated)"
+    return StoreError(f"{folder.path}: holds no sums for noise models, expected {expected}")
+
+
+def training_tables(
+    folder: RunFolder, *, tracker: str, speed: int, scenes: Collection[str] | None = None
+) -> TrainingTables:
+    """Read what a model is fitted to.
+
+    Parameters
+    ----------
+    folder
+        Of a finished run.
+    tracker, speed
+        Names as in the run.
+    scenes
+        Names of the scenes; by default all.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such tracker or scene.
+    SettingsError
+        If there is no such speed, or no scene.
+    StoreError, SchemaError
+        If a table is missing or damaged.
+    """
+    return all_training_tables(folder, [(tracker, speed)], scenes=scenes)[0]
+
+
+def all_training_tables(
+    folder: RunFolder, wanted: Sequence[tuple[str, int]], *, scenes: Collection[str] | None = None
+) -> list[TrainingTables]:
+    """The same for several models. Each table of the run is read once.
+
+    Parameters
+    ----------
+    folder, scenes
+        As in `training_tables`.
+    wanted
+        Trackers and speeds.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError, StoreError, SchemaError
+        As `training_tables`.
+    """
+    entries = folder.manifest().sequences
+    _require_scenes({entry.sequence.scene for entry in entries.values()}, scenes)
+    chosen = {
+        key: entry
+        for key, entry in sorted(entries.items())
+        if _NEEDED in entry.sha256 and (scenes is None or entry.sequence.scene in scenes)
+    }
+    if not chosen:
+        raise _without_sums(folder)
+    has_pairs = all(_PAIRS in entry.sha256 for entry in chosen.values())  # scenes of an earlier version have none
+    names = [*_OTHERS, *([_PAIRS] if has_pairs else [])]
+    of = {_NEEDED: _pooled(folder, _NEEDED, tuple(chosen), wanted)}
+    if any(table.is_empty() for table in of[_NEEDED]):
+        _require_conditions(folder, wanted)
+    of |= {name: _pooled(folder, name, tuple(chosen), wanted) for name in names}
+    if not has_pairs:
+        of[_PAIRS] = [empty(NOISE_PAIRS)] * len(wanted)
+    groups = groups_of_run(folder)
+    read = [
+        TrainingTables(
+            tracker=tracker,
+            speed=speed,
+            settings=_settings(folder, tracker),
+            scenes=tuple(sorted(of[_NEEDED][place]["scene"].unique())),
+            keys=tuple(chosen),
+            groups=groups,
+            tables={name: tables[place] for name, tables in of.items()},
+            folder=folder,
+        )
+        for place, (tracker, speed) in enumerate(wanted)
+    ]
+    return [tables.of_reference_view() for tables in read]
+
+
+def _require_conditions(folder: RunFolder, wanted: Sequence[tuple[str, int]]) -> None:
+    known = conditions(folder)
+    names = {name for name, _ in known}
+    for tracker, speed in wanted:
+        if tracker not in names:
+            raise UnknownNameError("tracker", tracker, names)
+        if (tracker, speed) not in known:
+            speeds = ", ".join(str(one) for name, one in known if name == tracker)
+            raise SettingsError(f"{folder.path}: found no speed {speed} of {tracker}, expected one of {speeds}")
+
+
+def _require_scenes(known: set[str], wanted: Collection[str] | None) -> None:
+    for scene in wanted or ():
+        if scene not in known:
+            raise UnknownNameError("scene", scene, known)
+    if wanted is not None and not wanted:
+        raise SettingsError("noise model: found no scenes to fit to, expected at least one")
+
+
+def _pooled(folder: RunFolder, name: str, keys: Sequence[str], wanted: Sequence[tuple[str, int]]) -> list[pl.DataFrame]:
+    """Rows of each tracker and speed, of all sequences."""
+    rows = [(pl.col("tracker") == tracker) & (pl.col("speed") == speed) for tracker, speed in wanted]
+    parts = ([table.filter(mine) for mine in rows] for table in folder.stacked_tables(name, keys))
+    return [pl.concat(own) for own in zip(*parts, strict=True)]
+
+
+def _settings(folder: RunFolder, tracker: str) -> dict[str, object]:
+    """Settings of the tracker in the experiment; empty if they are not there."""
+    for settings in folder.settings()["trackers"]:
+        if settings.get("name", settings["kind"]) == tracker:
+            return dict(settings)
+    return {}
+
+
+_LEAST_MOTION = 0.01
+"""Least distance of the first and the last camera of a window, as a share of the median depth."""
+_TRACKS, _LEAST_TRACKS = 20, 15
+"""Tracks in each frame of a window, and fewest in all of it."""
+_MORE = (1, 4, 16)
+"""How many times as many tracks are drawn, until they determine the poses of a window."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """One sequence.
+
+    Parameters
+    ----------
+    poses
+        Schema `POSES`.
+    camera
+        Schema `CAMERAS`, with at least one row.
+    sights
+        (n, 3) float64: u, v (px) and depth (m) of points at first sight.
+    """
+
+    poses: pl.DataFrame
+    camera: pl.DataFrame
+    sights: NDArray[np.float64]
+
+
+def windows(
+    recordings: Sequence[Recording], *, speed: int, length: int, lifetimes: NDArray[np.int64]
+) -> list[Sequence[LinearTracks]]:
+    """Windows of so many frames, one of each recording that is long enough and moves.
+
+    If there is none, a window of sideways and one of forward motion.
+
+    Parameters
+    ----------
+    recordings
+        Where motions and depths are from.
+    speed
+        Frames of the recording per frame of the window.
+    length
+        Frames of the window.
+    lifetimes
+        Lengths of tracks, frames of the window.
+    """
+    found = [*_measured(recordings, speed, length, lifetimes)]
+    if found:
+        return found
+    poses = [trajectory(motion, length) for motion in Motion]
+    return [window for each in poses if (window := _linear(CAMERA, each, lifetimes, None))]
+
+
+def _measured(
+    recordings: Sequence[Recording], speed: int, length: int, lifetimes: NDArray[np.int64]
+) -> Iterator[Sequence[LinearTracks]]:
+    for recording in recordings:
+        poses = _middle(recording.poses, speed, length)
+        if poses is None or not len(recording.sights):
+            continue
+        apart = np.linalg.norm(poses[-1, :3, 3] - poses[0, :3, 3])
+        if apart < _LEAST_MOTION * np.median(recording.sights[:, 2]):
+            continue
+        tracks = _linear(_pinhole(recording.camera), poses, lifetimes, recording.sights)
+        if sum(len(one.rays) for one in tracks) >= _LEAST_TRACKS:
+            yield tracks
+
+
+def _linear(
+    camera: Camera, poses: NDArray[np.float64], lifetimes: NDArray[np.int64], sights: NDArray[np.float64] | None
+) -> Sequence[LinearTracks]:
+    """Tracks of one window, more of them where they do not determine its poses; none where more do not either."""
+    length = len(poses)
+    mean = np.clip(lifetimes, 3, length).mean()
+    count = int(np.ceil(_TRACKS * (length + mean) / mean))
+    for more in _MORE:
+        drawn = simulated_tracks(poses, n_tracks=more * count, lengths=lifetimes, camera=camera, sights=sights)
+        window = [linear_tracks(camera, poses, tracks) for tracks in drawn]
+        if determines_poses(window):
+            return window
+    return []
+
+
+def _middle(poses: pl.DataFrame, speed: int, length: int) -> NDArray[np.float64] | None:
+    """(length, 4, 4) float64: poses of the middle of a recording; None if it is too short, or one is missing."""
+    used = poses.sort("frame").gather_every(speed)
+    if used.height < length:
+        return None
+    part = used.slice((used.height - length) // 2, length)
+    if any(part.null_count().row(0)):
+        return None
+    return from_quaternion(part.select("x_m", "y_m", "z_m").to_numpy(), part.select("qx", "qy", "qz", "qw").to_numpy())
+
+
+def _pinhole(table: pl.DataFrame) -> Camera:
+    """The camera without its distortion."""
+    names = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px")
+    return Camera(*table.select(names).row(0))

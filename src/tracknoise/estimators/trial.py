@@ -1,0 +1,482 @@
+"""The noise assumptions that are tried on the same windows, and what each makes of them.
+
+- The noise assumptions that are tried on the same tracks, and what they need to know.
+- Windows of tracks with planted noise, on simulated geometry.
+- Every noise assumption on every window: errors, and how consistent they are with what was claimed.
+
+Null controls: changes of the tracks or of the beliefs after which a gain has to vanish.
+
+The second control hands covariates to other tracks. The third hands errors to other tracks of equal length, for each
+observation on its own, so that the variance at each age stays and correlation in time is lost.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.estimators.bundle import PLAIN, Adjusted, Assumption, Loss, LossKind, Start, adjust
+from tracknoise.estimators.linear_window import (
+    CAMERA,
+    EXACT,
+    Motion,
+    PointTracks,
+    of_full_rank,
+    simulated_tracks,
+    trajectory,
+)
+from tracknoise.estimators.proof_windows import Problem, TrackGroup, errors_of, images, magnification_of
+from tracknoise.estimators.track_noise import TrackNoise
+
+REFERENCE = "1"
+"""The arm that all others are compared with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Student:
+    """Student's distribution: degrees of freedom, infinite for a Gaussian, and squared scale."""
+
+    nu: float
+    squared_scale: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Beliefs:
+    """What was learned from training scenes.
+
+    Parameters
+    ----------
+    noise
+        Components of the noise.
+    tuned_px
+        The standard deviation for which the newest pose of training windows has a normalised error squared of 1.
+    about_birth_px
+        Root mean square error about the first position, of each coordinate.
+    newest_pose_px, innovations_px
+        Standard deviations that the linear benchmark names for the newest pose and for innovations.
+    by_covariate, exponent
+        Components of the noise where W of a track is multiplied by exp(-2 exponent covariate).
+    drift_px
+        (2,) float64, px per frame: mean drift.
+    of_errors
+        Student's distribution of single errors; its squared scale is in px^2.
+    of_tracks
+        Student's distribution of whole tracks; its squared scale is in units of the covariance of the noise.
+    planted, planted_exponent
+        The true noise, if it is known.
+    """
+
+    noise: TrackNoise
+    tuned_px: float
+    about_birth_px: float
+    newest_pose_px: float
+    innovations_px: float
+    by_covariate: TrackNoise
+    exponent: float
+    drift_px: NDArray[np.float64]
+    of_errors: Student
+    of_tracks: Student
+    planted: TrackNoise | None = None
+    planted_exponent: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """A noise assumption.
+
+    Parameters
+    ----------
+    title
+        What it is.
+    covariances
+        Of the tracks of a problem.
+    loss
+        Of the whitened residuals.
+    unbiased
+        Whether the mean drift is taken from the tracks first.
+    """
+
+    title: str
+    covariances: Callable[[Problem, Beliefs], Sequence[NDArray[np.float64]]]
+    loss: Callable[[Beliefs], Loss] = lambda _: PLAIN
+    unbiased: bool = False
+
+    def apply(self, problem: Problem, beliefs: Beliefs) -> tuple[Problem, Assumption]:
+        """What an estimator gets: the problem, and the noise to assume."""
+        given = without_drift(problem, beliefs.drift_px) if self.unbiased else problem
+        return given, Assumption(self.covariances(problem, beliefs), self.loss(beliefs))
+
+
+def without_drift(problem: Problem, drift_px: NDArray[np.float64]) -> Problem:
+    """The same tracks with a mean drift, (2,) px per frame, taken from them."""
+    return problem.with_uv(tuple(group.uv - group.ages[:, :, None] * drift_px for group in problem.groups))
+
+
+def one_sigma(problem: Problem, sigma: float) -> list[NDArray[np.float64]]:
+    """Independent errors of one standard deviation, px."""
+    sizes = [group.uv.shape for group in problem.groups]
+    return [np.tile(sigma**2 * np.eye(2 * length), (count, 1, 1)) for count, length, _ in sizes]
+
+
+def whole_tracks(problem: Problem, noise: TrackNoise, *, exponent: float = 0.0) -> list[NDArray[np.float64]]:
+    """Covariances of whole tracks."""
+    return [_whole(problem, group, noise, exponent) for group in problem.groups]
+
+
+def _whole(problem: Problem, group: TrackGroup, noise: TrackNoise, exponent: float) -> NDArray[np.float64]:
+    magnification, ages = magnification_of(problem, group), group.ages
+    ones = np.ones_like(magnification)
+    carried = TrackNoise(walk=noise.walk, drift=noise.drift).covariance(magnification, ages=ages)
+    white = TrackNoise(first=noise.white, white=noise.white).covariance(ones, ages=ages)
+    factor = np.exp(-2.0 * exponent * group.covariate)[:, None, None]
+    found = carried + factor * white
+    detected = found.copy()
+    detected[:, :2, :2] = noise.first
+    return of_full_rank(np.where(group.born[:, None, None], detected, found))
+
+
+def independent(covariances: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """The same variances of each observation, without what observations have in common."""
+    blocks = [np.kron(np.eye(part.shape[1] // 2), np.ones((2, 2))) for part in covariances]
+    return [part * block for part, block in zip(covariances, blocks, strict=True)]
+
+
+def _by_age(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return independent(whole_tracks(problem, beliefs.noise))
+
+
+def _by_covariate(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return independent(_modelled_by_covariate(problem, beliefs))
+
+
+def _modelled_by_covariate(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.by_covariate, exponent=beliefs.exponent)
+
+
+def _planted(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.planted or beliefs.noise, exponent=beliefs.planted_exponent)
+
+
+def _tuned(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return one_sigma(problem, beliefs.tuned_px)
+
+
+def _exact_first(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    covariances = one_sigma(problem, beliefs.tuned_px)
+    for part in covariances:
+        part[:, :2, :2] *= EXACT**2
+    return covariances
+
+
+def _modelled(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.noise)
+
+
+def _student(beliefs: Beliefs) -> Loss:
+    nu = beliefs.of_errors.nu
+    return Loss(LossKind.CAUCHY, float(np.sqrt(nu + 2.0))) if np.isfinite(nu) else PLAIN
+
+
+def _student_core(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    nu, squared_scale = beliefs.of_errors.nu, beliefs.of_errors.squared_scale
+    share = nu / (nu + 2.0) if np.isfinite(nu) else 1.0
+    return one_sigma(problem, float(np.sqrt(share * squared_scale)))
+
+
+def _student_tracks(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return [beliefs.of_tracks.squared_scale * part for part in whole_tracks(problem, beliefs.noise)]
+
+
+def _student_of_tracks(beliefs: Beliefs) -> Loss:
+    nu = beliefs.of_tracks.nu
+    return Loss(LossKind.STUDENT, nu) if np.isfinite(nu) else PLAIN
+
+
+def _huber(_: Beliefs) -> Loss:
+    return Loss(LossKind.HUBER, 1.345)
+
+
+def _cauchy(_: Beliefs) -> Loss:
+    return Loss(LossKind.CAUCHY, 1.0)
+
+
+SCALARS: Mapping[str, tuple[str, Callable[[Beliefs], float]]] = MappingProxyType(
+    {
+        "0": ("1 px", lambda _: 1.0),
+        "1": ("one sigma, tuned for the newest pose", lambda beliefs: beliefs.tuned_px),
+        "2": ("root mean square about the first observation", lambda beliefs: beliefs.about_birth_px),
+        "3": ("one sigma, from the model, for the newest pose", lambda beliefs: beliefs.newest_pose_px),
+        "3b": ("one sigma, from the model, for innovations", lambda beliefs: beliefs.innovations_px),
+    }
+)
+"""Arms with one standard deviation. They lead to the same poses: only what they claim differs."""
+
+ARMS: Mapping[str, Arm] = MappingProxyType(
+    {
+        "1e": Arm("one sigma, first observation exact", _exact_first),
+        "4": Arm("by age, independent", _by_age),
+        "5": Arm("by covariate, independent", _by_covariate),
+        "6": Arm("whole tracks", _modelled),
+        "6b": Arm("whole tracks, by covariate", _modelled_by_covariate),
+        "7": Arm("whole tracks, mean drift corrected", _modelled, unbiased=True),
+        "7b": Arm("one sigma, mean drift corrected", _tuned, unbiased=True),
+        "8": Arm("one sigma, Huber 1.345", _tuned, _huber),
+        "8b": Arm("one sigma, Cauchy 1", _tuned, _cauchy),
+        "8c": Arm("core sigma, Cauchy of Student's knee", _student_core, _student),
+        "8d": Arm("whole tracks, Student", _student_tracks, _student_of_tracks),
+        "U": Arm("whole tracks, planted noise", _planted),
+    }
+)
+"""All other arms, by their short names."""
+
+
+def with_permuted_covariates(problems: Sequence[Problem], *, seed: int = 0) -> list[Problem]:
+    """Control N2: each covariate belongs to another track of the same length."""
+    random = np.random.default_rng(seed)
+    return [
+        replace(
+            problem,
+            groups=tuple(replace(group, covariate=random.permutation(group.covariate)) for group in problem.groups),
+        )
+        for problem in problems
+    ]
+
+
+def with_permuted_errors(problems: Sequence[Problem], *, seed: int = 0) -> list[Problem]:
+    """Control N3: each error belongs to another track of the same length, at the same place in the track."""
+    random = np.random.default_rng(seed)
+    changed = []
+    for problem in problems:
+        uv = []
+        for group, errors in zip(problem.groups, errors_of(problem), strict=True):
+            order = np.argsort(random.random(errors.shape[:2]), axis=0)
+            uv.append(group.uv - errors + np.take_along_axis(errors, order[:, :, None], axis=0))
+        changed.append(problem.with_uv(tuple(uv)))
+    return changed
+
+
+def with_noise_of(beliefs: Beliefs, other: Beliefs) -> Beliefs:
+    """Control N4: the noise model of another tracker."""
+    return replace(beliefs, noise=other.noise, by_covariate=other.by_covariate, exponent=other.exponent)
+
+
+def with_drift_reversed(beliefs: Beliefs) -> Beliefs:
+    """Control N5: the mean drift has the opposite sign."""
+    return replace(beliefs, drift_px=-beliefs.drift_px)
+
+
+_PERTURBED_RAD, _PERTURBED_SHARE = 0.002, 0.02
+"""How wrong an estimator starts: rotations, and the share by which positions and inverse depths err."""
+_TEXTURES = 0.5
+"""Standard deviation of the logarithm of the texture of tracks."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlantedNoise:
+    """The noise of simulated tracks.
+
+    Parameters
+    ----------
+    noise
+        Components of the errors.
+    student_nu
+        Degrees of freedom of Student's distribution of every part of an error, above 2. Covariances stay the same.
+    bias_px_per_frame
+        Mean drift of all tracks along u and v, px per frame since birth.
+    common_share
+        Share of the independent variance W that all tracks of a frame have in common, from 0 to 1.
+    texture_exponent
+        The independent variance is multiplied by texture^(-2 exponent), where the logarithm of the texture is Gaussian
+        with mean 0 and standard deviation 0.5.
+    """
+
+    noise: TrackNoise = field(default_factory=TrackNoise)
+    student_nu: float = np.inf
+    bias_px_per_frame: tuple[float, float] = (0.0, 0.0)
+    common_share: float = 0.0
+    texture_exponent: float = 0.0
+
+
+def simulated_problem(
+    motion: Motion,
+    planted: PlantedNoise,
+    *,
+    scene: str = "simulated",
+    n_frames: int = 11,
+    n_tracks: int = 80,
+    lengths: NDArray[np.int64] | None = None,
+    seed: int = 0,
+) -> Problem:
+    """A window with its own points and noise.
+
+    Parameters
+    ----------
+    motion
+        Of the camera.
+    planted
+        Noise of the tracks.
+    scene
+        Name of its scene.
+    n_frames, n_tracks, lengths
+        As in `tracknoise.estimators.linear_window.simulated_tracks`.
+    seed
+        Of points and noise.
+    """
+    poses = trajectory(motion, n_frames)
+    tracks = simulated_tracks(poses, n_tracks=n_tracks, lengths=lengths, seed=seed)
+    return noisy(scene, poses, tracks, planted, seed=seed)
+
+
+def noisy(
+    scene: str,
+    world_from_camera: NDArray[np.float64],
+    tracks: Sequence[PointTracks],
+    planted: PlantedNoise,
+    *,
+    seed: int = 0,
+) -> Problem:
+    """Tracks of points, seen by `CAMERA` from poses (frames, 4, 4), with planted noise."""
+    random = np.random.default_rng((seed, 1))
+    exact = Problem(
+        scene, CAMERA, world_from_camera, tuple(_exact(random, world_from_camera, group) for group in tracks)
+    )
+    shared = random.standard_normal((len(world_from_camera), 2))
+    uv = tuple(group.uv + _errors(random, exact, group, planted, shared) for group in exact.groups)
+    return exact.with_uv(uv)
+
+
+def _exact(random: np.random.Generator, poses: NDArray[np.float64], tracks: PointTracks) -> TrackGroup:
+    count = len(tracks.points)
+    texture = _TEXTURES * random.standard_normal(count)
+    return TrackGroup(tracks.frames, images(CAMERA, poses, tracks), tracks.points, np.ones(count, dtype=bool), texture)
+
+
+def _errors(
+    random: np.random.Generator,
+    problem: Problem,
+    group: TrackGroup,
+    planted: PlantedNoise,
+    shared: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(tracks, n, 2) px: errors about the true positions."""
+    magnification = magnification_of(problem, group)[:, :, None]
+    ages = group.ages
+    a, w, q, d = (
+        _drawn(random, ages.shape, planted.student_nu) @ _root(part).T
+        for part in (planted.noise.first, planted.noise.white, planted.noise.walk, planted.noise.drift)
+    )
+    common = shared[group.frames] @ _root(planted.noise.white).T
+    w = np.sqrt(1.0 - planted.common_share) * w + np.sqrt(planted.common_share) * common
+    w *= np.exp(-planted.texture_exponent * group.covariate)[:, None, None]
+    q[:, 0] = 0.0
+    walked = magnification * np.cumsum(q / magnification, axis=1)
+    later = w + walked + ages[:, :, None] * (d[:, :1] + planted.bias_px_per_frame)
+    return np.where(ages[:, :, None] == 0, a, later)
+
+
+def _root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric square root."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _drawn(random: np.random.Generator, shape: tuple[int, ...], nu: float) -> NDArray[np.float64]:
+    """(..., 2): of covariance 1, Gaussian or Student."""
+    normal = random.standard_normal((*shape, 2))
+    if not np.isfinite(nu):
+        return normal
+    return np.asarray(normal * np.sqrt((nu - 2.0) / random.chisquare(nu, shape))[..., None])
+
+
+def perturbed(problem: Problem, *, seed: int = 0) -> Start:
+    """The true poses and points, a little wrong; the same for everything that is tried on a problem."""
+    random = np.random.default_rng((seed, 2))
+    true = problem.world_from_camera
+    baseline_m = float(np.linalg.norm(true[-1, :3, 3] - true[0, :3, 3]))
+    scale = np.tile(np.repeat((_PERTURBED_RAD, _PERTURBED_SHARE * baseline_m), 3), len(true))
+    gauge = problem.gauge
+    poses = gauge.moved(true, gauge.free(scale * random.standard_normal(scale.shape)))
+    points = []
+    for group in problem.groups:
+        eye = true[group.frames[:, 0], :3, 3]
+        share = np.exp(_PERTURBED_SHARE * random.standard_normal((len(eye), 1)))
+        points.append(eye + share * (group.points - eye))
+    return Start(poses, tuple(points))
+
+
+NEWEST = 5
+"""Coordinates of the newest pose: three of its rotation, then two of its position."""
+ALL_ARMS = (*SCALARS, *ARMS)
+
+
+def try_arms(
+    problems: Sequence[Problem], beliefs: Beliefs, *, arms: Iterable[str] = ALL_ARMS, seed: int = 0
+) -> pl.DataFrame:
+    """Adjust every window under every assumption, all from the same perturbed truth.
+
+    Parameters
+    ----------
+    problems
+        Windows of scenes that the beliefs were not learned from.
+    beliefs
+        What was learned from training scenes.
+    arms
+        Short names, of `tracknoise.estimators.trial`.
+    seed
+        Of the perturbation.
+
+    Returns
+    -------
+    polars.DataFrame
+        One row per window and arm: scene, window, arm, n_tracks, position_m and rotation_rad (norms of the errors of
+        the newest pose), nees_newest, nees_position, nees_rotation and nees_all (normalised errors squared over
+        their degrees of freedom), innovations, steps, converged.
+    """
+    wanted = tuple(arms)
+    rows = [
+        {"scene": problem.scene, "window": place, "arm": arm, "n_tracks": problem.n_tracks, **numbers}
+        for place, problem in enumerate(problems)
+        for arm, numbers in _of_window(problem, beliefs, wanted, (seed + place)).items()
+    ]
+    return pl.DataFrame(rows)
+
+
+def _of_window(
+    problem: Problem, beliefs: Beliefs, arms: tuple[str, ...], seed: int
+) -> dict[str, dict[str, float | int | bool]]:
+    start = perturbed(problem, seed=seed)
+    one = adjust(problem, start, Assumption(one_sigma(problem, 1.0))) if set(arms) & set(SCALARS) else None
+    found = {}
+    for arm in arms:
+        if one is not None and arm in SCALARS:
+            found[arm] = _numbers(problem, one, SCALARS[arm][1](beliefs) ** 2)
+        else:
+            given, assumption = ARMS[arm].apply(problem, beliefs)
+            found[arm] = _numbers(problem, adjust(given, start, assumption), 1.0)
+    return found
+
+
+def _numbers(problem: Problem, found: Adjusted, scale: float) -> dict[str, float | int | bool]:
+    """Numbers of an answer whose claimed covariance is multiplied by a scale."""
+    error = problem.gauge.between(found.poses, problem.world_from_camera)
+    claimed = scale * found.claimed
+    position, rotation = error[-2:], error[-NEWEST:-2]
+    return {
+        "position_m": float(np.linalg.norm(position)),
+        "rotation_rad": float(np.linalg.norm(rotation)),
+        "nees_newest": normalised(error[-NEWEST:], claimed[-NEWEST:, -NEWEST:]),
+        "nees_position": normalised(position, claimed[-2:, -2:]),
+        "nees_rotation": normalised(rotation, claimed[-NEWEST:-2, -NEWEST:-2]),
+        "nees_all": normalised(error, claimed),
+        "innovations": found.innovations / scale,
+        "steps": found.steps,
+        "converged": found.converged,
+    }
+
+
+def normalised(error: NDArray[np.float64], covariance: NDArray[np.float64]) -> float:
+    """Normalised error squared over its degrees of freedom."""
+    return float(error @ np.linalg.solve(covariance, error) / len(error))

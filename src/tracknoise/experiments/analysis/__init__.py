@@ -1,1 +1,0 @@
-"""Statistics and findings of a whole run, from the tables of its sequences."""

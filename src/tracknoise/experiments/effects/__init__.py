@@ -1,1 +1,0 @@
-"""Effects of cameras and of faults of the truth on what is measured, each alone at three sizes."""

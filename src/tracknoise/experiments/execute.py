@@ -1,0 +1,276 @@
+"""Run an experiment: measure its sequences and compute its findings, or compute them again with another trimming.
+
+- Run an experiment: measure its sequences, in this process or in several, then compute the statistics.
+- A run with another trimming, from the observations that a run keeps: no image is read and no tracker runs.
+"""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, closing, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol
+
+import polars as pl
+
+from tracknoise.exceptions import DataWarning, SettingsError, StoreError
+from tracknoise.experiments.cluster import remote_workers
+from tracknoise.experiments.failures import RETRIES, Batch, Failure, FailureKind, Measure, Result, Results, with_retries
+from tracknoise.experiments.geometry_tables import geometry_tables
+from tracknoise.experiments.load import resolve
+from tracknoise.experiments.local_workers import measure_locally
+from tracknoise.experiments.machine import one_blas_thread
+from tracknoise.experiments.plan import batches, excluded_scenes, open_batch, plan
+from tracknoise.experiments.resume import begin, due, forget_outdated
+from tracknoise.experiments.run_findings import compute_findings
+from tracknoise.experiments.run_lock import ManifestWriter, hold
+from tracknoise.experiments.run_statistics import compute_statistics
+from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.experiments.task import Job, attempt
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.statistics.summarise import STATISTICS, statistics_of
+from tracknoise.statistics.trimming import trim
+from tracknoise.tables.identity import readable
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import OBSERVED, STORED, RunFolder
+
+
+class Listener(Protocol):
+    """Receives the progress of a run."""
+
+    def planned(self, keys: list[str], done: int) -> None:
+        """Before the first sequence: the keys to be measured, and the number of sequences already measured."""
+        ...
+
+    def frame(self, key: str, done: int, total: int) -> None:
+        """After each frame of a sequence, if sequences are measured one at a time on this machine."""
+        ...
+
+    def measured(self, key: str, entry: SequenceEntry) -> None:
+        """After each measured sequence."""
+        ...
+
+    def failed(self, keys: list[str], cause: str) -> None:
+        """After each batch that could not be measured: the keys of its sequences and the cause."""
+        ...
+
+    def remark(self, text: str) -> None:
+        """Any other message: the workers of a scheduler, the address of their dashboard, a retry."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Result of a run.
+
+    Attributes
+    ----------
+    measured
+        Keys of the measured sequences, those of earlier starts included.
+    failures
+        Cause of each failure, by key.
+    """
+
+    measured: list[str]
+    failures: dict[str, str]
+
+
+def execute(
+    experiment: Experiment,
+    run: RunFolder,
+    *,
+    listener: Listener,
+    workers: int = 1,
+    scheduler: str | None = None,
+    retries: int = RETRIES,
+    fresh: bool = False,
+    verify: bool = False,
+    debug: bool = False,
+) -> Outcome:
+    """Measure the sequences of an experiment that are not measured yet, then compute the statistics of all.
+
+    A sequence that fails is recorded with its cause, and the run continues. Transient failures are retried first.
+    Results do not depend on the number of workers.
+
+    Parameters
+    ----------
+    experiment
+        What to run.
+    run
+        The run folder. A run of the same experiment is resumed.
+    listener
+        Receives the progress.
+    workers
+        Maximum number of worker processes on this machine. With 1, this process measures.
+    scheduler
+        Address of a Dask scheduler whose workers are used instead.
+    retries
+        Maximum number of retries per batch.
+    fresh
+        Delete the run that the folder holds, once the new experiment has been checked.
+    verify
+        Compare the contents of all files that measured sequences were read from, not only size and time of
+        modification of images and depth maps.
+    debug
+        Raise the first failure instead of recording it.
+
+    Raises
+    ------
+    TracknoiseError
+        If the experiment is invalid, the folder belongs to another experiment, is in use or cannot be written, or the
+        scheduler cannot be reached. Sequences measured before that are kept.
+    """
+    experiment = resolve(experiment)
+    tasks = plan(experiment)
+    with hold(run) as claim, claim.explained():
+        manifest, changed = begin(experiment, run, fresh=fresh, remark=listener.remark)
+        manifest.excluded_scenes = excluded_scenes(experiment)
+        todo = due(tasks, run, manifest, verify=verify, remark=listener.remark)
+        forget_outdated(todo, run, manifest, experiment)
+        listener.planned([task.key for task in todo], len(tasks) - len(todo))
+        together = batches(todo)
+        shown = claim if scheduler else replace(claim, patience_s=0.0)  # this machine sees the folder as it is
+        job = Job(RunFolder(run.path.absolute()), shown, manifest.versions, debug, one_thread=len(together) > 1)
+
+        def retrying(batch: Batch, cause: str) -> None:
+            listener.remark(f"{readable(batch[0].key)}: {cause}; retrying")
+
+        with _crew(job, together, listener, workers=workers, scheduler=scheduler) as measure:
+            if changed:
+                run.replace_experiment(experiment.to_toml(), manifest)
+            results = with_retries(measure, together, retries=retries, retrying=retrying)
+            with ManifestWriter(run, manifest, claim) as manifest_writer, closing(results):
+                for batch, result in results:
+                    _settle(batch, result, manifest_writer, listener)
+                    manifest_writer.write_if_due()
+        if todo:
+            run.discard_unfinished()  # files of workers that died while they wrote
+        if manifest.sequences:
+            _replace_results(run, experiment)
+        else:
+            run.discard_results()
+    return Outcome(sorted(manifest.sequences), dict(manifest.failures))
+
+
+def _replace_results(run: RunFolder, experiment: Experiment) -> None:
+    """Compute the statistics and findings. Earlier results stay in the folder until the new ones can be written."""
+    outdated = not run.manifest().statistics.keys() >= {*STORED}
+    statistics = compute_statistics(run, experiment)
+    if outdated:
+        run.discard_documents()
+    compute_findings(run, experiment, statistics)
+
+
+def _crew(
+    job: Job, together: list[Batch], listener: Listener, *, workers: int, scheduler: str | None
+) -> AbstractContextManager[Measure]:
+    """Select what measures: the workers of a scheduler, local processes, or this process if one is requested.
+
+    A single batch is measured in a process of its own too: it may be the one that ended a worker in an earlier start.
+    """
+    if scheduler is not None and together:
+        return remote_workers(job, address=scheduler, remark=listener.remark)
+    if workers > 1:
+        return nullcontext(partial(measure_locally, job, workers=workers, frame=listener.frame))
+    return nullcontext(partial(_here, job, listener))
+
+
+def _here(job: Job, listener: Listener, together: list[Batch]) -> Results:
+    for batch in together:
+        progress = partial(listener.frame, batch[0].key)
+        yield batch, attempt(batch, job.run, claim=job.claim, progress=progress, debug=job.debug)
+
+
+def _settle(batch: Batch, result: Result, manifest_writer: ManifestWriter, listener: Listener) -> None:
+    """Record the result of a batch. A fatal failure ends the run."""
+    if not isinstance(result, Failure):
+        for task, entry in zip(batch, result, strict=True):
+            manifest_writer.measured(entry)
+            listener.measured(task.key, entry)
+        return
+    if result.kind is FailureKind.fatal:
+        raise StoreError(result.cause)
+    for task in batch:
+        manifest_writer.failed(task.key, result)
+    listener.failed([task.key for task in batch], result.cause)
+
+
+@one_blas_thread()
+def remake(run: RunFolder, experiment: Experiment, into: RunFolder) -> None:
+    """Write the run that an experiment would have measured, if it differs from that of a run in its trimming only.
+
+    Parameters
+    ----------
+    run
+        With at least one measured sequence. It keeps observations, or is trimmed as the experiment wants.
+    experiment
+        That of the run with other `statistics`, `findings` or `keep`, and all options resolved.
+    into
+        Folder of the new run. A run that it holds is replaced.
+
+    Raises
+    ------
+    SettingsError
+        If the experiment has several random seeds, whose observations are not kept.
+    TracknoiseError
+        If the run keeps no observations, its data are no longer there, or the folder cannot be written.
+    """
+    if experiment.seeds > 1:
+        raise SettingsError(f"seeds = {experiment.seeds}: observations of one seed are kept, expected 1")
+    trimmed_alike = parse_experiment(run.experiment_toml(), place=str(run.path)).statistics == experiment.statistics
+    tables_of = _stored if trimmed_alike else _trimmed_again
+    with hold(into) as claim, claim.explained():
+        manifest, _ = begin(experiment, into, fresh=True, remark=lambda _: None)
+        for sequence, entry in _opened(run, experiment):
+            tables = tables_of(run, experiment, sequence, entry)
+            hashes = into.write_sequence(entry.key, tables, run.snapshot(entry.key))
+            manifest.sequences[entry.key] = replace(entry, sha256=hashes)
+        manifest.excluded_scenes = run.manifest().excluded_scenes
+        into.write_manifest(manifest)
+        compute_findings(into, experiment, compute_statistics(into, experiment))
+
+
+def _is_kept(name: str, experiment: Experiment) -> bool:
+    return name not in OBSERVED or experiment.keep == "observations"
+
+
+def _opened(run: RunFolder, experiment: Experiment) -> Iterator[tuple[Sequence, SequenceEntry]]:
+    """The sequences that were measured, opened again. Nothing but their poses and cameras is needed."""
+    entries = run.manifest().sequences
+    for batch in batches([task for task in plan(experiment) if task.key in entries]):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DataWarning)  # the notes of the run contain the same text
+            sequences = open_batch(batch)
+        yield from zip(sequences, (entries[task.key] for task in batch), strict=True)
+
+
+def _stored(
+    run: RunFolder, experiment: Experiment, sequence: Sequence, entry: SequenceEntry
+) -> dict[str, pl.DataFrame]:
+    """All tables of a sequence that the experiment keeps, as they are."""
+    names = [name for name in run.names_of_tables(entry.key) if _is_kept(name, experiment)]
+    return {name: run.sequence_table(name, entry.key) for name in names}
+
+
+def _trimmed_again(
+    run: RunFolder, experiment: Experiment, sequence: Sequence, entry: SequenceEntry
+) -> dict[str, pl.DataFrame]:
+    """The same with all that depends on trimming computed again from the observations."""
+    asked, population = experiment.statistics, experiment.truth.population
+    slowest = min(experiment.speeds)
+    trimmed = trim(
+        *(run.sequence_table(name, entry.key) for name in OBSERVED),
+        percentile=asked.trim_percentile,
+        population=population,
+        among=asked.trim_among,
+        key_frame=entry.key_frame,
+    )
+    prepared = replace(trimmed.sequence, slowest=slowest)
+    observed = {"observations": trimmed.observations, "tracks": trimmed.tracks}
+    return {
+        **_stored(run, experiment, sequence, entry),
+        **{name: table for name, table in observed.items() if _is_kept(name, experiment)},
+        "trims": trimmed.trims,
+        **statistics_of(trimmed.sequence, tuple(STATISTICS), population=population, slowest=slowest),
+        **geometry_tables(experiment, sequence, prepared, entry.n_frames, entry.truth),
+    }

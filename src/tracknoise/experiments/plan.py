@@ -1,0 +1,212 @@
+"""Which sequences and conditions an experiment consists of, and its second truth.
+
+- Which sequences and conditions an experiment consists of.
+- The second truth of an experiment: the same sequences with other poses, or with other options of the reader.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path
+
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
+from tracknoise.experiments.settings import DatasetSettings, Experiment, SecondTruthSettings
+from tracknoise.sequences.corrected import corrected
+from tracknoise.sequences.other_poses import with_trajectory
+from tracknoise.sequences.reader_registry import make_reader, open_together
+from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
+from tracknoise.sequences.stereo import with_stereo_depth
+from tracknoise.sequences.views import view
+from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.trackers.tracker import RepeatedTracker, TrackerSettings
+from tracknoise.trackers.tracker_registry import make_tracker
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One sequence of an experiment: small enough to be sent to another machine.
+
+    Parameters
+    ----------
+    experiment
+        Everything that decides the numbers.
+    sequence
+        Which sequence to measure.
+    speeds
+        At which speeds.
+    """
+
+    experiment: Experiment
+    sequence: SequenceId
+    speeds: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """File name, without extension, of the sequence's tables."""
+        return self.sequence.key
+
+
+def plan(experiment: Experiment) -> list[Task]:
+    """List the sequences of an experiment, from file names alone.
+
+    Raises
+    ------
+    TracknoiseError
+        If the reader, one of its options, a scene or a lighting is unknown, or the data's folder is wrong.
+    """
+    dataset = experiment.dataset
+    listed = make_reader(*_reader_arguments(dataset)).sequences()
+    _check_selected("scene", dataset.scenes, {item.scene for item in listed})
+    for lightings in (dataset.lightings, *(way.lightings for way in experiment.views)):
+        _check_selected("lighting", lightings, {item.lighting for item in listed})
+    _check_groups(dataset.groups or {}, {item.scene for item in listed})
+    chosen = [item for item in listed if _is_selected(item, dataset)]
+    if not chosen:
+        raise SettingsError("no sequence has both a scene and a lighting that the experiment names")
+    scenes = sorted({item.scene for item in chosen})[: dataset.max_scenes]
+    return _distinct(
+        Task(
+            experiment,
+            replace(item, rotation=way.rotation, direction=way.direction),
+            tuple(way.speeds or experiment.speeds),
+        )
+        for item in chosen
+        if item.scene in scenes
+        for way in experiment.views
+        if way.lightings is None or item.lighting in way.lightings
+    )
+
+
+def _distinct(tasks: Iterable[Task]) -> list[Task]:
+    """Tasks in a list, unless two would write the same files."""
+    named: dict[str, Task] = {}
+    for task in tasks:
+        if task.key in named:
+            found = f"{named[task.key].sequence} and {task.sequence}"
+            raise DataError(task.key, f"the files of two sequences ({found})", "a name for each sequence")
+        named[task.key] = task
+    return list(named.values())
+
+
+def excluded_scenes(experiment: Experiment) -> dict[str, str]:
+    """Why the reader excludes scenes of the data set from the plan, by scene.
+
+    Raises
+    ------
+    TracknoiseError
+        If what decides it cannot be read.
+    """
+    reader = make_reader(*_reader_arguments(experiment.dataset))
+    return reader.excluded_scenes() if isinstance(reader, FilteringReader) else {}
+
+
+def batches(tasks: list[Task]) -> list[list[Task]]:
+    """Group the tasks whose sequences share what they read: those of one scene, camera and direction of play.
+
+    Readers that share nothing get one batch per task, so that more batches run at the same time.
+    """
+    if not tasks or not isinstance(make_reader(*_reader_arguments(tasks[0].experiment.dataset)), SharingReader):
+        return [[task] for task in tasks]
+    together: dict[tuple[str, str, str, tuple[int, ...]], list[Task]] = {}
+    for task in tasks:
+        name = task.sequence
+        together.setdefault((name.scene, name.camera, name.direction, task.speeds), []).append(task)
+    return list(together.values())
+
+
+def make_trackers(experiment: Experiment, *, repeat: int = 0) -> dict[str, TrackerSettings]:
+    """The settings of each tracker of an experiment, by name; with other random seeds in each repetition.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If a tracker or an option is unknown, or a value is wrong.
+    """
+    trackers = {choice.label: make_tracker(choice.kind, choice.options) for choice in experiment.trackers}
+    return {name: RepeatedTracker(settings, repeat) if repeat else settings for name, settings in trackers.items()}
+
+
+def open_batch(
+    tasks: list[Task], *, change: Callable[[Sequence], Sequence] = lambda sequence: sequence
+) -> list[Sequence]:
+    """Open the sequences of a batch, as the experiment wants to see them.
+
+    Parameters
+    ----------
+    tasks
+        Of the batch.
+    change
+        Changes each sequence as it was recorded; by default nothing is changed.
+
+    Raises
+    ------
+    TracknoiseError
+        If their data cannot be used.
+    """
+    experiment = tasks[0].experiment
+    dataset = experiment.dataset
+    recorded = [replace(task.sequence, rotation=0, direction=Direction.forward) for task in tasks]
+    once = list(dict.fromkeys(recorded))
+    sequences = [change(sequence) for sequence in open_together(make_reader(*_reader_arguments(dataset)), once)]
+    if experiment.truth.depth == "stereo":
+        sequences = [with_stereo_depth(sequence) for sequence in sequences]
+    corrections = experiment.truth.corrections.as_corrections()
+    opened = {name: corrected(sequence, corrections) for name, sequence in zip(once, sequences, strict=True)}
+    return [
+        view(
+            opened[name],
+            frames=dataset.frames,
+            n_frames=dataset.max_frames,
+            direction=task.sequence.direction,
+            rotation=task.sequence.rotation,
+        )
+        for name, task in zip(recorded, tasks, strict=True)
+    ]
+
+
+def _reader_arguments(dataset: DatasetSettings) -> tuple[str, Path | None, dict[str, object]]:
+    return dataset.reader, dataset.root, dataset.options
+
+
+def _check_selected(kind: str, names: list[str] | None, known: set[str]) -> None:
+    for name in names or []:
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+
+
+def _check_groups(groups: dict[str, list[str]], known: set[str]) -> None:
+    for group, patterns in groups.items():
+        for pattern in patterns:
+            if not any(fnmatchcase(scene, pattern) for scene in known):
+                found = f"dataset.groups.{group}: no scene is called {pattern!r}"
+                raise SettingsError(f"{found}, expected a pattern of scenes such as {min(known)}")
+
+
+def _is_selected(sequence: SequenceId, dataset: DatasetSettings) -> bool:
+    wanted_scene = dataset.scenes is None or sequence.scene in dataset.scenes
+    return wanted_scene and (dataset.lightings is None or sequence.lighting in dataset.lightings)
+
+
+def open_second(tasks: list[Task]) -> list[Sequence]:
+    """The sequences of a batch with their second truth; none if the experiment has no second truth.
+
+    Raises
+    ------
+    TracknoiseError
+        If their data cannot be used.
+    """
+    second = tasks[0].experiment.truth.second
+    if second is None:
+        return []
+    if second.trajectory is not None:
+        return open_batch(tasks, change=partial(_with_trajectory, second, second.trajectory))
+    experiment = tasks[0].experiment
+    for name, value in second.options.items():
+        experiment = experiment.with_option(name, value)
+    return open_batch([replace(task, experiment=experiment) for task in tasks])
+
+
+def _with_trajectory(second: SecondTruthSettings, template: str, sequence: Sequence) -> Sequence:
+    path = sequence.id.expand(template, speed=1)
+    return with_trajectory(sequence, path, time_shift_s=second.time_shift_s)

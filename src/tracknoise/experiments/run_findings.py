@@ -1,0 +1,503 @@
+"""Findings of a run from its statistics: intervals, tests, verdicts, the audit of its truth, and sentences.
+
+- Inputs of the findings: the part of the tables of all sequences that they need.
+- The audit of a run's truth from the tables of its sequences.
+- Findings of a run from its statistics: intervals, tests, verdicts and sentences.
+
+Conditions of so few scenes, or groups of them, that blocks of tracks are resampled within each scene.
+
+A scene counts where it has what is pooled. One whose images show no features has frames only, and a tracker may be
+missing in some scenes of a view.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypedDict
+
+import polars as pl
+
+from tracknoise.analysis.condition_units import Sampling, groups_of_scenes
+from tracknoise.analysis.curve_intervals import interval_table
+from tracknoise.analysis.factor_values import option_factors
+from tracknoise.analysis.factors import dependence
+from tracknoise.analysis.gaussianity import gaussianity
+from tracknoise.analysis.lifetime_intervals import incidence_table
+from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
+from tracknoise.analysis.point_tracking import point_tracking_metrics
+from tracknoise.analysis.seed_spread import Repeat, seed_spread, widened
+from tracknoise.analysis.time_structure import LONG_LIVED, lagged, time_structure
+from tracknoise.analysis.truth_shares import (
+    fitted_noise_table,
+    pose_disagreement_table,
+    tracker_differences,
+    two_truths_table,
+)
+from tracknoise.analysis.zero_mean import zero_mean
+from tracknoise.estimators.depth_intervals import depth_intervals
+from tracknoise.estimators.lookup_table import USED, noise_lookup
+from tracknoise.estimators.run_models import fitted_models
+from tracknoise.estimators.window_noise import window_sigmas
+from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
+from tracknoise.experiments.run_statistics import first_lighting, reference_condition
+from tracknoise.experiments.settings import FROM_FILES, SYNTHETIC, Experiment
+from tracknoise.inference.units import SceneGroups, scheme
+from tracknoise.phrases.headline import ReportedConditions
+from tracknoise.phrases.headlines import findings_json, headline_table
+from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
+from tracknoise.statistics.changes import change_curves
+from tracknoise.statistics.curves import ASPECT_COLUMNS, aspect_curves
+from tracknoise.statistics.definitions import POOLED, dropped_above
+from tracknoise.statistics.grouping import (
+    Condition,
+    TablesByCondition,
+    by_condition,
+    group_rows,
+    in_chunks,
+    number_names,
+)
+from tracknoise.statistics.lifetimes import COUNTS, horizons
+from tracknoise.statistics.yardstick import ReferenceCondition
+from tracknoise.tables.enumerations import Population
+from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.result_views import identified, results_of
+from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
+from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
+from tracknoise.truth_faults.audit_summary import usual_mistakes
+from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
+from tracknoise.truth_faults.pose_accuracy import pose_law, rigid_share
+
+_OF = "population"
+
+
+def has_errors(population: str) -> pl.Expr:
+    """Rows of `MOMENTS` and `SCALES` with visible observations, or with those that an experiment is about."""
+    return (pl.col("n") > 0) & pl.col(_OF).is_in(sorted({Population.visible, population}))
+
+
+def conditions_of_few_scenes(
+    moments: TablesByCondition, ends: TablesByCondition, frames: TablesByCondition, groups: SceneGroups
+) -> pl.DataFrame:
+    """Conditions of which the frames, the tracks or the errors are of too few scenes for these to be resampled.
+
+    Parameters
+    ----------
+    moments
+        Those of observations with errors (`has_errors`).
+    ends, frames
+        Schema `ENDS` and `FRAME_COUNTS`.
+    groups
+        Groups of scenes that are not independent of each other.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns `POOLED`: a row for each, sorted.
+    """
+    few = {key for table in (frames, ends) for key, part in table.items() if _are_few(key, part["scene"], groups)}
+    for key, part in moments.items():
+        names, populations = part["scene"], part[_OF]
+        if any(_are_few(key, names.filter(populations == each), groups) for each in populations.unique()):
+            few.add(key)
+    return pl.DataFrame(sorted(few), schema={name: ORIGIN[name] for name in POOLED}, orient="row")
+
+
+def _are_few(condition: Condition, scenes: pl.Series, groups: SceneGroups) -> bool:
+    return scheme(groups.of(condition[0], number_names(scenes)[0])) is None
+
+
+Reduce = Callable[[pl.DataFrame], pl.DataFrame]
+
+
+@dataclass(frozen=True, slots=True)
+class FindingInputs:
+    """Tables of all sequences of a run.
+
+    Tables that several findings need are in memory together and grow with the number of sequences. Each is therefore
+    reduced as it is read, and kept by condition, so that no finding needs a copy of all of it.
+
+    Attributes
+    ----------
+    few
+        Conditions whose scenes are too few to be resampled (`conditions_of_few_scenes`).
+    moments, scales
+        Of the visible observations, and of those that the experiment is about.
+    aspects, changes
+        Of the reference view at the lowest speed, which figures show; aspects are read on demand, once.
+    aspect_blocks
+        Of these, where scenes are too few to be resampled.
+    blocks, scale_blocks
+        Where they are.
+    ends
+        By block there, otherwise of all blocks together, as block 0.
+    frames
+        All.
+    groups
+        Groups of scenes that are not independent of each other.
+    """
+
+    few: pl.DataFrame
+    moments: TablesByCondition
+    scales: TablesByCondition
+    aspects: Iterator[pl.DataFrame]
+    changes: TablesByCondition
+    aspect_blocks: TablesByCondition
+    blocks: TablesByCondition
+    scale_blocks: TablesByCondition
+    ends: TablesByCondition
+    frames: TablesByCondition
+    groups: SceneGroups
+
+    @classmethod
+    def read(
+        cls,
+        run: RunFolder,
+        manifest: Manifest,
+        population: str,
+        reference: ReferenceCondition,
+        groups: SceneGroups,
+    ) -> "FindingInputs":
+        """Read them from a run.
+
+        Parameters
+        ----------
+        run
+            Whose tables are read.
+        manifest
+            Its manifest, with at least one measured sequence.
+        population
+            Which observations the experiment is about.
+        reference
+            The condition that figures show.
+        groups
+            Groups of scenes that are not independent of each other.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            If a table is damaged.
+        """
+        every = sorted(manifest.sequences)
+        shown = [key for key in every if _is_seen(manifest.sequences[key].sequence, reference)]
+        seen, slowest = has_errors(population), pl.col("speed") == reference.speed
+
+        def read(name: str, keys: list[str], reduce: Reduce = lambda table: table) -> TablesByCondition:
+            return by_condition(run.stacked_tables(name, keys), SEQUENCE_TABLES[name], name, reduce)
+
+        moments = read("moments", every, lambda table: table.filter(seen))
+        ends, frames = read("ends", every), read("frames", every)
+        few = conditions_of_few_scenes(moments, ends, frames, groups)
+        with_blocks = (every, shown) if few.height else ([], [])
+        return cls(
+            few=few,
+            moments=moments,
+            scales=read("scales", every, lambda table: table.filter(seen)),
+            aspects=(run.sequence_table("aspects", key).filter(slowest) for key in shown),
+            changes=read("increments", shown, lambda table: table.filter(slowest)),
+            aspect_blocks=read("aspect_blocks", with_blocks[1], lambda table: _of(few, table.filter(slowest))),
+            blocks=read("blocks", with_blocks[0], lambda table: _of(few, table)),
+            scale_blocks=read("scale_blocks", with_blocks[0], lambda table: _of(few, table)),
+            ends=_of_all_blocks(ends, few),
+            frames=frames,
+            groups=groups,
+        )
+
+
+def _is_seen(sequence: SequenceId, reference: ReferenceCondition) -> bool:
+    return all(getattr(sequence, name) == getattr(reference, name) for name in VIEW)
+
+
+def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:
+    return table.join(conditions, on=POOLED, how="semi", maintain_order="left")
+
+
+def _of_all_blocks(ends: TablesByCondition, few: pl.DataFrame) -> TablesByCondition:
+    """Counts by block where scenes are few, otherwise of all blocks together."""
+    by_block = set(few.rows())
+    return {key: part if key in by_block else _added_up(part) for key, part in ends.items()}
+
+
+def _added_up(ends: pl.DataFrame) -> pl.DataFrame:
+    """Counts of all blocks together, as block 0; null where one of them is."""
+    groups = group_rows(ends, [*ORIGIN, "lifetime"])
+    table = groups.keys.hstack(groups.sums(ends, COUNTS).fill_nan(None))
+    return table.select_seq(
+        (pl.lit(0) if name == "block" else pl.col(name)).cast(kind).alias(name) for name, kind in ENDS.items()
+    )
+
+
+def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dict[str, pl.DataFrame]:
+    """Audit the truth of a run: tables `audit` and `audit_curves`.
+
+    One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
+
+    Parameters
+    ----------
+    run
+        Whose tables are read.
+    manifest
+        Its manifest, with at least one measured sequence.
+    experiment
+        Whose groups, lightings and trackers are used.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If a table is damaged.
+    """
+    tables = [_audited(run, key, manifest.sequences[key]) for key in audited_keys(manifest, experiment)]
+    found = audit_tables(
+        tables,
+        groups_of_scenes(manifest.sequences, experiment.dataset.groups),
+        dataset=next(iter(manifest.sequences.values())).sequence.dataset,
+        without=[tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC],
+    )
+    return {"audit": found.audit, "audit_curves": found.audit_curves}
+
+
+def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
+    """What a sequence keeps for the audit; poses at other times only where it has them."""
+    names = ("audit_samples", "cameras", "poses", *(("path",) if "path" in entry.sha256 else ()))
+    found = {name.removeprefix("audit_"): run.sequence_table(name, key) for name in names}
+    return AuditedTables(**found, z_depth_from=entry.z_depth_from)
+
+
+def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:
+    """Keys of one sequence of each scene and camera: upright and forward if there is one, under its first lighting."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for key, entry in sorted(manifest.sequences.items()):
+        name = entry.sequence
+        if name.rotation == 0 and name.direction == "forward":
+            found.setdefault((name.scene, name.camera), {})[name.lighting] = key
+    return sorted(keys[first_lighting(keys, experiment)] for keys in found.values())
+
+
+_OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
+    "triangulated_noise": ("fitted_noise", fitted_noise_table),
+    "point_tracking_metrics": ("point_tracking", point_tracking_metrics),
+    "two_truths": ("truth_differences", two_truths_table),
+    "pose_disagreement": ("pose_differences", pose_disagreement_table),
+    "rigid_share": ("rigid", rigid_share),
+    "pose_law": ("pose_growth", pose_law),
+    "tracker_differences": ("between_trackers", tracker_differences),
+    "surrounding_errors": ("surroundings", surrounding_errors),
+    "image_cells": ("image_map", image_cells),
+    "speed_errors": ("image_speeds", speed_errors),
+}
+"""Findings that pool one table of each sequence, and nothing else: the table, and what makes them."""
+_OF_DEPTHS = ("noise_tracks", "noise_sums", "window_noise")
+_OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors")
+_ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PLACES)
+"""Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
+
+
+@one_blas_thread()
+def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
+    """Compute the findings of a run from its scenes' moments, and write its results, findings and models.
+
+    Parameters
+    ----------
+    run
+        With at least one measured sequence.
+    experiment
+        Says where curves are cut, and which population errors are of.
+    statistics
+        What `tracknoise.experiments.run_statistics.compute_statistics` made of it.
+
+    Raises
+    ------
+    StoreError, SchemaError
+        If a table is damaged, or the folder cannot be written.
+    """
+    keep_freed_memory()
+    manifest = run.manifest()
+    reference = reference_condition(manifest, experiment, statistics["outliers"])
+    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
+    reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
+    if reported.fitted:
+        tables |= _without_verdicts_on_errors(tables)
+    every = {**statistics, **tables}
+    results = results_of(every)
+    every["findings"] = headline_table(identified(results, every), reported)
+    run.write_statistics(every, results=results, documents={FINDINGS_JSON: findings_json(every)})
+    trackers = [tracker.label for tracker in experiment.trackers]
+    run.write_statistics({}, documents=fitted_models(run, trackers, reference.speed))
+
+
+def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The tables that lose rows where points are fitted to whole tracks, without these."""
+    without_axis = tables["dependence"].filter(pl.col("axis").is_null())  # of lifetimes and outlier ratios
+    return {**{name: tables[name].clear() for name in _ABOUT_ANCHORS}, "dependence": without_axis}
+
+
+class _CurveOptions(TypedDict):
+    kind: str
+    level: float
+    groups: SceneGroups
+    key_frames: Mapping[str, int]
+    min_features: int
+
+
+def _tables(
+    run: RunFolder,
+    manifest: Manifest,
+    experiment: Experiment,
+    statistics: Mapping[str, pl.DataFrame],
+    reference: ReferenceCondition,
+) -> dict[str, pl.DataFrame]:
+    population, least = experiment.truth.population, experiment.statistics.min_features
+    pairs: list[pl.DataFrame] = []  # of changes
+    lived: list[pl.DataFrame] = []
+    groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
+    every = sorted(manifest.sequences)
+    read = FindingInputs.read(run, manifest, population, reference, groups)
+    pooled = _pooled_curves(run, every, least, read.few, pairs)
+    asked, zeros = experiment.findings, reference.key_frames
+    sampling = Sampling(asked.intervals, asked.level, groups)
+    options: _CurveOptions = {
+        "key_frames": zeros,
+        "min_features": least,
+        "kind": asked.intervals,
+        "level": asked.level,
+        "groups": groups,
+    }
+    aspects = _keeping(read.aspects, lived, lambda table: table.filter(LONG_LIVED))
+    horizon = horizons(statistics["lifetimes"])
+    intervals = _intervals(read, experiment, aspects, horizon)
+    spread = seed_spread(intervals, _repeats(run, experiment), horizons=horizon, population=population)
+    shapes = gaussianity(read.moments, run.stacked_tables("samples", every), **options)
+    return {
+        **pooled,
+        "intervals": widened(intervals, spread, horizons=horizon),
+        "seed_spread": spread,
+        **_of_sequences(run, sampling),
+        "incidence": incidence_table(read.ends, sampling),
+        "zero_mean": zero_mean(
+            read.moments, statistics["curves"], groups=groups, key_frames=zeros, population=population
+        ),
+        "gaussianity": shapes.gaussianity,
+        "radii": shapes.radii,
+        "time_structure": time_structure(  # after the intervals, which read the aspects
+            read.moments, pairs, blocks=read.blocks, aspects=lived, aspect_blocks=read.aspect_blocks, **options
+        ),
+        "dependence": _dependence(read, experiment, statistics, zeros),
+    }
+
+
+def _pooled_curves(
+    run: RunFolder, every: Sequence[str], least: int, few: pl.DataFrame, pairs: list[pl.DataFrame]
+) -> dict[str, pl.DataFrame]:
+    """Curves of aspects and of changes. What time structure needs of changes is kept in `pairs`: they are read once."""
+    increments = in_chunks(run.stacked_tables("increments", every), INCREMENTS, "increments")
+    moved = _keeping(increments, pairs, lambda table: lagged(table, few))
+    return {
+        "aspect_curves": aspect_curves(run.stacked_tables("aspects", every, only=ASPECT_COLUMNS), min_features=least),
+        "changes": change_curves(moved),
+    }
+
+
+def _of_sequences(run: RunFolder, sampling: Sampling) -> dict[str, pl.DataFrame]:
+    """Findings that need one table of every sequence that has it, and nothing else."""
+    pooled = {name: pool(run.stored_tables(table), sampling) for name, (table, pool) in _OF_SEQUENCES.items()}
+    windows = window_sigmas(run.stored_tables("window_noise"), run.stored_tables("window_blocks"), sampling)
+    sums = run.stored_tables("noise_sums", only=USED)
+    lookups = noise_lookup(sums, groups=sampling.groups, level=sampling.level)
+    tracks, noise, observed = (run.stored_tables(name) for name in _OF_DEPTHS)
+    depths = depth_intervals(tracks, noise, observed, sampling)
+    return {**pooled, "window_sigmas": windows, "noise_lookup": lookups, "depth_intervals": depths}
+
+
+def _intervals(
+    read: FindingInputs, experiment: Experiment, aspects: Iterator[pl.DataFrame], horizon: pl.DataFrame
+) -> pl.DataFrame:
+    return interval_table(
+        read.moments,
+        read.ends,
+        read.frames,
+        blocks=read.blocks,
+        aspects=aspects,
+        changes=read.changes,
+        aspect_blocks=read.aspect_blocks,
+        scales=read.scales,
+        scale_blocks=read.scale_blocks,
+        groups=read.groups,
+        restricted_to=horizon,
+        population=experiment.truth.population,
+        kind=experiment.findings.intervals,
+        level=experiment.findings.level,
+    )
+
+
+def _repeats(run: RunFolder, experiment: Experiment) -> Iterator[Repeat]:
+    """Tables of the scenes measured with each further random seed."""
+    for seed in range(1, experiment.seeds):
+        yield Repeat(
+            **{
+                name: (table.filter(seed=seed).drop("seed") for table in run.sequence_tables(f"seed_{name}"))
+                for name in ("moments", "ends", "frames")
+            }
+        )
+
+
+def _dependence(
+    read: FindingInputs,
+    experiment: Experiment,
+    statistics: Mapping[str, pl.DataFrame],
+    key_frames: Mapping[str, int],
+) -> pl.DataFrame:
+    return dependence(
+        read.moments,
+        read.scales,
+        read.ends,
+        read.frames,
+        statistics["curves"],
+        statistics["effects"],
+        options=option_factors(_options(experiment)),
+        groups=read.groups,
+        key_frames=key_frames,
+        population=experiment.truth.population,
+        trimming=experiment.findings.trimming,
+        margin=experiment.findings.margin,
+        level=experiment.findings.level,
+    )
+
+
+def _options(experiment: Experiment) -> dict[str, tuple[str, Mapping[str, object]]]:
+    """Kind and options of each tracker. Imported tracks are left out: their files come from any front end."""
+    return {one.label: (one.kind, one.options) for one in experiment.trackers if one.kind not in FROM_FILES}
+
+
+def _keeping(
+    tables: Iterable[pl.DataFrame], kept: list[pl.DataFrame], part: Callable[[pl.DataFrame], pl.DataFrame]
+) -> Iterator[pl.DataFrame]:
+    """Each table, one at a time, of which a part is kept."""
+    for table in tables:
+        kept.append(part(table))
+        yield table
+
+
+def _reported(
+    manifest: Manifest, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
+) -> ReportedConditions:
+    truths = {entry.truth for entry in manifest.sequences.values()}
+    return ReportedConditions(
+        reference,
+        [tracker.label for tracker in experiment.trackers],
+        population=experiment.truth.population,
+        percentile=dropped_above(tables["trims"]),
+        recorded=truths != {TruthKind.raycast},
+        fitted=TRIANGULATED in truths,
+        groups=groups_of_scenes(manifest.sequences, experiment.dataset.groups),
+        trimming=experiment.findings.trimming,
+        doubts=doubts_by_scene(manifest),
+        mistakes=usual_mistakes(tables["audit"]),
+    )
+
+
+def doubts_by_scene(manifest: Manifest) -> dict[str, list[str]]:
+    """Why data look wrong, by scene; scenes without doubts are left out."""
+    found: dict[str, list[str]] = {}
+    for _, entry in sorted(manifest.sequences.items()):
+        if entry.doubts:
+            found.setdefault(entry.sequence.scene, []).extend(entry.doubts)
+    return {scene: list(dict.fromkeys(sentences)) for scene, sentences in found.items()}

@@ -1,1 +1,0 @@
-"""Plan, measure and resume runs. Only this package uses Dask."""

@@ -1,0 +1,289 @@
+"""Measure a batch of sequences of an experiment and write their tables; what a worker does.
+
+- Measure a batch of sequences of an experiment and write their tables; what a worker runs.
+- What a worker does with a batch.
+- Sequences of a run folder from measurements in memory.
+"""
+
+import socket
+import time
+import warnings
+from collections.abc import Iterable, Iterator
+from collections.abc import Sequence as Items
+from dataclasses import dataclass, replace
+from functools import partial
+
+import polars as pl
+
+from tracknoise.exceptions import DataWarning
+from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.failures import Batch, Result, diagnose
+from tracknoise.experiments.geometry_tables import geometry_tables
+from tracknoise.experiments.inputs import digest_of, input_tables, recording
+from tracknoise.experiments.local_workers import notify
+from tracknoise.experiments.machine import kernels, one_blas_thread
+from tracknoise.experiments.measure import Measurement, measure_together, tap_metrics
+from tracknoise.experiments.patches import KEPT_BYTES, track_patches
+from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_second
+from tracknoise.experiments.resume import new_manifest, require_versions
+from tracknoise.experiments.run_lock import Claim
+from tracknoise.experiments.settings import Experiment
+from tracknoise.measurement.tracking import Progress
+from tracknoise.processes import raise_if_interruption
+from tracknoise.sequences.images import content_hash, encode_png
+from tracknoise.sequences.poses import pose_notes
+from tracknoise.sequences.row_poses import shutter_notes
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, group_of, z_depth_from
+from tracknoise.statistics.lifetimes import count_ends
+from tracknoise.statistics.summarise import STATISTICS, statistics_of
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
+from tracknoise.trackers.opencv import use_one_thread
+from tracknoise.truth.scan import ScanRule
+from tracknoise.words import SELF_REFERENTIAL
+
+
+@one_blas_thread()
+def attempt(
+    batch: list[Task],
+    run: RunFolder,
+    *,
+    claim: Claim | None = None,
+    progress: Progress | None = None,
+    debug: bool = False,
+) -> Result:
+    """As `run_batch`, but return a failure instead of raising it, unless `debug` is set. Interruptions are raised."""
+    try:
+        return run_batch(batch, run, claim=claim, progress=progress)
+    except BaseException as error:  # a panic of Polars is no Exception, nor is what `sys.exit` raises in a plug-in
+        raise_if_interruption(error)
+        if debug:
+            raise
+        return diagnose(error)
+
+
+def run_batch(
+    batch: list[Task], run: RunFolder, *, claim: Claim | None = None, progress: Progress | None = None
+) -> list[SequenceEntry]:
+    """Measure the sequences of a batch and write their tables into the run folder.
+
+    Parameters
+    ----------
+    batch
+        Sequences of one experiment that read the same files.
+    run
+        Where to write.
+    claim
+        Proof that the run holds the lock of the folder, checked before anything is written. Not needed by default.
+    progress
+        Called after each frame.
+
+    Returns
+    -------
+    list of SequenceEntry
+        Entries for the manifest, one per task. A sequence counts as measured once the manifest contains its entry.
+
+    Raises
+    ------
+    TracknoiseError
+        If the data cannot be used, or the folder cannot be written.
+    """
+    started, entries = time.monotonic(), []
+    for task in batch:
+        task.sequence.require_utf8()
+    with warnings.catch_warnings(), recording(batch, run) as recorder:
+        warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
+        progress = recorder.following(progress)
+        sequences = open_batch(batch, change=recorder.recorded)
+        repeated = _repeated(batch, progress)
+        measured = _measure(batch[0], sequences, progress, second=open_second(batch))
+        for task, sequence, measurement, more in zip(batch, sequences, measured, repeated, strict=True):
+            tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
+            if _has_patches(task.experiment, sequences):
+                tables["patches"] = track_patches(measurement, speed=min(task.speeds))
+            snapshot = encode_png(measurement.snapshot)
+            if claim:
+                claim.check()
+            hashes = run.write_sequence(task.key, tables, snapshot)
+            seconds = (time.monotonic() - started) / len(batch)
+            entry = sequence_entry(measurement, seconds=seconds, sha256=hashes)
+            kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
+            entries.append(replace(entry, doubts=doubts(measurement, kinds)))
+        inputs = input_tables(batch, recorder, sequences)
+    return [_with_inputs(entry, table, run) for entry, table in zip(entries, inputs, strict=True)]
+
+
+def _with_inputs(entry: SequenceEntry, table: pl.DataFrame, run: RunFolder) -> SequenceEntry:
+    """Write what a sequence was measured from, and return its entry with the hash of that."""
+    run.write_inputs(entry.key, table)
+    return replace(entry, inputs=digest_of(table))
+
+
+def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds: float = 0.0) -> SequenceEntry:
+    """Manifest entry of a measured sequence; see `SequenceEntry` for the parameters."""
+    sequence = measurement.sequence
+    return SequenceEntry(
+        sequence=sequence.id,
+        n_frames=measurement.n_frames,
+        width=sequence.camera.width,
+        height=sequence.camera.height,
+        truth=measurement.truth,
+        snapshot_frame=measurement.snapshot_frame,
+        seconds=round(seconds, 3),
+        notes=(
+            *sequence.notes,
+            *pose_notes(sequence.world_from_camera[: measurement.n_frames]),
+            *shutter_notes(sequence, measurement.n_frames),
+            *((SELF_REFERENTIAL,) if measurement.truth == TRIANGULATED else ()),
+            *measurement.notes,
+        ),
+        key_frame=measurement.key_frame,
+        group=group_of(sequence),
+        kernels=kernels(),
+        z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
+        image=content_hash(measurement.snapshot) or "",
+        sha256=sha256,
+    )
+
+
+def _repeated(batch: list[Task], progress: Progress | None) -> list[dict[str, pl.DataFrame]]:
+    """Tables of `SEED_TABLES` of each sequence, measured with every random seed but the first. Empty if it is one."""
+    found: list[dict[str, list[pl.DataFrame]]] = [{} for _ in batch]
+    for repeat in range(1, batch[0].experiment.seeds):
+        seed = pl.lit(repeat, dtype=pl.Int32).alias("seed")
+        for tables, one in zip(found, _measure(batch[0], open_batch(batch), progress, repeat=repeat), strict=True):
+            measured = {"moments": one.moments, "ends": count_ends(one.tracks), "frames": one.frames}
+            for name, table in measured.items():
+                tables.setdefault(f"seed_{name}", []).append(table.select(seed, pl.all()))
+    return [{name: pl.concat(parts) for name, parts in tables.items()} for tables in found]
+
+
+def _measure(
+    task: Task,
+    sequences: list[Sequence],
+    progress: Progress | None,
+    *,
+    repeat: int = 0,
+    second: Items[Sequence] = (),
+) -> Iterator[Measurement]:
+    experiment = task.experiment
+    truth = experiment.truth
+    return measure_together(
+        sequences,
+        make_trackers(experiment, repeat=repeat),
+        speeds=task.speeds,
+        truth=truth.kind,
+        scan_rule=ScanRule(truth.scan_radius_px, truth.scan_anchoring),
+        accuracy=truth.accuracy.rule(),
+        population=truth.population,
+        trim_percentile=experiment.statistics.trim_percentile,
+        trim_among=experiment.statistics.trim_among,
+        second_truth=second,
+        seed=experiment.seed,
+        progress=progress,
+        kept_bytes=KEPT_BYTES if _has_patches(experiment, sequences) and not repeat else 0,
+    )
+
+
+def _has_patches(experiment: Experiment, sequences: Items[Sequence]) -> bool:
+    """Whether patches of tracks are kept: not of sequences that are read together, whose images are costly to keep."""
+    return experiment.keep == "observations" and len(sequences) == 1
+
+
+def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
+    """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
+    observed = {"observations": measurement.observations, "tracks": measurement.tracks}
+    slowest = min(experiment.speeds)  # which figures show
+    statistics = statistics_of(
+        measurement.prepared,
+        [name for name in STATISTICS if name != "moments"],
+        population=experiment.truth.population,
+        slowest=slowest,
+    )
+    prepared = replace(measurement.prepared, slowest=slowest)
+    return {
+        **(observed if experiment.keep == "observations" else {}),
+        "frames": measurement.frames,
+        "moments": measurement.moments,
+        "trims": measurement.trims,
+        "pose_differences": measurement.pose_differences,
+        "floors": measurement.floors,
+        **statistics,
+        **geometry_tables(experiment, sequence, prepared, measurement.n_frames, measurement.truth),
+        **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What every worker needs besides its batch.
+
+    Attributes
+    ----------
+    run
+        The run folder.
+    claim
+        Proof that the run still holds the lock of the folder.
+    versions
+        Versions at the start of the run of the libraries that affect results.
+    debug
+        Raise failures instead of recording them.
+    one_thread
+        Use one thread in OpenCV, because other workers use the other cores.
+    """
+
+    run: RunFolder
+    claim: Claim
+    versions: dict[str, str]
+    debug: bool
+    one_thread: bool = True
+
+    def __call__(self, batch: Batch) -> Result:
+        """Measure a batch in a worker."""
+        if self.one_thread:
+            use_one_thread()
+        require_versions(self.versions, place=f"worker on {socket.gethostname()}")
+        self.claim.check()
+        progress = partial(notify, batch[0].key)
+        return attempt(batch, self.run, claim=self.claim, progress=progress, debug=self.debug)
+
+
+@one_blas_thread()
+def write_measurement(folder: RunFolder, experiment: Experiment, measurement: Measurement) -> SequenceEntry:
+    """Write the tables of one sequence, and return its entry for the manifest.
+
+    Parameters
+    ----------
+    folder
+        The run folder, which need not exist yet.
+    experiment
+        Its population, speeds and `keep` are used.
+    measurement
+        What was measured.
+    """
+    entry = sequence_entry(measurement, sha256={})
+    tables = tables_to_keep(experiment, measurement.sequence, measurement)
+    hashes = folder.write_sequence(entry.key, tables, encode_png(measurement.snapshot))
+    return replace(entry, sha256=hashes)
+
+
+def write_settings(folder: RunFolder, experiment: Experiment, entries: Iterable[SequenceEntry]) -> None:
+    """Write the manifest and the settings of a run whose sequences have been written.
+
+    Parameters
+    ----------
+    folder
+        The run folder.
+    experiment
+        Whose run it is.
+    entries
+        What `write_measurement` returned, at least one.
+
+    Raises
+    ------
+    StoreError
+        If the folder cannot be written.
+    """
+    manifest = new_manifest(experiment)
+    manifest.sequences.update({entry.key: entry for entry in entries})
+    folder.create(experiment.to_toml(), manifest)

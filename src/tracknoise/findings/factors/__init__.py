@@ -1,1 +1,0 @@
-"""Factor effects: differences paired within scenes, the largest of them, and a verdict."""

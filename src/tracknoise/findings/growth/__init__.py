@@ -1,1 +1,0 @@
-"""How errors grow with age: white noise, random walk, drift."""

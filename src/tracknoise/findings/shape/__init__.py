@@ -1,1 +1,0 @@
-"""What shape errors have: moments, tails, and what other densities gain over the Gaussian."""

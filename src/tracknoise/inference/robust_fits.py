@@ -1,0 +1,277 @@
+"""Robust linear fits: scales and weights of residuals, normal equations by cluster, and intervals without each cluster.
+
+- Scales of residuals, and weights by which outliers count little.
+
+Normal equations of robust fits: of all observations, and by tracker and cluster.
+
+Those by tracker and cluster are what jackknives and comparisons of trackers are made of. Each step of a fit needs the
+sums of all observations only.
+
+Intervals of fits, by leaving out one cluster at a time.
+
+With the second derivatives H of the loss and the negative first g, one step of Newton's method leads to the fit without
+a cluster c: (H - H_c)^-1 (g - g_c) (audit.jackknife). This costs no fit. At the fit of all clusters g is 0.
+
+Clusters do not know equally much of a number: with their shares s_c in its variance, as they would be for independent
+observations, there are 1 / sum s_c^2 effective clusters (audit.effective), and one degree of freedom less. Several
+numbers together have the mean of their shares.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+FREEDOM = 4.0
+"""Degrees of freedom of Student's distribution, for residuals in two coordinates."""
+_RAYLEIGH_MEDIAN = 1.1774100225154747
+_LEAST_PX = 1e-3
+
+
+def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Robust standard deviation per coordinate of residuals (n, 2) of the same group, (n,), px.
+
+    It is that of a round Gaussian with the same median length, and at least a thousandth of a pixel.
+
+    Parameters
+    ----------
+    group : (n,)
+        Number of the tracker and age, see `tracknoise.truth_faults.audit_samples.AuditSamples.group`.
+    residual : (n, 2)
+        px; NaN is left out.
+    """
+    length = np.hypot(residual[:, 0], residual[:, 1])
+    _, place = np.unique(group, return_inverse=True)
+    order = np.lexsort((length, place))  # NaN last
+    known = np.bincount(place, np.isfinite(length)).astype(np.intp)
+    first = np.cumsum(np.bincount(place)) - np.bincount(place)
+    low, high = first + np.maximum(known - 1, 0) // 2, first + known // 2
+    median = 0.5 * (length[order][low] + length[order][np.minimum(high, len(length) - 1)])
+    scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), _LEAST_PX)[place]
+    return scale
+
+
+def squared(residual: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squared lengths of residuals (n, 2) in units of their scales (n,)."""
+    found: NDArray[np.float64] = np.sum(residual * residual, axis=1) / (scale * scale)
+    return found
+
+
+def weights(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights of Student's distribution for squared distances (n,); 0 where one is unknown."""
+    found: NDArray[np.float64] = np.nan_to_num((FREEDOM + 2.0) / (FREEDOM + distance))
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NormalEquations:
+    """Sums over the observations of each tracker and cluster.
+
+    Attributes
+    ----------
+    weighted : (trackers, clusters, p, p) float64
+        Information with the weights taken as fixed: D^T W D.
+    curvature : (trackers, clusters, p, p) float64
+        Second derivatives of the loss, but for those of the predictions.
+    gradient : (trackers, clusters, p) float64
+        First derivatives of the negative loss: D^T W r.
+    ridge : (p,) float64
+        Added to the diagonal where equations are solved, so that what nothing determines stays finite.
+    count : (trackers, clusters) intp
+        How many observations there are.
+    """
+
+    weighted: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    ridge: NDArray[np.float64]
+    count: NDArray[np.intp]
+
+    @property
+    def information(self) -> NDArray[np.float64]:
+        """Information of all observations and the ridge, (p, p)."""
+        return np.asarray(self.weighted.sum(axis=(0, 1)) + np.diag(self.ridge))
+
+
+def summed(
+    design: NDArray[np.float64], residual: NDArray[np.float64], scale: NDArray[np.float64], ridge: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Information, (p, p), and first derivatives, (p,), of all observations; parameters as in `normal_equations`."""
+    _, weight, known, finite = _weighted(design, residual, scale)
+    rows, twice = finite.reshape(2 * len(weight), design.shape[2]), np.repeat(weight, 2)
+    return (rows * twice[:, None]).T @ rows + np.diag(ridge), rows.T @ (twice * known.ravel())
+
+
+def _weighted(
+    design: NDArray[np.float64], residual: NDArray[np.float64], scale: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], ...]:
+    """Squared distances and weights, (n,), residuals and design with 0 for what is missing."""
+    distance = squared(residual, scale)
+    weight = weights(distance) / (scale * scale)
+    known = np.where(np.isfinite(distance)[:, None], residual, 0.0)
+    return distance, weight, known, np.where(np.isfinite(design), design, 0.0)
+
+
+def normal_equations(
+    tracker: NDArray[np.intp],
+    cluster: NDArray[np.intp],
+    design: NDArray[np.float64],
+    residual: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    ridge: NDArray[np.float64],
+) -> NormalEquations:
+    """Add up what Student's loss gives for residuals.
+
+    Parameters
+    ----------
+    tracker, cluster : (n,)
+        Numbers of the tracker and of the cluster of each observation, from 0.
+    design : (n, 2, p)
+        Derivatives of predictions.
+    residual : (n, 2)
+        px; NaN counts as missing.
+    scale : (n,)
+        Of the residuals, px.
+    ridge : (p,)
+        See `NormalEquations`.
+    """
+    shape, p = (int(tracker.max()) + 1, int(cluster.max()) + 1), design.shape[2]
+    distance, weight, known, finite = _weighted(design, residual, scale)
+    steep = 2.0 * weight / ((FREEDOM + np.nan_to_num(distance)) * scale * scale)
+    along = np.einsum("nij,ni->nj", finite, known)
+    group = tracker * shape[1] + cluster
+    order = np.argsort(group, kind="stable")
+    ends = np.searchsorted(group[order], np.arange(shape[0] * shape[1] + 1))
+    weighted, curvature = np.zeros((2, ends.size - 1, p, p))
+    gradient = np.zeros((ends.size - 1, p))
+    for number, rows in enumerate(np.split(order, ends[1:-1])):
+        some = finite[rows].reshape(2 * len(rows), p)
+        weighted[number] = some.T @ (np.repeat(weight[rows], 2)[:, None] * some)
+        curvature[number] = weighted[number] - along[rows].T @ (steep[rows, None] * along[rows])
+        gradient[number] = weight[rows] @ along[rows]
+    return NormalEquations(
+        weighted.reshape(*shape, p, p),
+        curvature.reshape(*shape, p, p),
+        gradient.reshape(*shape, p),
+        ridge,
+        np.diff(ends).reshape(shape),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Jackknife:
+    """How a fit moves when each cluster is left out.
+
+    Attributes
+    ----------
+    moves : (clusters, p) float64
+        Fit without the cluster minus the fit.
+    step : (p,) float64
+        From where the equations were made to the fit: nothing, but for those of single trackers.
+    share : (clusters, p) float64
+        Of each cluster in the variance of each number; their sum is 1, or 0 where none determines it.
+    """
+
+    moves: NDArray[np.float64]
+    step: NDArray[np.float64]
+    share: NDArray[np.float64]
+
+    @property
+    def n(self) -> int:
+        """How many clusters there are."""
+        return len(self.moves)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(p, p): of the fit."""
+        found: NDArray[np.float64] = (self.n - 1) / self.n * self.moves.T @ self.moves
+        return found
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """(p,): of the fit."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def effective(self, places: NDArray[np.intp]) -> float:
+        """Number of clusters that determine some numbers together, by (audit.effective); 0 where none does."""
+        return float(_effective(self.share[:, places].mean(axis=1)))
+
+    @property
+    def freedom(self) -> NDArray[np.float64]:
+        """(p,): degrees of freedom of each number, at least one."""
+        return np.maximum(_effective(self.share) - 1.0, 1.0)
+
+    def half_widths(self, level: float) -> NDArray[np.float64]:
+        """(p,): half of each interval, by Student's distribution."""
+        return np.asarray(special.stdtrit(self.freedom, 0.5 + 0.5 * level) * self.standard_errors)
+
+    def p_value(self, values: NDArray[np.float64], places: NDArray[np.intp]) -> float:
+        """Of the test that some numbers are 0, by Hotelling's T^2; 1 where there are too few clusters.
+
+        Parameters
+        ----------
+        values : (k,)
+            The numbers.
+        places : (k,)
+            Their columns.
+        """
+        k, n = len(places), self.effective(places)
+        if n <= k:
+            return 1.0
+        covariance = self.covariance[np.ix_(places, places)]
+        squared = float(values @ np.linalg.pinv(covariance, hermitian=True) @ values)
+        return float(special.fdtrc(k, n - k, max(squared, 0.0) * (n - k) / (k * (n - 1))))
+
+
+def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = None) -> Jackknife:
+    """Leave out each cluster that has observations: (audit.jackknife).
+
+    Parameters
+    ----------
+    equations
+        At the fit.
+    trackers
+        Places of those whose observations are used; by default all.
+    """
+    used = slice(None) if trackers is None else trackers
+    present = equations.count[used].sum(axis=0) > 0
+    own = _definite(equations, used)[present]
+    gradient = equations.gradient[used].sum(axis=0)[present]
+    every = own.sum(axis=0) + np.diag(equations.ridge)
+    step = np.linalg.solve(every, gradient.sum(axis=0))
+    without = np.linalg.solve(every - own, (gradient.sum(axis=0) - gradient)[:, :, None])[:, :, 0]
+    return Jackknife(without - step, step, _shares(equations.weighted[used].sum(axis=0)[present], equations.ridge))
+
+
+def _shares(own: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(clusters, p): shares of clusters in variances, from the information (clusters, p, p) of each."""
+    inverse = np.linalg.inv(own.sum(axis=0) + np.diag(ridge))
+    variance = np.maximum(np.einsum("ij,cjk,ik->ci", inverse, own, inverse), 0.0)  # rounding may make it negative
+    return np.asarray(variance / np.maximum(variance.sum(axis=0), 1e-300))
+
+
+def _effective(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Effective number of clusters, from shares (clusters, ...)."""
+    return np.asarray(share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300))
+
+
+def _definite(equations: NormalEquations, used: slice | NDArray[np.intp]) -> NDArray[np.float64]:
+    """Second derivatives of each cluster; those with fixed weights where outliers leave the others indefinite."""
+    own = equations.curvature[used].sum(axis=0)
+    without = own.sum(axis=0) + np.diag(equations.ridge) - own
+    safe = without.size == 0 or float(np.linalg.eigvalsh(_scaled(without)).min()) > 1e-12
+    return np.asarray(own if safe else equations.weighted[used].sum(axis=0))
+
+
+def _scaled(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Symmetric matrices (..., p, p) with 1 on the diagonal."""
+    root = np.sqrt(np.maximum(np.diagonal(matrices, axis1=-2, axis2=-1), 1e-300))
+    return np.asarray(matrices / root[..., :, None] / root[..., None, :])
+
+
+def condition_number(equations: NormalEquations) -> float:
+    """Condition number of the information about all numbers, each in units of its own error alone."""
+    if not len(equations.ridge):
+        return 1.0
+    return float(np.linalg.cond(_scaled(equations.information)))

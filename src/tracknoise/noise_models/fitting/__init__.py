@@ -1,1 +1,0 @@
-"""Fits of noise models to the sums of many scenes."""

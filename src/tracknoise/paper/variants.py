@@ -1,0 +1,186 @@
+"""The paper's experiments: which of them can be repeated with the available data, and variants of their trackers."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from tracknoise.exceptions import TracknoiseError
+from tracknoise.experiments.load import load_experiment, resolve
+from tracknoise.experiments.plan import plan
+from tracknoise.experiments.run_statistics import first_lighting
+from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings, parse_experiment
+from tracknoise.sequences.reader_registry import make_reader
+from tracknoise.sequences.sequence import require_directory
+from tracknoise.simulation.built_worlds import PLACES
+from tracknoise.tables.enumerations import Reading, TrimAmong, Trimming
+from tracknoise.tables.store import RunFolder
+from tracknoise.text import counted
+from tracknoise.trackers.rejection import Consensus, ReferencePosition
+
+RECORDED, SIMULATED = ("dtu", "kitti"), ("gazebo-linear", "gazebo-arvr")
+"""Presets that repeat experiments of the paper: those that need data, and those that are simulated."""
+_VARIED: dict[str, dict[str, tuple[str, ...]]] = {
+    "correspondence": {
+        "reference": (ReferencePosition.first, ReferencePosition.previous),
+        "consensus": tuple(Consensus),
+    },
+    "lucas-kanade": {"consensus": tuple(Consensus)},
+}
+"""Outlier rejections that are compared, for each kind of tracker."""
+_AMONG: dict[Reading, dict[str, TrimAmong]] = {
+    Reading.none: {},
+    Reading.all: {"trim_among": TrimAmong.all},
+    Reading.followed: {"trim_among": TrimAmong.followed},
+}
+_TRIMMING = {
+    Reading.none: Trimming.untrimmed,
+    Reading.all: Trimming.trimmed,
+    Reading.followed: Trimming.trimmed,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An experiment of the paper, and whether it can be repeated.
+
+    Attributes
+    ----------
+    preset
+        Name of the preset.
+    root
+        Folder of its data; None if there are none, or none are needed.
+    possible
+        Whether it can be repeated.
+    found
+        One sentence: which data were found, or why there are none.
+    """
+
+    preset: str
+    root: Path | None
+    possible: bool
+    found: str
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of each experiment, and the folder of models.
+
+    Attributes
+    ----------
+    scenes, frames
+        Maximum number of scenes, and of frames per scene, or first, last and step of the frames; None for all.
+    models
+        Folder of Gazebo models, for simulated worlds that can contain them.
+    """
+
+    scenes: int | None = None
+    frames: int | list[int] | None = None
+    models: Path | None = None
+
+
+def candidates(folders: Iterable[Path]) -> list[Candidate]:
+    """Search for the data of the paper's experiments in some folders and their direct subfolders.
+
+    Each preset uses the first folder in which its reader finds a sequence.
+
+    Raises
+    ------
+    DataError
+        If one of the folders does not exist.
+    """
+    places = [require_directory(folder) for folder in folders]
+    simulated = [Candidate(preset, None, True, "Simulated; no data are needed.") for preset in SIMULATED]
+    return [*(_look(preset, places) for preset in RECORDED), *simulated]
+
+
+def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
+    """Load the experiment of a possible candidate.
+
+    Raises
+    ------
+    SettingsError
+        If the folder of models cannot be used.
+    """
+    experiment = load_experiment(candidate.preset, root=candidate.root, scenes=limits.scenes, frames=limits.frames)
+    if limits.models is None or not _takes_models(experiment):
+        return experiment
+    return resolve(experiment.with_option("models", str(limits.models.resolve())))
+
+
+def as_read(run: RunFolder, reading: Reading) -> Experiment:
+    """The experiment of a run with one reading of the paper's trimming, whose run keeps statistics alone.
+
+    Raises
+    ------
+    StoreError, SettingsError
+        If the settings of the run are damaged.
+    """
+    experiment = parse_experiment(run.experiment_toml(), place=str(run.path))
+    sections: dict[str, object] = {
+        "statistics": experiment.statistics.model_copy(update=_AMONG[reading]),
+        "findings": experiment.findings.model_copy(update={"trimming": _TRIMMING[reading]}),
+    }
+    return experiment.model_copy(update={**sections, "keep": "statistics"})
+
+
+def variants(experiment: Experiment) -> Experiment:
+    """Experiment that runs each tracker with every outlier rejection, on the first scene at the lowest speed.
+
+    Raises
+    ------
+    TracknoiseError
+        If the experiment cannot be planned.
+    """
+    lighting = first_lighting({task.sequence.lighting for task in plan(experiment)}, experiment)
+    return experiment.model_copy(
+        update={
+            "name": f"{experiment.name}-differences",
+            "paper": None,
+            "speeds": [min(experiment.speeds)],
+            "views": [ViewSettings(lightings=[lighting])],
+            "dataset": experiment.dataset.model_copy(update={"max_scenes": 1}),
+            "trackers": [variant for choice in resolve(experiment).trackers for variant in _variants(choice)],
+        }
+    )
+
+
+def _variants(choice: TrackerChoice) -> Iterator[TrackerChoice]:
+    varied = _VARIED.get(choice.kind, {})
+    for values in product(*varied.values()):
+        name = ", ".join([choice.label, *map(str, values)])
+        rejection: dict[str, Any] = {**choice.options.get("rejection", {}), **dict(zip(varied, values, strict=True))}
+        yield TrackerChoice(
+            kind=choice.kind,
+            name=name,
+            options={**choice.options, "rejection": {key: _plain(value) for key, value in rejection.items()}},
+        )
+
+
+def _plain(value: Any) -> Any:
+    return str(value) if isinstance(value, str) else value
+
+
+def _takes_models(experiment: Experiment) -> bool:
+    return experiment.dataset.reader == "simulated" and PLACES[experiment.dataset.options["world"]].takes_models
+
+
+def _look(preset: str, folders: list[Path]) -> Candidate:
+    if not folders:
+        return Candidate(preset, None, False, "No data folder was given (--data).")
+    causes = []
+    for folder in folders:
+        for place in (folder, *sorted(path for path in folder.iterdir() if path.is_dir())):
+            try:
+                n_scenes = _count_scenes(preset, place)
+            except TracknoiseError as error:
+                causes.append(" ".join(str(error).split()))
+            else:
+                return Candidate(preset, place, True, f"{counted(n_scenes, 'scene')} in {place}.")
+    return Candidate(preset, None, False, f"No data: {causes[0]}.")
+
+
+def _count_scenes(preset: str, folder: Path) -> int:
+    dataset = load_experiment(preset, root=folder).dataset
+    return len({item.scene for item in make_reader(dataset.reader, folder, dataset.options).sequences()})

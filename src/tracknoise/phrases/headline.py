@@ -1,0 +1,397 @@
+"""What a headline is, and which conditions of a run headlines are about.
+
+- What a headline is, and how the parts about several trackers make one.
+- Which conditions of a run headlines are about, and their numbers with intervals.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.units import NO_GROUPS, SceneGroups
+from tracknoise.statistics.definitions import NAMES
+from tracknoise.statistics.yardstick import ReferenceCondition
+from tracknoise.tables.defaults import POPULATION, TRIMMING
+from tracknoise.tables.enumerations import Aspect, Axis, Trimming, Weighting
+from tracknoise.tables.schema import VIEW
+from tracknoise.words import (
+    count,
+    coverage_text,
+    interval_text,
+    listing,
+    next_scene_text,
+    opening_place,
+    place,
+    spread_text,
+    view_text,
+)
+
+RunTables: TypeAlias = Mapping[str, pl.DataFrame]
+"""RunTables of a run, by their names."""
+Part: TypeAlias = tuple[str, list[Estimate]]
+"""One or several sentences about one tracker, and the numbers in them."""
+MOST_TRACKERS = 4
+"""Of more trackers than this the headlines name only the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Headline:
+    """A few sentences about one topic.
+
+    Attributes
+    ----------
+    topic
+        One word.
+    text
+        Plain text.
+    figure
+        Anchor of the section of the report that shows it.
+    table
+        Table that holds its numbers.
+    estimate
+        The first of its numbers that has an interval; the first of all where none has; None where it has no number.
+    brief
+        The same in one sentence; empty where there is none.
+    opening, closing, parts
+        What the text is made of, where it has a part for each tracker.
+    """
+
+    topic: str
+    text: str
+    figure: str
+    table: str
+    estimate: Estimate | None = None
+    brief: str = ""
+    opening: str = ""
+    closing: str = ""
+    parts: tuple["TrackerPart", ...] = ()
+
+    def row(self, rank: int) -> dict[str, Any]:
+        """The headline as a row of `FINDINGS`."""
+        texts = {
+            name: getattr(self, name) for name in ("topic", "text", "figure", "table", "brief", "opening", "closing")
+        }
+        numbers = {name: getattr(self.estimate, name, None) for name in ("value", "low", "high", "unit")}
+        leading_id = getattr(self.estimate, "id", None)
+        parts = self.parts or (TrackerPart(None, self.text, () if leading_id is None else (leading_id,)),)
+        ids = [leading_id, *(name for part in parts for name in part.rows)]
+        return {
+            "rank": rank,
+            **texts,
+            **numbers,
+            "rows": list(dict.fromkeys(filter(None, ids))),
+            "parts": [{"tracker": part.tracker, "text": part.text, "rows": list(part.rows)} for part in parts],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerPart:
+    """The part of a headline that is about one tracker, or about none, and the ids of its rows of results."""
+
+    tracker: str | None
+    text: str
+    rows: tuple[str, ...]
+
+
+def ids_of(estimates: Sequence[Estimate]) -> tuple[str, ...]:
+    """Ids of the rows of results that numbers come from."""
+    return tuple(dict.fromkeys(one.id for one in estimates if one.id is not None))
+
+
+def by_tracker(
+    trackers: Sequence[str],
+    describe: Callable[[str], Part | None],
+    *,
+    opening: str,
+    closing: str = "",
+    topic: str,
+    figure: str,
+    table: str,
+) -> Headline | None:
+    """A headline with a part for each tracker; None where there is no part.
+
+    Parameters
+    ----------
+    trackers
+        Names, in the order in which they are reported.
+    describe
+        Makes the part of one tracker, or none.
+    opening, closing
+        Sentences before and after the parts.
+    topic, figure, table
+        Of the headline.
+    """
+    described = {tracker: part for tracker in trackers if (part := describe(tracker))}
+    if not described:
+        return None
+    named = dict(list(described.items())[:MOST_TRACKERS])
+    more = len(described) - len(named)
+    sentences = [opening, *(text for text, _ in named.values())]
+    sentences += [f"The table has {count(more, 'other tracker')}."] if more else []
+    estimates = [estimate for _, found in named.values() for estimate in found]
+    text = " ".join(filter(None, [*sentences, closing]))
+    parts = tuple(TrackerPart(tracker, words, ids_of(found)) for tracker, (words, found) in described.items())
+    return Headline(
+        topic, text, figure, table, leading(estimates), opening=opening, closing=closing.strip(), parts=parts
+    )
+
+
+def leading(estimates: Sequence[Estimate]) -> Estimate | None:
+    """The first number that has an interval, or else the first."""
+    return next((one for one in estimates if one.low is not None), estimates[0] if estimates else None)
+
+
+def in_brackets(rows: pl.DataFrame) -> str:
+    """How the intervals in brackets were made, as the last sentence; empty where there are none.
+
+    Parameters
+    ----------
+    rows
+        Those reported, with columns low, high, level, resampled and n_scenes.
+    """
+    made = rows.drop_nulls(["low", "high"])
+    if made.is_empty():
+        return ""
+    kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
+    return f" In brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."
+
+
+@dataclass(frozen=True, slots=True)
+class ReportedConditions:
+    """The conditions that headlines are about: every tracker in the reference view at the lowest speed.
+
+    Parameters
+    ----------
+    reference
+        The view and the speed; the key frames, where curves run along frames.
+    trackers
+        Names, in the order in which they are reported.
+    population
+        Which observations errors are of: `visible` or `projected`.
+    percentile
+        Percentile of the largest errors of tracks above which tracks were dropped; None where none was.
+    recorded
+        Whether true positions come from recorded poses and depth, whose own errors are part of every number.
+    fitted
+        Whether true positions were fitted to the tracks, so that errors about them say nothing about drift.
+    groups
+        Groups of scenes that are not independent of each other.
+    trimming
+        Errors that verdicts are about.
+    doubts
+        Why data look wrong, by scene: sentences, the most telling first. Scenes without doubts are left out.
+    mistakes
+        Usual mistakes in the truth that the tracks of all scenes together show: sentences.
+    """
+
+    reference: ReferenceCondition
+    trackers: Sequence[str]
+    population: str = POPULATION
+    percentile: float | None = None
+    recorded: bool = False
+    fitted: bool = False
+    groups: SceneGroups = NO_GROUPS
+    trimming: Trimming = TRIMMING
+    doubts: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    mistakes: Sequence[str] = ()
+
+    @property
+    def axis(self) -> Axis:
+        """What curves run along: frame where there are key frames, otherwise age."""
+        return Axis.frame if self.reference.key_frames else Axis.age
+
+    @property
+    def trimmings(self) -> tuple[Trimming, ...]:
+        """Trimmings that are reported, that of the verdicts first."""
+        if self.percentile is None:
+            return (self.trimming,)
+        return (self.trimming, *(other for other in Trimming if other != self.trimming))
+
+    def of(self, table: pl.DataFrame, tracker: str) -> pl.DataFrame:
+        """Rows of a tracker's condition."""
+        chosen = {name: getattr(self.reference, name) for name in (*VIEW, "speed")}
+        return table.filter(tracker=tracker, **chosen)
+
+    def reported(self, table: pl.DataFrame) -> pl.DataFrame:
+        """Rows of the conditions of all trackers that are reported."""
+        return pl.concat([table.clear(), *(self.of(table, tracker) for tracker in self.trackers)])
+
+    def since(self, at: int) -> int:
+        """Distance of an age or a frame from where errors are zero, in frames of the sequence."""
+        return at - self.reference.key_frames.get(self.reference.direction, 0)
+
+    def place(self, at: int) -> str:
+        """Write an age or a frame by its distance from where errors are zero."""
+        return place(self.axis, self.since(at))
+
+    def opening_place(self, at: int) -> str:
+        """Write an age or a frame as `place` does, as the start of a sentence."""
+        return opening_place(self.axis, self.since(at))
+
+    def opening_distance(self, age: int) -> str:
+        """Write an age that counts frames from where errors are zero, before it and after it, as `opening_place`."""
+        return opening_place(Axis.age, age) if self.axis == Axis.age else f"At {count(age, 'frame')} from the key frame"
+
+    def where(self, conditions: pl.DataFrame) -> str:
+        """Write the speed, and the parts of the view of which `conditions` have several."""
+        several = [name for name in VIEW if conditions[name].n_unique() > 1]
+        view = {name: getattr(self.reference, name) for name in VIEW}
+        return f"at speed {self.reference.speed}{view_text(view, several)}"
+
+
+def curve_bounds(
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    trimming: str | None = None,
+    weighting: str = Weighting.features,
+    aspect: Aspect = Aspect.all,
+    at_least: int | None = None,
+) -> Estimate | None:
+    """Estimate at a point of a curve, px; None where there is no interval. Second moments are given as roots.
+
+    Parameters
+    ----------
+    intervals
+        Rows of one condition.
+    conditions
+        Say which population and axis.
+    role
+        Of the statistic, as in `tracknoise.statistics.definitions.NAMES`, or core.
+    at, coordinate, trimming, weighting, aspect, at_least
+        As in the table; by default the trimming is that of the conditions.
+    """
+    found = curve_rows(
+        intervals,
+        conditions,
+        role,
+        at,
+        coordinate,
+        trimming=trimming,
+        weighting=weighting,
+        aspect=aspect,
+        at_least=at_least,
+    )
+    if role in ("second", "central"):
+        found = found.with_columns_seq(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
+    return _estimate(found.with_columns_seq(unit=pl.lit("px")))
+
+
+def curve_rows(
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    trimming: str | None = None,
+    weighting: str = Weighting.features,
+    aspect: str = Aspect.all,
+    at_least: int | None = None,
+) -> pl.DataFrame:
+    """The row of a point of a curve, if there is one: see `curve_bounds`."""
+    return intervals.filter(
+        pl.col("at_least").eq_missing(at_least),
+        aspect=aspect,
+        population=conditions.population,
+        trimming=conditions.trimming if trimming is None else trimming,
+        weighting=weighting,
+        statistic=NAMES[conditions.axis].get(role, role),
+        axis=conditions.axis,
+        at=at,
+        coordinate=coordinate,
+    )
+
+
+def curve_scenes(
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    weighting: str,
+    of: str = "Of this number",
+) -> str:
+    """Write how much scenes differ at a point of a curve, and where the next one is expected; empty where unknown.
+
+    Parameters
+    ----------
+    intervals, conditions, role, at, coordinate, weighting
+        As in `curve_bounds`; no role whose root is given.
+    of
+        What the sentence is about, as its start.
+    """
+    row = curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)
+    return _scenes(row, of, is_scale=role != "mean")
+
+
+def scalar_scenes(intervals: pl.DataFrame, statistic: str, *, of: str = "Of this number") -> str:
+    """The same for a statistic of which each condition has one number."""
+    return _scenes(intervals.filter(statistic=statistic), of, is_scale=True)
+
+
+def _scenes(found: pl.DataFrame, of: str, *, is_scale: bool) -> str:
+    known = found.drop_nulls(["spread", "next_low", "next_high"]).head(1).to_dicts()
+    texts = [
+        f"{of}, {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
+        f"{next_scene_text(row['next_low'], row['next_high'], row['unit'])}."
+        for row in known
+    ]
+    untested = [
+        f"There {coverage_text(row['level'], row['coverage'])}." for row in known if row["coverage"] is not None
+    ]
+    return " ".join([*texts, *untested])
+
+
+def scale_estimate(
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    role: str,
+    at: int,
+    coordinate: str,
+    *,
+    trimming: str | None = None,
+) -> Estimate | None:
+    """Scale of the errors at a point of a curve, px, as the geometric mean over scenes of each scene's own.
+
+    Parameters
+    ----------
+    intervals
+        Rows of one condition.
+    conditions
+        Say which population and axis.
+    role
+        core, absolute or second, whose root is given.
+    at, coordinate, trimming
+        As in `curve_bounds`.
+    """
+    weighting = Weighting.geometric
+    return curve_bounds(intervals, conditions, role, at, coordinate, trimming=trimming, weighting=weighting)
+
+
+def scalar_bounds(intervals: pl.DataFrame, statistic: str) -> Estimate | None:
+    """Estimate of a statistic of which each condition has one number; None where there is no interval.
+
+    Parameters
+    ----------
+    intervals
+        Rows of one condition.
+    statistic
+        As in the table.
+    """
+    return _estimate(intervals.filter(statistic=statistic))
+
+
+def _estimate(found: pl.DataFrame) -> Estimate | None:
+    known = found.drop_nulls("value").filter(pl.col("low").is_not_null() | pl.col("high").is_not_null())
+    if known.is_empty():
+        return None
+    row = known.row(0, named=True)
+    return Estimate.of_row(row, "value", "low", "high", row["unit"])

@@ -1,0 +1,177 @@
+"""Findings that are withheld, because the errors of the truth can explain what was measured."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import polars as pl
+
+from tracknoise.analysis.truth_shares import (
+    FloorCover,
+    audited_growth,
+    audited_mean,
+    cover_of_mean,
+    cover_of_second,
+    covered_by_floor,
+)
+from tracknoise.phrases.headline import ReportedConditions, RunTables
+from tracknoise.statistics.definitions import NAMES
+from tracknoise.tables.enumerations import FloorSource, Weighting
+from tracknoise.words import SPACE, listing, pixels, px
+
+_CORRECTED = "where the faults of the truth are corrected that the audit found"
+_CAUSE = "within what the errors of the truth can cause"
+
+
+def bias_covers(summary: Mapping[str, Any], means: Mapping[str, Any]) -> dict[str, FloorCover | None]:
+    """Mean errors at the reference age beside their floor, by coordinate.
+
+    Parameters
+    ----------
+    summary
+        Row of a condition, schema `SUMMARY`.
+    means
+        Row of the means there, with mean_u_px and mean_v_px.
+    """
+    return {axis: cover_of_mean(means[f"mean_{axis}_px"], summary[f"floor_mean_{axis}_px"]) for axis in "uv"}
+
+
+def withheld_bias(tracker: str, place: str, covers: Mapping[str, FloorCover | None]) -> str | None:
+    """The sentence that replaces a finding of bias; None where a coordinate is not covered.
+
+    Parameters
+    ----------
+    tracker
+        Its name.
+    place
+        The age, as the start of a sentence.
+    covers
+        By coordinate; empty where nothing is known.
+    """
+    if not covered_by_floor(*covers.values()):
+        return None
+    return f"{place}, the mean error of {tracker} is {_CAUSE} ({_sizes(covers)}): no bias is claimed."
+
+
+def audited_bias(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> str | None:
+    """The sentence that replaces a finding of bias where faults that the audit found explain most of it; else None.
+
+    Parameters
+    ----------
+    tables
+        With the curves of the audit.
+    conditions
+        The condition that was audited.
+    tracker
+        Its name.
+    at
+        Reference age or frame.
+    """
+    cover = audited_mean(tables["audit_curves"], tracker, abs(conditions.since(at)))
+    if cover is None or not cover.is_covered:
+        return None
+    return (
+        f"{conditions.opening_distance(cover.age)}, the mean error of {tracker} is {px(cover.error_px)} long, of which "
+        f"{px(cover.left_px)} are left {_CORRECTED}: no bias is claimed."
+    )
+
+
+def audited_rise(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, coordinate: str, at: int
+) -> str | None:
+    """The sentence that replaces a finding of growth in a coordinate: see `audited_bias`."""
+    cover = audited_growth(tables["audit_curves"], tracker, coordinate, abs(conditions.since(at)))
+    if cover is None or not cover.is_covered:
+        return None
+    where = conditions.opening_distance(cover.age).replace("At", "at", 1)
+    return (
+        f"{tracker} in {coordinate}: {where}, the growth of the error is {px(cover.error_px)}, of which "
+        f"{px(cover.left_px)} are left {_CORRECTED}: no growth is claimed."
+    )
+
+
+def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:
+    """A sentence, after a space, about coordinates whose mean is covered where that of another is not; else empty."""
+    covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
+    return f" The mean in {listing(covered)} is {_CAUSE} ({_sizes(covered)})." if covered else ""
+
+
+def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
+    """A sentence where the truth floor is larger than the whole error, which has it as a part; else empty.
+
+    Parameters
+    ----------
+    summary
+        Row of a condition, schema `SUMMARY`.
+    trimming
+        Of the errors.
+    """
+    pairs = {axis: (summary[f"floor_{axis}_px"], summary[f"{trimming}_rms_{axis}_px"]) for axis in "uv"}
+    larger = {axis: pair for axis, pair in pairs.items() if None not in pair and pair[0] > pair[1]}
+    if not larger:
+        return ""
+    sizes = listing(f"{pixels(floor)} of {pixels(error)}{SPACE}px in {axis}" for axis, (floor, error) in larger.items())
+    return (
+        f"The floor is larger than the whole error of {summary['tracker']} ({sizes}): the errors of the truth are "
+        "smaller here than was stated."
+    )
+
+
+def growth_cover(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, coordinate: str, at: int
+) -> FloorCover | None:
+    """Growth of a second moment, from the first age after birth to another, beside that of its floor.
+
+    Parameters
+    ----------
+    tables
+        With curves and floor.
+    conditions
+        Say which errors.
+    tracker
+        Its name.
+    coordinate
+        u or v.
+    at
+        The age.
+    """
+    axis = conditions.axis
+    second = conditions.of(tables["curves"], tracker).filter(
+        population=conditions.population,
+        trimming=conditions.trimmings[0],
+        weighting=Weighting.features,
+        statistic=NAMES[axis]["second"],
+        axis=axis,
+    )
+    floor = conditions.of(tables["floor"], tracker).filter(source=FloorSource.all, axis=axis)
+    grown = [
+        _rise(table, value, at) for table, value in ((second, coordinate), (floor, f"floor_{coordinate}{coordinate}"))
+    ]
+    return cover_of_second(*grown)
+
+
+def _rise(table: pl.DataFrame, column: str, at: int) -> float | None:
+    """Growth of a column up to `at`; None where it is unknown there."""
+    known = table.filter(pl.col("at").is_between(1, at)).drop_nulls(column).sort("at")
+    if known.height < 2 or known["at"][-1] != at:
+        return None
+    return float(known[column][-1] - known[column][0])
+
+
+def withheld_growth(tracker: str, place: str, covers: Mapping[str, FloorCover | None]) -> str | None:
+    """The sentence that replaces a finding of growth in the covered coordinates; None where none is covered."""
+    covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
+    if not covered:
+        return None
+    return (
+        f"{tracker} in {listing(covered)}: {place}, the growth of the error is {_CAUSE} ({_sizes(covered)}): no growth "
+        "is claimed."
+    )
+
+
+def _sizes(covers: Mapping[str, FloorCover | None]) -> str:
+    """The sizes with their limits, as "0.4 of 0.5 px in u"."""
+    return listing(
+        f"{pixels(cover.error_px)} of {pixels(cover.limit_px)}{SPACE}px in {axis}"
+        for axis, cover in covers.items()
+        if cover is not None
+    )

@@ -1,1 +1,0 @@
-"""A comparison of runs for readers: words, tables, Markdown and a page."""

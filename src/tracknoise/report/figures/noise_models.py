@@ -1,0 +1,323 @@
+"""Noise models over what they were fitted to, and how well their predictions hold.
+
+- The noise models of a run over the errors that they were fitted to.
+- Predicted and measured standard deviations of errors, by class of what was predicted.
+- The noise to give to an estimator, by the length of its windows.
+- How many claimed intervals of depths hold the true depth, by what noise is assumed.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import altair as alt
+import polars as pl
+
+from tracknoise.analysis.condition_units import groups_of_run
+from tracknoise.estimators.calibration import Calibration, fitted_curve
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.run_models import run_models
+from tracknoise.inference.conventions import LEVEL
+from tracknoise.report import style
+from tracknoise.report.bands import describe_intervals
+from tracknoise.report.card_rows import estimator_sentence, sigma_message
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.noise_cells import LEVELS, depth_shares
+from tracknoise.report.report_data import ReportData
+from tracknoise.text import significant
+from tracknoise.words import SPACE, interval_text, number, sentence_case
+
+_MODEL_FIT_ID, _MODEL_FIT_TITLE = "model-fit", "The noise model over the errors that it was fitted to"
+_MODEL_FIT_COLOURS = dict(zip(("measured", "model"), style.PALETTE[:2], strict=True))
+_PARTS = {"first": "first position", "white": "each frame", "walk": "walk", "drift": "drift"}
+_UNITS = {"first": "px", "white": "px", "walk": "px per √frame", "drift": "px per frame"}
+
+
+def model_fit_figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure: a panel per tracker at the lowest speed."""
+    models = run_models(data.run).models
+    if not models:
+        return [Absence(_MODEL_FIT_ID, _MODEL_FIT_TITLE, "This run has no noise model.")]
+    curves = _curves(data, models)
+    panels = [_model_fit_panel(tracker, curve) for tracker, curve in curves.items()]
+    table = pl.concat(list(curves.values()))
+    bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
+    shows = (
+        f"Root mean square of a coordinate of the errors about the first position at speed {data.slowest}, by age, all "
+        "views together. Errors beyond the limit of the model are left out. The line of the model is that of its "
+        f"components, at the magnifications of these tracks. {describe_intervals(bounded, of='the measured errors')}"
+    )
+    look_for = " ".join(
+        [*(_sentence(tracker, models[tracker], curve) for tracker, curve in curves.items()), _MODEL_FIT_ADVICE]
+    )
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [Figure(_MODEL_FIT_ID, _MODEL_FIT_TITLE, shows, look_for, spec, _model_fit_message(curves))]
+
+
+def _model_fit_message(curves: Mapping[str, pl.DataFrame]) -> str:
+    """At how many ages the model that fits worst lies outside the intervals; empty where a tracker has no interval."""
+    bounded = {tracker: curve.drop_nulls(["modelled", "low", "high"]) for tracker, curve in curves.items()}
+    if any(curve.is_empty() for curve in bounded.values()):
+        return ""
+    inside = pl.col("modelled").is_between("low", "high")
+    outside = {tracker: curve.filter(~inside).height for tracker, curve in bounded.items()}
+    worst = max(outside, key=lambda tracker: outside[tracker])
+    if outside[worst]:
+        return f"The model of {worst} is outside the intervals at {outside[worst]} of {bounded[worst].height} ages"
+    return f"{'The model is' if len(curves) == 1 else 'All models are'} inside the intervals of the measured errors"
+
+
+_MODEL_FIT_ADVICE = "Where the line leaves the band, one set of components does not describe tracks of all ages."
+
+
+def _curves(data: ReportData, models: Mapping[str, NoiseModel]) -> dict[str, pl.DataFrame]:
+    """Measured and modelled errors of each tracker. The sums of all trackers are read together."""
+    own = pl.col("tracker").is_in(list(models)) & (pl.col("speed") == data.slowest) & (pl.col("product") == "error")
+    sums = pl.concat([table.filter(own) for table in data.run.stored_tables("noise_sums")])
+    groups = groups_of_run(data.run)
+    return {
+        tracker: fitted_curve(sums.filter(tracker=tracker), model.components, groups=groups)
+        for tracker, model in models.items()
+    }
+
+
+def _sentence(tracker: str, model: NoiseModel, curve: pl.DataFrame) -> str:
+    """Components of the model, and how far it is off."""
+    kept = {name: getattr(model, name).sigma.value for name in _PARTS if getattr(model, name).why_dropped is None}
+    stated = ", ".join(f"{_PARTS[name]} {number(value)}{SPACE}{_UNITS[name]}" for name, value in kept.items())
+    known = curve.drop_nulls(["measured", "modelled"]).filter(pl.col("measured") > 0.0)
+    if known.is_empty():
+        return f"{tracker}: {stated}."
+    off = (known["modelled"] / known["measured"] - 1.0).abs().max()
+    return f"{tracker}: {stated}; at most {100.0 * float(off):.0f}{SPACE}% from the measured errors."  # type: ignore[arg-type]
+
+
+def _model_fit_panel(tracker: str, curve: pl.DataFrame) -> Panel:
+    columns = curve.select(line=pl.lit("measured"), at="age", n="n", u="measured", u_low="low", u_high="high")
+    modelled = curve.select(line=pl.lit("model"), at="age", u="modelled")
+    x = marks.along(curve["age"], title="age (frames)", from_zero=True)
+    shown = pl.concat([columns["u"], modelled["u"]])
+    y = alt.Y("u:Q", title="error (px)", scale=alt.Scale(domain=marks.holding(shown, columns["u_high"]), nice=False))
+    hue = marks.colour("line", _MODEL_FIT_COLOURS, "errors")
+    tips = [alt.Tooltip("at:Q", title="age"), alt.Tooltip("n:Q", title="errors"), alt.Tooltip("u:Q", title="px")]
+    points = alt.Chart(marks.rows(columns.select("line", "at", "n", "u"))).mark_point(filled=True, size=22)
+    measured = points.encode(x=x, y=y, color=hue, opacity=marks.opacity("line"), tooltip=tips)
+    drawn = alt.Chart(marks.rows(modelled)).mark_line()
+    line = drawn.encode(x=x, y=y, color=hue, opacity=marks.opacity("line"))
+    band = marks.band(columns, "line", _MODEL_FIT_COLOURS, "u", x, y)
+    chart = layered(*band, measured, line).properties(width=395, height=210, title=alt.Title(tracker))
+    return Panel(chart, (marks.shown("line", _MODEL_FIT_COLOURS),), layer=len(band))
+
+
+_SIZE = 320
+_SHOWS = (
+    "Errors in {n_classes} classes of predicted variance. A point compares the standard "
+    "deviation of one coordinate that was predicted with the one that was measured. {bounds}The line is where the two "
+    "are equal."
+)
+_LOOK_FOR = "Above the line, errors are larger than predicted. The mean distance from it is the ENCE, {ence}."
+
+
+def reliability(found: Calibration, *, title: str) -> Figure:
+    """The reliability plot of predicted covariances.
+
+    Parameters
+    ----------
+    found
+        The comparison with errors.
+    title
+        Of the plot.
+    """
+    table = pl.DataFrame(
+        [(one.predicted_px, one.measured_px, one.low_px, one.high_px, one.n) for one in found.reliability],
+        schema=dict.fromkeys(("predicted", "measured", "low", "high"), pl.Float64) | {"n": pl.Int64},
+        orient="row",
+    )
+    ends = pl.concat([table[name] for name in ("predicted", "measured", "low", "high")])
+    chart = layered(_diagonal(ends), *_bars(table, ends), _points(table, ends))
+    panel = Panel(chart.properties(width=_SIZE, height=_SIZE, title=alt.Title(title)))
+    return Figure(
+        id="reliability",
+        title=title,
+        shows=_SHOWS.format(n_classes=table.height, bounds=_intervals(found)),
+        look_for=_LOOK_FOR.format(ence=significant(found.ence, 3)),
+        spec=arranged([panel], columns=1),
+    )
+
+
+def _intervals(found: Calibration) -> str:
+    """What the bars are; empty where there are none."""
+    if found.resampled is None or all(one.low_px is None for one in found.reliability):
+        return ""
+    return f"Bars are {interval_text(LEVEL, found.resampled, [found.n_scenes])}. "
+
+
+def _axes(ends: pl.Series, y: str) -> tuple[alt.X, alt.Y]:
+    scale = alt.Scale(domain=marks.domain(ends), nice=False)
+    return (
+        alt.X("predicted:Q", title="predicted standard deviation (px)", scale=scale),
+        alt.Y(f"{y}:Q", title="measured standard deviation (px)", scale=scale),
+    )
+
+
+def _diagonal(ends: pl.Series) -> alt.Chart:
+    low, high = marks.domain(ends)
+    line = pl.DataFrame({"predicted": [low, high], "measured": [low, high]})
+    x, y = _axes(ends, "measured")
+    chart: alt.Chart = alt.Chart(marks.rows(line)).mark_line(color=style.QUIET, strokeWidth=1).encode(x=x, y=y)
+    return chart
+
+
+def _bars(table: pl.DataFrame, ends: pl.Series) -> list[alt.Chart]:
+    """A bar between the bounds of each class; empty without any."""
+    known = table.drop_nulls(["low", "high"])
+    if known.is_empty():
+        return []
+    bar = alt.Chart(marks.rows(known)).mark_rule(color=style.PALETTE[0], strokeWidth=1.2)
+    x, y = _axes(ends, "low")
+    return [bar.encode(x=x, y=y, y2=alt.Y2("high:Q"))]
+
+
+def _points(table: pl.DataFrame, ends: pl.Series) -> alt.Chart:
+    point = alt.Chart(marks.rows(table)).mark_point(filled=True, size=45, color=style.PALETTE[0], opacity=1.0)
+    tips = [alt.Tooltip("predicted:Q"), alt.Tooltip("measured:Q"), alt.Tooltip("n:Q", title="errors")]
+    x, y = _axes(ends, "measured")
+    chart: alt.Chart = point.encode(x=x, y=y, tooltip=tips)
+    return chart
+
+
+_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE = "window-sigmas", "Noise to set, by length of the window"
+_LINES = {"consistent_sigma": "to set", "residual_core": "what residuals look like"}
+_WINDOW_SIGMA_COLOURS = dict(zip(_LINES.values(), style.PALETTE[:2], strict=True))
+_WINDOW_SIGMA_ADVICE = (
+    "Set the upper line where the two differ: residuals alone look too small where errors of one track are alike from "
+    "frame to frame. If the lines were flat and equal, errors would be independent in every frame."
+)
+
+
+def window_sigma_figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure: a panel per tracker at the lowest speed."""
+    rows = data.nominal(data.window_sigmas).filter(pl.col("quantity").is_in([*_LINES]), trimming=data.trimming)
+    if rows.is_empty():
+        return [
+            Absence(_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE, "No track was long enough for a window of an estimator.")
+        ]
+    table = rows.with_columns(line=pl.col("quantity").replace_strict(_LINES), at=pl.col("window").cast(pl.Int64))
+    present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
+    panels = [_window_sigma_panel(table, tracker) for tracker in present]
+    bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
+    shows = (
+        f"Standard deviation of one coordinate at speed {data.slowest}{data.where}, by the number of observations in a "
+        "window. The first line is the sigma for which depths of points are as certain as an estimator claims. The "
+        f"second is what its residuals look like, without the tails. {describe_intervals(bounded, of='the lines')}"
+    )
+    look_for = " ".join(
+        [*filter(None, (estimator_sentence(data, tracker) for tracker in present)), _WINDOW_SIGMA_ADVICE]
+    )
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [Figure(_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE, shows, look_for, spec, sigma_message(data))]
+
+
+def _window_sigma_panel(table: pl.DataFrame, tracker: str) -> Panel:
+    own = table.filter(tracker=tracker).sort("line", "at")
+    columns = own.select("line", "at", "n", u="value", u_low="low", u_high="high")
+    x = marks.along(table["at"], title="observations in a window", from_zero=True)
+    domain = marks.holding(table["value"], pl.concat([table["low"], table["high"]]))
+    y = alt.Y("u:Q", title="sigma (px)", scale=alt.Scale(domain=domain, nice=False))
+    tips = [alt.Tooltip("line:N"), alt.Tooltip("at:Q", title="window"), alt.Tooltip("n:Q", title="windows"),
+            alt.Tooltip("u:Q", title="sigma (px)")]  # fmt: skip
+    line = alt.Chart(marks.rows(columns.select("line", "at", "n", "u"))).mark_line(point=alt.OverlayMarkDef(size=20))
+    hue = marks.colour("line", _WINDOW_SIGMA_COLOURS, "sigma")
+    curve = line.encode(x=x, y=y, color=hue, opacity=marks.opacity("line"), tooltip=tips)
+    band = marks.band(columns, "line", _WINDOW_SIGMA_COLOURS, "u", x, y)
+    chart = layered(*band, curve).properties(width=395, height=190, title=alt.Title(tracker))
+    return Panel(chart, (marks.shown("line", _WINDOW_SIGMA_COLOURS),), layer=len(band))
+
+
+_DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE = "depth-intervals", "Depths that claimed intervals hold"
+_DEPTH_INTERVAL_COLOURS = dict(
+    zip(("residual sigma", "consistent sigma", "whole tracks", "1 px"), style.PALETTE[:4], strict=True)
+)
+_WHY = (
+    "It takes true depths, tracks of at least five observations, and two scenes or more. Noise is tried on scenes that "
+    "it was not learned from."
+)
+
+
+def depth_interval_figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure: a panel per tracker at the lowest speed."""
+    rows = depth_shares(data)
+    if rows.is_empty():
+        return [Absence(_DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE, _WHY)]
+    table = rows.rename({"value": "u", "low": "u_low", "high": "u_high"})
+    present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
+    bounded = table.drop_nulls(["u_low", "u_high"]).rename({"n_scenes": "n_resampled"})
+    shows = (
+        f"Share of windows whose true depth is inside the claimed interval, by the level of the interval, at speed "
+        f"{data.slowest}{data.where}. Points are triangulated with the true poses. The noise was learned from other "
+        f"scenes. Windows of {_windows(table, present)}. {describe_intervals(bounded, of='the lines')}"
+    )
+    panels = [_depth_interval_panel(table, tracker) for tracker in present]
+    spec = arranged(panels, columns=2, independent=["fill"])
+    return [
+        Figure(
+            _DEPTH_INTERVAL_ID,
+            _DEPTH_INTERVAL_TITLE,
+            shows,
+            _advice(table, present),
+            spec,
+            _depth_interval_message(table),
+        )
+    ]
+
+
+def _depth_interval_message(table: pl.DataFrame) -> str:
+    """The tracker whose residuals mislead most; empty where none is shown to mislead."""
+    few = table.filter(pl.col("u_high") < 95.0, covariance="residual sigma", at=95).sort("u")
+    if few.is_empty():
+        return ""
+    tracker, share = few.select("tracker", "u").row(0)
+    return f"With the sigma of residuals, 95{SPACE}% depth intervals of {tracker} hold {share:.0f}{SPACE}%"
+
+
+def _windows(table: pl.DataFrame, trackers: Sequence[str]) -> str:
+    lengths = {tracker: table.filter(tracker=tracker)["window"][0] for tracker in trackers}
+    if len(set(lengths.values())) == 1:
+        return f"{lengths[trackers[0]]} observations"
+    return ", ".join(f"{length} observations ({tracker})" for tracker, length in lengths.items())
+
+
+def _advice(table: pl.DataFrame, trackers: Sequence[str]) -> str:
+    """What a 95 % interval holds, and what to look for."""
+    sentences = []
+    for tracker in trackers:
+        own = table.filter(tracker=tracker, at=95)
+        held = {name: f"{share:.0f}{SPACE}%" for name, share in own.select("covariance", "u").iter_rows()}
+        stated = [
+            f"{held[name]} with the {name}"
+            for name in _DEPTH_INTERVAL_COLOURS
+            if name in held and name.endswith("sigma")
+        ]
+        stated += [f"{held['whole tracks']} with the covariance of whole tracks"] if "whole tracks" in held else []
+        sentences.append(f"For {tracker}, 95{SPACE}% intervals hold {', '.join(stated)}.")
+    last = "Lines below the diagonal claim depths that are more certain than they are."
+    return " ".join([*map(sentence_case, sentences), last])
+
+
+def _depth_interval_panel(table: pl.DataFrame, tracker: str) -> Panel:
+    own = table.filter(tracker=tracker).sort("covariance", "at")
+    columns = own.select("covariance", "at", "n", "u", "u_low", "u_high")
+    scale = alt.Scale(domain=[40, 100], nice=False, clamp=True)
+    x = alt.X("at:Q", title="level of the claimed interval (%)", scale=scale, axis=alt.Axis(values=[*LEVELS.values()]))
+    y = alt.Y("u:Q", title="true depths inside (%)", scale=alt.Scale(domain=[0, 100], nice=False))
+    tips = [alt.Tooltip("covariance:N"), alt.Tooltip("at:Q", title="level (%)"), alt.Tooltip("n:Q", title="windows"),
+            alt.Tooltip("u:Q", title="inside (%)")]  # fmt: skip
+    diagonal = alt.Chart(alt.InlineData(values=[{"at": 40, "u": 40}, {"at": 100, "u": 100}]))
+    line = diagonal.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
+    hue = marks.colour("covariance", _DEPTH_INTERVAL_COLOURS, "assumed noise", columns=2)
+    drawn = alt.Chart(marks.rows(columns.select("covariance", "at", "n", "u")))
+    curve = drawn.mark_line(point=alt.OverlayMarkDef(size=20))
+    curve = curve.encode(x=x, y=y, color=hue, opacity=marks.opacity("covariance"), tooltip=tips)
+    band = marks.band(columns, "covariance", _DEPTH_INTERVAL_COLOURS, "u", x, y)
+    chart = layered(line, *band, curve).properties(width=395, height=230, title=alt.Title(tracker))
+    return Panel(chart, (marks.shown("covariance", _DEPTH_INTERVAL_COLOURS),), layer=1 + len(band))

@@ -1,0 +1,366 @@
+"""Noise models, their calibration and tables of noise as sentences and tables.
+
+- How many claimed intervals of depths hold the true one: the rows that the page shows.
+- Noise models as sentences and tables.
+- The calibration of predicted covariances, as sentences and tables.
+- Tables of noise by tracker, speed and motion, as sentences and tables.
+"""
+
+import math
+from typing import Any
+
+import polars as pl
+
+from tracknoise.estimators.calibration import Calibration
+from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
+from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.phrases.noise_headlines import lookup_sentences, nat_text
+from tracknoise.report.cells import Cells
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Product
+from tracknoise.text import counted, significant
+from tracknoise.words import DASH, SPACE, number, percent, ratio
+
+LEVELS = {f"coverage_{level}": level for level in (50, 90, 95, 99)}
+"""Levels of the claimed intervals, %, by the names of their quantities."""
+_LONGEST, _LEAST_WINDOWS = 15, 100
+
+
+def depth_shares(data: ReportData) -> pl.DataFrame:
+    """Shares at the lowest speed, of the longest window of each tracker that has enough tracks.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at (the level
+        of the claimed interval, %).
+    """
+    wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= _LONGEST)
+    rows = data.nominal(data.depth_intervals).filter(wanted, trimming=data.trimming)
+    enough = rows.filter(pl.col("n").min().over("tracker", "window") >= _LEAST_WINDOWS)
+    longest = enough.filter(pl.col("window") == pl.col("window").max().over("tracker"))
+    levels = pl.col("quantity").replace_strict(LEVELS, return_dtype=pl.Int64)
+    return longest.with_columns(pl.col("value", "low", "high") * 100.0, at=levels)
+
+
+def depth_sentence(data: ReportData, tracker: str) -> str:
+    """What 95 % intervals of depths hold with the sigma of residuals and with the consistent one; empty if unknown."""
+    rows = depth_shares(data).filter(tracker=tracker, at=95)
+    held = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
+    if not {"residual sigma", "consistent sigma"} <= set(held):
+        return ""
+    residual, consistent = held["residual sigma"], held["consistent sigma"]
+    return (
+        f"{tracker}: 95{SPACE}% depth intervals hold {residual} of the true depths with the sigma of residuals, and "
+        f"{consistent} with the one to set."
+    )
+
+
+_COMPONENTS = {
+    "first": ("first position (A)", "px"),
+    "white": ("each frame (W)", "px"),
+    "walk": ("walk (Q)", "px per sqrt(frame)"),
+    "drift": ("drift (D)", "px per frame"),
+}
+_LANDMARKS = {
+    Landmark.FREE: "point solved for",
+    Landmark.EXACT: "first observation exact",
+    Landmark.STATE: "first direction a state",
+}
+_PURPOSES = {
+    Purpose.INNOVATIONS: "innovations",
+    Purpose.ALL_POSES: "all poses",
+    Purpose.NEWEST_POSE: "newest pose",
+    Purpose.DEPTH: "depth",
+}
+
+
+def model_sentences(model: NoiseModel) -> list[str]:
+    """What a model says, the answer first."""
+    training = model.training
+    return [
+        f"Noise of {training.tracker} at speed {training.speed:g}.",
+        *_advice(model),
+        _tails(model),
+        f"{_percent(model.outlier_share)} of the observations are outliers, with errors beyond about "
+        f"{number(model.outliers_beyond_px)} px; the numbers do not describe them.",
+        _model_bias(model),
+        *_conditions(model),
+        *_common(model),
+        *_floor(model),
+        f"Fitted to {counted(len(training.scenes), 'scene')}, {counted(training.n_tracks, 'track')}, "
+        f"ages {training.ages[0]} to {training.ages[1]} frames.",
+        *model.camera.notes,
+    ]
+
+
+def component_cells(model: NoiseModel) -> Cells:
+    """The components, with the reason where one was dropped."""
+    rows = []
+    for name, (title, unit) in _COMPONENTS.items():
+        part = getattr(model, name)
+        rows.append([title, *interval_cells(part.sigma), unit, part.why_dropped or ""])
+    return Cells("Components", ["component", "sigma", "low", "high", "unit", "dropped because"], rows, _NUMERIC)
+
+
+_NUMERIC = (False, True, True, True, False, False)
+
+
+def equivalent_cells(model: NoiseModel, window: int) -> Cells:
+    """Standard deviations for windows of nearly this length, named by what they make right."""
+    lengths = sorted({one.window for one in model.equivalents}, key=lambda length: (abs(length - window), length))
+    some = [one for one in model.equivalents if lengths and one.window == lengths[0]]
+    rows = [
+        [
+            _LANDMARKS[one.landmark],
+            _PURPOSES[one.purpose],
+            *interval_cells(one.sigma),
+            number(one.gate_95),
+            number(one.gate_99),
+        ]
+        for one in some
+    ]
+    headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .95", "gate .99"]
+    caption = f"One sigma for all observations, windows of {lengths[0] if lengths else window} frames"
+    return Cells(caption, headings, rows, (False, False, True, True, True, True, True))
+
+
+def _advice(model: NoiseModel) -> list[str]:
+    """What to set, and what residuals will look like."""
+    known = [one for one in model.equivalents if one.landmark is Landmark.FREE and one.window == 10]
+    by_purpose = {one.purpose: one.sigma for one in known}
+    if not {Purpose.NEWEST_POSE, Purpose.INNOVATIONS} <= by_purpose.keys():
+        return []
+    newest, residuals = by_purpose[Purpose.NEWEST_POSE], by_purpose[Purpose.INNOVATIONS]
+    text = f"For windows of 10 frames, {_range(newest)} px makes the covariance of the newest pose right."
+    if residuals.value == 0.0:
+        return [text]
+    more = f"Residuals look like {number(residuals.value)} px."
+    factor = newest.value / residuals.value
+    warning = f"Tuned to them, the newest pose is {number(factor)} times less certain than claimed."
+    return [text, more, warning] if factor >= 1.05 else [text, more]
+
+
+def _range(interval: Interval) -> str:
+    if interval.low is None or interval.high is None:
+        return number(interval.value)
+    return f"{number(interval.value)} ({number(interval.low)} to {number(interval.high)})"
+
+
+def _tails(model: NoiseModel) -> str:
+    if math.isinf(model.tails.nu):
+        return "Tails are no heavier than those of a Gaussian."
+    knee = model.loss().knee
+    return (
+        f"Tails are those of Student's t with {number(model.tails.nu)} degrees of freedom; the loss of Cauchy with its "
+        f"knee at {number(knee)} sigma fits them."
+    )
+
+
+def _model_bias(model: NoiseModel) -> str:
+    verdict = {
+        BiasKind.NONE: "The mean error is not part of the model",
+        BiasKind.REFUSED: "No correction of the mean error is warranted",
+    }
+    return f"{verdict.get(model.bias.kind, 'The mean error should be corrected')}: {model.bias.why}."
+
+
+def _conditions(model: NoiseModel) -> list[str]:
+    return [
+        f"White noise and walk depend on {one.of}: their variances change by a factor of "
+        f"{number(math.exp(max(one.log_factor) - min(one.log_factor)))}. On scenes that were left out this gains "
+        f"{number(one.gain.value)} nat per change{' beyond the first factor' if place else ''}."
+        for place, one in enumerate(model.conditions)
+    ]
+
+
+def _common(model: NoiseModel) -> list[str]:
+    """How much of the noise does not average out over the features of a frame."""
+    share = model.common_share
+    if share is None:
+        return []
+    bounds = "" if share.low is None or share.high is None else f" ({_percent(share.low)} to {_percent(share.high)})"
+    text = f"All features of a frame have {_percent(share.value)} of the variance in common{bounds}."
+    if not share.low:
+        return [text]
+    return [text, f"More than {1.0 / share.value:.0f} features in a frame therefore improve a pose little."]
+
+
+def _floor(model: NoiseModel) -> list[str]:
+    if not model.truth_floor_px:
+        return []
+    return [f"Errors of the truth are part of these numbers: {number(model.truth_floor_px)} px root mean square."]
+
+
+def interval_cells(interval: Interval) -> list[str]:
+    """A value and its bounds, each in a cell of its own; empty where there is none."""
+    return [number(value) if value is not None else "" for value in (interval.value, interval.low, interval.high)]
+
+
+def _percent(share: float) -> str:
+    return f"{significant(100.0 * share, 2)} %"
+
+
+_ALIKE = 1.1
+"""Errors that are certainly not this many times as large, or as small, as predicted agree with a covariance."""
+
+
+def calibration_sentences(found: Calibration) -> list[str]:
+    """What the comparison says, the answer first."""
+    return [
+        _verdict(found.nees),
+        f"Compared with {counted(found.n, 'error')} of {counted(found.n_scenes, 'scene')}.",
+        *_trained(found),
+        *_outliers(found),
+        *_impossible(found),
+    ]
+
+
+def _verdict(nees: Interval) -> str:
+    size = number(nees.value**0.5)
+    if nees.low is None or nees.high is None:
+        return f"Errors are {size} times as large as predicted. There are too few scenes for an interval."
+    bounds = f"{number(nees.low**0.5)} to {number(nees.high**0.5)}"
+    if nees.low > 1.0:
+        return f"The covariance is too small: errors are {size} times as large as predicted ({bounds})."
+    if nees.high < 1.0:
+        return f"The covariance is too large: errors are {size} times as large as predicted ({bounds})."
+    if nees.low**0.5 > 1.0 / _ALIKE and nees.high**0.5 < _ALIKE:
+        return f"The size of the errors agrees with the covariance: {size} times as large as predicted ({bounds})."
+    return f"Errors are {size} times as large as predicted ({bounds}): whether the covariance is right is undecided."
+
+
+def _trained(found: Calibration) -> list[str]:
+    if not found.n_trained:
+        return []
+    return [f"The model was fitted to {found.n_trained} of these scenes. This is no test on new scenes."]
+
+
+def _outliers(found: Calibration) -> list[str]:
+    if not found.outlier_share:
+        return []
+    return [f"{significant(100 * found.outlier_share, 2)} % of the errors are outliers of the model, and do not count."]
+
+
+def _impossible(found: Calibration) -> list[str]:
+    if not found.n_impossible:
+        return []
+    more, do = counted(found.n_impossible, "more error"), "it does" if found.n_impossible == 1 else "they do"
+    return [f"For {more}, what is predicted is not positive definite; {do} not count."]
+
+
+def calibration_cells(found: Calibration) -> Cells:
+    """Coverage, NEES and likelihood with their intervals, and the value of a right covariance."""
+    rows = [
+        [f"coverage at {100 * level:g} %", *interval_cells(share), number(level)]
+        for level, share in found.coverage.items()
+    ]
+    rows += [["NEES per degree of freedom", *interval_cells(found.nees), "1"]]
+    rows += [["negative log likelihood, nat", *interval_cells(found.nll), ""]]
+    rows += [["ENCE", number(found.ence), "", "", "0"]]
+    return Cells("Calibration", ["quantity", "value", "low", "high", "if right"], rows, (False, *[True] * 4))
+
+
+def reliability_cells(found: Calibration) -> Cells:
+    """Predicted and measured standard deviations by class."""
+    measured = [Interval(value=one.measured_px, low=one.low_px, high=one.high_px) for one in found.reliability]
+    rows = [
+        [number(one.predicted_px), *interval_cells(interval), str(one.n)]
+        for one, interval in zip(found.reliability, measured, strict=True)
+    ]
+    headings = ["predicted, px", "measured, px", "low", "high", "errors"]
+    return Cells("Standard deviations by class", headings, rows, (True,) * 5)
+
+
+_ALL = "all"
+
+
+def noise_table_sentences(table: NoiseTable) -> list[str]:
+    """Which lookup is worth it on scenes that were left out, and how much bias is warranted."""
+    gains = [text for product in (Product.error, Product.change) for text in lookup_sentences(table.gains, product)]
+    warranted = sum(_is_warranted(row.bias) for row in table.rows)
+    bias = f"A correction of the mean error is warranted in {warranted} of {counted(len(table.rows), 'row')}."
+    return [*gains, bias] if gains else [_no_gain(table), bias]
+
+
+def _no_gain(table: NoiseTable) -> str:
+    """Why no gain is known."""
+    reasons = table.gains["why"].drop_nulls().unique(maintain_order=True).to_list()
+    if not reasons:
+        return "The run varies neither tracker, speed nor motion."
+    return f"It is unknown whether the noise depends on tracker, speed or motion: {reasons[0]}."
+
+
+def noise_table_cells(table: NoiseTable) -> Cells:
+    """One row per tracker, speed and motion: sigmas, root second moments, and the bias."""
+    age = _common_age(table)
+    headings = ["tracker", "speed", "motion", "scenes", "innovations", "newest pose", "change u", "change v"]
+    headings += [f"error u, age {age}", f"error v, age {age}"] if age else []
+    rows = [_row(row, age) for row in table.rows]
+    caption = (
+        f"Noise in px. Sigma that makes innovations and the newest pose right, windows of {table.window} frames; root "
+        "second moments about zero of changes between observations and of errors about the first position"
+    )
+    numeric = [False, True, False, *[True] * (len(headings) - 3), True, False]
+    return Cells(caption, [*headings, "outliers", "bias"], rows, numeric)
+
+
+def gain_cells(table: NoiseTable) -> Cells:
+    """What each lookup gains on scenes that were left out."""
+    headings = ["second moment of", "looked up by", "over", "gain, nat", "low", "high", "gain", "factor", "before"]
+    rows = [_gain(row) for row in table.gains.to_dicts()]
+    return Cells(
+        "Gain on scenes that were left out, per error, and by which factor the second moment of a scene differs",
+        [*headings, "scenes", "why"],
+        rows,
+        [False] * 3 + [True] * 3 + [False] + [True] * 3 + [False],
+    )
+
+
+def _common_age(table: NoiseTable) -> int | None:
+    """The oldest age at which all rows have errors."""
+    ages = [{one.age for one in row.errors if one.age is not None} for row in table.rows]
+    return max(set.intersection(*ages), default=None) if ages else None
+
+
+def _row(row: NoiseRow, age: int | None) -> list[str]:
+    sigmas = [row.sigma.get(purpose) for purpose in (Purpose.INNOVATIONS, Purpose.NEWEST_POSE)]
+    error = next((one for one in row.errors if one.age == age), None)
+    return [
+        row.tracker,
+        str(row.speed),
+        row.motion or _ALL,
+        str(len(row.scenes)),
+        *(DASH if one is None else number(one.value) for one in sigmas),
+        *_roots(row.changes),
+        *(_roots(error) if age else ()),
+        percent(row.outlier_share),
+        _table_bias(row.bias),
+    ]
+
+
+def _roots(one: SecondMoment | None) -> list[str]:
+    return [DASH, DASH] if one is None else [number(math.sqrt(one.uu)), number(math.sqrt(one.vv))]
+
+
+def _is_warranted(bias: Bias) -> bool:
+    return bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION)
+
+
+def _table_bias(bias: Bias) -> str:
+    """The correction, or that none is warranted."""
+    if bias.kind is BiasKind.ALONG_MOTION:
+        return f"{number(bias.per_motion)} per px of motion"
+    if bias.kind is BiasKind.BY_AGE:
+        longest = max(bias.mean_px, key=lambda mean: math.hypot(*mean))
+        return f"by age, up to {number(math.hypot(*longest))} px"
+    return "none"
+
+
+def _gain(row: dict[str, Any]) -> list[str]:
+    what = [row["product"], row["lookup"], row["against"]]
+    nats = [nat_text(row[name]) for name in ("gain_nats", "low", "high")]
+    factors = [DASH if row[name] is None else ratio(row[name]) for name in ("factor", "factor_against")]
+    verdict = {True: "established", False: "not established", None: "unknown"}[row["established"]]
+    return [*what, *nats, verdict, *factors, str(row["n_scenes"]), row["why"] or ""]

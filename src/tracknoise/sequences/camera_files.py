@@ -1,0 +1,739 @@
+"""Cameras from the files of calibration programs: see docs/formats/cameras.md.
+
+- What a calibration file says about one camera.
+- Values of a calibration file, checked as they are taken out.
+- How programs call the lens models, and what tracknoise calls them.
+- The rolling shutter of a camera: a key that any camera file of keys and values may have.
+- YAML files from unknown sources: of bounded size, depth and number of values, without objects.
+- The XML of OpenCV's FileStorage, as the same keys and values that its YAML has.
+- tracknoise's own camera file: one key for each number, in JSON or YAML. See docs/folder-layout.md.
+- Cameras as OpenCV's FileStorage and ROS's camera_info describe them: a 3x3 matrix and a list of coefficients.
+- Cameras as Kalibr and the ASL layout of EuRoC and TUM-VI describe them: ``intrinsics`` and a 4x4 matrix.
+- Any camera file: what kind it is follows from its contents.
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, UnknownNameError, first_line
+from tracknoise.foreign_files import Element, damage_reported, read_json_object, read_text, read_xml
+from tracknoise.geometry.cameras import COEFFICIENTS, CameraModel, KnownCamera, make_camera
+from tracknoise.geometry.pose import invert
+from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.sequences.poses import checked_poses
+
+_POSITIONS = 65
+_ROUND_TRIP_PX = 1e-6
+_LEAST_SHARE = 0.5
+"""A lens that gives less of the image a ray is not the lens of these images."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFile:
+    """One camera of a calibration file.
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    body_from_camera
+        (4, 4) float64, metres: X_body = body_from_camera X_camera, where the body is what the file relates the camera
+        to, usually the IMU. None where the file does not say.
+    time_shift_s
+        To be added to the time of an image to get the time of the body's clock, seconds; None where unknown.
+    rate_hz
+        Frames per second; None where unknown.
+    depth_unit_m
+        Depth of the integer 1 in depth images, metres; None where unknown.
+    shutter
+        Rolling shutter of the camera; None where all rows are exposed together, or the file does not say.
+    """
+
+    camera: CameraModel
+    body_from_camera: NDArray[np.float64] | None = None
+    time_shift_s: float | None = None
+    rate_hz: float | None = None
+    depth_unit_m: float | None = None
+    shutter: RollingShutter | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence where the lens gives a part of the image no ray."""
+        share = share_with_ray(self.camera)
+        if share == 1.0:
+            return ()
+        missing = max(round(100.0 * (1.0 - share)), 1)
+        return (f"the camera model gives about {missing} % of the image no ray; features there have no truth",)
+
+
+def share_with_ray(camera: CameraModel) -> float:
+    """Share of the image whose pixels have a ray that leads back to them within 1e-6 px, 0 to 1."""
+    u = np.linspace(-0.5, camera.width - 0.5, _POSITIONS)
+    v = np.linspace(-0.5, camera.height - 0.5, _POSITIONS)
+    uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    with np.errstate(all="ignore"):
+        back = np.abs(camera.project(camera.bearings(uv)) - uv).max(axis=1)
+        return float(np.mean(back <= _ROUND_TRIP_PX))
+
+
+def checked_camera(
+    place: str | Path,
+    model: str,
+    size: tuple[int, int],
+    intrinsics: Sequence[float],
+    coefficients: tuple[float, ...],
+) -> KnownCamera:
+    """Make a camera that sees something in at least half of its image.
+
+    Parameters
+    ----------
+    place
+        The file, for messages.
+    model, size, intrinsics, coefficients
+        As `tracknoise.geometry.cameras.make_camera` takes them.
+
+    Raises
+    ------
+    DataError
+        If a value is impossible, or more than half of the image has no ray.
+    """
+    try:
+        camera = make_camera(model, size, intrinsics, coefficients)
+    except ValueError as error:
+        raise DataError(place, f"an impossible camera ({first_line(error)})", f"a {model} camera") from error
+    share = share_with_ray(camera)
+    if share < _LEAST_SHARE:
+        found = f"intrinsics and distortion that give only {share:.0%} of the image a ray"
+        raise DataError(place, found, "those of this image size")
+    return camera
+
+
+_SHOWN = 60
+_POWER_OF_TEN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
+"""Numbers that YAML 1.1 takes for a text: 1e-5 has no point, and 1.5e5 no sign of the exponent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entries:
+    """Keys and values of a file, or of a part of it.
+
+    Parameters
+    ----------
+    place
+        The file, for messages.
+    values
+        What was read.
+    """
+
+    place: str | Path
+    values: Mapping[str, Any]
+
+    def name(self, *names: str) -> str | None:
+        """The first of several names that is a key here; None if none is."""
+        return next((name for name in names if name in self.values), None)
+
+    def required(self, *names: str) -> str:
+        """The first of several names that is a key here.
+
+        Raises
+        ------
+        DataError
+            If none is.
+        """
+        found = self.name(*names)
+        if found is None:
+            raise DataError(self.place, f"no {names[0]}", "it")
+        return found
+
+    def part(self, name: str) -> "Entries":
+        """The keys and values below a key."""
+        value = self._value(name)
+        if not isinstance(value, Mapping):
+            raise self.error(name, "keys and values")
+        return Entries(f"{self.place} ({name})", value)
+
+    def text(self, name: str) -> str:
+        """A text, in lower case without surrounding spaces."""
+        value = self._value(name)
+        if not isinstance(value, str):
+            raise self.error(name, "a text")
+        return value.strip().lower()
+
+    def number(self, name: str, *, whole: bool = False, positive: bool = False) -> float:
+        """A finite number."""
+        return self._checked(name, self._value(name), whole=whole, positive=positive)
+
+    def numbers(self, name: str, *counts: int) -> tuple[float, ...]:
+        """A flat list of numbers, from lists of rows or from OpenCV's rows, columns and data too."""
+        values = self._flat(name)
+        if counts and len(values) not in counts:
+            raise self.error(name, f"{' or '.join(map(str, counts))} numbers")
+        return tuple(self._checked(name, value) for value in values)
+
+    def matrix(self, name: str, rows: int, columns: int) -> NDArray[np.float64]:
+        """(rows, columns) float64: see `numbers`."""
+        return np.array(self.numbers(name, rows * columns)).reshape(rows, columns)
+
+    def size(self, name: str) -> tuple[int, int]:
+        """Width and height from a list of two."""
+        values = self._flat(name)
+        if len(values) != 2:
+            raise self.error(name, "width and height")
+        width, height = (int(self._checked(name, value, whole=True, positive=True)) for value in values)
+        return width, height
+
+    def error(self, name: str, expected: str) -> DataError:
+        """The error of a key whose value is not what was expected."""
+        return DataError(self.place, f"{name} = {_shown(self.values[name])}", expected)
+
+    def _value(self, name: str) -> Any:
+        if name not in self.values:
+            raise DataError(self.place, f"no {name}", "it")
+        return self.values[name]
+
+    def _flat(self, name: str) -> list[Any]:
+        value = self._value(name)
+        if isinstance(value, Mapping):
+            value = value.get("data")
+        if not isinstance(value, list):
+            raise self.error(name, "a list of numbers")
+        if value and all(isinstance(row, list) for row in value):
+            return [item for row in value for item in row]
+        return value
+
+    def _checked(self, name: str, value: Any, *, whole: bool = False, positive: bool = False) -> float:
+        number = _number(value, whole=whole)
+        if number is None or (positive and number <= 0.0):
+            expected = f"a {'whole' if whole else 'finite'} number{' above 0' if positive else ''}"
+            raise DataError(self.place, f"{name} = {_shown(value)}", expected)
+        return number
+
+
+def _number(value: Any, *, whole: bool) -> float | None:
+    """A finite number; None for all else."""
+    if isinstance(value, str) and _POWER_OF_TEN.fullmatch(value) and not whole:
+        value = float(value)
+    if not isinstance(value, int if whole else int | float) or isinstance(value, bool):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _shown(value: Any) -> str:
+    """A value as JSON, cut off where it is long."""
+    try:
+        text = json.dumps(value, default=str, skipkeys=True)
+    except (RecursionError, ValueError):
+        return "lists in lists"
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+_NAMES = {
+    "none": "pinhole",
+    "": "radtan",
+    "radtan": "radtan",
+    "radial-tangential": "radtan",
+    "plumb_bob": "radtan",
+    "rational_polynomial": "radtan",
+    "equidistant": "equidistant",
+    "equi": "equidistant",
+    "fisheye": "equidistant",
+    "kannala_brandt": "equidistant",
+}
+_MOST_RADTAN = 8
+"""OpenCV's further coefficients are those of thin prisms and of a tilted sensor."""
+
+
+def lens_at(entries: Entries, name: str) -> str:
+    """Model of the lens that a key names, as `tracknoise.geometry.cameras.COEFFICIENTS` has it.
+
+    Raises
+    ------
+    DataError
+        If it is a model that tracknoise does not have.
+    """
+    model = _NAMES.get(entries.text(name))
+    if model is None:
+        raise entries.error(name, f"one of {', '.join(filter(None, _NAMES))}")
+    return model
+
+
+def coefficients_at(entries: Entries, name: str | None, model: str) -> tuple[float, ...]:
+    """Coefficients of the lens; none where there is no key, or where all of radial-tangential distortion are 0.
+
+    Raises
+    ------
+    DataError
+        If they are no list of numbers, or are of thin prisms or a tilted sensor.
+    """
+    coefficients = () if name is None else entries.numbers(name)
+    if model == "equidistant":
+        return coefficients
+    if any(coefficients[_MOST_RADTAN:]):
+        found = f"{name} with coefficients of thin prisms or a tilted sensor"
+        raise DataError(entries.place, found, "the first 8 alone (k1, k2, p1, p2, k3, k4, k5, k6)")
+    return coefficients[:_MOST_RADTAN] if any(coefficients) else ()
+
+
+READOUT = "readout_s"
+"""Time from the upper edge of the first row to the lower edge of the last, seconds; 0 for a global shutter."""
+
+
+def shutter_at(entries: Entries) -> RollingShutter | None:
+    """The rolling shutter of a camera; None where the file states none.
+
+    Raises
+    ------
+    DataError
+        If the readout is impossible.
+    """
+    readout_s = entries.number(READOUT) if entries.name(READOUT) else 0.0
+    try:
+        return RollingShutter(readout_s) if readout_s else None
+    except ValueError as error:
+        raise entries.error(READOUT, "seconds between -1 and 1") from error
+
+
+_MOST_BYTES = 1 << 18
+_MOST_LEVELS, _MOST_YAML_VALUES = 16, 20_000
+_OPENCV_HEADER = "%YAML:"
+_TAB = re.compile(r"(?<=\S)[ ]*\t[ \t]*")
+"""White space with a tab behind something: YAML allows it, and the parser does not. Indentation must have no tabs."""
+_EXPECTED_YAML = "a YAML file of keys and values"
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain values, and OpenCV's matrices as the mapping of their rows, columns and data."""
+
+
+def _opencv_matrix(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    return loader.construct_mapping(node, deep=True)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read the first document of a YAML file, or of one that OpenCV's FileStorage wrote.
+
+    Parameters
+    ----------
+    path
+        The file, of at most 256 KiB; lists and mappings may nest 16 deep and have 20 000 values, aliases resolved.
+
+    Returns
+    -------
+    dict
+        The document's keys and values: plain lists, mappings, numbers and texts.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, unreadable, no YAML, or its document is no mapping; the message names the line.
+    """
+    return parse_yaml(path, read_text(path, _EXPECTED_YAML, most=_MOST_BYTES))
+
+
+def parse_yaml(path: Path, text: str) -> dict[str, Any]:
+    """Parse the text of a YAML file: see `read_yaml`."""
+    with damage_reported(path, "no YAML", _EXPECTED_YAML, with_reason=True):
+        try:
+            document = _first_document(_TAB.sub(" ", _without_opencv_header(text)))
+        except yaml.MarkedYAMLError as error:
+            line = 1 if error.problem_mark is None else error.problem_mark.line + 1
+            raise DataError(f"{path}:{line}", f"no YAML ({error.problem})", _EXPECTED_YAML) from error
+    if not isinstance(document, dict):
+        raise DataError(path, "YAML without keys", _EXPECTED_YAML)
+    return {str(key): value for key, value in document.items()}
+
+
+def _without_opencv_header(text: str) -> str:
+    """OpenCV's first line is not YAML: it has a colon in place of a space. It is left empty, so that lines keep."""
+    return text.partition("\n")[2].join(("\n", "")) if text.startswith(_OPENCV_HEADER) else text
+
+
+def _first_document(text: str) -> object:
+    _require_bounded(text)
+    loader = _Loader(text)
+    try:
+        document: object = loader.get_data()
+    finally:
+        loader.dispose()
+    return document
+
+
+def _require_bounded(text: str) -> None:
+    """Count values, those behind an alias each time, before any is made: few lines of aliases stand for billions."""
+    values, sizes = 0, dict[str, int]()
+    opened: list[tuple[str | None, int]] = []
+    for event in yaml.parse(text, Loader=_Loader):
+        if isinstance(event, yaml.DocumentEndEvent):
+            return
+        if isinstance(event, yaml.AliasEvent):
+            values += sizes.get(event.anchor or "", _MOST_YAML_VALUES)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = opened.pop()
+            sizes |= {anchor: values - before} if anchor else {}
+        elif isinstance(event, yaml.NodeEvent):
+            values += 1
+            if isinstance(event, yaml.CollectionStartEvent):
+                opened.append((event.anchor, values - 1))
+        if values > _MOST_YAML_VALUES or len(opened) > _MOST_LEVELS:
+            raise ValueError(f"more than {_MOST_YAML_VALUES} values or {_MOST_LEVELS} levels")
+
+
+_ROOT = "opencv_storage"
+_MOST_XML_VALUES = 100_000
+
+
+def read_opencv_xml(path: Path) -> dict[str, Any]:
+    """Keys and values of such a file: numbers, texts, lists of numbers, and matrices as rows, columns and data.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or is other XML.
+    """
+    root = read_xml(path)
+    if root.tag != _ROOT:
+        raise DataError(path, f"XML of <{root.tag}>", f"<{_ROOT}>, as OpenCV writes it")
+    return {child.tag: _value(child) for child in root}
+
+
+def _value(element: Element) -> Any:
+    """A matrix's parts by name; otherwise one word, or a list of several."""
+    if len(element):
+        return {child.tag: _words(child) for child in element}
+    words = _words(element)
+    return words[0] if len(words) == 1 else words
+
+
+def _words(element: Element) -> list[float | int | str]:
+    return [_word(word) for word in (element.text or "").split()[:_MOST_XML_VALUES]]
+
+
+def _word(word: str) -> float | int | str:
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
+
+
+REQUIRED = ("width", "height", "fx", "fy", "cx", "cy")
+"""Keys that every such file has."""
+
+_OPTIONAL = ("model", "distortion", "xi", "alpha", "depth_unit_m", "depth_scale", READOUT, "source")
+_SPHERES = ("xi", "alpha")
+_SYMMETRIC = ("equidistant", "double_sphere")
+
+
+def read_plain(entries: Entries) -> CameraFile:
+    """Camera, depth unit and readout of a file with the keys `REQUIRED`.
+
+    Raises
+    ------
+    DataError
+        If a key is missing or unknown, a value is impossible, or a camera with radial-tangential distortion cannot be
+        inverted over the whole image.
+    """
+    _require_keys(entries)
+    return CameraFile(_camera(entries), depth_unit_m=_depth_unit_m(entries), shutter=shutter_at(entries))
+
+
+def _camera(entries: Entries) -> KnownCamera:
+    width, height = (int(entries.number(key, whole=True, positive=True)) for key in ("width", "height"))
+    focal = [entries.number(key, positive=True) for key in ("fx", "fy")]
+    intrinsics = [*focal, *(entries.number(key) for key in ("cx", "cy"))]
+    model = _plain_model(entries)
+    coefficients = _coefficients(entries, model)
+    if model in _SYMMETRIC:
+        return checked_camera(entries.place, model, (width, height), intrinsics, coefficients)
+    camera = make_camera(model, (width, height), intrinsics, coefficients)
+    if not camera.is_invertible:
+        found = "fx, fy, cx, cy and distortion that cannot be inverted over the whole image"
+        raise DataError(entries.place, found, "a ray of its own for every pixel")
+    return camera
+
+
+def _plain_model(entries: Entries) -> str:
+    model = entries.text("model") if entries.name("model") else "radtan"
+    if model not in COEFFICIENTS:
+        raise entries.error("model", f"one of {', '.join(COEFFICIENTS)}")
+    return model
+
+
+def _coefficients(entries: Entries, model: str) -> tuple[float, ...]:
+    spheres = model == "double_sphere"
+    for key in _SPHERES:
+        if spheres is not (key in entries.values):
+            found = f"no {key}" if spheres else f"{key} for the model {model}"
+            raise DataError(entries.place, found, "xi and alpha for the model double_sphere, and for no other")
+    if spheres:
+        return tuple(entries.number(key) for key in _SPHERES)
+    return _distortion(entries, model)
+
+
+def _distortion(entries: Entries, model: str) -> tuple[float, ...]:
+    listed = entries.values.get("distortion", [])
+    counts = {"pinhole": (0,), "radtan": (0, 4, 5, 8), "equidistant": (4,)}[model]
+    if not isinstance(listed, list) or len(listed) not in counts:
+        shown = entries if "distortion" in entries.values else Entries(entries.place, {"distortion": []})
+        raise shown.error("distortion", f"a list of {COEFFICIENTS[model]}")
+    return entries.numbers("distortion") if listed else ()
+
+
+def _depth_unit_m(entries: Entries) -> float | None:
+    """Metres per unit; files of the TUM RGB-D benchmark give units per metre."""
+    if entries.name("depth_unit_m"):
+        return entries.number("depth_unit_m", positive=True)
+    return 1.0 / entries.number("depth_scale", positive=True) if entries.name("depth_scale") else None
+
+
+def _require_keys(entries: Entries) -> None:
+    expected = f"{', '.join(REQUIRED)} and, if need be, {', '.join(_OPTIONAL)}"
+    for key in REQUIRED:
+        if key not in entries.values:
+            raise DataError(entries.place, f"no {key}", expected)
+    for key in entries.values:
+        if key not in (*REQUIRED, *_OPTIONAL):
+            raise DataError(entries.place, f"unknown key {key!r}", expected)
+
+
+_MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "k", "M")
+_DISTORTION = (
+    "distortion_coefficients",
+    "Distortion_Coefficients",
+    "distCoeffs",
+    "dist_coeffs",
+    "distortion_coeffs",
+    "distortion",
+    "D",
+    "d",
+)
+_WIDTH, _HEIGHT = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")
+_SIZE = ("image_size", "imageSize", "image_Size", "resolution", "size")
+_MODEL, _FISHEYE = "distortion_model", "fisheye_model"
+_MOST_SKEW = 1e-3
+"""Largest skew that is rounding, relative to the focal length."""
+
+
+def has_matrix(entries: Entries, camera: str | None) -> bool:
+    """Whether there is a camera matrix: that of the file's only camera, or of the one named, such as ``1``."""
+    return entries.name(*_numbered(_MATRIX, camera)) is not None
+
+
+def read_matrices(entries: Entries, camera: str | None, size: tuple[int, int] | None) -> CameraFile:
+    """The camera of a file that `has_matrix`; where OpenCV calibrated a pair, the one named, by default ``1``.
+
+    Parameters
+    ----------
+    entries
+        Of the file.
+    camera
+        ``1`` or ``2`` of a pair, otherwise None.
+    size
+        Width and height of the images where the file does not say, px.
+
+    Raises
+    ------
+    DataError
+        If something is missing or impossible, or the model of the lens is not supported.
+    """
+    name = entries.required(*_numbered(_MATRIX, camera))
+    matrix = entries.matrix(name, 3, 3)
+    (fx, skew, cx), (below, fy, cy), last = matrix
+    if fx <= 0.0 or fy <= 0.0 or abs(skew) > _MOST_SKEW * fx or below or not np.array_equal(last, (0.0, 0.0, 1.0)):
+        raise entries.error(name, "fx 0 cx, 0 fy cy, 0 0 1 with focal lengths above 0")
+    model = _matrix_model(entries)
+    distortion = entries.name(*_numbered(_DISTORTION, camera))
+    coefficients = coefficients_at(entries, distortion, model)
+    known = checked_camera(entries.place, model, _size(entries, size), (fx, fy, cx, cy), coefficients)
+    return CameraFile(known, shutter=shutter_at(entries))
+
+
+def _numbered(names: tuple[str, ...], camera: str | None) -> tuple[str, ...]:
+    """Names of the keys of one camera: without a number where none is asked for, otherwise with it."""
+    ending = "1" if camera is None else camera
+    numbered = tuple(f"{name}{between}{ending}" for name in names for between in ("", "_"))
+    return (*names, *numbered) if camera is None else numbered
+
+
+def _matrix_model(entries: Entries) -> str:
+    if entries.name(_MODEL):
+        return lens_at(entries, _MODEL)
+    return "equidistant" if entries.name(_FISHEYE) and entries.number(_FISHEYE) else "radtan"
+
+
+def _size(entries: Entries, size: tuple[int, int] | None) -> tuple[int, int]:
+    width, height, both = entries.name(*_WIDTH), entries.name(*_HEIGHT), entries.name(*_SIZE)
+    if width is not None and height is not None:
+        wide, high = (entries.number(name, whole=True, positive=True) for name in (width, height))
+        return int(wide), int(high)
+    if both is not None:
+        return entries.size(both)
+    if size is None:
+        raise DataError(entries.place, "no size of the image", "image_width and image_height")
+    return size
+
+
+_NAME = re.compile(r"cam\d+")
+_FROM_BODY, _TO_BODY = "T_cam_imu", ("T_BS", "T_imu_cam")
+_FROM_PREVIOUS = "T_cn_cnm1"
+
+
+def cameras_of(entries: Entries) -> list[str]:
+    """Names of the cameras of a chain of Kalibr's, ``cam0`` first; empty for other files."""
+    return sorted(filter(_NAME.fullmatch, entries.values), key=lambda name: int(name[3:]))
+
+
+def read_chain(entries: Entries, camera: str | None) -> CameraFile:
+    """One camera of a chain of Kalibr's, by default the first.
+
+    Raises
+    ------
+    DataError
+        If something is missing or impossible, or a model is not supported.
+    UnknownNameError
+        If there is no camera of that name.
+    """
+    names = cameras_of(entries)
+    if camera not in (None, *names):
+        raise UnknownNameError("camera", str(camera), names)
+    chosen = names[0] if camera is None else camera
+    body_from_camera = _along_chain(entries, names[: names.index(chosen) + 1])
+    return read_calibrated(entries.part(chosen), None, body_from_camera)
+
+
+def read_calibrated(
+    entries: Entries, size: tuple[int, int] | None, body_from_camera: NDArray[np.float64] | None = None
+) -> CameraFile:
+    """A camera with the keys ``camera_model``, ``intrinsics``, ``distortion_model`` and ``resolution``.
+
+    Parameters
+    ----------
+    entries
+        Of the camera.
+    size
+        Width and height of the images where the file does not say, px.
+    body_from_camera
+        (4, 4) float64 from elsewhere; by default from the entries.
+
+    Raises
+    ------
+    DataError
+        If something is missing or impossible, or a model is not supported.
+    """
+    model, intrinsics, coefficients = _lens(entries)
+    if size is None or entries.name("resolution"):
+        size = entries.size("resolution")
+    shift, rate = entries.name("timeshift_cam_imu"), entries.name("rate_hz")
+    return CameraFile(
+        checked_camera(entries.place, model, size, intrinsics, coefficients),
+        _body_from_camera(entries) if body_from_camera is None else body_from_camera,
+        None if shift is None else entries.number(shift),
+        None if rate is None else entries.number(rate, positive=True),
+        shutter=shutter_at(entries),
+    )
+
+
+def _lens(entries: Entries) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
+    """Model, then fx, fy, cx, cy, then coefficients."""
+    key = entries.name("camera_model")
+    kind = "pinhole" if key is None else entries.text(key)
+    if kind in ("ds", "double_sphere"):
+        xi, alpha, *intrinsics = entries.numbers("intrinsics", 6)
+        return "double_sphere", tuple(intrinsics), (xi, alpha)
+    if kind != "pinhole":
+        raise entries.error("camera_model", "pinhole or ds")
+    model = lens_at(entries, "distortion_model")
+    coefficients = coefficients_at(entries, entries.name("distortion_coeffs", "distortion_coefficients"), model)
+    return model, entries.numbers("intrinsics", 4), () if model == "pinhole" else coefficients
+
+
+def _body_from_camera(entries: Entries) -> NDArray[np.float64] | None:
+    if entries.name(_FROM_BODY):
+        return invert(_rigid(entries, _FROM_BODY))
+    to_body = entries.name(*_TO_BODY)
+    return None if to_body is None else _rigid(entries, to_body)
+
+
+def _along_chain(entries: Entries, names: list[str]) -> NDArray[np.float64] | None:
+    """Pose of the last camera in the body: its own, or that of the camera before and how the two are related."""
+    previous = None
+    for name in names:
+        part = entries.part(name)
+        own = _body_from_camera(part)
+        if own is None and previous is not None and part.name(_FROM_PREVIOUS):
+            own = previous @ invert(_rigid(part, _FROM_PREVIOUS))
+        previous = own
+    return previous
+
+
+def _rigid(entries: Entries, name: str) -> NDArray[np.float64]:
+    (rigid,), _ = checked_poses(entries.matrix(name, 4, 4)[None], [f"{entries.place}: {name}"])
+    return np.asarray(rigid)
+
+
+_JSON = ".json"
+_EXPECTED_CAMERA = (
+    "a camera file of Kalibr (cam0: ...), EuRoC (intrinsics), OpenCV or ROS (camera_matrix), "
+    "or width, height, fx, fy, cx and cy"
+)
+
+
+def read_camera_file(path: Path, *, camera: str | None = None, size: tuple[int, int] | None = None) -> CameraFile:
+    """Read a camera from a file of Kalibr, EuRoC, TUM-VI, OpenCV, ROS or tracknoise.
+
+    Positions are not converted: all of these put (0, 0) at the centre of the first pixel.
+
+    Parameters
+    ----------
+    path
+        The file.
+    camera
+        Which camera, where the file has several: ``cam0`` of Kalibr's chains, ``1`` of OpenCV's pairs; by default the
+        first.
+    size
+        Width and height of the images, px, for a file that does not say.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, is of no such kind, lacks something, or has an impossible value.
+    UnknownNameError
+        If there is no camera of that name.
+    """
+    entries = Entries(path, _values(path))
+    if cameras_of(entries):
+        return read_chain(entries, camera)
+    if has_matrix(entries, camera):
+        return read_matrices(entries, camera, size)
+    if camera is not None:
+        raise DataError(path, f"no camera {camera}", "a file that names its cameras, or no name")
+    if entries.name("intrinsics"):
+        return read_calibrated(entries, size)
+    if path.suffix == _JSON or entries.name(*REQUIRED):
+        return read_plain(entries)
+    raise DataError(path, "no camera", _EXPECTED_CAMERA)
+
+
+def _values(path: Path) -> dict[str, Any]:
+    if path.suffix == _JSON:
+        return read_json_object(path, "the camera's width, height, fx, fy, cx and cy in JSON")
+    if read_text(path, "a camera file").lstrip().startswith("<"):
+        return read_opencv_xml(path)
+    return read_yaml(path)

@@ -1,1 +1,0 @@
-"""Reconstructions of COLMAP: see docs/formats/colmap.md."""

@@ -1,1 +1,0 @@
-"""DTU Point Features: objects on a light stage, photographed from an arc of positions, and scanned from one of them."""

@@ -1,1 +1,0 @@
-"""KITTI raw data (Geiger et al., IJRR 2013) with the depth of KITTI's depth completion: see docs/kitti.md."""

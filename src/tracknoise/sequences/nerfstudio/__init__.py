@@ -1,1 +1,0 @@
-"""Data sets of nerfstudio: see docs/formats/nerfstudio.md."""

@@ -1,0 +1,238 @@
+"""The reader of bags: see docs/formats/rosbag.md."""
+
+import re
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Gt, Lt
+from numpy.typing import NDArray
+
+from tracknoise.checks import NotNegative, Positive, require, require_bounds
+from tracknoise.geometry.cameras import CameraModel
+from tracknoise.sequences.camera_files import CameraFile, read_camera_file
+from tracknoise.sequences.images import Levels, require_levels
+from tracknoise.sequences.poses import checked_poses, pose_notes
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.rosbag_files import BagFile, Position, find_bags
+from tracknoise.sequences.rosbag_frames import (
+    BagDepths,
+    BagImages,
+    Clock,
+    Frames,
+    Scan,
+    camera_poses,
+    in_order,
+    matching,
+    scan_bag,
+)
+from tracknoise.sequences.rosbag_messages import Wanted, camera_of, frame_name
+from tracknoise.sequences.scenes import parent_of, scene_folder
+from tracknoise.tables.identity import SequenceId
+from tracknoise.text import counted, counted_of
+
+_POSE_NUMBERS = 16
+_RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)", re.IGNORECASE)
+"""A word of its own: a topic /direct/image is not rectified."""
+_LONGEST_SHIFT_S = 86_400.0
+_DEPTH_UNIT_M = 0.001
+"""Depth of the integer 1 (ROS enhancement proposal 118)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rosbag:
+    """Reader of bags of ROS 1 (.bag) and ROS 2 (.db3, .mcap). ROS is not needed.
+
+    Parameters
+    ----------
+    root
+        A bag, or a folder with bags at any depth.
+    image_topic, depth_topic, camera_info_topic, pose_topic
+        Topics; by default the only one that fits. ``depth_topic = ""`` means no depth. The poses can be those of a tf
+        topic.
+    camera_file, camera
+        A file with the intrinsics, in place of a topic, and which of its cameras.
+    world_frame
+        Frame of the poses; by default that of the pose topic, or the root of the tf tree.
+    camera_frame
+        Frame of the camera; by default that of the images.
+    pose_frame
+        Frame whose pose is measured, where the messages do not name it.
+    body_from_camera
+        16 numbers, the rows of the pose of the camera in this frame, where neither tf nor the camera file has it.
+    time
+        Whether the times in the headers count, or those when messages were received.
+    time_shift_s
+        Added to the time of an image to get the time of its pose, seconds; by default that of the camera file, or 0.
+    max_gap_s, max_pose_gap_s
+        Largest difference in time of an image and its depth, and longest time between two poses that are interpolated,
+        seconds.
+    depth_unit_m
+        Depth of the integer 1 in 16-bit depth maps, metres; by default what the camera file states, else 0.001.
+    depth_radius_px
+        None for dense depth; for sparse depth, the largest distance to the nearest pixel with depth, px.
+    image_levels
+        Values of 16-bit images that become 0 and 255.
+
+    Raises
+    ------
+    ValueError
+        If an option has an impossible value.
+    """
+
+    name: ClassVar[str] = "rosbag"
+    description: ClassVar[str] = "ROS bags: .bag, .db3 and .mcap with images, CameraInfo and poses or tf"
+    needs_root: ClassVar[bool] = True
+
+    root: Path
+    _: KW_ONLY
+    image_topic: str | None = None
+    depth_topic: str | None = None
+    camera_info_topic: str | None = None
+    pose_topic: str | None = None
+    camera_file: Path | None = None
+    camera: str | None = None
+    world_frame: str | None = None
+    camera_frame: str | None = None
+    pose_frame: str | None = None
+    body_from_camera: tuple[float, ...] | None = None
+    time: Clock = Clock.header
+    time_shift_s: Annotated[float, Gt(-_LONGEST_SHIFT_S), Lt(_LONGEST_SHIFT_S)] | None = None
+    max_gap_s: NotNegative = 0.02
+    max_pose_gap_s: NotNegative = 0.1
+    depth_unit_m: Positive | None = None
+    depth_radius_px: NotNegative | None = None
+    image_levels: Levels | None = None
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+        if self.image_levels is not None:
+            require_levels("image_levels", self.image_levels)
+        if self.body_from_camera is not None:
+            count = len(self.body_from_camera)
+            require(count == _POSE_NUMBERS, "body_from_camera", self.body_from_camera, "16 numbers")
+
+    def sequences(self) -> list[SequenceId]:
+        """All bags, sorted.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        return [SequenceId(self.name, scene) for scene in find_bags(self.root)]
+
+    def open(self, sequence: SequenceId) -> RecordedSequence:
+        """Go through one bag once. Images and depths are read later.
+
+        Raises
+        ------
+        DataError
+            If the bag is damaged, a topic cannot be chosen, or the poses or intrinsics cannot be used.
+        UnknownNameError
+            If there is no such bag or lighting.
+        """
+        path = scene_folder(find_bags(self.root), sequence)
+        file, calibration = BagFile.at(path), self._calibration()
+        scan = scan_bag(path, self._wanted())
+        times_ns, positions = in_order(str(path), scan.images, self.time)
+        shift_s = self._shift_s(calibration)
+        poses, along, sources = camera_poses(
+            path,
+            scan,
+            self._frames(calibration),
+            times_ns + round(shift_s * 1e9),
+            clock=self.time,
+            max_gap_s=self.max_pose_gap_s,
+        )
+        camera, camera_notes = _camera(path, scan, calibration)
+        depths, depth_notes = self._depths(file, scan, times_ns, self._depth_unit_m(calibration))
+        return RecordedSequence(
+            id=sequence,
+            source=f"{path} {scan.images.topic}",
+            camera=camera,
+            world_from_camera=poses,
+            images=BagImages(file, scan.images.topic, positions, self.image_levels),
+            depths=depths,
+            notes=(
+                *camera_notes,
+                *sources,
+                *_shifted(shift_s),
+                *pose_notes(poses),
+                *depth_notes,
+                *_repeated(scan, positions),
+            ),
+            timestamps_s=(times_ns - times_ns[0]) / 1e9,
+            group=parent_of(sequence.scene),
+            shutter=None if calibration is None else calibration.shutter,
+            path=along,
+        )
+
+    def _wanted(self) -> Wanted:
+        return Wanted(
+            self.image_topic,
+            self.depth_topic,
+            self.camera_info_topic,
+            self.pose_topic,
+            intrinsics_given=self.camera_file is not None,
+        )
+
+    def _calibration(self) -> CameraFile | None:
+        return None if self.camera_file is None else read_camera_file(self.camera_file, camera=self.camera)
+
+    def _shift_s(self, calibration: CameraFile | None) -> float:
+        stated = None if calibration is None else calibration.time_shift_s
+        return next((shift_s for shift_s in (self.time_shift_s, stated) if shift_s is not None), 0.0)
+
+    def _depth_unit_m(self, calibration: CameraFile | None) -> float:
+        stated = None if calibration is None else calibration.depth_unit_m
+        return self.depth_unit_m or stated or _DEPTH_UNIT_M
+
+    def _frames(self, calibration: CameraFile | None) -> Frames:
+        """The frames between which poses are wanted. The option `body_from_camera` precedes the camera file."""
+        given = None if calibration is None else calibration.body_from_camera
+        if self.body_from_camera is not None:
+            matrix = np.array(self.body_from_camera, np.float64).reshape(1, 4, 4)
+            given = checked_poses(matrix, ["body_from_camera"])[0][0]
+        return Frames(_frame(self.world_frame), _frame(self.camera_frame), _frame(self.pose_frame), given)
+
+    def _depths(
+        self, file: BagFile, scan: Scan, times_ns: NDArray[np.int64], depth_unit_m: float
+    ) -> tuple[BagDepths | None, tuple[str, ...]]:
+        """What reads the depths, and notes on them."""
+        if scan.depths is None:
+            return None, ()
+        depth_ns, messages = in_order(str(file.path), scan.depths, self.time)
+        times_s, depth_s = ((times - times_ns[0]) / 1e9 for times in (times_ns, depth_ns))
+        positions = matching(times_s, depth_s, messages, max_gap_s=self.max_gap_s)
+        topic, missing = scan.depths.topic, positions.count(None)
+        have = counted_of(missing, len(positions), "frame", "has", "have")
+        notes = [f"{have} no depth"] if missing else []
+        if scan.depths.frame != scan.images.frame:
+            frames = f"{scan.depths.frame or '(no name)'} and {scan.images.frame or '(no name)'}"
+            notes.append(f"depths and images are in the frames {frames}; they are taken as those of one camera")
+        return BagDepths(file, topic, positions, depth_unit_m, self.depth_radius_px), tuple(notes)
+
+
+def _frame(name: str | None) -> str | None:
+    return None if name is None else frame_name(name)
+
+
+def _camera(path: Path, scan: Scan, calibration: CameraFile | None) -> tuple[CameraModel, tuple[str, ...]]:
+    if calibration is not None:
+        return calibration.camera, calibration.notes
+    assert scan.camera_info is not None, "a topic is chosen where no file is given"
+    place = f"{path} {scan.camera_info_topic}"
+    file, notes = camera_of(place, scan.camera_info, rectified=_RECTIFIED.search(scan.images.topic) is not None)
+    return file.camera, notes
+
+
+def _shifted(shift_s: float) -> tuple[str, ...]:
+    return (f"poses are taken {shift_s:g} s after the times of the images",) if shift_s else ()
+
+
+def _repeated(scan: Scan, positions: tuple[Position, ...]) -> tuple[str, ...]:
+    count = len(scan.images.positions) - len(positions)
+    have, are = ("has", "is") if count == 1 else ("have", "are")
+    return (f"{counted(count, 'image')} {have} the time of another one and {are} left out",) if count else ()

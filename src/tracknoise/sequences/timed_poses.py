@@ -1,0 +1,194 @@
+"""Recordings whose images, depths and poses have times of their own: their order, and poses between those recorded.
+
+- Rows of a file in the order of their times, each time once.
+- Recorded poses with times of their own, and the poses of images between them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.pose import PosePath, interpolate_poses
+from tracknoise.sequences.poses import quaternion_poses
+from tracknoise.text import counted_of
+
+_LATEST_S = 1e11
+"""No clock of seconds shows more: it is more than 3000 years. Stamps in milliseconds or finer do."""
+
+
+def require_seconds(times_s: NDArray[np.float64], places: Sequence[str]) -> None:
+    """Check that times can be seconds.
+
+    Parameters
+    ----------
+    times_s
+        (n,) float64.
+    places
+        n times ``file:line``.
+
+    Raises
+    ------
+    DataError
+        Naming the first place with NaN, infinity or a number that only a finer unit can have.
+    """
+    for index in np.flatnonzero(~(np.abs(times_s) <= _LATEST_S))[:1]:
+        expected = f"seconds, up to {_LATEST_S:g} (milliseconds and nanoseconds must be converted)"
+        raise DataError(places[index], f"a timestamp of {times_s[index]:g}", expected)
+
+
+def in_order(times: NDArray[np.float64] | NDArray[np.int64]) -> NDArray[np.intp]:
+    """(k,) intp: indices of rows in order of time; of rows that have the same time, the first."""
+    indices: NDArray[np.intp] = np.unique(times, return_index=True)[1]
+    return indices
+
+
+def order_notes(path: Path, times: NDArray[np.float64] | NDArray[np.int64]) -> tuple[str, ...]:
+    """Sentences on rows that `in_order` moves or leaves out.
+
+    Parameters
+    ----------
+    path
+        File of the rows.
+    times
+        (n,) in the order of the file.
+    """
+    repeated = len(times) - len(np.unique(times))
+    notes = []
+    if np.any(np.diff(times) < 0):
+        notes.append(f"{path}: the rows are not in order of time, so they were sorted")
+    if repeated:
+        repeat = counted_of(repeated, len(times), "row", "repeats", "repeat")
+        are = "is" if repeated == 1 else "are"
+        notes.append(f"{path}: {repeat} the time of an earlier row and {are} ignored")
+    return tuple(notes)
+
+
+_BEYOND_S = 1.0
+"""How far beyond the ends of a trajectory a path says that there is no pose. Any time would do."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Poses in order of time.
+
+    Parameters
+    ----------
+    path
+        The file that they are from.
+    times_s
+        (n,) float64, seconds, increasing.
+    poses
+        (n, 4, 4) float64, rigid.
+    notes
+        What was corrected, one sentence each.
+    """
+
+    path: Path
+    times_s: NDArray[np.float64]
+    poses: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+
+
+def trajectory(
+    path: Path, times_s: NDArray[np.float64], pose_rows: NDArray[np.float64], places: list[str]
+) -> Trajectory:
+    """Make a trajectory from the rows of a file. Rows whose pose is all NaN, or whose quaternion is 0, hold no pose.
+
+    Parameters
+    ----------
+    path
+        The file.
+    times_s
+        (n,) float64, seconds, in any order.
+    pose_rows
+        (n, 7) float64: position, metres, and quaternion, scalar last.
+    places
+        n times ``file:line``.
+
+    Raises
+    ------
+    DataError
+        Naming the first row that is no pose; or if there is none.
+    """
+    known = np.flatnonzero(~(np.isnan(pose_rows).all(axis=1) | (pose_rows[:, 3:] == 0.0).all(axis=1)))
+    if not len(known):
+        raise DataError(path, "no poses", "rows of a time and a pose")
+    lost = len(pose_rows) - len(known)
+    hold = counted_of(lost, len(pose_rows), "row", "holds", "hold")
+    lost_notes = (f"{path}: {hold} no pose (NaN or a quaternion of 0)",) * (lost > 0)
+    times_s, pose_rows, places = times_s[known], pose_rows[known], [places[index] for index in known]
+    poses = quaternion_poses(pose_rows[:, :3], pose_rows[:, 3:], places)
+    order = in_order(times_s)
+    return Trajectory(path, times_s[order], poses[order], (*lost_notes, *order_notes(path, times_s)))
+
+
+def poses_at(
+    recorded: Trajectory, at_s: NDArray[np.float64], *, max_gap_s: float
+) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Poses at the times of images.
+
+    Parameters
+    ----------
+    recorded
+        In the same clock.
+    at_s
+        (m,) float64, seconds.
+    max_gap_s
+        See `tracknoise.geometry.pose.interpolate_poses`.
+
+    Returns
+    -------
+    poses : (m, 4, 4) float64
+        NaN where there is no pose.
+    notes : tuple of str
+        Those of the trajectory, and a sentence if some images have no pose.
+
+    Raises
+    ------
+    DataError
+        If no image has a pose.
+    """
+    poses = interpolate_poses(recorded.times_s, recorded.poses, at_s, max_gap_s=max_gap_s)
+    missing = int(np.isnan(poses[:, 0, 0]).sum())
+    if missing == len(at_s):
+        raise DataError(recorded.path, _no_overlap(recorded.times_s, at_s, max_gap_s), "poses at the times of images")
+    have, them = counted_of(missing, len(at_s), "frame", "has", "have"), "it" if missing == 1 else "them"
+    gap = f"{have} no pose: none was recorded around {them} within {max_gap_s:g} s"
+    return poses, (*recorded.notes, *((gap,) if missing else ()))
+
+
+def path_through(
+    times_s: NDArray[np.float64], poses: NDArray[np.float64], recorded: PosePath, *, max_gap_s: float
+) -> PosePath:
+    """Camera poses at any time: those of the frames, and between them those that were recorded.
+
+    Parameters
+    ----------
+    times_s
+        (n,) float64, seconds, increasing: the times of the frames.
+    poses
+        (n, 4, 4) float64: what `poses_at` found at these times.
+    recorded
+        The recorded poses as those of the camera, in the clock of the frames.
+    max_gap_s
+        See `poses_at`. In longer gaps, before the first pose and after the last, the path has no poses.
+    """
+    gaps = np.flatnonzero(np.diff(recorded.times) > max_gap_s)
+    between_s = (recorded.times[gaps] + recorded.times[gaps + 1]) / 2
+    nowhere_s = np.concatenate((recorded.times[:1] - _BEYOND_S, between_s, recorded.times[-1:] + _BEYOND_S))
+    nowhere = np.full((len(nowhere_s), 4, 4), np.nan)
+    all_s, first = np.unique(np.concatenate((times_s, recorded.times, nowhere_s)), return_index=True)
+    return PosePath(all_s, np.concatenate((poses, recorded.poses, nowhere))[first])
+
+
+def _no_overlap(times_s: NDArray[np.float64], at_s: NDArray[np.float64], max_gap_s: float) -> str:
+    first_s, last_s = times_s[0] - at_s[0], times_s[-1] - at_s[0]
+    length_s = at_s[-1] - at_s[0]
+    return (
+        f"poses from {first_s:.3f} s to {last_s:.3f} s after the first image, where images end after {length_s:.3f} s "
+        f"(poses at most {max_gap_s:g} s apart are interpolated)"
+    )

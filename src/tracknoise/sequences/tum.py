@@ -1,0 +1,572 @@
+"""The reader of recordings in the format of the TUM RGB-D benchmark (Sturm et al., IROS 2012): see docs/formats/tum.md.
+
+- Lists of image files with their times: ``rgb.txt``, ``depth.txt``, or a list of pairs.
+- The camera of a recording: from a file, or known for its name; and how it lies to what the poses are poses of.
+- The reader of recordings in the format of the TUM RGB-D benchmark: see docs/formats/tum.md.
+
+Published facts of recordings in this format: cameras, places, and what their poses are poses of.
+
+TUM RGB-D: the benchmark's page on file formats, cameras of ROS calibrations; freiburg3 is published undistorted.
+ICL-NUIM: the data set's page; its images come from a renderer whose y axis points up, so fy is negative.
+Bonn RGB-D dynamic: the data set's page; its poses are those of markers on the camera, in another convention of axes.
+"""
+
+import os
+import re
+from dataclasses import KW_ONLY, dataclass
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.checks import NotNegative, Positive, require_bounds, require_finite
+from tracknoise.exceptions import DataError
+from tracknoise.foreign_files import read_text
+from tracknoise.geometry.cameras import DISTORTION_COUNTS, Camera, CameraModel
+from tracknoise.geometry.pose import PosePath, nearest, nearest_rigid
+from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.sequences.camera_files import read_camera_file
+from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
+from tracknoise.sequences.poses import read_rows
+from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
+from tracknoise.sequences.scenes import find_scenes, scene_folder, with_option
+from tracknoise.sequences.timed_poses import (
+    Trajectory,
+    in_order,
+    order_notes,
+    path_through,
+    poses_at,
+    require_seconds,
+    trajectory,
+)
+from tracknoise.tables.identity import SequenceId
+from tracknoise.text import counted
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Recording:
+    """Recordings with one camera.
+
+    Parameters
+    ----------
+    name
+        Of the recordings, for notes.
+    pattern
+        Found in the names of their folders.
+    place
+        What all of them show; None where they show several places.
+    camera
+        Published intrinsics.
+    upside_down
+        Whether the published fy is negative: the y axes of camera and world point up.
+    body_from_camera
+        (4, 4) float64: from the camera to what the poses are poses of; None where that is the camera.
+    """
+
+    name: str
+    pattern: str
+    place: str | None
+    camera: Camera
+    upside_down: bool = False
+    body_from_camera: NDArray[np.float64] | None = None
+
+
+def _bonn_body_from_camera() -> NDArray[np.float64]:
+    """Published as T_ros T_m after the pose; the rotation of T_m has a scale of 1.06, which is left out."""
+    axes = np.array([[-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    marker = [
+        [1.0157, 0.1828, -0.2389, 0.0113],
+        [0.0009, -0.8431, -0.6413, -0.0098],
+        [-0.3009, 0.6147, -0.8085, 0.0111],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+    rigid, _ = nearest_rigid(np.array([marker]))
+    body_from_camera: NDArray[np.float64] = axes @ rigid[0]
+    return body_from_camera
+
+
+_ICL_NUIM = Camera(640, 480, 481.2, 480.0, 319.5, 239.5)
+RECORDINGS = (
+    Recording(
+        name="freiburg1",
+        pattern=r"freiburg1|(?<![a-z])fr1(?![0-9])",
+        place="freiburg1",
+        camera=Camera(640, 480, 517.3, 516.5, 318.6, 255.3, (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)),
+    ),
+    Recording(
+        name="freiburg2",
+        pattern=r"freiburg2|(?<![a-z])fr2(?![0-9])",
+        place="freiburg2",
+        camera=Camera(640, 480, 520.9, 521.0, 325.1, 249.7, (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)),
+    ),
+    Recording(
+        name="freiburg3",
+        pattern=r"freiburg3|(?<![a-z])fr3(?![0-9])",
+        place="freiburg3",
+        camera=Camera(640, 480, 535.4, 539.2, 320.1, 247.6),
+    ),
+    Recording(
+        name="ICL-NUIM",
+        pattern=r"living_?room_?traj",
+        place="living_room",
+        camera=_ICL_NUIM,
+        upside_down=True,
+    ),
+    Recording(
+        name="ICL-NUIM",
+        pattern=r"office_?room_?traj|^traj[0-9]n?_frei_png",
+        place="office_room",
+        camera=_ICL_NUIM,
+        upside_down=True,
+    ),
+    Recording(name="ICL-NUIM", pattern=r"icl[-_ ]?nuim", place=None, camera=_ICL_NUIM, upside_down=True),
+    Recording(
+        name="Bonn",
+        pattern=r"rgbd_bonn",
+        place="bonn",
+        camera=Camera(
+            640, 480, 542.822841, 542.57687, 315.59352, 237.756098, (0.039903, -0.099343, -0.00073, -0.000144, 0.0)
+        ),
+        body_from_camera=_bonn_body_from_camera(),
+    ),
+)
+
+
+def find_recording(names: list[str]) -> Recording | None:
+    """The known recording that a folder's name fits; None if it fits none.
+
+    Parameters
+    ----------
+    names
+        Of the folder and of those above, nearest first.
+    """
+    pairs = ((name, recording) for name in names for recording in RECORDINGS)
+    return next((recording for name, recording in pairs if re.search(recording.pattern, name.lower())), None)
+
+
+COLOUR, DEPTH = "rgb.txt", "depth.txt"
+PAIRS = ("associations.txt", "associated.txt", "association.txt")
+"""Names that lists of pairs have. They are read only where there is no `COLOUR`."""
+SEPARATOR = ","
+"""What the tools of the benchmark take between fields, besides white space."""
+
+Rows = list[tuple[str, list[str]]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FileList:
+    """Files in order of time.
+
+    Parameters
+    ----------
+    times_s
+        (n,) float64, seconds, increasing.
+    files
+        One for each.
+    notes
+        What was corrected, one sentence each.
+    """
+
+    times_s: NDArray[np.float64]
+    files: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
+
+
+NO_FILES = FileList(np.empty(0), ())
+
+
+def read_lists(folder: Path) -> tuple[FileList, FileList]:
+    """Read which images and depth maps a recording has.
+
+    Returns
+    -------
+    images, depths : FileList
+        There is at least one image; there may be no depth.
+
+    Raises
+    ------
+    DataError
+        If a list is missing or damaged, or holds no image.
+    """
+    if not (folder / COLOUR).exists():
+        pairs = next((folder / name for name in PAIRS if (folder / name).exists()), folder / COLOUR)
+        return _read_pairs(pairs)
+    depth = folder / DEPTH
+    return _read_list(folder / COLOUR), _read_list(depth) if depth.exists() else NO_FILES
+
+
+def _read_list(path: Path) -> FileList:
+    rows = _rows(path, "timestamp filename")
+    return _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows])
+
+
+def _read_pairs(path: Path) -> tuple[FileList, FileList]:
+    """The benchmark's script writes colour first, ICL-NUIM depth first: the names of the folders decide."""
+    rows = _rows(path, "timestamp filename timestamp filename")
+    depth_first = bool(rows) and Path(rows[0][1][1]).parts[0] == "depth"
+    first = _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows])
+    second = _file_list(path, [(place, fields[2], fields[3]) for place, fields in rows])
+    return (second, first) if depth_first else (first, second)
+
+
+def _rows(path: Path, columns: str) -> Rows:
+    """Fields of each row with its place. Blank lines and ``#`` comments are skipped."""
+    rows, expected = [], len(columns.split())
+    for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
+        fields = line.replace(SEPARATOR, " ").split()
+        if not fields or fields[0].startswith("#"):
+            continue
+        if len(fields) != expected:
+            found = counted(len(fields), "field")
+            raise DataError(f"{path}:{number}", found, f"{expected} ({columns})")
+        rows.append((f"{path}:{number}", fields))
+    return rows
+
+
+def _file_list(path: Path, rows: list[tuple[str, str, str]]) -> FileList:
+    if not rows:
+        raise DataError(path, "no files", "rows of a timestamp and a file")
+    times_s = np.array([_seconds(place, stamp) for place, stamp, _ in rows])
+    require_seconds(times_s, [place for place, _, _ in rows])
+    order = in_order(times_s)
+    files = tuple(path.parent / rows[index][2].replace("\\", "/") for index in order)
+    return FileList(times_s[order], files, order_notes(path, times_s))
+
+
+def _seconds(place: str, stamp: str) -> float:
+    try:
+        return float(stamp)
+    except ValueError as error:
+        raise DataError(place, repr(stamp), "a timestamp, seconds") from error
+
+
+CAMERA_FILES = ("camera.yaml", "camera.yml", "camera.json", "calibration.yaml", "calibration.yml")
+PLAIN_CALIBRATION = "calibration.txt"
+_PINHOLE, _COEFFICIENTS = "fx fy cx cy", "k1 k2 p1 p2 k3 k4 k5 k6"
+DEPTH_UNIT_M = 1 / 5000
+"""Depth of the integer 1 in the benchmark, metres."""
+
+_REGISTERED = "depth maps are assumed to be registered to the images pixel by pixel, as published"
+_FLIP = np.diag((1.0, -1.0, 1.0, 1.0))
+
+
+class PosesOf(StrEnum):
+    """What the poses of a recording are poses of."""
+
+    camera = "camera"
+    body = "body"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Calibration:
+    """The camera of a recording.
+
+    Parameters
+    ----------
+    camera
+        Intrinsics, with y down.
+    notes
+        Where they are from, and what was assumed.
+    body_from_camera
+        (4, 4) float64: from the camera to what the poses are poses of; None where that is the camera.
+    upside_down
+        Whether the y axes of the recorded poses point up, in the frames of camera and world.
+    depth_unit_m
+        Depth of the integer 1, metres.
+    shutter
+        Rolling shutter that a file of the camera states; None where there is none.
+    """
+
+    camera: CameraModel
+    notes: tuple[str, ...]
+    body_from_camera: NDArray[np.float64] | None = None
+    upside_down: bool = False
+    depth_unit_m: float = DEPTH_UNIT_M
+    shutter: RollingShutter | None = None
+
+    def world_from_camera(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Poses of the camera, (n, 4, 4) float64, from the recorded ones."""
+        if self.body_from_camera is not None:
+            recorded = recorded @ self.body_from_camera
+        return _FLIP @ recorded @ _FLIP if self.upside_down else recorded
+
+
+def known_recording(root: Path, folder: Path) -> Recording | None:
+    """The recording that the name of a folder, or of one above it down from the root, fits; None if none does."""
+    levels = [level for level in (folder, *folder.parents) if root in (level, *level.parents)]
+    return find_recording([Path(os.path.abspath(level)).name for level in levels])  # noqa: PTH100
+
+
+def find_calibration(
+    folder: Path,
+    images: tuple[Path, ...],
+    known: Recording | None,
+    *,
+    camera_file: Path | None,
+    poses_of: PosesOf,
+) -> Calibration:
+    """Find the camera: in the given file, in one of the recording's folder, or the published one.
+
+    Parameters
+    ----------
+    folder
+        Of the recording.
+    images
+        Its images; their size is read where the calibration does not state it.
+    known
+        What is published about the recording.
+    camera_file
+        Used before all others.
+    poses_of
+        With `PosesOf.body`, the file must state how the camera lies to the body.
+
+    Raises
+    ------
+    DataError
+        If there is none, or it cannot be used.
+    """
+    candidates = (camera_file, *(folder / name for name in CAMERA_FILES))
+    file = next((path for path in candidates if path is not None and (path == camera_file or path.exists())), None)
+    if file is not None:
+        return _from_file(file, known, poses_of)
+    if poses_of is PosesOf.body:
+        raise DataError(folder, "poses of a body and no camera file", "a camera file that states where the camera is")
+    if (folder / PLAIN_CALIBRATION).exists():
+        return _from_plain_numbers(folder / PLAIN_CALIBRATION, images, known)
+    if known is None:
+        names = ", ".join((*CAMERA_FILES, PLAIN_CALIBRATION))
+        expected = f"one of {names}, or {with_option('camera_file', 'FILE')}"
+        raise DataError(folder, "no camera, and a name that is not that of a known recording", expected)
+    return _published(folder, known)
+
+
+def _from_file(file: Path, known: Recording | None, poses_of: PosesOf) -> Calibration:
+    """A known recording's poses are of what is published, and in its axes, whatever the file states."""
+    read = read_camera_file(file)
+    body_from_camera = None if known is None else known.body_from_camera
+    upside_down = known is not None and known.upside_down and poses_of is PosesOf.camera
+    notes = [f"the camera is that of {file}", *_upside_down_notes(known, upside_down)]
+    if poses_of is PosesOf.body:
+        if read.body_from_camera is None:
+            raise DataError(file, "no position of the camera on the body", "T_BS or T_cam_imu, for poses of the body")
+        body_from_camera = read.body_from_camera
+        notes += ["the poses are those of the body, and moved to the camera", *_shift_notes(read.time_shift_s)]
+    elif read.body_from_camera is not None:
+        notes.append("the poses are taken as those of the camera, though its file states where it is on a body")
+    return Calibration(
+        camera=read.camera,
+        notes=(*notes, *read.notes),
+        body_from_camera=body_from_camera,
+        upside_down=upside_down,
+        depth_unit_m=read.depth_unit_m or DEPTH_UNIT_M,
+        shutter=read.shutter,
+    )
+
+
+def _from_plain_numbers(path: Path, images: tuple[Path, ...], known: Recording | None) -> Calibration:
+    rows, _ = read_rows(path, _plain_columns(path))
+    if len(rows) != 1:
+        raise DataError(path, counted(len(rows), "row"), "one of fx fy cx cy")
+    fx, fy, cx, cy, *distortion = rows[0].tolist()
+    if not (np.isfinite(rows).all() and fx > 0.0 and fy != 0.0):
+        raise DataError(path, f"fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}", "focal lengths and a principal point, px")
+    if distortion and fy < 0.0:
+        distortion[2] = -distortion[2]  # p1 changes its sign with the y axis
+    camera = Camera(*image_size(first_readable(images)), fx, abs(fy), cx, cy, tuple(distortion))
+    lens = "with radial-tangential distortion" if distortion else "without distortion"
+    by_name = fy > 0.0 and known is not None and known.upside_down
+    notes = (*_flip_notes(fy < 0.0), *_upside_down_notes(known, by_name))
+    return Calibration(
+        camera=camera,
+        notes=(f"the camera is that of {path}, {lens}", *notes),
+        body_from_camera=None if known is None else known.body_from_camera,
+        upside_down=fy < 0.0 or by_name,
+    )
+
+
+def _plain_columns(path: Path) -> str:
+    """Names of the numbers in a row: those of as many distortion coefficients as the first row has, or none."""
+    lines = read_text(path, f"a row of {_PINHOLE}").splitlines()
+    fields = next((line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")), [])
+    count = len(fields) - len(_PINHOLE.split())
+    coefficients = _COEFFICIENTS.split()[: count if count in DISTORTION_COUNTS else 0]
+    return " ".join([_PINHOLE, *coefficients])
+
+
+def _published(folder: Path, known: Recording) -> Calibration:
+    source = f"{folder}: no camera file, so the published camera of {known.name} is used, by the name of the folder"
+    moved = f"the poses were moved from the markers to the camera as published for {known.name}"
+    return Calibration(
+        camera=known.camera,
+        notes=(
+            source,
+            _REGISTERED,
+            *((moved,) if known.body_from_camera is not None else ()),
+            *_flip_notes(known.upside_down),
+        ),
+        body_from_camera=known.body_from_camera,
+        upside_down=known.upside_down,
+    )
+
+
+def _flip_notes(upside_down: bool) -> tuple[str, ...]:
+    note = "fy is negative: the y axes of camera and world point up, and both were turned down together with the poses"
+    return (note,) if upside_down else ()
+
+
+def _upside_down_notes(known: Recording | None, upside_down: bool) -> tuple[str, ...]:
+    """Of a recording whose poses are published with axes that no camera file can state."""
+    if known is None or not upside_down:
+        return ()
+    return (f"the y axes of the poses of {known.name} point up, and were turned down",)
+
+
+def _shift_notes(shift_s: float | None) -> tuple[str, ...]:
+    """Of a time between camera and body that a camera file states; the option alone says what the poses' clock is."""
+    if not shift_s:
+        return ()
+    return (f"the camera file states a time shift of {1e3 * shift_s:g} ms; only the option time_shift_s is applied",)
+
+
+_GROUND_TRUTH = "groundtruth.txt"
+_LARGEST_FRAME_NUMBER = 1e6
+_COLUMNS = "timestamp tx ty tz qx qy qz qw"
+
+
+@dataclass(frozen=True, slots=True)
+class Tum:
+    """Reader of the TUM RGB-D benchmark, ICL-NUIM, Bonn RGB-D, ETH3D SLAM and all that is written like them.
+
+    Parameters
+    ----------
+    root
+        Folder of one recording, or of several at any depth.
+    camera_file
+        Intrinsics; by default a camera file in the recording's folder, else the published camera that its name fits.
+    poses_of
+        What the poses are poses of: the camera, or a body on which the camera file states the camera's place.
+    depth_unit_m
+        Depth of the integer 1, metres; by default what the camera file states, else 1/5000.
+    max_gap_s
+        Largest time between an image and its depth map, seconds.
+    max_pose_gap_s
+        Longest time between two poses that are interpolated, seconds. Images in longer gaps have no pose.
+    time_shift_s
+        Added to the times of the images to get the clock of the poses, seconds.
+
+    Raises
+    ------
+    ValueError
+        If an option has an impossible value.
+    """
+
+    name: ClassVar[str] = "tum"
+    description: ClassVar[str] = "TUM RGB-D and its format: ICL-NUIM, Bonn, ETH3D SLAM; depth/5000, poses by time"
+    needs_root: ClassVar[bool] = True
+
+    root: Path
+    _: KW_ONLY
+    camera_file: Path | None = None
+    poses_of: PosesOf = PosesOf.camera
+    depth_unit_m: Positive | None = None
+    max_gap_s: NotNegative = 0.02
+    max_pose_gap_s: NotNegative = 0.1
+    time_shift_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+        require_finite("time_shift_s", self.time_shift_s)
+
+    def sequences(self) -> list[SequenceId]:
+        """All recordings, sorted: each folder with a list of images.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        return [SequenceId(self.name, scene) for scene in self._scenes()]
+
+    def open(self, sequence: SequenceId) -> RecordedSequence:
+        """Read and check one recording, except for its images and depths.
+
+        Raises
+        ------
+        DataError
+            If a list, the poses or the camera is missing or damaged, or no image has a pose.
+        UnknownNameError
+            If there is no such scene or lighting.
+        """
+        folder = scene_folder(self._scenes(), sequence)
+        images, depths = read_lists(folder)
+        known = known_recording(self.root, folder)
+        calibration = find_calibration(
+            folder, images.files, known, camera_file=self.camera_file, poses_of=self.poses_of
+        )
+        recorded = _read_trajectory(folder)
+        poses, pose_notes = poses_at(recorded, images.times_s + self.time_shift_s, max_gap_s=self.max_pose_gap_s)
+        paths, association_notes = _depths_of(images, depths, max_gap_s=self.max_gap_s)
+        world_from_camera = calibration.world_from_camera(poses)
+        timestamps_s, time_notes = _timestamps(images)
+        start_s = images.times_s[0] + self.time_shift_s
+        path = PosePath(recorded.times_s - start_s, calibration.world_from_camera(recorded.poses))
+        read_depth = partial(read_depth_png16, metres_per_unit=self.depth_unit_m or calibration.depth_unit_m)
+        return RecordedSequence(
+            id=sequence,
+            source=str(folder),
+            camera=calibration.camera,
+            world_from_camera=world_from_camera,
+            images=ImageFiles(images.files, calibration.camera),
+            depths=depth_files(paths, calibration.camera, read_depth),
+            notes=(*calibration.notes, *pose_notes, *images.notes, *time_notes, *association_notes),
+            timestamps_s=timestamps_s,
+            group=None if known is None else known.place,
+            shutter=calibration.shutter,
+            path=None
+            if timestamps_s is None
+            else path_through(timestamps_s, world_from_camera, path, max_gap_s=self.max_pose_gap_s),
+        )
+
+    def _scenes(self) -> dict[str, Path]:
+        expected = f"folders with {COLOUR} or {PAIRS[0]}"
+        return find_scenes(self.root, lambda _, files: not {COLOUR, *PAIRS}.isdisjoint(files), expected=expected)
+
+
+def _read_trajectory(folder: Path) -> Trajectory:
+    path = folder / _GROUND_TRUTH
+    if not path.exists():
+        path = next(iter(sorted(folder.glob("*.gt.freiburg"))), path)
+    rows, places = read_rows(path, _COLUMNS, separator=SEPARATOR)
+    require_seconds(rows[:, 0], places)
+    return trajectory(path, rows[:, 0], rows[:, 1:], places)
+
+
+def _timestamps(images: FileList) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+    """Times since the first image; None where small whole numbers show that they are numbers of frames."""
+    times_s = images.times_s
+    if len(times_s) > 1 and times_s[-1] < _LARGEST_FRAME_NUMBER and np.array_equal(times_s, np.rint(times_s)):
+        return None, ("the timestamps are whole numbers: they are taken as numbers of frames, so times are unknown",)
+    return times_s - times_s[0], ()
+
+
+def _depths_of(
+    images: FileList, depths: FileList, *, max_gap_s: float
+) -> tuple[tuple[Path | None, ...], tuple[str, ...]]:
+    """The depth map of each image, and sentences on how far apart in time they are."""
+    index = nearest(images.times_s, depths.times_s, max_gap_s=max_gap_s)
+    paths = tuple(depths.files[depth] if depth >= 0 else None for depth in index)
+    if not depths.files:
+        return paths, ()
+    used = np.flatnonzero(index >= 0)
+    if not len(used):
+        found = f"depth maps: {len(depths.files)}, but none within {max_gap_s:g} s of an image"
+        raise DataError(depths.files[0].parent, found, "depth maps at the times of images, or a larger max_gap_s")
+    apart_ms = 1e3 * np.abs(depths.times_s[index[used]] - images.times_s[used])
+    apart = (
+        f"the depth of an image is the nearest in time: {np.median(apart_ms):.1f} ms from it in the median, "
+        f"{apart_ms.max():.1f} ms at most"
+    )
+    return paths, (*depths.notes, apart, *depth_notes(paths))

@@ -1,0 +1,72 @@
+"""Writing sequences: folders that appear at once, and the camera of formats that can hold only one.
+
+- Folders of sequences that appear at once, when all their files are written.
+- The camera of a sequence, for formats that can hold only one, and for those that can hold only a pinhole camera.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tracknoise import atomic
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.cameras import Camera, CameraModel
+from tracknoise.sequences.sequence import Sequence, camera_at
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """As `tracknoise.atomic.created_folder`.
+
+    Parameters
+    ----------
+    path
+        Where the folder is to be: new, or an empty one.
+
+    Yields
+    ------
+    Path
+        The folder under its temporary name, beside that place.
+
+    Raises
+    ------
+    DataError
+        If there is something already, or it cannot be written.
+    """
+    path = Path(path).absolute()
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise DataError(path, "already exists", "a new or empty folder")
+    try:
+        with atomic.created_folder(path) as unfinished:
+            yield unfinished
+    except OSError as error:
+        raise DataError(path, f"cannot be written ({error.strerror})", "a folder that can be written") from error
+
+
+def pinhole_of(sequence: Sequence) -> Camera:
+    """The pinhole camera of all frames.
+
+    Raises
+    ------
+    DataError
+        If the camera is of another model, or changes from frame to frame.
+    """
+    camera = sequence.camera
+    if not isinstance(camera, Camera):
+        raise DataError(sequence.source, f"a camera of the model {type(camera).__name__}", "a pinhole camera")
+    only_camera(sequence)
+    return camera
+
+
+def only_camera(sequence: Sequence) -> CameraModel:
+    """The camera of all frames.
+
+    Raises
+    ------
+    DataError
+        If it changes from frame to frame.
+    """
+    camera = sequence.camera
+    if any(camera_at(sequence, index) != camera for index in range(len(sequence))):
+        raise DataError(sequence.source, "a camera that changes from frame to frame", "one camera for all frames")
+    return camera

@@ -1,1 +1,0 @@
-"""A light stage: objects are photographed from an arc of positions, with one LED at a time."""

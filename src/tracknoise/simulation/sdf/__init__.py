@@ -1,1 +1,0 @@
-"""Worlds and models in Gazebo's format (SDF): the visible parts."""

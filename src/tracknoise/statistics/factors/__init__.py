@@ -1,1 +1,0 @@
-"""Effects of factors by the paper's yardstick."""

@@ -1,0 +1,527 @@
+"""What noise models are fitted to: products of errors of tracks, and changes of errors by what a front end knows.
+
+- The true points that tracks observe.
+- Errors of tracks about their first positions, with the magnification of the image and its motion.
+- The errors of the tracks of a sequence, with what is an outlier among them.
+- Sums of products of errors by condition, block, product and age, and counts of outliers.
+- All tables of a sequence that noise models are fitted to.
+
+Sums from which the components of the noise of tracks are fitted: products of errors, and what they should contain.
+
+Errors e_k are about the first position, at age k, in frames that the tracker saw. The image about the point of a track
+is magnified by M_k = Z_0 / Z_k since birth, by r = M_k / M_(k-1) since the frame before. A change is
+
+    c_k = e_k - r e_(k-1)    (error_products.change)
+
+so that an error that was made before, and is carried on by the motion of the image, is no change. For errors of
+(noise_model.error), products have the expectation
+
+    E[x y'] = first A + white W + walk Q + drift D    (error_products.expected)
+
+    error   e_k e_k'       M_k^2, 1, P_k M_k^2, k^2
+    before  r e_(k-1) ...  M_k^2, r^2, P_(k-1) M_k^2, (r k')^2
+    change  c_k c_k'       0, 1 + r^2, s, (k - r k')^2
+    lagged  c_k c_(k-1)'   0, -r, 0, (k - r k') (k' - r' k'')
+
+where k' and k'' are the ages one and two frames of the tracker before, s the frames of the recording between two of the
+tracker, and P_k the sum of s / M_i^2 over its frames i up to k. The sums of these four factors over tracks are kept, so
+that any number of scenes can be added up before the fit.
+
+Tails must not decide what the bulk is like. Errors larger than ten times the median of the condition and sequence, as a
+Gaussian of that median would have it, are left out and counted (`tracknoise.statistics.noise_sums.OUTLIER`).
+
+Changes of errors by what a front end knows while it runs: motion of the image, and quality that trackers report.
+
+A covariate is divided into classes of half an octave, c = floor(2 log2(x)) (covariates.class). For each pair of
+classes, at the first and the second end of a change (error_products.change), the sums of half its squared length and of
+what multiplies the components in its expectation are kept. With a factor f(x) on W and Q, and half traces w, q and d,
+
+    E[|c|^2 / 2] = w (f_now + r^2 f_before) + q s f_now + d (k - r k')^2    (covariates.expected)
+
+Changes of errors by two covariates together, so that what they have in common does not count twice.
+
+Classes are of an octave, c = floor(log2(x)), twice as wide as those of one covariate, because there are many
+combinations. The sums are those of `tracknoise.statistics.noise_sums`.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations, islice, pairwise
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.geometry.projection import FrameGeometry
+from tracknoise.statistics.changes import followers
+from tracknoise.statistics.grouping import number_combinations
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.tables.enumerations import Product
+from tracknoise.tables.schema import (
+    NOISE_COVARIATES,
+    NOISE_OUTLIERS,
+    NOISE_PAIRS,
+    NOISE_SUMS,
+    PRODUCT,
+    QUALITY_PREFIX,
+    Schema,
+    check,
+    empty,
+)
+
+
+def true_points(sequence: PreparedSequence, geometry: FrameGeometry, born: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Points of tracks in the world, (tracks, 3) float64, metres; NaN where the depth is unknown.
+
+    Parameters
+    ----------
+    sequence
+        Their observations, and the depths of the tracks.
+    geometry
+        Poses and cameras of its frames.
+    born
+        (tracks,) rows of their first observations.
+    """
+    true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[born]
+    depth_m = sequence.tracks["depth_m"].to_numpy()[sequence.track_row[born]]
+    return geometry.unproject(sequence.seen.frame[born], true_uv, depth_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorTracks:
+    """Observations of all tracks, in the order of condition, track and frame, each up to the same age.
+
+    Attributes
+    ----------
+    rows : (n,) intp
+        Rows of the observations table.
+    track : (n,) intp
+        A number for each track.
+    frame, speed : (n,) int64
+        Of each observation.
+    age : (n,) float64
+        Frames of the recording since birth.
+    error_px : (n, 2) float64
+        About the first position; NaN where it is unknown or hidden, and for outliers.
+    outlier : (n,) bool
+        Whether the error is beyond the limit.
+    limit_px : (conditions,) float64
+        Limit of each condition; NaN where it has no errors.
+    magnification : (n,) float64
+        M_k = Z_0 / Z_k; 1 where the depth is unknown.
+    walked : (n,) float64
+        Sum of s / M_i^2 over the frames i of the tracker since birth, s frames of the recording apart.
+    motion_px : (n, 2) float64
+        Motion of the true position since the observation before; NaN at birth.
+    """
+
+    rows: NDArray[np.intp]
+    track: NDArray[np.intp]
+    frame: NDArray[np.int64]
+    speed: NDArray[np.int64]
+    age: NDArray[np.float64]
+    error_px: NDArray[np.float64]
+    outlier: NDArray[np.bool_]
+    limit_px: NDArray[np.float64]
+    magnification: NDArray[np.float64]
+    walked: NDArray[np.float64]
+    motion_px: NDArray[np.float64]
+
+    def before(self, steps: int) -> NDArray[np.intp]:
+        """Places of known errors that have a known error so many frames of the tracker before, in the row above."""
+        late = followers(self.track, self.frame, self.speed, steps)
+        known = ~np.isnan(self.error_px[:, 0])
+        return late[known[late] & known[late - steps]]
+
+
+STEPS = 30
+"""Largest age, in frames that the tracker saw."""
+OUTLIER = 10.0
+"""Errors are outliers beyond this many standard deviations, by the median of their length."""
+_MEDIAN_LENGTH = float(np.sqrt(2.0 * np.log(2.0)))
+"""Median length of pairs of independent Gaussian numbers of standard deviation 1."""
+
+
+def error_tracks(sequence: PreparedSequence, geometry: FrameGeometry) -> ErrorTracks:
+    """Errors of all tracks of a sequence; visible ones only.
+
+    Parameters
+    ----------
+    sequence
+        With errors about the first position of each track.
+    geometry
+        Poses and cameras of its frames.
+    """
+    seen = sequence.seen
+    rows = sequence.ordered[(seen.age <= STEPS * seen.speed)[sequence.ordered]]
+    track, frame, age = sequence.track_row[rows], seen.frame[rows], seen.age[rows].astype(np.float64)
+    error = np.where(seen.visible[rows, None], seen.error_px[rows], np.nan)
+    outlier, limit = _outliers(error, age, seen.condition[rows], seen.conditions.height)
+    begins = np.flatnonzero(np.diff(track, prepend=-1))
+    length = np.diff(np.append(begins, len(rows)))
+    magnification = _magnification(sequence, geometry, rows, begins, length)
+    steps = np.diff(age, prepend=0.0) / magnification**2
+    steps[begins] = 0.0
+    walked = np.cumsum(steps)
+    true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[rows]
+    motion = np.diff(true_uv, axis=0, prepend=np.nan)
+    motion[begins] = np.nan
+    return ErrorTracks(
+        rows=rows,
+        track=track,
+        frame=frame,
+        speed=seen.speed[rows],
+        age=age,
+        error_px=np.where(outlier[:, None], np.nan, error),
+        outlier=outlier,
+        limit_px=limit,
+        magnification=magnification,
+        walked=walked - np.repeat(walked[begins], length),
+        motion_px=motion,
+    )
+
+
+def _magnification(
+    sequence: PreparedSequence,
+    geometry: FrameGeometry,
+    rows: NDArray[np.intp],
+    begins: NDArray[np.intp],
+    length: NDArray[np.intp],
+) -> NDArray[np.float64]:
+    born = rows[begins]
+    points = np.repeat(true_points(sequence, geometry, born), length, axis=0)
+    depth = geometry.to_camera(sequence.seen.frame[rows], points)[:, 2]
+    first = np.repeat(depth[begins], length)
+    known = (depth > 0.0) & (first > 0.0)
+    return np.where(known, first, 1.0) / np.where(known, depth, 1.0)
+
+
+def _outliers(
+    error: NDArray[np.float64], age: NDArray[np.float64], condition: NDArray[np.intp], count: int
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Which errors are outliers, and the limit of each condition."""
+    length = np.hypot(*error.T)
+    counted = np.flatnonzero((age > 0) & ~np.isnan(length))
+    order = counted[np.lexsort((length[counted], condition[counted]))]
+    starts = np.searchsorted(condition[order], np.arange(count + 1))
+    limit = np.full(count, np.nan)
+    for number, (low, high) in enumerate(pairwise(starts)):
+        if high > low:
+            limit[number] = OUTLIER / _MEDIAN_LENGTH * np.median(length[order[low:high]])
+    with np.errstate(invalid="ignore"):
+        return (age > 0) & (length > limit[condition]), limit
+
+
+@dataclass(frozen=True, slots=True)
+class Products:
+    """Products of one kind.
+
+    Attributes
+    ----------
+    rows : (n,) intp
+        The observation at the end of each.
+    values : (n, 3) float64
+        uu, uv and vv, px^2.
+    factors : (n, 4) float64
+        Of A, W, Q and D in their expectation, (error_products.expected).
+    """
+
+    rows: NDArray[np.intp]
+    values: NDArray[np.float64]
+    factors: NDArray[np.float64]
+
+
+def products(tracks: ErrorTracks) -> Iterator[tuple[Product, Products]]:
+    """All products of each kind whose errors are known and not outliers."""
+    now, carried, age, before = tracks.error_px, tracks.magnification, tracks.age, tracks.before(1)
+    k = age[before]
+    walked = np.where(k > 0, tracks.walked[before - 1], 0.0)
+    grown, r = carried[before], carried[before] / carried[before - 1]
+    earlier = age[before - 1]
+    left = k - r * earlier
+    one = np.ones_like(grown)
+    errors = now[before]
+    yield (
+        Product.error,
+        Products(before, _squares(errors), _stack(grown**2, one, tracks.walked[before] * grown**2, k**2)),
+    )
+    later = earlier > 0
+    old = r[:, None] * now[before - 1]
+    of_old = _stack(grown**2, r**2, walked * grown**2, (r * earlier) ** 2)
+    yield Product.before, Products(before[later], _squares(old)[later], of_old[later])
+    change = errors - old
+    of_change = _stack(0.0 * one, 1.0 + r**2, k - earlier, left**2)
+    yield Product.change, Products(before[later], _squares(change)[later], of_change[later])
+    place = np.full(len(age), -1)
+    place[before] = np.arange(len(before))
+    twice = np.flatnonzero(later & (place[before - 1] >= 0))
+    first = place[before[twice] - 1]
+    crossed = _crossed(change[twice], change[first])
+    zero = np.zeros(len(twice))
+    yield Product.lagged, Products(before[twice], crossed, _stack(zero, -r[twice], zero, left[twice] * left[first]))
+
+
+def _stack(*columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack(columns, axis=1)
+
+
+def _squares(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return _crossed(vectors, vectors)
+
+
+def _crossed(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Products uu, uv and vv, (n, 3), of which the second is made symmetric."""
+    mixed = 0.5 * (a[:, 0] * b[:, 1] + a[:, 1] * b[:, 0])
+    return _stack(a[:, 0] * b[:, 0], mixed, a[:, 1] * b[:, 1])
+
+
+_PRODUCTS, _FACTORS = ("uu", "uv", "vv"), ("first", "white", "walk", "drift")
+_MEANS = ("sum_u", "sum_v", "along", "motion")
+
+
+def noise_sums(sequence: PreparedSequence, tracks: ErrorTracks, found: Mapping[Product, Products]) -> pl.DataFrame:
+    """Sums of every condition, block, product and age.
+
+    Parameters
+    ----------
+    sequence
+        Whose blocks they are of.
+    tracks
+        Its errors.
+    found
+        What `products` made of them.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `NOISE_SUMS`, sorted.
+    """
+    parts = [_summed_products(sequence, tracks, kind, each) for kind, each in found.items()]
+    return check(pl.concat([empty(NOISE_SUMS), *parts]).sort(_KEYS), NOISE_SUMS, "noise sums")
+
+
+_KEYS = tuple(name for name in NOISE_SUMS if name not in ("n", *_PRODUCTS, *_FACTORS, *_MEANS))
+
+
+def _summed_products(sequence: PreparedSequence, tracks: ErrorTracks, kind: Product, found: Products) -> pl.DataFrame:
+    rows = tracks.rows[found.rows]
+    block = np.where(sequence.at_slowest[rows], sequence.block[rows], 0)
+    (condition, blocks, age), index = number_combinations(
+        [sequence.seen.condition[rows], block, sequence.seen.age[rows]]
+    )
+    columns = dict(zip((*_PRODUCTS, *_FACTORS), np.hstack([found.values, found.factors]).T, strict=True))
+    columns |= dict(zip(_MEANS, _means(tracks, kind, found.rows), strict=True))
+    sums = {name: np.bincount(index, values, len(age)) for name, values in columns.items()}
+    keys = {"block": blocks, "age": age, "n": np.bincount(index, minlength=len(age))}
+    table = sequence.seen.conditions[condition].hstack(pl.DataFrame({**keys, **sums}))
+    return _typed(table.with_columns(product=pl.lit(kind, dtype=PRODUCT)), NOISE_SUMS)
+
+
+def _means(tracks: ErrorTracks, kind: Product, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Errors (u, v), along the motion times it, and its square, (4, n); 0 for products other than `error`."""
+    if kind != Product.error:
+        return np.zeros((4, len(rows)))
+    error, motion = tracks.error_px[rows], tracks.motion_px[rows]
+    return np.stack([*error.T, (error * motion).sum(axis=1), (motion**2).sum(axis=1)])
+
+
+def noise_outliers(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFrame:
+    """How many errors each condition has, and how many of them are outliers: schema `NOISE_OUTLIERS`."""
+    condition, count = sequence.seen.condition[tracks.rows], sequence.seen.conditions.height
+    aged = tracks.age > 0
+    known = aged & ~np.isnan(tracks.error_px[:, 0])
+    counts = {
+        "n_tracks": np.bincount(condition[tracks.age == 0], minlength=count),
+        "n": np.bincount(condition[aged & (known | tracks.outlier)], minlength=count),
+        "n_outliers": np.bincount(condition[tracks.outlier], minlength=count),
+    }
+    table = sequence.seen.conditions.hstack(pl.DataFrame({**counts, "limit_px": tracks.limit_px}))
+    return check(_typed(table.filter(pl.col("n") > 0), NOISE_OUTLIERS), NOISE_OUTLIERS, "noise outliers")
+
+
+def _typed(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    return table.select(pl.col(name).cast(kind) for name, kind in schema.items())
+
+
+MOTION = "motion_px"
+"""Motion of the image: distance of the true positions in two frames in succession of the tracker, px.
+
+That of the observed positions contains the error, and would explain it by itself. A front end knows the motion from its
+prediction, or from the features around.
+"""
+PER_OCTAVE = 2
+_FURTHEST = 40
+TERMS = ("squares", "white_before", "walk", "drift")
+"""Sums over changes, besides their count."""
+
+
+def class_of(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Classes by (covariates.class), (n,) intp, of numbers that are not NaN; the last ones beyond 2^-20 and 2^20."""
+    with np.errstate(divide="ignore"):
+        place = np.floor(PER_OCTAVE * np.log2(np.maximum(values, 0.0)))
+    return np.asarray(np.clip(place, -_FURTHEST, _FURTHEST), dtype=np.intp)
+
+
+def log_centre(classes: NDArray[np.int64], per_octave: int = PER_OCTAVE) -> NDArray[np.float64]:
+    """Natural logarithm of the middle of each class, (n,) float64."""
+    return np.asarray((classes + 0.5) / per_octave * np.log(2.0))
+
+
+def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> pl.DataFrame:
+    """Sums over changes by the classes of each covariate at both of their ends.
+
+    Parameters
+    ----------
+    sequence
+        Whose observations may have columns ``quality_<name>``.
+    tracks
+        Its errors.
+    changes
+        Products of changes, as `tracknoise.statistics.noise_sums.products` makes them.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `NOISE_COVARIATES`, sorted.
+    """
+    parts = [
+        _summed_covariates(sequence, tracks, changes, name, values) for name, values in covariates_of(sequence, tracks)
+    ]
+    keys = [name for name in NOISE_COVARIATES if name not in ("n", *TERMS)]
+    return check(pl.concat([empty(NOISE_COVARIATES), *parts]).sort(keys), NOISE_COVARIATES, "noise covariates")
+
+
+def covariates_of(sequence: PreparedSequence, tracks: ErrorTracks) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Names, and values of all observations of the tracks, (n,); NaN where unknown."""
+    yield MOTION, np.hypot(*tracks.motion_px.T)
+    for column in sequence.observations.columns:
+        if column.startswith(QUALITY_PREFIX):
+            values = sequence.observations[column].to_numpy()[tracks.rows].astype(np.float64)
+            yield column.removeprefix(QUALITY_PREFIX), values
+
+
+def sums_by_class(
+    sequence: PreparedSequence, tracks: ErrorTracks, changes: Products, classes: Mapping[str, NDArray[np.float64]]
+) -> pl.DataFrame:
+    """Sums of every condition and combination of classes.
+
+    Parameters
+    ----------
+    sequence, tracks, changes
+        As in `noise_covariates`.
+    classes
+        (changes,) by the name of a column; NaN where a covariate is unknown. Such changes do not count.
+
+    Returns
+    -------
+    polars.DataFrame
+        The columns of the conditions, of the classes, n and `TERMS`.
+    """
+    known = np.flatnonzero(~np.isnan(np.stack(list(classes.values()))).any(axis=0))
+    condition = sequence.seen.condition[tracks.rows[changes.rows[known]]]
+    numbers = [values[known].astype(np.intp) for values in classes.values()]
+    least = [number.min(initial=_FURTHEST) for number in numbers]  # few combinations are found fast
+    counted = [number - lowest for number, lowest in zip(numbers, least, strict=True)]
+    (conditions, *combined), index = number_combinations([condition, *counted])
+    terms = {
+        "squares": 0.5 * (changes.values[known, 0] + changes.values[known, 2]),
+        "white_before": changes.factors[known, 1] - 1.0,
+        "walk": changes.factors[known, 2],
+        "drift": changes.factors[known, 3],
+    }
+    sums = {term: np.bincount(index, each, len(conditions)) for term, each in terms.items()}
+    labels = {name: values + lowest for name, values, lowest in zip(classes, combined, least, strict=True)}
+    counts = {"n": np.bincount(index, minlength=len(conditions))}
+    return sequence.seen.conditions[conditions].hstack(pl.DataFrame({**labels, **counts, **sums}))
+
+
+def _summed_covariates(
+    sequence: PreparedSequence, tracks: ErrorTracks, changes: Products, name: str, values: NDArray[np.float64]
+) -> pl.DataFrame:
+    ends = {"before": changes.rows - 1, "now": changes.rows}
+    classes = {end: known_classes(values[rows]) for end, rows in ends.items()}
+    table = sums_by_class(sequence, tracks, changes, classes)
+    return table.with_columns(covariate=pl.lit(name)).select(
+        pl.col(column).cast(kind) for column, kind in NOISE_COVARIATES.items()
+    )
+
+
+def known_classes(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Classes by (covariates.class), (n,) float64; NaN where a value is."""
+    unknown = np.isnan(values)
+    return np.where(unknown, np.nan, class_of(np.where(unknown, 1.0, values)))
+
+
+MOST = 5
+"""Covariates that are combined, the motion of the image among them."""
+
+
+def noise_pairs(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> pl.DataFrame:
+    """Sums over changes by the classes of two covariates at both of their ends.
+
+    Parameters
+    ----------
+    sequence, tracks, changes
+        As in `tracknoise.statistics.noise_sums.noise_covariates`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `NOISE_PAIRS`, sorted.
+    """
+    keys = [name for name in NOISE_PAIRS if name not in ("n", *TERMS)]
+    table = pl.concat([empty(NOISE_PAIRS), *_parts(sequence, tracks, changes)])
+    return check(table.sort(keys), NOISE_PAIRS, "noise pairs")
+
+
+def _parts(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> Iterator[pl.DataFrame]:
+    octaves = {name: _octaves(values, changes) for name, values in islice(covariates_of(sequence, tracks), MOST)}
+    for first, second in combinations(octaves, 2):
+        ends = {"first": octaves[first], "second": octaves[second]}
+        classes = {f"{place}_{end}": of_end for place, both in ends.items() for end, of_end in both.items()}
+        table = sums_by_class(sequence, tracks, changes, classes)
+        yield table.with_columns(first=pl.lit(first), second=pl.lit(second)).select(
+            pl.col(column).cast(kind) for column, kind in NOISE_PAIRS.items()
+        )
+
+
+def _octaves(values: NDArray[np.float64], changes: Products) -> dict[str, NDArray[np.float64]]:
+    """Classes of a covariate at both ends of each change, by the end."""
+    backs = {"before": 1, "now": 0}
+    return {end: known_classes(values[changes.rows - back]) // PER_OCTAVE for end, back in backs.items()}
+
+
+_SCHEMAS = {
+    "noise_sums": NOISE_SUMS,
+    "noise_outliers": NOISE_OUTLIERS,
+    "noise_covariates": NOISE_COVARIATES,
+    "noise_pairs": NOISE_PAIRS,
+}
+
+
+def noise_tables(sequence: PreparedSequence, geometry: FrameGeometry) -> dict[str, pl.DataFrame]:
+    """Sums of products of errors, their outliers, and changes of errors by what is known at run time.
+
+    Parameters
+    ----------
+    sequence
+        With errors about the first position of each track. Where a scan makes them zero elsewhere, tables have no rows.
+    geometry
+        Poses and cameras of its frames.
+
+    Returns
+    -------
+    dict
+        Tables of the schemas `NOISE_SUMS`, `NOISE_OUTLIERS`, `NOISE_COVARIATES` and `NOISE_PAIRS` by their names in
+        lower case, sorted.
+    """
+    if sequence.key_frame is not None:
+        return {name: empty(schema) for name, schema in _SCHEMAS.items()}
+    tracks = error_tracks(sequence, geometry)
+    found = dict(products(tracks))
+    return {
+        "noise_sums": noise_sums(sequence, tracks, found),
+        "noise_outliers": noise_outliers(sequence, tracks),
+        "noise_covariates": noise_covariates(sequence, tracks, found[Product.change]),
+        "noise_pairs": noise_pairs(sequence, tracks, found[Product.change]),
+    }

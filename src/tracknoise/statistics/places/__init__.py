@@ -1,1 +1,0 @@
-"""Errors by where and how features move: places in the image, speed, parallax, depth edges."""

@@ -1,0 +1,111 @@
+"""Text from outside: control characters in names are made visible, and TOML that a user wrote is read within bounds.
+
+- Text that can be shown: names from files and folders may contain control characters.
+- TOML that a user wrote, within bounds: some short texts take minutes to read.
+"""
+
+import re
+import tomllib
+from typing import Any
+
+from tracknoise.checks import MOST_LEVELS, require_storable
+from tracknoise.exceptions import first_line
+
+_UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+"""Control characters, signs that change the direction of writing, and what cannot be written as UTF-8 or XML."""
+
+
+def is_printable(text: str) -> bool:
+    """Whether a text has no control characters and can be written as UTF-8."""
+    return _UNPRINTABLE.search(text) is None
+
+
+def printable(text: str, *, keep: str = "") -> str:
+    r"""Replace control characters by their Python escapes, such as ``\x1b``, except those in `keep`."""
+    return _UNPRINTABLE.sub(lambda found: found[0] if found[0] in keep else ascii(found[0])[1:-1], text)
+
+
+def counted(n: int, noun: str, nouns: str | None = None) -> str:
+    """A count with its noun: ``1 image``, ``12 images``.
+
+    Parameters
+    ----------
+    n
+        How many.
+    noun, nouns
+        In the singular, and in the plural unless that has one more ``s``.
+    """
+    return f"{n} {plural(n, noun, nouns)}"
+
+
+def plural(n: int, noun: str, nouns: str | None = None) -> str:
+    """A noun as it follows a count: see `counted`."""
+    return noun if n == 1 else nouns or f"{noun}s"
+
+
+def counted_of(n: int, total: int, noun: str, one: str, several: str) -> str:
+    """A part of a count, and what is said of it: ``1 of 30 frames has``, ``2 of 30 frames have``.
+
+    Parameters
+    ----------
+    n, total
+        How many, and of how many.
+    noun
+        In the singular.
+    one, several
+        What follows if `n` is 1, and otherwise: verbs in most cases.
+    """
+    return f"{n} of {counted(total, noun)} {one if n == 1 else several}"
+
+
+def significant(value: float, digits: int) -> str:
+    """A number to some significant digits, as ``:.3g`` writes it, but 1234 and not 1.23e+03."""
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e+" in text else text
+
+
+_TEXT_OR_COMMENT = re.compile(
+    r'"""(?:\\.|[^\\])*?(?:"""|\Z)'
+    r"|'''.*?(?:'''|\Z)"
+    r'|"(?:\\[^\n]|[^"\\\n])*"?'
+    r"|'[^'\n]*'?"
+    r"|#[^\n]*",
+    re.DOTALL,
+)
+_NO_KEY = re.compile(r"[^\w.\s-]+")
+_MOST_DOTS = 64
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """What a TOML file holds.
+
+    Raises
+    ------
+    ValueError
+        If it is no TOML, or has longer keys, deeper lists and tables or larger numbers than any program needs. The
+        message is one line.
+    """
+    try:
+        _require_short_keys(text)
+        found = tomllib.loads(text)
+        require_storable(found)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{error}, expected TOML") from error
+    except RecursionError as error:
+        raise ValueError(f"lists and tables more than {MOST_LEVELS} deep, expected fewer levels") from error
+    except ValueError as error:  # also of numbers with thousands of digits
+        raise ValueError(first_line(error)) from error
+    return found
+
+
+def _require_short_keys(text: str) -> None:
+    """Refuse keys such as ``a.b.c`` of very many parts: the time to read one grows with the cube of their number."""
+    for number, line in enumerate(_TEXT_OR_COMMENT.sub(_placeholder, text).split("\n"), start=1):
+        for part in _NO_KEY.split(line):
+            if part.count(".") > _MOST_DOTS:
+                raise ValueError(f"line {number}: a key of {part.count('.') + 1} parts, expected at most {MOST_LEVELS}")
+
+
+def _placeholder(found: re.Match[str]) -> str:
+    """A short word in place of a text, which may be part of a key, on as many lines."""
+    return ("" if found[0].startswith("#") else "_") + "\n" * found[0].count("\n")

@@ -1,0 +1,605 @@
+"""From rows of observations to tracks in the frames of a sequence, with the mistakes that the rows show.
+
+- Rows of a file of tracks, before they are assigned to the frames of a sequence.
+- Positions of imported tracks as pixels of the images, and mistakes that positions show.
+- Positions of imported tracks on the normalised image plane: x/z and y/z of the ray, without distortion.
+- Times of imported observations, assigned to the frames of a sequence.
+- From rows of a file to tracks in the frames of a sequence, with the mistakes that the rows show.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.geometry.cameras import CameraModel
+from tracknoise.geometry.pose import nearest
+from tracknoise.geometry.projection import projection_jacobian
+from tracknoise.text import significant
+from tracknoise.trackers.tracker import SequenceContext, covariances
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """What a file states about each observation, in its order.
+
+    Exactly one of `frame`, `time_s` and `time_ns` is given.
+
+    Attributes
+    ----------
+    path
+        The file.
+    track : (n,) int64
+        Which track.
+    uv : (n, 2) float64
+        Position as the file states it.
+    frame : (n,) int64
+        Number of the frame as the file states it; None where it states times.
+    time_s : (n,) float64
+        Time, seconds; None where the file states frames.
+    time_ns : (n,) int64
+        Time, whole nanoseconds, which float64 does not hold exactly; None where the file states another time.
+    line : (n,) int64
+        Number of the line, or of the row if the file has no lines; None where it has neither.
+    has_lines
+        Whether `line` counts lines.
+    response : (n,) float32
+        NaN where unknown; None where no response is known.
+    quality : (n,) float32 each
+        By name; NaN where unknown.
+    """
+
+    path: Path
+    track: NDArray[np.int64]
+    uv: NDArray[np.float64]
+    frame: NDArray[np.int64] | None = None
+    time_s: NDArray[np.float64] | None = None
+    time_ns: NDArray[np.int64] | None = None
+    line: NDArray[np.int64] | None = None
+    has_lines: bool = True
+    response: NDArray[np.float32] | None = None
+    quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    def place(self, row: int) -> str:
+        """Where a row is, for an error."""
+        if self.line is None:
+            return str(self.path)
+        return f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
+
+    def chosen(self, kept: NDArray[np.intp], frame: NDArray[np.intp], uv: NDArray[np.float64]) -> "Rows":
+        """Some of the rows, by index, with frames and positions."""
+        return Rows(
+            self.path,
+            self.track[kept],
+            uv,
+            frame=frame.astype(np.int64),
+            line=None if self.line is None else self.line[kept],
+            has_lines=self.has_lines,
+            response=None if self.response is None else self.response[kept],
+            quality={name: values[kept] for name, values in self.quality.items()},
+        )
+
+    def refuse(self, bad: NDArray[np.bool_], name: str, values: NDArray[np.generic], expected: str) -> None:
+        """Raise an error that shows the first bad value.
+
+        Raises
+        ------
+        DataError
+            Unless no row is bad.
+        """
+        rows = np.flatnonzero(bad)
+        if len(rows):
+            row = int(rows[0])
+            raise DataError(self.place(row), f"{name} {values[row].item()!r}", expected)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Observations of imported tracks in the frames of a sequence, sorted by frame and track.
+
+    Attributes
+    ----------
+    track, frame : (n,) int64
+        Frames are indices in the nominal sequence.
+    uv : (n, 2) float64
+        px; an integer is the centre of a pixel.
+    response : (n,) float32
+        NaN where unknown.
+    quality : (n,) float32 each
+        Columns ``quality_<name>`` by name; NaN where unknown.
+    """
+
+    track: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    uv: NDArray[np.float64]
+    response: NDArray[np.float32]
+    quality: Mapping[str, NDArray[np.float32]]
+
+
+_LARGEST_NORMALISED = 2.0
+_LEAST_ROWS = 10
+"""With fewer rows, small positions do not prove normalised coordinates."""
+_PIXEL_INSIDE_IF_SWAPPED, _PIXEL_INSIDE_AS_STATED = 0.99, 0.9
+NOTED_OUTSIDE = 0.01
+"""Share of positions outside the image from which on it is noted."""
+
+
+class Units(StrEnum):
+    """What positions of a file are: ``pixels``, or ``normalised``, x/z and y/z of their rays without distortion."""
+
+    pixels = "pixels"
+    normalised = "normalised"
+
+
+class PixelOrigin(StrEnum):
+    """What the position (0, 0) of a file is: the centre of the first pixel, or its corner, the corner of the image."""
+
+    centre = "centre"
+    corner = "corner"
+
+
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """Coordinates of a file.
+
+    Parameters
+    ----------
+    origin
+        What (0, 0) is.
+    size
+        (width, height) of the images in the units of the file; None if that is their size in px.
+    """
+
+    origin: PixelOrigin
+    size: tuple[float, float] | None = None
+
+    def check(self, rows: Rows, context: SequenceContext) -> None:
+        """See `check_coordinates`."""
+        check_coordinates(rows, self, context.size)
+
+    def to_pixels(
+        self, uv: NDArray[np.float64], frame: NDArray[np.int64], context: SequenceContext
+    ) -> NDArray[np.float64]:
+        """Positions (n, 2), px; an integer is the centre of a pixel."""
+        return self.in_image(uv, context.size)
+
+    def in_image(self, uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.float64]:
+        """Positions (n, 2) in an image of (width, height) px; an integer is the centre of a pixel."""
+        if self.size is None:
+            return uv if self.origin is PixelOrigin.centre else uv - 0.5
+        from_corner = uv + 0.5 if self.origin is PixelOrigin.centre else uv
+        pixels: NDArray[np.float64] = from_corner * (np.array(image) / self.size) - 0.5
+        return pixels
+
+    def covariances_to_pixels(
+        self,
+        quality: Mapping[str, NDArray[np.float32]],
+        uv: NDArray[np.float64],
+        frame: NDArray[np.int64],
+        context: SequenceContext,
+    ) -> dict[str, NDArray[np.float32]]:
+        """Quality with the covariances among it in px^2. All other quality stays as it is."""
+        found = dict(quality)
+        if self.size is None:
+            return found
+        u, v = np.array(context.size) / self.size
+        factors = (np.float32(u * u), np.float32(u * v), np.float32(v * v))
+        for names in covariances(quality):
+            found |= {name: quality[name] * factor for name, factor in zip(names, factors, strict=True)}
+        return found
+
+
+def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> None:
+    """Refuse positions that are normalised, whose columns are swapped, or of which none is in the image.
+
+    Parameters
+    ----------
+    rows
+        Positions as the file states them.
+    raster
+        Their coordinates.
+    image
+        (width, height), px.
+
+    Raises
+    ------
+    DataError
+        Naming the mistake and what to do.
+    """
+    if raster.size is None and _are_normalised(rows.uv, image):
+        low, high = rows.uv.min(), rows.uv.max()
+        extent = f"{significant(low, 3)} to {significant(high, 3)}"
+        found = f"positions from {extent} in images of {image[0]} x {image[1]} px"
+        expected = "pixels, and these look like normalised coordinates: if they run from 0 to 1 across the image, set"
+        rest = 'raster = [1, 1] and origin = "corner"; if they are x/z and y/z, set units = "normalised"'
+        raise DataError(rows.path, found, f"{expected} {rest}")
+    uv = raster.in_image(rows.uv, image)
+    stated, swapped = inside(uv, image).mean(), inside(uv[:, ::-1], image).mean()
+    if stated < _PIXEL_INSIDE_AS_STATED and swapped > _PIXEL_INSIDE_IF_SWAPPED:
+        found = (
+            f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
+        )
+        raise DataError(rows.path, found, "u to the right and v down: the columns are swapped")
+    if stated == 0:
+        found = f"no position inside images of {image[0]} x {image[1]} px"
+        raise DataError(
+            rows.path, found, "pixels of these images; for tracks of resized images set raster = [width, height]"
+        )
+
+
+def share_outside(uv: NDArray[np.float64], image: tuple[int, int]) -> float:
+    """Share of positions (n, 2) outside an image of (width, height) px."""
+    return float(1 - inside(uv, image).mean())
+
+
+def _are_normalised(uv: NDArray[np.float64], image: tuple[int, int]) -> bool:
+    if len(uv) < _LEAST_ROWS or min(image) < 10 * _LARGEST_NORMALISED:
+        return False
+    return bool(np.abs(uv).max() <= _LARGEST_NORMALISED and (uv != np.rint(uv)).any())
+
+
+def inside(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
+    """Whether positions (n, 2) lie in an image of (width, height) px; NaN does not."""
+    return np.asarray(((uv >= -0.5) & (uv <= np.array(image) - 0.5)).all(axis=1))
+
+
+_INSIDE_IF_PIXELS, _NORMALISED_INSIDE_IF_SWAPPED, _NORMALISED_INSIDE_AS_STATED = 0.9, 0.99, 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Normalised:
+    """Coordinates x/z and y/z in the frame of the camera: x to the right, y down, (0, 0) on the optical axis.
+
+    Positions become pixels by the camera of the sequence with its distortion: that of their frame, where it changes.
+    """
+
+    def check(self, rows: Rows, context: SequenceContext) -> None:
+        """Refuse positions that are pixels, whose columns are swapped, or of which none is in the image.
+
+        Raises
+        ------
+        DataError
+            Naming the mistake and what to do.
+        SettingsError
+            If the camera is unknown.
+        """
+        camera, size = _camera_at(context, 0), context.size
+        stated = inside(_projected(camera, rows.uv), size).mean()
+        if stated >= _NORMALISED_INSIDE_AS_STATED:
+            return
+        low, high = significant(rows.uv.min(), 3), significant(rows.uv.max(), 3)
+        found = f"positions from {low} to {high}, of which {stated:.0%} are inside images of {size[0]} x {size[1]} px"
+        if inside(rows.uv, size).mean() > max(_INSIDE_IF_PIXELS, stated):
+            expected = "x/z and y/z, and these look like pixels: leave out units, or divide by the intrinsics"
+            raise DataError(rows.path, found, expected)
+        if inside(_projected(camera, rows.uv[:, ::-1]), size).mean() > _NORMALISED_INSIDE_IF_SWAPPED:
+            raise DataError(rows.path, found, "x/z to the right and y/z down: the columns are swapped")
+        if stated == 0:
+            raise DataError(rows.path, found, "x/z and y/z of the camera of this sequence, without its distortion")
+
+    def to_pixels(
+        self, uv: NDArray[np.float64], frame: NDArray[np.int64], context: SequenceContext
+    ) -> NDArray[np.float64]:
+        """Positions (n, 2), px; an integer is the centre of a pixel. NaN where the camera has no image of a ray."""
+        pixels = np.full(uv.shape, np.nan)
+        for camera, rows in _by_camera(frame, context):
+            pixels[rows] = _projected(camera, uv[rows])
+        return pixels
+
+    def covariances_to_pixels(
+        self,
+        quality: Mapping[str, NDArray[np.float32]],
+        uv: NDArray[np.float64],
+        frame: NDArray[np.int64],
+        context: SequenceContext,
+    ) -> dict[str, NDArray[np.float32]]:
+        """Quality with the covariances among it in px^2, to first order. All other quality stays as it is."""
+        found = dict(quality)
+        names = list(covariances(quality))
+        if not names:
+            return found
+        jacobian = np.full((len(uv), 2, 2), np.nan)
+        for camera, rows in _by_camera(frame, context):
+            jacobian[rows] = projection_jacobian(camera, _rays(uv[rows]))[..., :2]
+        for uu, uv_name, vv in names:
+            stated = np.stack([quality[name] for name in (uu, uv_name, uv_name, vv)], axis=-1).reshape(-1, 2, 2)
+            in_px = jacobian @ stated.astype(np.float64) @ np.swapaxes(jacobian, 1, 2)
+            entries = {uu: in_px[:, 0, 0], uv_name: in_px[:, 0, 1], vv: in_px[:, 1, 1]}
+            found |= {name: values.astype(np.float32) for name, values in entries.items()}
+        return found
+
+
+def _rays(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) float64: points of the camera frame at depth 1."""
+    return np.column_stack([xy, np.ones(len(xy))])
+
+
+def _projected(camera: CameraModel, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    return camera.project(_rays(xy))
+
+
+def _camera_at(context: SequenceContext, index: int) -> CameraModel:
+    if context.camera_at is None:
+        raise SettingsError("imported: units = normalised, but the camera is unknown, expected units = pixels")
+    return context.camera_at(index)
+
+
+def _by_camera(frame: NDArray[np.int64], context: SequenceContext) -> Iterator[tuple[CameraModel, NDArray[np.bool_]]]:
+    """Each camera, and which rows are of its frames."""
+    frames, place = np.unique(frame, return_inverse=True)
+    cameras = [_camera_at(context, index) for index in frames.tolist()]
+    for camera in dict.fromkeys(cameras):
+        yield camera, np.array([other == camera for other in cameras], dtype=np.bool_)[place]
+
+
+_Taken = tuple[Rows, int]
+
+
+def in_seconds(rows: Rows, offset_s: float) -> Rows:
+    """The same rows with times in seconds, an offset added. Nanoseconds are added as whole numbers."""
+    if rows.time_ns is not None:
+        return replace(rows, time_s=(rows.time_ns + round(1e9 * offset_s)) / 1e9, time_ns=None)
+    assert rows.time_s is not None, "there are times"
+    return replace(rows, time_s=rows.time_s + offset_s)
+
+
+def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
+    """Assign each row to the frame that is nearest in time.
+
+    Of several rows of a track that are nearest to the same frame, the nearest is kept.
+
+    Parameters
+    ----------
+    rows
+        With times in seconds.
+    frames_s
+        (n,) float64, increasing: the time of each frame.
+    max_gap_s
+        Rows that are farther from every frame are left out.
+
+    Returns
+    -------
+    rows
+        With frames.
+    left_out
+        Number of rows that are too far from every frame.
+
+    Raises
+    ------
+    DataError
+        If all rows are.
+    """
+    time_s = _times(rows)
+    frame = nearest(time_s, frames_s, max_gap_s=max_gap_s)
+    gap = np.abs(time_s - frames_s[frame])
+    near = np.flatnonzero(frame >= 0)
+    _require_any(rows, near, frames_s)
+    order = near[np.lexsort([gap[near], rows.track[near], frame[near]])]
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = (np.diff(frame[order]) != 0) | (np.diff(rows.track[order]) != 0)
+    kept = np.sort(order[first])
+    return rows.chosen(kept, frame[kept], rows.uv[kept]), len(time_s) - len(near)
+
+
+def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
+    """Positions of each track at the times of frames, linear between the observations before and after.
+
+    Parameters
+    ----------
+    rows
+        With times in seconds.
+    frames_s
+        (n,) float64, increasing: the time of each frame.
+    max_gap_s
+        A track has no position in a frame between two observations that are farther apart.
+
+    Returns
+    -------
+    rows
+        With frames, one for each track and frame; response and quality are those of the observation before.
+    left_out
+        0: observations between frames are used.
+
+    Raises
+    ------
+    DataError
+        If no track has a position in any frame, or a track has two observations at one time.
+    """
+    time_s = _times(rows)
+    order = np.lexsort([time_s, rows.track])
+    track, time_s, uv = rows.track[order], time_s[order], rows.uv[order]
+    _require_one_row_each_time(rows, order, track, time_s)
+    same = np.append(track[1:] == track[:-1], np.False_)  # whether the next row is of the same track
+    following = np.append(time_s[1:], np.nan)
+    linked = same & (following - time_s <= max_gap_s)
+    first = np.searchsorted(frames_s, time_s)
+    last = np.where(linked, np.searchsorted(frames_s, np.where(linked, following, time_s)), first)
+    at_row = (first < len(frames_s)) & (frames_s[np.minimum(first, len(frames_s) - 1)] == time_s)
+    counts = np.where(linked, last - first, at_row)
+    row = np.repeat(np.arange(len(track)), counts)
+    frame = first[row] + np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    _require_any(rows, row, frames_s)
+    later = np.where(linked[row], row + 1, row)
+    span = np.where(linked[row], time_s[later] - time_s[row], 1.0)
+    share = (frames_s[frame] - time_s[row]) / span
+    return rows.chosen(order[row], frame, uv[row] + share[:, None] * (uv[later] - uv[row])), 0
+
+
+def _times(rows: Rows) -> NDArray[np.float64]:
+    assert rows.time_s is not None, "times are in seconds"
+    return rows.time_s
+
+
+def _require_any(rows: Rows, used: NDArray[np.intp], frames_s: NDArray[np.float64]) -> None:
+    if len(used):
+        return
+    time_s = _times(rows)
+    expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; if the clocks differ, set"
+    shift = f"time_offset_s, which is added: {frames_s[0] - time_s.min():.9f} would make both begin together"
+    raise DataError(rows.path, f"times from {time_s.min():.9g} to {time_s.max():.9g} s", f"{expected} {shift}")
+
+
+def _require_one_row_each_time(
+    rows: Rows, order: NDArray[np.intp], track: NDArray[np.int64], time_s: NDArray[np.float64]
+) -> None:
+    twice = np.zeros(len(order), dtype=np.bool_)
+    twice[order[1:]] = (np.diff(track) == 0) & (np.diff(time_s) == 0)
+    rows.refuse(twice, "track", rows.track, "one row for each track and time")
+
+
+NEAREST_GAP = 0.5
+"""Largest distance between a row and its frame, as a share of the median time between frames."""
+INTERPOLATED_GAP = 1.5
+"""Largest distance between two rows with a frame between them, as such a share."""
+_LEAST_FRAMES = 3
+"""With fewer frames, a regular distance between them proves nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """How the rows of a file belong to the frames of a sequence.
+
+    Parameters
+    ----------
+    raster
+        Coordinates of positions.
+    first_frame
+        Number that the file gives the first frame of the sequence.
+    time_offset_s
+        Added to the times of the file to get those of the sequence, seconds.
+    max_gap_s
+        Largest distance between a row and its frame, or between two rows with a frame between them, seconds. Default:
+        `NEAREST_GAP` or `INTERPOLATED_GAP` times the median time between frames.
+    asynchronous
+        Whether positions are interpolated at the times of frames. Otherwise each row belongs to the nearest frame.
+    """
+
+    raster: Raster | Normalised
+    first_frame: int = 0
+    time_offset_s: float = 0.0
+    max_gap_s: float | None = None
+    asynchronous: bool = False
+
+    def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
+        """Tracks in the frames of a sequence, and what should be known about them, one sentence each.
+
+        Raises
+        ------
+        DataError
+            If coordinates are normalised or swapped, a frame is not in the sequence, the frames are only every k-th of
+            those that the tracker sees, no time is that of a frame, or a track has two rows in a frame.
+        """
+        self.raster.check(rows, context)
+        framed, left_out = self._framed(rows, context)
+        framed, unseen = self._in_pixels(framed, context)
+        frame, uv, quality = _frames(framed), framed.uv, framed.quality
+        _require_steps(framed, frame, context.speed)
+        order = np.lexsort([framed.track, frame])
+        _require_one_row_each_frame(framed, frame, order)
+        unknown = np.full(len(order), np.nan, dtype=np.float32)
+        tracks = Tracks(
+            framed.track[order],
+            frame[order],
+            uv[order],
+            unknown if framed.response is None else framed.response[order],
+            {name: values[order] for name, values in quality.items()},
+        )
+        notes = _notes(rows, tracks, left_out, context, counted=rows.frame is not None)
+        return tracks, (*_unseen_notes(unseen), *notes)
+
+    def _in_pixels(self, rows: Rows, context: SequenceContext) -> tuple[Rows, NDArray[np.bool_]]:
+        """Rows in pixels, covariances too; and which rows the camera has no image of: they are left out."""
+        frame = _frames(rows)
+        uv = self.raster.to_pixels(rows.uv, frame, context)
+        quality = self.raster.covariances_to_pixels(rows.quality, rows.uv, frame, context)
+        in_px = replace(rows, uv=uv, quality=quality)
+        unseen = np.isnan(uv[:, 0]) | np.isnan(uv[:, 1])
+        kept = np.flatnonzero(~unseen)
+        return in_px.chosen(kept, frame[kept], uv[kept]) if unseen.any() else in_px, unseen
+
+    def _framed(self, rows: Rows, context: SequenceContext) -> tuple[Rows, int]:
+        """Rows with frames, and how many rows belong to none."""
+        if rows.frame is not None:
+            return self._numbered(rows, rows.frame, context), 0
+        if context.timestamps_s is None:
+            expected = "frame numbers, because the times of the sequence's frames are unknown"
+            raise DataError(rows.path, "times", expected)
+        assign = interpolated if self.asynchronous else nearest_frames
+        limit = self._largest_gap_s(context.timestamps_s, context.source_frames)
+        framed, left_out = assign(in_seconds(rows, self.time_offset_s), context.timestamps_s, limit)
+        return framed, 0 if context.source_frames else left_out
+
+    def _largest_gap_s(self, frames_s: NDArray[np.float64], source: range | None) -> float:
+        """By default a share of the median time between frames of the recording."""
+        if self.max_gap_s is not None:
+            return self.max_gap_s
+        interval = float(np.median(np.diff(frames_s))) / (source.step if source else 1)
+        return (INTERPOLATED_GAP if self.asynchronous else NEAREST_GAP) * interval
+
+    def _numbered(self, rows: Rows, frame: NDArray[np.int64], context: SequenceContext) -> Rows:
+        """Rows whose frames count from the first of the sequence. Frames of a recording that were not chosen go."""
+        if context.source_frames is not None:
+            return _chosen(rows, frame - self.first_frame, context.source_frames)
+        n_frames = context.n_frames
+        first, last = self.first_frame, self.first_frame + n_frames - 1
+        expected = f"a frame from {first} to {last} of the sequence"
+        if first == 0 and frame.min() == 1 and frame.max() == n_frames:
+            expected += "; frames are counted from 1: set first_frame = 1"
+        rows.refuse((frame < first) | (frame > last), "frame", frame, expected)
+        return replace(rows, frame=frame - first)
+
+
+def _chosen(rows: Rows, frame: NDArray[np.int64], source: range) -> Rows:
+    """The rows in frames of a recording that were chosen, with their numbers among these."""
+    place, skipped = np.divmod(frame - source.start, source.step)
+    kept = np.flatnonzero((skipped == 0) & (place >= 0) & (place < len(source)))
+    if not len(kept):
+        found = f"frames from {frame.min()} to {frame.max()}"
+        raise DataError(rows.path, found, f"some of the chosen frames, {source[0]} to {source[-1]} of the recording")
+    return rows.chosen(kept, place[kept], rows.uv[kept])
+
+
+def _frames(rows: Rows) -> NDArray[np.int64]:
+    assert rows.frame is not None, "rows have frames"
+    return rows.frame
+
+
+def _require_steps(rows: Rows, frame: NDArray[np.int64], speed: int) -> None:
+    """Refuse frames of which only every k-th has rows, unless the tracker sees no others."""
+    present = np.unique(frame)
+    if len(present) < _LEAST_FRAMES:
+        return
+    step = int(np.gcd.reduce(np.diff(present)))
+    if step > 1 and (speed % step or present[0] % step):
+        found = f"rows in one of {step} frames only: {', '.join(map(str, present[:3]))}, ..."
+        expected = f"rows in consecutive frames that are seen at speed {speed}; for such tracks set speeds = [{step}]"
+        raise DataError(rows.path, found, expected)
+
+
+def _require_one_row_each_frame(rows: Rows, frame: NDArray[np.int64], order: NDArray[np.intp]) -> None:
+    again = (np.diff(frame[order]) == 0) & (np.diff(rows.track[order]) == 0)
+    twice = np.zeros(len(order), dtype=np.bool_)
+    twice[order[1:][again]] = True
+    rows.refuse(twice, "track", rows.track, "one row for each track and frame")
+
+
+def _unseen_notes(unseen: NDArray[np.bool_]) -> Iterator[str]:
+    if unseen.any():
+        yield f"{unseen.mean():.1%} of imported positions have no image in the camera, and were left out"
+
+
+def _notes(rows: Rows, tracks: Tracks, left_out: int, context: SequenceContext, *, counted: bool) -> Iterator[str]:
+    outside = share_outside(tracks.uv, context.size)
+    if outside >= NOTED_OUTSIDE:
+        yield f"{outside:.1%} of imported positions are outside the image"
+    if left_out:
+        share = left_out / len(rows.track)
+        yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out"
+    if len(tracks.track) > 1 and len(np.unique(tracks.track)) == len(tracks.track):
+        yield "each imported track has one row alone, so that no error is seen: does its column name tracks, or rows?"
+    if counted and tracks.frame.min() == 1:
+        yield "imported tracks have no row in frame 0: if their frames are counted from 1, set first_frame = 1"

@@ -1,0 +1,671 @@
+"""Files of tracks that other front ends write, and how a file shows its format.
+
+- Text files with one row of numbers per observation.
+- Tracks of event cameras: text with ``id t x y`` in each line, as the evaluation of RPG's event trackers reads it.
+- Tables of tracks: CSV files with a header, and Parquet files.
+- Tracks of models that track any point (TAP): NumPy archives with the positions of all points in all frames.
+- Formats of files of tracks: which there are, how a file shows its format, and what reads it.
+
+Tracks of XIVO: what its script ``pyxivo_tracker_only.py`` writes in the mode ``dumpTracker``.
+
+Each line has the time of the image in nanoseconds, the id of the feature, u, v, and its descriptor. Commas separate
+them, and there is no header. The format is that of ``TrackerDumpModeSaver`` in ``scripts/savers.py`` of
+https://github.com/ucla-vision/xivo.
+
+Tracks from a COLMAP database: keypoints, chained over consecutive images by verified matches.
+
+Tables and encodings: https://colmap.github.io/database.html.
+"""
+
+import sqlite3
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, one_line
+from tracknoise.foreign_files import MIB, damage_reported, natural_order, require_regular
+from tracknoise.parsing_child import call_in_child
+from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
+from tracknoise.text import counted
+from tracknoise.trackers.imported_rows import PixelOrigin, Rows
+from tracknoise.trackers.tracker import is_quality_name
+
+_NUMBER_MOST_BYTES = 4096 * MIB
+_LONGEST_LINE = 1 << 16
+_LARGEST_WHOLE = 2.0**62
+
+
+def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> tuple[NDArray[np.float64], list[int]]:
+    """The first numbers of each line, without empty lines and comments that start with ``#``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    separator
+        Between numbers; None for white space.
+    names
+        Of the columns that are read, for errors.
+
+    Returns
+    -------
+    rows : (n, columns) float64
+        Finite.
+    lines : (n,)
+        The line of each row.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or too large, has no row, or a line has too few columns or something that is no finite
+        number. The error names the line.
+    """
+    require_regular(path, "a file of tracks", most=_NUMBER_MOST_BYTES)
+    values, lines = array("d"), []
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            for line, text in _lines(path, file):
+                values.extend(_numbers(f"{path}:{line}", text.split(separator, len(names)), names))
+                lines.append(line)
+    except OSError as error:
+        raise DataError(path, f"unreadable ({error.strerror})", "a file of tracks") from error
+    if not lines:
+        raise DataError(path, "no track", "at least one row")
+    return np.array(values).reshape(-1, len(names)), lines
+
+
+def whole_numbers(path: Path, lines: list[int], values: NDArray[np.float64], name: str) -> NDArray[np.int64]:
+    """A column of whole numbers.
+
+    Raises
+    ------
+    DataError
+        Naming the line of the first number that is none.
+    """
+    bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > _LARGEST_WHOLE))
+    if len(bad):
+        raise DataError(f"{path}:{lines[bad[0]]}", f"{name} {float(values[bad[0]])!r}", "a whole number")
+    whole: NDArray[np.int64] = values.astype(np.int64)
+    return whole
+
+
+def _lines(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
+    """Lines that are neither empty nor comments, with their numbers. A long line is not read as a whole at first."""
+    number = 0
+    while text := file.readline(_LONGEST_LINE):
+        number += 1
+        if len(text) == _LONGEST_LINE:
+            raise DataError(f"{path}:{number}", f"a line of {_LONGEST_LINE} characters or more", "a shorter line")
+        text = text.strip()
+        if text and not text.startswith("#"):
+            yield number, text
+
+
+def _numbers(place: str, cells: list[str], names: tuple[str, ...]) -> list[float]:
+    if len(cells) < len(names):
+        raise DataError(place, counted(len(cells), "column"), f"at least {len(names)}: {', '.join(names)}")
+    return [_number(place, cell, name) for cell, name in zip(cells, names, strict=False)]
+
+
+def _number(place: str, cell: str, name: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise DataError(place, f"{name} {one_line(cell)!r}", "a finite number")
+    return value
+
+
+def read_events(path: Path) -> Rows:
+    """Read lines with the number of a track, a time in seconds, u and v, separated by white space.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or a line is not of this form. The error names the line.
+    """
+    values, lines = read_numbers(path, None, ("id", "t", "x", "y"))
+    track = whole_numbers(path, lines, values[:, 0], "id")
+    return Rows(path, track, values[:, 2:].copy(), time_s=values[:, 1].copy(), line=np.array(lines))
+
+
+def read_xivo(path: Path) -> Rows:
+    """Read a dump of XIVO's tracker. Descriptors are ignored.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or a line is not of this form. The error names the line.
+    """
+    values, lines = read_numbers(path, ",", ("timestamp", "id", "u", "v"))
+    track = whole_numbers(path, lines, values[:, 1], "id")
+    time_ns = whole_numbers(path, lines, np.rint(values[:, 0]), "timestamp")
+    return Rows(path, track, values[:, 2:4].copy(), time_ns=time_ns, line=np.array(lines))
+
+
+_COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
+_SYNONYMS: Mapping[str, tuple[str, ...]] = {
+    "track": ("track_id", "feature_id", "point_id", "feature", "id"),
+    "frame": ("frame_id", "frame_index", "frame_number", "image_id", "image_index"),
+    "u_px": ("u", "x", "x_px"),
+    "v_px": ("v", "y", "y_px"),
+}
+"""Other names of columns, for files that lack the first; ``id`` comes last, as it may count rows. Upper and lower case
+are the same."""
+_NO_NUMBER = ("", "nan", "null", "none", "na")
+_TIMES = ("time_s", "time", "timestamp")
+"""Columns that can replace ``frame``."""
+_COVARIANCE = ("cov_uu", "cov_uv", "cov_vv")
+"""Columns that are kept as if their names started with `QUALITY_PREFIX`."""
+_RESPONSE = "response"
+_USED = {*_COLUMNS, *_TIMES, *_COVARIANCE, _RESPONSE}
+_TABLE_LEAST_NANOSECONDS = 1e14
+"""Whole timestamps from here on are nanoseconds: as seconds they would be 3 million years."""
+_MOST_NANOSECONDS = 4.1e18
+_SEPARATORS = ",;\t"
+_TABLE_MOST_BYTES, _MOST_ROWS, _MOST_COLUMNS = 4096 * MIB, 1 << 20, 1000
+
+
+def read_table(path: Path) -> Rows:
+    """Read a CSV file with a header, or a Parquet file; see `tracknoise.trackers.imported.Imported`.
+
+    Rows without a position, such as blank lines, are frames in which the track was not observed.
+
+    Raises
+    ------
+    DataError
+        If it is missing or damaged, lacks a column, holds no row, or something that is not a number. The error names
+        the file and, where it has one, the line or row.
+    """
+    observed = _Observed.of(path, _read_table(path))
+    if observed.table.is_empty():
+        raise DataError(path, "no track", "at least one row")
+    return Rows(
+        path,
+        observed.numbers("track", pl.Int64),
+        np.column_stack([observed.numbers(name, pl.Float64) for name in ("u_px", "v_px")]),
+        **_when(observed),
+        line=observed.line,
+        has_lines=observed.has_lines,
+        response=_optional(observed, _RESPONSE) if _RESPONSE in observed.table.columns else None,
+        quality=_quality(observed),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Observed:
+    """The rows of a table that have a position, and their lines or numbers in the file."""
+
+    path: Path
+    table: pl.DataFrame
+    line: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, path: Path, table: pl.DataFrame) -> "_Observed":
+        first = 2 if path.suffix == ".csv" else 1
+        empty = [_is_empty(table[name]) for name in ("u_px", "v_px")]
+        there = ~(empty[0] & empty[1])
+        return cls(path, table.filter(there), first + np.flatnonzero(there.to_numpy()))
+
+    @property
+    def has_lines(self) -> bool:
+        return self.path.suffix == ".csv"
+
+    def numbers(self, name: str, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
+        """The finite numbers of a column, NaN where they may be missing; an error shows the first that is none."""
+        column = self.table[name]
+        text = _stripped(column)
+        cast = _whole(text) if kind is pl.Int64 else text.cast(kind, strict=False)
+        bad = cast.is_null() if kind is pl.Int64 else ~cast.is_finite().fill_null(value=False)
+        self.refuse((bad & column.is_not_null()).to_numpy() if optional else bad.to_numpy(), name, _expected(kind))
+        return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
+
+    def refuse(self, bad: NDArray[np.bool_], name: str, expected: str) -> None:
+        rows = np.flatnonzero(bad)
+        if len(rows):
+            row = int(rows[0])
+            place = f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
+            raise DataError(place, f"{name} {self.table[name][row]!r}", expected)
+
+
+def _is_empty(column: pl.Series) -> pl.Series:
+    """Whether cells are empty, or say that there is no number."""
+    if column.dtype == pl.String:
+        return column.str.strip_chars().str.to_lowercase().is_in(_NO_NUMBER).fill_null(value=True)
+    return column.is_null() | (column.is_nan() if column.dtype.is_float() else False)
+
+
+def _when(observed: _Observed) -> dict[str, NDArray[Any]]:
+    """The frames or times, by the name that `Rows` has for them. Whole numbers of 15 digits or more are nanoseconds."""
+    if "frame" in observed.table.columns:
+        return {"frame": observed.numbers("frame", pl.Int64)}
+    name = next(name for name in _TIMES if name in observed.table.columns)
+    seconds = observed.numbers(name, pl.Float64)
+    whole = _whole(_stripped(observed.table[name]))
+    if name == "time_s" or whole.null_count() or np.abs(seconds).min() < _TABLE_LEAST_NANOSECONDS:
+        return {"time_s": seconds}
+    observed.refuse(np.abs(seconds) > _MOST_NANOSECONDS, name, "a time before the year 2100")
+    return {"time_ns": whole.to_numpy()}
+
+
+def _quality(observed: _Observed) -> dict[str, NDArray[np.float32]]:
+    """The columns ``quality_<name>`` and the covariance, by name."""
+    columns = [column for column in observed.table.columns if column.startswith(QUALITY_PREFIX)]
+    for column in columns:
+        if not is_quality_name(column.removeprefix(QUALITY_PREFIX)):
+            raise DataError(observed.path, f"column {column}", f"a name of the form {QUALITY_PREFIX}{QUALITY_NAME}")
+    columns += [column for column in _COVARIANCE if column in observed.table.columns]
+    return {column.removeprefix(QUALITY_PREFIX): _optional(observed, column) for column in columns}
+
+
+def _optional(observed: _Observed, name: str) -> NDArray[np.float32]:
+    """The numbers of a column that may have empty cells, NaN there."""
+    values = observed.numbers(name, pl.Float64, optional=True)
+    observed.refuse(np.abs(values) > np.finfo(np.float32).max, name, "a number within the range of float32")
+    narrow: NDArray[np.float32] = values.astype(np.float32)
+    return narrow
+
+
+def _read_table(path: Path) -> pl.DataFrame:
+    """The columns that are used, without spaces around their names.
+
+    Polars ends the whole process on some damaged files, and panics on others. Therefore a child process reads them.
+    """
+    expected = f"a {path.suffix} file of tracks"
+    size = require_regular(path, "a file of tracks", most=_TABLE_MOST_BYTES)
+    with damage_reported(path, "not readable", expected, with_reason=True):
+        return call_in_child(_read_parquet if path.suffix == ".parquet" else _read_csv, path, size, size=size)
+
+
+def _read_csv(path: Path, size: int) -> pl.DataFrame:
+    """All columns are read as text, so that errors can show the cell. The header shows what separates them."""
+    with path.open("rb") as file:
+        header = file.readline(MIB).decode(errors="replace")
+    if "\0" in header:
+        raise DataError(path, "null characters in line 1", "a .csv file of tracks in UTF-8, not UTF-16")
+    separator = max(_SEPARATORS, key=header.count)
+    columns = header.count(separator) + 1
+    if columns > _MOST_COLUMNS:
+        raise DataError(path, f"{columns} columns", f"at most {_MOST_COLUMNS}")
+    table = pl.read_csv(path, infer_schema=False, glob=False, separator=separator).rename(_plain_name)
+    table = table.rename(_known_names(table.columns))
+    _require_columns(path, table.schema)
+    return table.select(_used(table.columns))
+
+
+def _plain_name(column: str) -> str:
+    """The name of a column without spaces, quotes, and the ``#`` with which NumPy begins a header."""
+    return column.strip().removeprefix("#").strip(' "')
+
+
+def _known_names(columns: Iterable[str]) -> dict[str, str]:
+    """New names of the columns that have another one of `_SYNONYMS`."""
+    found = {column.lower(): column for column in reversed([*columns])}
+    renamed = {}
+    for name, others in _SYNONYMS.items():
+        used = next((found[other] for other in (name, *others) if other in found), name)
+        if used != name:
+            renamed[used] = name
+    return renamed
+
+
+def _read_parquet(path: Path, size: int) -> pl.DataFrame:
+    """The number of rows is limited by the size of the file: a column of one repeated value takes almost no space."""
+    file = pl.scan_parquet(path, glob=False).rename(str.strip)
+    file = file.rename(_known_names(file.collect_schema()))
+    _require_columns(path, file.collect_schema())
+    rows = file.select(pl.len()).collect().item()
+    if rows > max(_MOST_ROWS, size):
+        raise DataError(path, f"{rows} rows in {size} bytes", "at most one row per byte")
+    return file.select(_used(file.collect_schema())).collect()
+
+
+def _require_columns(path: Path, columns: pl.Schema) -> None:
+    """Check that the columns that are needed are there, and that all that are used may contain numbers."""
+    has_time = any(name in columns for name in _TIMES)
+    missing = [name for name in _COLUMNS if name not in columns and not (name == "frame" and has_time)]
+    if missing:
+        raise DataError(path, f"no column {', '.join(missing)} among {', '.join(columns)}", ", ".join(_COLUMNS))
+    for name, dtype in columns.items():
+        if _is_used(name) and not (dtype.is_integer() or dtype.is_float() or dtype in (pl.String, pl.Null)):
+            raise DataError(path, f"column {name} of type {dtype}", f"{_expected(_COLUMNS.get(name))} in each row")
+
+
+def _used(columns: Iterable[str]) -> list[str]:
+    return [column for column in columns if _is_used(column)]
+
+
+def _is_used(column: str) -> bool:
+    return column in _USED or column.startswith(QUALITY_PREFIX)
+
+
+def _expected(kind: type[pl.DataType] | None) -> str:
+    return f"a {'whole ' if kind is pl.Int64 else 'finite '}number"
+
+
+def _stripped(column: pl.Series) -> pl.Series:
+    return column.str.strip_chars() if column.dtype == pl.String else column
+
+
+def _whole(text: pl.Series) -> pl.Series:
+    """Whole numbers, also those written as ``7.0``; null where there is none. Long ones are not rounded to floats."""
+    number = text.cast(pl.Float64, strict=False)
+    truncated = text.cast(pl.Int64, strict=False).fill_null(number.cast(pl.Int64, strict=False))
+    return truncated.set(truncated != number, None)
+
+
+_TAP_MOST_BYTES = 1024 * MIB
+_TAP_EXPECTED = "a .npz file with the arrays tracks and occluded"
+_FRAMES_FIRST = "pred_tracks"
+"""The name of positions of shape (frames, points, 2), which are those of CoTracker."""
+_NAMES: Mapping[str, tuple[str, ...]] = {
+    "positions": ("tracks", "points", "target_points", _FRAMES_FIRST),
+    "hidden": ("occluded", "pred_occluded"),
+    "seen": ("visible", "visibles", "visibility", "pred_visibility"),
+    "queries": ("query_points", "queries"),
+}
+"""Names that models and data sets give the arrays, by what they hold."""
+_AXES = {"positions": 3, "hidden": 2, "seen": 2, "queries": 2}
+_Arrays = Mapping[str, tuple[str, NDArray[Any]]]
+"""Arrays with their names, by what they hold."""
+
+
+def read_tap(path: Path, *, n_frames: int | None) -> Rows:
+    """Read an archive with ``tracks``, (points, frames, 2): u and v, and ``occluded``, (points, frames).
+
+    ``visible`` can replace ``occluded``. With ``query_points``, (points, 3), whose first column is the frame, the
+    frames before that of the query are left out. Each point is a track with one row per frame in which it is not
+    occluded. `_NAMES` has further names. An additional first axis of length 1 is ignored. ``pred_tracks`` have frames
+    before points, and so has what states where these are seen.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or damaged, or an array is missing or has another shape.
+    """
+    size = require_regular(path, _TAP_EXPECTED, most=_TAP_MOST_BYTES)
+    with damage_reported(path, "not readable", _TAP_EXPECTED, with_reason=True):
+        arrays = call_in_child(_read_tap, path, size=size)
+    tracks, seen = _positions(path, arrays, n_frames), _seen(path, arrays)
+    if "queries" in arrays:
+        first = _query_frames(path, *arrays["queries"], len(tracks))
+        seen = seen & (np.arange(tracks.shape[1]) >= first[:, None])
+    track, frame = np.nonzero(seen)
+    uv = tracks[track, frame]
+    if not np.isfinite(uv).all():
+        place = int(np.flatnonzero(~np.isfinite(uv).all(axis=1))[0])
+        found = f"tracks of point {track[place]} in frame {frame[place]} are {uv[place].tolist()}"
+        raise DataError(path, found, "finite positions where a point is not occluded")
+    if not len(track):
+        raise DataError(path, "no visible point", "at least one")
+    return Rows(path, track.astype(np.int64), uv, frame=frame.astype(np.int64))
+
+
+def _read_tap(path: Path) -> dict[str, tuple[str, NDArray[Any]]]:
+    with np.load(path, allow_pickle=False) as archive:
+        present = {role: next((name for name in names if name in archive), None) for role, names in _NAMES.items()}
+        found = {role: (name, archive[name]) for role, name in present.items() if name is not None}
+    return {role: (name, _without_batch(values, _AXES[role])) for role, (name, values) in found.items()}
+
+
+def _without_batch(values: NDArray[Any], axes: int) -> NDArray[Any]:
+    """The array without axes of length 1 that are too many: the first ones, then the last ones."""
+    while values.ndim > axes and len(values) == 1:
+        values = values[0]
+    while values.ndim > axes and values.shape[-1] == 1:
+        values = values[..., 0]
+    return values
+
+
+def _positions(path: Path, arrays: _Arrays, n_frames: int | None) -> NDArray[np.float64]:
+    """The array of positions as float64, (points, frames, 2)."""
+    if "positions" not in arrays:
+        raise DataError(path, "no array tracks", _TAP_EXPECTED)
+    name, tracks = arrays["positions"]
+    if tracks.ndim != 3 or tracks.shape[2] != 2 or tracks.dtype.kind not in "fiu":
+        found = f"{name} of shape {tracks.shape} and type {tracks.dtype}"
+        raise DataError(path, found, "numbers of shape (points, frames, 2)")
+    if name == _FRAMES_FIRST:
+        return np.asarray(tracks.swapaxes(0, 1), dtype=np.float64)
+    if n_frames is not None and _are_frames_first(tracks.shape[0], tracks.shape[1], n_frames):
+        found = f"{name} of shape {tracks.shape} for {counted(n_frames, 'frame')}"
+        raise DataError(path, found, "shape (points, frames, 2): transpose the first two axes")
+    return np.asarray(tracks, dtype=np.float64)
+
+
+def _are_frames_first(first: int, second: int, n_frames: int) -> bool:
+    """Whether the lengths of two axes show that the first one is that of frames."""
+    return first == n_frames != second or first <= n_frames < second
+
+
+def _seen(path: Path, arrays: _Arrays) -> NDArray[np.bool_]:
+    """Where each point is seen, (points, frames)."""
+    role = next((role for role in ("hidden", "seen") if role in arrays), None)
+    if role is None:
+        raise DataError(path, "no array occluded or visible", _TAP_EXPECTED)
+    name, stated = arrays[role]
+    of, positions = arrays["positions"]
+    expected = positions.shape[:2]
+    if stated.shape != expected or stated.dtype.kind not in "buif" or not np.isin(stated, (0, 1)).all():
+        found = f"{name} of shape {stated.shape} and type {stated.dtype}"
+        raise DataError(path, found, f"true or false, of shape {expected}")
+    seen = stated.astype(np.bool_) == (role == "seen")
+    return np.asarray(seen.T if of == _FRAMES_FIRST else seen)
+
+
+def _query_frames(path: Path, name: str, queries: NDArray[Any], count: int) -> NDArray[np.float64]:
+    """The frame of each query."""
+    if queries.shape != (count, 3) or queries.dtype.kind not in "fiu" or not np.isfinite(queries).all():
+        found = f"{name} of shape {queries.shape} and type {queries.dtype}"
+        raise DataError(path, found, f"finite numbers of shape ({count}, 3): frame, v and u of each point")
+    return np.rint(np.asarray(queries[:, 0], dtype=np.float64))
+
+
+_COLMAP_MOST_BYTES = 4096 * MIB
+_COLMAP_EXPECTED = "a COLMAP database"
+_PAIR_BASE = 2**31 - 1
+"""A pair of images i < j has the number i * _PAIR_BASE + j."""
+_Keypoints = list[NDArray[np.float64]]
+_Matches = list[NDArray[np.int64]]
+
+
+def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
+    """Read the keypoints of all images, and chain them to tracks by the inlier matches of consecutive images.
+
+    Frames are images in the order of their names, in which numbers count as numbers. A keypoint without a match in the
+    next image is the last of its track. The positions are those of the file, whose origin is the corner of the first
+    pixel.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, damaged or open in another program, a match names a keypoint that does not exist, or the
+        number of images is not that of the frames. None as `n_frames` allows any number.
+    """
+    size = require_regular(path, _COLMAP_EXPECTED, most=_COLMAP_MOST_BYTES)
+    _require_closed(path)
+    with damage_reported(path, "not readable", _COLMAP_EXPECTED, with_reason=True):
+        keypoints, matches = call_in_child(_read_colmap, path, size=size)
+    if n_frames not in (None, len(keypoints)):
+        frames = counted(n_frames or 0, "frame")
+        raise DataError(path, counted(len(keypoints), "image"), f"one for each of the {frames}")
+    counts = [len(points) for points in keypoints]
+    if not sum(counts):
+        raise DataError(path, "no keypoint", "at least one")
+    frame = np.repeat(np.arange(len(counts)), counts)
+    return Rows(path, _chained(counts, matches), np.concatenate(keypoints), frame=frame)
+
+
+def _require_closed(path: Path) -> None:
+    """Refuse a database whose last changes are in a file beside it: reading them would write there."""
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise DataError(path, f"changes that are in {log.name} alone", "a database that no program has open")
+
+
+def _read_colmap(path: Path) -> tuple[_Keypoints, _Matches]:
+    """Keypoints of each image, and matches (k, 2) of each image with the next; images in the order of their names."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+        numbers = {str(name): int(image) for image, name in database.execute("SELECT image_id, name FROM images")}
+        images = [numbers[name] for name in natural_order(numbers)]
+        points = {row[0]: row[1:] for row in database.execute("SELECT image_id, rows, cols, data FROM keypoints")}
+        pairs = {
+            row[0]: row[1:] for row in database.execute("SELECT pair_id, rows, cols, data FROM two_view_geometries")
+        }
+        keypoints = [_keypoints(path, points.get(image)) for image in images]
+        counts = [len(one) for one in keypoints]
+        matches = [_between(path, pairs, images[k : k + 2], counts[k : k + 2]) for k in range(len(images) - 1)]
+    return keypoints, matches
+
+
+def _keypoints(path: Path, stored: tuple[int, int, bytes | None] | None) -> NDArray[np.float64]:
+    if stored is None or not stored[0]:
+        return np.empty((0, 2))
+    table = _matrix(path, stored, np.dtype("<f4"), "keypoints")
+    if table.shape[1] < 2 or not np.isfinite(table[:, :2]).all():
+        raise DataError(path, f"keypoints of shape {table.shape}", "finite positions in the first two columns")
+    return table[:, :2].astype(np.float64)
+
+
+def _between(
+    path: Path, pairs: dict[int, tuple[int, int, bytes | None]], images: list[int], counts: list[int]
+) -> NDArray[np.int64]:
+    """Matches (k, 2) from the first of two images to the second, in this order; each keypoint at most once."""
+    low, high = sorted(images)
+    stored = pairs.get(low * _PAIR_BASE + high)
+    if stored is None or not stored[0]:
+        return np.empty((0, 2), np.int64)
+    matches = _matrix(path, stored, np.dtype("<u4"), "matches").astype(np.int64)
+    if images[0] != low:
+        matches = matches[:, ::-1]
+    if matches.shape[1] != 2 or (matches >= counts).any():
+        raise DataError(path, f"matches of images {images[0]} and {images[1]}", "two numbers of keypoints that exist")
+    for column in (0, 1):
+        matches = matches[np.sort(np.unique(matches[:, column], return_index=True)[1])]
+    return matches
+
+
+def _matrix(
+    path: Path, stored: tuple[int, int, bytes | None], dtype: np.dtype[np.generic], what: str
+) -> NDArray[np.generic]:
+    rows, columns, data = stored
+    if data is None or rows < 0 or columns < 1 or len(data) != rows * columns * dtype.itemsize:
+        found = f"{what} of {rows} x {columns} numbers in {counted(len(data or b''), 'byte')}"
+        raise DataError(path, found, f"{dtype.itemsize} bytes for each number")
+    return np.frombuffer(data, dtype).reshape(rows, columns)
+
+
+def _chained(counts: list[int], matches: _Matches) -> NDArray[np.int64]:
+    """The number of the track of each keypoint, images one after another."""
+    tracks: list[NDArray[np.int64]] = []
+    n_tracks = 0
+    for index, count in enumerate(counts):
+        track = np.full(count, -1)
+        if index:
+            before, after = matches[index - 1].T
+            track[after] = tracks[-1][before]
+        new = np.flatnonzero(track < 0)
+        track[new] = n_tracks + np.arange(len(new))
+        n_tracks += len(new)
+        tracks.append(track)
+    return np.concatenate(tracks)
+
+
+_BEGINNING = 4096
+_FORMAT_LEAST_NANOSECONDS = 1e9
+
+
+class TrackFormat(StrEnum):
+    """Formats of files of tracks.
+
+    table: CSV with a header, or Parquet. xivo: the dump of XIVO's tracker. events: ``id t x y`` of event trackers. tap:
+    NumPy archive of a model that tracks any point. colmap: database of COLMAP.
+    """
+
+    table = "table"
+    xivo = "xivo"
+    events = "events"
+    tap = "tap"
+    colmap = "colmap"
+
+
+_BY_SUFFIX: Mapping[str, TrackFormat] = {
+    ".csv": TrackFormat.table,
+    ".parquet": TrackFormat.table,
+    ".txt": TrackFormat.events,
+    ".npz": TrackFormat.tap,
+    ".db": TrackFormat.colmap,
+}
+SUFFIXES = tuple(_BY_SUFFIX)
+"""Endings of file names that show a format."""
+_READERS: Mapping[TrackFormat, Callable[[Path, int | None], Rows]] = {
+    TrackFormat.table: lambda path, _: read_table(path),
+    TrackFormat.xivo: lambda path, _: read_xivo(path),
+    TrackFormat.events: lambda path, _: read_events(path),
+    TrackFormat.tap: lambda path, n_frames: read_tap(path, n_frames=n_frames),
+    TrackFormat.colmap: lambda path, n_frames: read_colmap(path, n_frames=n_frames),
+}
+
+
+def detected(path: Path) -> TrackFormat:
+    """The format that the name and the beginning of a file show.
+
+    A text file whose first line begins with four numbers, and has a descriptor or a time in nanoseconds, is a dump of
+    XIVO.
+
+    Raises
+    ------
+    DataError
+        If the file is missing.
+    """
+    require_regular(path, "a file of tracks")
+    found = _BY_SUFFIX[path.suffix]
+    return TrackFormat.xivo if path.suffix in (".csv", ".txt") and _is_xivo(path) else found
+
+
+def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None) -> Rows:
+    """Read a file of tracks.
+
+    Parameters
+    ----------
+    path
+        The file.
+    kind
+        Its format.
+    n_frames
+        Number of frames of the sequence; None if it is a part of the recording.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, damaged or of another format.
+    """
+    return _READERS[kind](path, n_frames)
+
+
+def origin_of(kind: TrackFormat) -> PixelOrigin:
+    """What (0, 0) is in files of a format, if nothing else is stated."""
+    return PixelOrigin.corner if kind is TrackFormat.colmap else PixelOrigin.centre
+
+
+def _is_xivo(path: Path) -> bool:
+    """Whether the first line has numbers only, separated by commas: a descriptor, or a time that is one in nanoseconds.
+
+    A table without a header, track, frame, u, v, has neither.
+    """
+    try:
+        with path.open("rb") as file:
+            cells = file.readline(_BEGINNING).split(b",")
+        numbers = [float(cell) for cell in cells[:4]]
+        return len(numbers) == 4 and (len(cells) > 4 or numbers[0] >= _FORMAT_LEAST_NANOSECONDS)
+    except (OSError, ValueError):
+        return False

@@ -1,0 +1,313 @@
+"""Observations that take part in an audit, and the motion of their cameras at any time.
+
+- Poses of many sequences at any time, and how they change with time.
+- Observations that take part in an audit, with what the truth states about them, as arrays.
+
+Frames of a sequence, and the other times at which its recording has poses, in the order of time.
+
+The truth interpolates between all poses of a recording, such as those of frames that a run leaves out. (truth.shutter)
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.geometry.cameras import Intrinsics
+from tracknoise.geometry.pose import from_quaternion
+from tracknoise.inference.units import Resampled
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moving:
+    """Poses and velocities of n cameras.
+
+    Attributes
+    ----------
+    rotation : (n, 3, 3) float64
+        world_from_camera.
+    position : (n, 3) float64
+        Metres, world frame.
+    turning : (n, 3) float64
+        Angular velocity in the camera frame, radians per unit of time.
+    velocity : (n, 3) float64
+        Metres per unit of time, world frame.
+    """
+
+    rotation: NDArray[np.float64]
+    position: NDArray[np.float64]
+    turning: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Paths:
+    """Poses of the frames of several sequences, one after the other; between frames as `PosePath` has them.
+
+    Attributes
+    ----------
+    times : (frames,) float64
+        Increasing within each sequence.
+    first, last : (frames,) intp
+        First and last frame of the sequence of each frame.
+    rotation, position : (frames, 3, 3), (frames, 3) float64
+        NaN where a frame has no pose.
+    turning, velocity : (frames, 3) float64
+        Between a frame and the next, see `Moving`; NaN where there is none or either has no pose.
+    """
+
+    times: NDArray[np.float64]
+    first: NDArray[np.intp]
+    last: NDArray[np.intp]
+    rotation: NDArray[np.float64]
+    position: NDArray[np.float64]
+    turning: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, times: NDArray[np.float64], poses: NDArray[np.float64], sequence: NDArray[np.intp]) -> "Paths":
+        """Make the paths of frames.
+
+        Parameters
+        ----------
+        times : (frames,) float64
+            Increasing within each sequence.
+        poses : (frames, 4, 4) float64
+            world_from_camera; NaN where a frame has none.
+        sequence : (frames,) intp
+            Number of the sequence, never decreasing.
+        """
+        first = np.searchsorted(sequence, sequence, side="left")
+        last = np.searchsorted(sequence, sequence, side="right") - 1
+        rotation, position = poses[:, :3, :3], poses[:, :3, 3]
+        known = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+        between = np.flatnonzero(known[:-1] & known[1:] & (sequence[:-1] == sequence[1:]))
+        span = (times[between + 1] - times[between])[:, None]
+        turning, velocity = np.full((2, len(times), 3), np.nan)
+        step = np.swapaxes(rotation[between], 1, 2) @ rotation[between + 1]
+        turning[between] = _rotation_vectors(step) / span
+        velocity[between] = (position[between + 1] - position[between]) / span
+        return cls(times, first, last, rotation, position, turning, velocity)
+
+    @property
+    def surrounded(self) -> NDArray[np.bool_]:
+        """Whether the frame and its neighbours in its sequence have poses, (frames,); never in one of one frame."""
+        place, known = np.arange(len(self.times)), np.isfinite(self.turning[:, 0])
+        before, after = np.maximum(place - 1, 0), place
+        ends = (known[before] | (place == self.first)) & (known[after] | (place == self.last))
+        return np.asarray(ends & (self.first < self.last))
+
+    def moving(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
+        """As `at`; where no time is after its frame, as `still`."""
+        return self.at(frame, delay) if np.any(delay) else self.still(frame)
+
+    def still(self, frame: NDArray[np.intp]) -> Moving:
+        """Poses of frames, (n,), with their velocities: the mean of those before and after the frame."""
+        before = np.clip(frame - 1, self.first[frame], self.last[frame] - 1)
+        after = np.clip(frame, self.first[frame], self.last[frame] - 1)
+        turning = 0.5 * (self.turning[before] + self.turning[after])
+        velocity = 0.5 * (self.velocity[before] + self.velocity[after])
+        return Moving(self.rotation[frame], self.position[frame], turning, velocity)
+
+    def at(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
+        """Poses some time after frames.
+
+        Parameters
+        ----------
+        frame : (n,) intp
+            Frames.
+        delay : (n,) float64
+            Time after each; negative before it. Beyond the ends of a sequence the last velocity goes on.
+        """
+        start = self._segment(frame, delay)
+        elapsed = self.times[frame] + delay - self.times[start]
+        turned = Rotation.from_rotvec(np.nan_to_num(elapsed[:, None] * self.turning[start])).as_matrix()
+        position = self.position[start] + elapsed[:, None] * self.velocity[start]
+        rotation = self.rotation[start] @ turned
+        rotation[np.isnan(position[:, 0])] = np.nan
+        return Moving(rotation, position, self.turning[start], self.velocity[start])
+
+    def _segment(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> NDArray[np.intp]:
+        """First of the two frames around each time. Sequences are laid out one after the other on one axis of time."""
+        own = self.times - self.times[self.first]
+        span = float(own.max(initial=0.0)) + 1.0
+        ahead = float(np.nanmax(np.abs(delay), initial=0.0))
+        apart = (span + 2.0 * ahead) * (np.cumsum(self.first == np.arange(len(self.first))) - 1)
+        found = np.searchsorted(own + apart, own[frame] + apart[frame] + delay, side="right") - 1
+        return np.clip(found, self.first[frame], self.last[frame] - 1)
+
+
+def _rotation_vectors(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not len(rotations):
+        return np.empty((0, 3))
+    vectors: NDArray[np.float64] = Rotation.from_matrix(rotations).as_rotvec()
+    return vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AuditSamples:
+    """n observations of several trackers in several sequences.
+
+    Attributes
+    ----------
+    trackers
+        Names of the trackers.
+    tracker, age : (n,) intp
+        Place in `trackers`; frames since birth.
+    cluster, block : (n,) intp
+        Number of what is left out at a time: scenes, groups or blocks; and of the block of tracks within its scene.
+        Both from 0, without gaps.
+    resampled, n_scenes
+        What the clusters are, and the number of scenes.
+    birth, now : (n,) intp
+        Frames, as places in `paths`.
+    uv_at_birth, observed, stated : (n, 2) float64
+        Position in the first frame, observed position, and true position as stated, px.
+    depth : (n,) float64
+        In the first frame, metres.
+    paths
+        Poses of all frames of all sequences.
+    cameras, camera : (frames,) intp
+        Different cameras, and the place of each frame's camera.
+    readout_of : (frames,) float64
+        Stated readout of each frame.
+    axis_of : (frames,) intp
+        Coordinate along which the shutter moves.
+    interval_s
+        Median time between frames, seconds: the unit of time. None where it is unknown.
+    z_depth_from
+        What depths that are along z by construction were computed from; None where their kind is only stated.
+    """
+
+    trackers: tuple[str, ...]
+    tracker: NDArray[np.intp]
+    age: NDArray[np.intp]
+    cluster: NDArray[np.intp]
+    block: NDArray[np.intp]
+    resampled: Resampled
+    n_scenes: int
+    birth: NDArray[np.intp]
+    now: NDArray[np.intp]
+    uv_at_birth: NDArray[np.float64]
+    observed: NDArray[np.float64]
+    stated: NDArray[np.float64]
+    depth: NDArray[np.float64]
+    paths: Paths
+    cameras: tuple[Intrinsics, ...]
+    camera: NDArray[np.intp]
+    readout_of: NDArray[np.float64]
+    axis_of: NDArray[np.intp]
+    interval_s: float | None
+    z_depth_from: str | None = None
+
+    @property
+    def n_clusters(self) -> int:
+        """How many clusters there are."""
+        return int(self.cluster.max(initial=-1)) + 1
+
+    @property
+    def by_blocks(self) -> "AuditSamples":
+        """The same observations, with blocks of tracks as clusters."""
+        return replace(self, cluster=self.block, resampled=Resampled.blocks)
+
+    @property
+    def group(self) -> NDArray[np.intp]:
+        """Number of the tracker and age of each observation, (n,): those with a scale of their own."""
+        return np.asarray(self.tracker * (self.age.max(initial=0) + 1) + self.age)
+
+    @property
+    def readout(self) -> NDArray[np.float64]:
+        """Stated readout of each observation, (n,), in frame intervals."""
+        return self.readout_of[self.now]
+
+    @property
+    def axis(self) -> NDArray[np.intp]:
+        """Coordinate along which the shutter of each observation moves, (n,)."""
+        return self.axis_of[self.now]
+
+    @property
+    def side(self) -> NDArray[np.float64]:
+        """Size of the image along which the shutter moves, (n,), px."""
+        sizes = np.array([(camera.width, camera.height) for camera in self.cameras], dtype=np.float64)
+        sides: NDArray[np.float64] = sizes[self.camera[self.now], self.axis]
+        return sides
+
+    def along_shutter(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates of vectors (n, 2) along which the shutter moves, (n,)."""
+        return np.take_along_axis(vectors, self.axis[:, None], axis=1)[:, 0]
+
+    def phase(self, row: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Time of rows after that of their frame, in units of the readout, (n,): from -0.5 to 0.5."""
+        phase: NDArray[np.float64] = (row + 0.5) / self.side - 0.5
+        return phase
+
+    @property
+    def phase_at_birth(self) -> NDArray[np.float64]:
+        """`phase` of the position in the first frame, (n,)."""
+        return self.phase(self.along_shutter(self.uv_at_birth))
+
+    def chosen(self, rows: NDArray[np.intp]) -> "AuditSamples":
+        """Some of the observations, whose clusters and blocks are numbered again without gaps."""
+        names = ("tracker", "age", "birth", "now", "uv_at_birth", "observed", "stated", "depth")
+        some = {name: getattr(self, name)[rows] for name in names}
+        cluster, block = _numbered(self.cluster[rows]), _numbered(self.block[rows])
+        return replace(self, cluster=cluster, block=block, **some)
+
+
+def _numbered(labels: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The same labels from 0, without gaps."""
+    return np.unique(labels, return_inverse=True)[1].astype(np.intp)
+
+
+_POSITION, _QUATERNION = ("x_m", "y_m", "z_m"), ("qx", "qy", "qz", "qw")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instants:
+    """n times of a sequence, increasing.
+
+    Attributes
+    ----------
+    cameras
+        Schema `CAMERAS`, n rows; those of other times repeat the frame before them.
+    poses : (n, 4, 4) float64
+        NaN where there is none.
+    place : (frames,) intp
+        Where each frame is among them.
+    """
+
+    cameras: pl.DataFrame
+    poses: NDArray[np.float64]
+    place: NDArray[np.intp]
+
+
+def instants_of(cameras: pl.DataFrame, poses: pl.DataFrame, path: pl.DataFrame | None) -> Instants:
+    """Times of a sequence.
+
+    Parameters
+    ----------
+    cameras, poses
+        Schemas `CAMERAS` and `POSES`, one row per frame.
+    path
+        Schema `PATH`; None where only the poses of frames are known.
+    """
+    if path is None:
+        return Instants(cameras, _matrices(poses), np.arange(cameras.height))
+    frames_s, others_s = cameras["time_s"].to_numpy(), path["time_s"].to_numpy()
+    before = np.clip(np.searchsorted(frames_s, others_s, side="right") - 1, 0, None)
+    order = np.argsort(np.concatenate([frames_s, others_s]))
+    repeated = cameras[before].with_columns(path["time_s"])
+    matrices = np.concatenate([_matrices(poses), _matrices(path)])
+    place = np.argsort(order)[: cameras.height]
+    return Instants(pl.concat([cameras, repeated])[order], matrices[order], place)
+
+
+def _matrices(table: pl.DataFrame) -> NDArray[np.float64]:
+    """(n, 4, 4): NaN where a row has no pose."""
+    known = table["qw"].is_not_null().to_numpy()
+    poses = np.full((table.height, 4, 4), np.nan)
+    rows = table.filter(pl.col("qw").is_not_null())
+    poses[known] = from_quaternion(rows.select(_POSITION).to_numpy(), rows.select(_QUATERNION).to_numpy())
+    return poses

@@ -1,0 +1,464 @@
+"""What an audit found: sentences, and the corrections to put into an experiment.
+
+- Faults of the truth that are usual mistakes: distances along the ray as depths, and poses of other frames.
+- Sentences about the truth: what is wrong with it, and what the correction does.
+- What an audit needs of the settings of its run, as ``experiment.toml`` has them: what it found is beside them.
+- What an audit found, from its table: sentences, and the corrections to put into an experiment.
+
+Corrections that were found under others, and these, as one.
+
+With the corrections of a run (1) and those that its audit found (2), focal lengths have the factor s1 s2 and depths
+become s2 (s1 Z + o1) + o2. The camera is mounted as M1 M2 in the frame of the poses. All others add up.
+(audit.corrections)
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.geometry.corrections import UNCORRECTED
+from tracknoise.tables.findings_schema import MEASURED, AuditVerdict
+from tracknoise.truth_faults.audit_samples import AuditSamples
+from tracknoise.truth_faults.audit_selection import POWER
+from tracknoise.truth_faults.fault_parameters import NUMBERS, Family, Parameter, Shown
+from tracknoise.words import DASH, MINUS, SPACE, listing, number, percent, px
+
+_MOST_HALF, _ROUNDING = 0.25, 0.1
+"""A clock offset is one of whole frames if its interval is this narrow, and holds a whole number or is this near."""
+
+
+def whole_frames(offset: float, half: float) -> int:
+    """Number of frames that poses are off by; 0 where a clock offset is not surely a whole number of frames.
+
+    Parameters
+    ----------
+    offset
+        The pose this many frame intervals after a frame fits its image.
+    half
+        Half of its interval, frame intervals.
+    """
+    whole = round(offset)
+    return whole if half <= _MOST_HALF and abs(offset - whole) <= max(half, _ROUNDING) else 0
+
+
+def shifted_text(frames: int) -> str:
+    """``Poses are off by 1 frame: pose i +1 belongs to frame i``."""
+    plural = "s" if abs(frames) > 1 else ""
+    return f"Poses are off by {abs(frames)} frame{plural}: pose i {frames:+d} belongs to frame i"
+
+
+def usual_mistakes(audit: pl.DataFrame) -> list[str]:
+    """Sentences about named faults that are usual mistakes, in the order of the faults.
+
+    Parameters
+    ----------
+    audit
+        Table `tracknoise.tables.findings_schema.AUDIT`; may be empty.
+    """
+    together = audit.filter(family=str(Family.named))
+    found = [row["parameter"] for row in together.iter_rows(named=True) if _is_usual(row)]
+    alone = audit.filter(family=str(Family.alone)).filter(pl.col("parameter").is_in(found))
+    return alone.drop_nulls("rank").sort("rank")["text"].to_list()
+
+
+def _is_usual(row: Mapping[str, Any]) -> bool:
+    """Whether a row of a named fault is of a usual mistake."""
+    if row["parameter"] != Parameter.clock_offset:
+        return bool(row["parameter"] == Parameter.ray_depth)
+    frame = row["value"] / row["in_frames"] if row["in_frames"] else 1.0
+    return whole_frames(row["in_frames"], 0.5 * (row["high"] - row["low"]) / frame) != 0
+
+
+PARAMETER_NAMES: Mapping[str, str] = MappingProxyType(
+    {
+        Parameter.focal_length: "focal length",
+        Parameter.principal_point: "principal point",
+        Parameter.k1: "radial distortion k1",
+        Parameter.depth_scale: "scale of the depths",
+        Parameter.depth_offset: "offset of the depths",
+        Parameter.mounting_rotation: "rotation between camera and poses",
+        Parameter.mounting_translation: "translation between camera and poses",
+        Parameter.clock_offset: "clock offset of the poses",
+        Parameter.readout: "readout time of the shutter",
+        Parameter.ray_depth: "kind of depth",
+    }
+)
+"""What each parameter is called in text."""
+_LEAST_AT_AGE = 30
+_SHALLOW, _SLOW_PX = 0.3, 1.0
+_ABOUT_DEPTH = frozenset(
+    {Parameter.focal_length, Parameter.depth_scale, Parameter.depth_offset, Parameter.mounting_translation}
+)
+_ABOUT_TIME = frozenset({Parameter.clock_offset, Parameter.readout})
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A fitted parameter in the units of its text: values and half of their intervals, each (k,)."""
+
+    shown: Shown
+    values: NDArray[np.float64]
+    half: NDArray[np.float64]
+
+    @property
+    def text(self) -> str:
+        """``523 ± 8 px``."""
+        digits = [_decimals(half) for half in self.half.tolist()]
+        pairs = [
+            f"{value:.{digit}f} ± {half:.{digit}f}".replace("-", MINUS)
+            for value, half, digit in zip(self.values.tolist(), self.half.tolist(), digits, strict=True)
+        ]
+        return _with_unit(pairs[0] if len(pairs) == 1 else f"({', '.join(pairs)})", self.shown.unit)
+
+    @property
+    def half_text(self) -> str:
+        """Half of the widest interval: ``8 px``."""
+        return _with_unit(number(float(np.max(self.half)), digits=2), self.shown.unit)
+
+    @property
+    def excludes_stated(self) -> bool:
+        """Whether an interval does not hold the stated value."""
+        return bool(np.any(np.abs(self.values - np.asarray(self.shown.stated)) > self.half))
+
+    @property
+    def in_fit_units(self) -> tuple[float, float]:
+        """The first value as a change from the stated one, and half of its interval, in units of the fit."""
+        change = float(self.values[0]) - self.shown.stated[0]
+        return change / self.shown.factor, float(self.half[0]) / abs(self.shown.factor)
+
+    @property
+    def stated(self) -> str:
+        """The stated value as text, without its unit."""
+        values = [number(value) for value in self.shown.stated]
+        return values[0] if len(values) == 1 else f"({', '.join(values)})"
+
+
+def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mapping[Parameter, float]) -> str:
+    """``The focal length is 12 % too long (523 ± 8 px instead of 585): corrected, ...``."""
+    return f"{_claim(parameter, found)}: {effect}.{_rivals_text(rivals)}"
+
+
+def _claim(parameter: Parameter, found: Estimate) -> str:
+    name = PARAMETER_NAMES[parameter]
+    if parameter is Parameter.ray_depth:
+        return f"Depth is the distance along the ray, not along the optical axis (share {found.text} instead of 0)"
+    if parameter is Parameter.clock_offset and (frames := whole_frames(*found.in_fit_units)):
+        return f"{shifted_text(frames)} (clock offset {found.text} instead of {found.stated})"
+    if parameter in (Parameter.focal_length, Parameter.depth_scale) and found.values[0] > 0:
+        excess = found.shown.stated[0] / float(found.values[0]) - 1.0
+        words = ("too long", "too short") if parameter is Parameter.focal_length else ("too large", "too small")
+        return f"The {name} is {percent(abs(excess))} {words[excess < 0]} ({found.text} instead of {found.stated})"
+    return f"The {name} is wrong ({found.text} instead of {found.stated})"
+
+
+def family_text(others: Sequence[Parameter], together: Estimate) -> str:
+    """`` Fitted together with the clock offset of the poses, it is 28 ± 7 ms.``, after another sentence."""
+    return f" Fitted together with {listing([f'the {PARAMETER_NAMES[one]}' for one in others])}, it is {together.text}."
+
+
+def _rivals_text(rivals: Mapping[Parameter, float]) -> str:
+    if not rivals:
+        return ""
+    names = listing([f"the {PARAMETER_NAMES[one]}" for one in rivals], joint="or")
+    largest = number(max(rivals.values()), digits=2)
+    return f" An error of {names} cannot be distinguished from it here (condition number {largest})."
+
+
+def effect_text(curves: pl.DataFrame, before: str, correction: str) -> str:
+    """What a correction does at the largest age: to the mean error, or to the second moment where that changes more.
+
+    Parameters
+    ----------
+    curves
+        Table `AUDIT_CURVES`.
+    before, correction
+        Corrections in it.
+    """
+    earlier = curves.filter(pl.col("n") >= _LEAST_AT_AGE, correction=before)
+    both = earlier.join(curves.filter(correction=correction), on=["tracker", "age"], suffix="_after")
+    if both.is_empty():
+        return "corrected, the errors become smaller"
+    oldest = both.filter(pl.col("age") == pl.col("age").max())
+    mean, second = _mean_text(oldest), _second_text(oldest)
+    return f"corrected{'' if before == MEASURED else ' as well'}, {mean or second}"
+
+
+def _mean_text(rows: pl.DataFrame) -> str | None:
+    """The mean error that is largest before the correction, if the correction halves it."""
+    found = [(abs(row[f"mean_{axis}_px"]), axis, row) for row in rows.iter_rows(named=True) for axis in "uv"]
+    size, axis, row = max(found, key=lambda one: one[0])
+    after = row[f"mean_{axis}_px_after"]
+    if size < 0.1 or abs(after) > 0.5 * size:
+        return None
+    before = px(row[f"mean_{axis}_px"])
+    return f"the mean error in {axis} of {row['tracker']} at age {row['age']} falls from {before} to {px(after)}"
+
+
+def _second_text(rows: pl.DataFrame) -> str:
+    gains = rows.with_columns(
+        before=pl.col("second_uu") + pl.col("second_vv"), after=pl.col("second_uu_after") + pl.col("second_vv_after")
+    ).with_columns(share=pl.col("after") / pl.col("before"))
+    row = gains.sort("share").row(0, named=True)
+    before, after = number(row["before"], digits=2), number(row["after"], digits=2)
+    if before == after:
+        return f"errors at age {row['age']} stay about the same"
+    verb = "falls" if row["after"] < row["before"] else "goes"
+    unit = f"{SPACE}px²"
+    return f"the second moment of {row['tracker']} at age {row['age']} {verb} from {before} to {after}{unit}"
+
+
+def other_text(
+    parameter: Parameter,
+    verdict: AuditVerdict,
+    visible: str,
+    *,
+    condition: float,
+    found: Estimate,
+    named: Sequence[Parameter],
+    samples: AuditSamples,
+) -> str:
+    """The sentence about a parameter that is not named as a fault."""
+    name = PARAMETER_NAMES[parameter]
+    if verdict == AuditVerdict.like_bias:
+        how = f"condition number {number(condition, digits=2)}"
+        return f"What an error of the {name} would explain cannot be distinguished from a bias of the trackers ({how})."
+    if verdict == AuditVerdict.disagreement:
+        return f"The trackers contradict each other on the {name}: that the truth is wrong in it is not established."
+    if verdict == AuditVerdict.explained:
+        others = listing([f"the {PARAMETER_NAMES[one]}" for one in named])
+        verb = "is" if len(named) == 1 else "are"
+        return f"The {name} looked wrong, but this is no longer established once {others} {verb} corrected."
+    if verdict == AuditVerdict.small:
+        other = f"{found.text} instead of {found.stated}"
+        return f"The {name} fits a little better as {other}, but this explains too little to matter."
+    if verdict == AuditVerdict.undetermined and found.excludes_stated:
+        return f"The {name} looks wrong ({found.text} instead of {found.stated}), but that is not established."
+    if verdict == AuditVerdict.undetermined:
+        return f"The {name} cannot be determined here (± {found.half_text}){_why(parameter, samples)}."
+    if verdict == AuditVerdict.fault:
+        return f"The {name} seems to be wrong too; correct the faults above first."
+    if parameter is Parameter.ray_depth:
+        return "Depth is not the distance along the ray."
+    return f"No error of the {name} was found; {100.0 * POWER:g}{SPACE}% of those above {visible} would be seen."
+
+
+def kind_not_tried(z_depth_from: str) -> str:
+    """The sentence about the kind of depths that are known to be along z, from what they were computed."""
+    name = PARAMETER_NAMES[Parameter.ray_depth]
+    return f"The {name} was not tried: depths are z by construction (from {z_depth_from})."
+
+
+def _why(parameter: Parameter, samples: AuditSamples) -> str:
+    """What the recording lacks, if it is known."""
+    low, middle, high = np.quantile(samples.depth, (0.1, 0.5, 0.9))
+    spread = float((high - low) / middle)
+    if parameter in _ABOUT_DEPTH and spread < _SHALLOW:
+        return f": depth varies by {percent(spread)} only"
+    steps = np.hypot(*(samples.stated - samples.uv_at_birth).T) / samples.age
+    pace = float(np.median(steps))
+    if parameter in _ABOUT_TIME and pace < _SLOW_PX:
+        return f": the image moves by {px(pace)} per frame only"
+    return ": the motion of the camera does not distinguish it from biases of the trackers"
+
+
+def in_unit(values: NDArray[np.float64], shown: Shown) -> str:
+    """The largest of some sizes with its unit; a dash where it has no bound."""
+    largest = abs(float(np.max(values))) * abs(shown.factor)
+    return _with_unit(number(largest, digits=2), shown.unit) if np.isfinite(largest) else DASH
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text}{SPACE}{unit}" if unit else text
+
+
+def _decimals(half: float) -> int:
+    """Decimals that show an error with one digit, or with two where it begins with 1."""
+    if not half > 0.0 or not np.isfinite(half):
+        return 0
+    exponent = int(np.floor(np.log10(half)))
+    return max(0, -exponent + (half / 10.0**exponent < 2.0))
+
+
+_FACTORS = frozenset({"focal_scale", "depth_scale"})
+_TURNED, _MOVED, _OFFSET = "mounting_rotation_deg", "mounting_translation_m", "depth_offset_m"
+
+
+def joined(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """Corrections that do what others do one after the other: (audit.corrections).
+
+    Exact, but for an offset of depths that was found where depths were corrected to be along the ray already: it is
+    taken along the ray too.
+
+    Parameters
+    ----------
+    present
+        By the keys of `tracknoise.geometry.corrections.Corrections`: those of the run.
+    found
+        Those that were found under them; keys that are not of corrections stay as they are.
+
+    Returns
+    -------
+    dict
+        Without those that change nothing.
+    """
+    both = {name: _added(name, present, found) for name in (*found, *(name for name in present if name not in found))}
+    if _OFFSET in both:
+        both[_OFFSET] = found.get("depth_scale", 1.0) * present.get(_OFFSET, 0.0) + found.get(_OFFSET, 0.0)
+    if {_TURNED, _MOVED} & both.keys():
+        both |= _mounted(present, found)
+    return {name: value for name, value in both.items() if not _is_neutral(name, value)}
+
+
+def _added(name: str, present: Mapping[str, Any], found: Mapping[str, Any]) -> Any:
+    if name not in present or name not in found:
+        return found.get(name, present.get(name))
+    one, other = present[name], found[name]
+    if isinstance(one, bool):
+        return one or other
+    if name in _FACTORS:
+        return one * other
+    return np.add(one, other).tolist()
+
+
+def _mounted(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, list[float]]:
+    """M1 M2: rotation vector, degrees, and position, metres."""
+    nothing = [0.0, 0.0, 0.0]
+    one, other = (Rotation.from_rotvec(part.get(_TURNED, nothing), degrees=True) for part in (present, found))
+    moved = np.add(present.get(_MOVED, nothing), one.apply(found.get(_MOVED, nothing)))
+    return {_TURNED: (one * other).as_rotvec(degrees=True).tolist(), _MOVED: moved.tolist()}
+
+
+def _is_neutral(name: str, value: Any) -> bool:
+    neutral = getattr(UNCORRECTED, name, None)
+    return bool(np.array_equal(value, neutral)) if isinstance(neutral, tuple) else value == neutral
+
+
+NO_SETTINGS: Mapping[str, Any] = MappingProxyType({})
+
+
+def recorded_step(settings: Mapping[str, Any]) -> int:
+    """Frames of the recording from one measured frame to the next.
+
+    Corrections and accuracies count frames of the recording; an audit counts those that were measured.
+    """
+    step: int = [*(settings.get("dataset", {}).get("frames") or (0, 0)), 1][2]
+    return step
+
+
+def present_corrections(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Corrections that the run has, by their keys. What it states, and an audit calls stated, includes them."""
+    return dict(settings.get("truth", {}).get("corrections", {}))
+
+
+NO_FAULT = "No fault of the stated truth was found."
+_REPORTED = (AuditVerdict.like_bias, AuditVerdict.disagreement, AuditVerdict.explained)
+_KEYS: Mapping[str, tuple[str, bool]] = MappingProxyType(
+    {
+        Parameter.focal_length: ("focal_scale", True),
+        Parameter.principal_point: ("principal_point_px", False),
+        Parameter.k1: ("k1", False),
+        Parameter.depth_scale: ("depth_scale", True),
+        Parameter.depth_offset: ("depth_offset_m", False),
+        Parameter.ray_depth: ("depth_along_ray", False),
+        Parameter.mounting_rotation: ("mounting_rotation_deg", False),
+        Parameter.mounting_translation: ("mounting_translation_m", False),
+        Parameter.clock_offset: ("clock_offset_s", False),
+        Parameter.readout: ("readout_s", False),
+    }
+)
+"""Key of each parameter in the settings, and whether it is a factor rather than a change."""
+_IN_FRAMES: Mapping[str, str] = MappingProxyType(
+    {Parameter.clock_offset: "clock_offset_frames", Parameter.readout: "# needs timestamps: readout in frames"}
+)
+_MS = 1000.0
+
+
+def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
+    """What an audit says, the answer first: the faults in their order, then what cannot be determined.
+
+    Parameters
+    ----------
+    audit
+        Table `AUDIT`; may be empty.
+    every
+        Also a sentence for each parameter without a fault. Otherwise those that cannot be determined share one.
+
+    Returns
+    -------
+    list of str
+        Empty where there was no audit.
+    """
+    if audit.is_empty() or audit["family"][0] is None:
+        return audit["text"].to_list()
+    about = audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first", maintain_order=True)
+    faults = about.filter(pl.col("rank").is_not_null()).sort("rank")["text"].to_list()
+    others = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _REPORTED]))
+    unknown = [] if every else _undetermined(about)
+    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list(), *unknown]
+
+
+def _undetermined(about: pl.DataFrame) -> list[str]:
+    """A sentence that names the parameters that cannot be determined; none where there are none."""
+    names = about.filter(verdict=str(AuditVerdict.undetermined))["parameter"].to_list()
+    if not names:
+        return []
+    verb = "is" if len(names) == 1 else "are"
+    return [
+        f"Whether {listing(f'the {PARAMETER_NAMES[one]}' for one in names)} {verb} right cannot be determined here."
+    ]
+
+
+def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTINGS) -> str | None:
+    """The block ``[truth.corrections]`` that corrects the named faults; None where there is none.
+
+    The values are those of all faults together. Corrections that the run has already are part of them, so that the
+    block takes the place of that of the run.
+
+    Parameters
+    ----------
+    audit
+        Table `AUDIT`; may be empty.
+    settings
+        Of the run, as its ``experiment.toml`` has them; by default those of one without corrections.
+    """
+    rows = audit.filter(pl.col("family") == Family.named)
+    if rows.is_empty():
+        return None
+    named = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
+    step = recorded_step(settings)
+    found = dict(_correction(Parameter(row["parameter"]), row, step) for row in named.iter_rows(named=True))
+    every = joined(present_corrections(settings), found)
+    return "\n".join(["[truth.corrections]", *(f"{name} = {_text(value)}" for name, value in every.items())])
+
+
+def _correction(parameter: Parameter, row: Mapping[str, Any], step: int) -> tuple[str, bool | float | list[float]]:
+    """Key and value of a correction."""
+    key, is_factor = _KEYS[parameter]
+    if NUMBERS[parameter].is_kind:
+        return key, True
+    pairs = list(zip(row["value"], row["stated"], strict=True))
+    values = [value / stated if is_factor else value - stated for value, stated in pairs]
+    if row["unit"][0] == "ms":
+        values = [value / _MS for value in values]
+    elif row["unit"][0] == "frames":
+        key, values = _IN_FRAMES[parameter], [value * step for value in values]
+    return key, values if len(values) > 1 else values[0]
+
+
+def _text(value: bool | float | list[float]) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"[{', '.join(map(_short, value))}]" if isinstance(value, list) else _short(value)
+
+
+def _short(value: float) -> str:
+    """Five digits, always with a point."""
+    digits = 5 if value == 0.0 else max(1, 4 - math.floor(math.log10(abs(value))))
+    return f"{value:.{digits}f}"

@@ -1,0 +1,461 @@
+"""The tables of an audit, from tables of sequences.
+
+- From tables of sequences to the samples of an audit.
+- The tables of an audit.
+"""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.geometry.cameras import KnownCamera, make_camera
+from tracknoise.inference.bootstrap import scattered
+from tracknoise.inference.robust_fits import condition_number
+from tracknoise.inference.units import Resampled, SceneGroups, scheme
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditVerdict
+from tracknoise.tables.schema import check, empty
+from tracknoise.text import counted
+from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, curves, fit, second_moments
+from tracknoise.truth_faults.audit_samples import AuditSamples, Paths, instants_of
+from tracknoise.truth_faults.audit_selection import (
+    Assessment,
+    Judged,
+    Named,
+    Selection,
+    Stage,
+    available,
+    judge,
+    select,
+)
+from tracknoise.truth_faults.audit_summary import (
+    Estimate,
+    effect_text,
+    family_text,
+    fault_text,
+    in_unit,
+    kind_not_tried,
+    other_text,
+)
+from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.fault_parameters import COUNT, JOINT, NUMBERS, TIMED, Family, Fit, Parameter, Shown, shown
+from tracknoise.words import listing
+
+MOST_SAMPLES = 16_000
+"""Largest number of observations that are used, shared equally by sequences and trackers."""
+LEAST_SAMPLES, LEAST_CLUSTERS = 200, 4
+"""Fewest observations, and fewest scenes or blocks of tracks, of an audit."""
+_BLOCKS_JOINED = 2
+"""Neighbouring blocks of tracks are joined, so that few errors are common to two of them."""
+_REPRODUCED_PX = 0.01
+"""An observation is used if its stated true position is reproduced this well."""
+
+
+@dataclass(frozen=True, slots=True)
+class AuditedTables:
+    """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`, and `PATH` where it has one.
+
+    z_depth_from is what its depths were computed from, if they are along z by construction.
+    """
+
+    samples: pl.DataFrame
+    cameras: pl.DataFrame
+    poses: pl.DataFrame
+    path: pl.DataFrame | None = None
+    z_depth_from: str | None = None
+
+    @property
+    def has_known_lens(self) -> bool:
+        """Whether the cameras can be made again from the table."""
+        return self.cameras["model"].null_count() == 0
+
+    @property
+    def has_times(self) -> bool:
+        """Whether the time of each frame is known."""
+        return self.cameras["time_s"].null_count() == 0
+
+    @property
+    def has_readout(self) -> bool:
+        """Whether a rolling shutter is stated."""
+        return self.cameras["readout_s"].null_count() < self.cameras.height
+
+
+def read_samples(
+    tables: Sequence[AuditedTables], groups: SceneGroups, *, without: Collection[str] = ()
+) -> AuditSamples | str:
+    """Samples of several sequences.
+
+    Parameters
+    ----------
+    tables
+        Of sequences of one dataset, one view of each scene and camera.
+    groups
+        Scenes that are not independent of each other.
+    without
+        Trackers that are left out, unless there are no others.
+
+    Returns
+    -------
+    AuditSamples or str
+        Why there is no audit, as the end of a sentence.
+    """
+    if not tables:
+        return "no sequence was measured upright and forward"
+    used = [one for one in tables if one.has_known_lens and not one.samples.is_empty()]
+    if not used:
+        unknown = any(not one.has_known_lens for one in tables)
+        return "the camera model is not known" if unknown else "it is fitted to the tracks, or none was followed"
+    if len({one.has_times for one in used}) == 2 and any(one.has_readout for one in used):
+        return "a readout in seconds is stated, and some recordings have timestamps while others have none"
+    names = sorted(set().union(*(one.samples["tracker"].unique() for one in used)))
+    trackers = tuple(name for name in names if name not in without) or tuple(names)
+    surrounded = _surrounded(_joined(used, trackers, groups))
+    samples = _reproduced(surrounded)
+    if len(samples.age) < LEAST_SAMPLES or samples.n_clusters < LEAST_CLUSTERS:
+        return _too_few(samples, unlike=len(surrounded.age) - len(samples.age))
+    return samples
+
+
+def _too_few(samples: AuditSamples, *, unlike: int) -> str:
+    """Why there is no audit, where the stated positions of `unlike` observations are not those of poses and cameras."""
+    clusters = counted(samples.n_clusters, "scene or block of tracks", "scenes or blocks of tracks")
+    found = f"only {counted(len(samples.age), 'observation')} in {clusters} can be used"
+    return f"{found}; poses and cameras of the run give other true positions of {unlike} more" if unlike else found
+
+
+def _surrounded(samples: AuditSamples) -> AuditSamples:
+    """Observations whose frames have poses around them."""
+    surrounded = samples.paths.surrounded
+    return samples.chosen(np.flatnonzero(surrounded[samples.birth] & surrounded[samples.now]))
+
+
+def _reproduced(samples: AuditSamples) -> AuditSamples:
+    """Observations whose stated true position is that of the stated poses and cameras."""
+    if not len(samples.age):
+        return samples
+    apart = np.abs(predict(samples, np.zeros(COUNT)).uv - samples.stated).max(axis=1)
+    return samples.chosen(np.flatnonzero(apart <= _REPRODUCED_PX))
+
+
+def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: SceneGroups) -> AuditSamples:
+    share = max(1, MOST_SAMPLES // (len(used) * len(trackers)))
+    parts = [_thinned(one.samples.filter(pl.col("tracker").is_in(trackers)), share) for one in used]
+    interval = _interval_s(used)
+    timed = interval is not None
+    instants = [instants_of(one.cameras, one.poses, one.path if timed else None) for one in used]
+    lengths = [len(one.poses) for one in instants]
+    places = [start + one.place for start, one in zip(np.cumsum([0, *lengths[:-1]]), instants, strict=True)]
+    cameras, camera = _cameras(pl.concat([one.cameras for one in instants]))
+    unit = interval or 1.0
+    times = [one.cameras["time_s" if timed else "frame"].to_numpy() / unit for one in instants]
+    shutters = pl.concat([one.cameras.select("readout_s", "shutter_axis") for one in instants])
+    table = pl.concat(parts)
+    cluster, block, resampled, n_scenes = _clusters(table, groups)
+    return AuditSamples(
+        trackers=trackers,
+        tracker=np.searchsorted(trackers, table["tracker"].to_list()).astype(np.intp),
+        age=table["age"].to_numpy().astype(np.intp),
+        cluster=cluster,
+        block=block,
+        resampled=resampled,
+        n_scenes=n_scenes,
+        birth=_placed(parts, places, "birth_frame"),
+        now=_placed(parts, places, "frame"),
+        uv_at_birth=table.select("u_birth_px", "v_birth_px").to_numpy(),
+        observed=table.select("u_px", "v_px").to_numpy(),
+        stated=table.select("u_true_px", "v_true_px").to_numpy(),
+        depth=table["depth_m"].to_numpy(),
+        paths=Paths.of(
+            np.concatenate(times),
+            np.concatenate([one.poses for one in instants]),
+            np.repeat(np.arange(len(used)), lengths),
+        ),
+        cameras=cameras,
+        camera=camera,
+        readout_of=shutters["readout_s"].fill_null(0.0).to_numpy() / unit,
+        axis_of=shutters["shutter_axis"].fill_null(1).to_numpy().astype(np.intp),
+        interval_s=interval,
+        z_depth_from=_z_depth_from(used),
+    )
+
+
+def _z_depth_from(used: Sequence[AuditedTables]) -> str | None:
+    """What depths are known to be along z from; None where that is not known of any sequence.
+
+    A correction of the kind of depth holds for all sequences of a run, so that one of them rules it out.
+    """
+    known = [one.z_depth_from for one in used if one.z_depth_from is not None]
+    if not known:
+        return None
+    text = listing(dict.fromkeys(known))
+    return text if len(known) == len(used) else f"{text}, in {len(known)} of {len(used)} sequences"
+
+
+def _interval_s(used: Sequence[AuditedTables]) -> float | None:
+    """Median time between frames, seconds; None where times of a sequence are unknown."""
+    if not all(one.has_times for one in used):
+        return None
+    times = [one.cameras["time_s"] for one in used]
+    gaps = np.concatenate([np.diff(one.to_numpy()) for one in times])
+    return float(np.median(gaps)) if len(gaps) else 1.0
+
+
+def _placed(parts: Sequence[pl.DataFrame], places: Sequence[NDArray[np.intp]], frame: str) -> NDArray[np.intp]:
+    """Where the frames of samples are among the times of all sequences, (n,)."""
+    return np.concatenate([place[part[frame].to_numpy()] for part, place in zip(parts, places, strict=True)])
+
+
+def _thinned(table: pl.DataFrame, share: int) -> pl.DataFrame:
+    """At most `share` rows of each tracker, chosen by a hash of track and frame."""
+    hashed = scattered(scattered(table["track"].to_numpy()) ^ table["frame"].to_numpy().astype(np.uint64))
+    ranked = table.with_columns(hashed=pl.Series(hashed))
+    return ranked.filter(pl.col("hashed").rank("ordinal").over("tracker") <= share).drop("hashed")
+
+
+def _cameras(table: pl.DataFrame) -> tuple[tuple[KnownCamera, ...], NDArray[np.intp]]:
+    """The different cameras, and the place of each frame's camera among them."""
+    columns = ["model", "width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion"]
+    rows = [(*row[:-1], tuple(row[-1])) for row in table.select(columns).iter_rows()]
+    places = {row: place for place, row in enumerate(dict.fromkeys(rows))}
+    made = tuple(make_camera(row[0], row[1:3], row[3:7], row[7]) for row in places)
+    return made, np.array([places[row] for row in rows], dtype=np.intp)
+
+
+def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp], NDArray[np.intp], Resampled, int]:
+    """Cluster and block of tracks of each row, both without gaps.
+
+    Clusters are groups, scenes, or the blocks within scenes where these are few.
+    """
+    scenes = table["scene"].unique().sort().to_list()
+    scene = np.searchsorted(scenes, table["scene"].to_list())
+    group = groups.of(table["dataset"][0] if table.height else "", scenes)
+    resampled = scheme(group) or Resampled.blocks
+    within = table["block"].to_numpy().astype(np.intp) // _BLOCKS_JOINED
+    block = scene * (int(within.max(initial=0)) + 1) + within
+    number = {Resampled.groups: group[scene], Resampled.blocks: block}.get(resampled, scene)
+    cluster, block = (np.unique(one, return_inverse=True)[1].astype(np.intp) for one in (number, block))
+    return cluster, block, resampled, len(scenes)
+
+
+Row = dict[str, Any]
+JointFits = dict[Family, ResampledFit]
+
+
+@dataclass(frozen=True, slots=True)
+class AuditTables:
+    """Tables `AUDIT` and `AUDIT_CURVES`."""
+
+    audit: pl.DataFrame
+    audit_curves: pl.DataFrame
+
+
+def audit_tables(
+    tables: Sequence[AuditedTables], groups: SceneGroups, *, dataset: str, without: Collection[str] = ()
+) -> AuditTables:
+    """Audit the truth of a run.
+
+    Parameters
+    ----------
+    tables
+        Of one view of each scene and camera.
+    groups
+        Scenes that are not independent of each other.
+    dataset
+        Its name.
+    without
+        Trackers that take no part unless there are no others, such as those that were made from the truth.
+    """
+    samples = read_samples(tables, groups, without=without)
+    if isinstance(samples, str):
+        row = {
+            "dataset": dataset,
+            "verdict": AuditVerdict.undetermined,
+            "text": f"The truth was not audited: {samples}.",
+        }
+        return AuditTables(pl.DataFrame([row], schema=dict(AUDIT)), empty(AUDIT_CURVES))
+    return tables_of(samples, dataset)
+
+
+def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
+    """Tables of the audit of some observations."""
+    selection = select(samples)
+    curve = curves(samples, _corrected_errors(samples, selection), dataset)
+    joint = _joint_fits(samples, selection)
+    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(selection, joint)]
+    table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
+    return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
+
+
+def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, NDArray[np.float64]]:
+    """Errors (n, 2), px, by correction: as measured, with each fault and those before it corrected, and with all."""
+    found = {MEASURED: samples.observed - samples.stated}
+    for one in selection.named:
+        found[one.parameter] = one.resampled.error
+    if selection.named:
+        found[EVERYTHING] = selection.final.resampled.error
+    return found
+
+
+def _joint_fits(samples: AuditSamples, selection: Selection) -> JointFits:
+    """The stated joint fits, and that of the named faults together, with biases of trackers where these matter."""
+    start, every = selection.beside_bias.basis.start, available(samples)
+    with_bias = selection.final.fitted.with_bias
+    fits = {
+        family: fit(samples, [one for one in parameters if one in every], start, with_bias=with_bias)
+        for family, parameters in JOINT.items()
+    }
+    found = {family: ResampledFit.of(samples, one) for family, one in fits.items()}
+    if selection.named:
+        found[Family.named] = selection.final.resampled
+    return found
+
+
+def _single_rows(samples: AuditSamples, selection: Selection, joint: JointFits, curve: pl.DataFrame) -> Iterator[Row]:
+    """Of the families of one parameter; verdicts and sentences are in the rows of the family alone."""
+    judged = judge(selection)
+    for one in judged:
+        extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, joint, one, curve)}
+        factor = shown(samples, one.parameter).factor
+        for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, one.parameter)):
+            visible = abs(factor) * float(one.visible_above[component])
+            yield {**row, **extra, "visible_above": visible if np.isfinite(visible) else None}
+    yield from _known_rows(samples)
+    for one in judged:
+        yield from _assessed_rows(Family.beside_bias, selection.beside_bias, one.parameter)
+
+
+def _known_rows(samples: AuditSamples) -> Iterator[Row]:
+    """A sentence about what was not tried, because the program itself made it so."""
+    if samples.z_depth_from is not None:
+        yield {
+            "family": Family.alone,
+            "parameter": Parameter.ray_depth,
+            "component": "",
+            "unit": "",
+            "verdict": AuditVerdict.not_tried,
+            "text": kind_not_tried(samples.z_depth_from),
+        }
+
+
+def _assessed_rows(family: Family, stage: Stage, parameter: Parameter) -> Iterator[Row]:
+    one = stage.assessed[parameter]
+    for row in _fit_rows(family, one.resampled, one.gain):
+        yield {**row, "p": stage.p[parameter]}
+
+
+def _joint_rows(selection: Selection, joint: JointFits) -> Iterator[Row]:
+    """Of the joint fits."""
+    base = (selection.beside_bias if selection.final.fitted.with_bias else selection.alone).basis
+    for family, one in joint.items():
+        yield from _fit_rows(family, one, base.gain_of(one))
+
+
+def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Iterator[Row]:
+    """One row per free number of a fit."""
+    samples, fitted = resampled.samples, resampled.fitted
+    names = [(one, component) for one in fitted.parameters for component in NUMBERS[one].components]
+    half = resampled.half_widths
+    related = _correlations(fitted)
+    errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: resampled.error}
+    second = second_moments(samples, errors)
+    fits = {
+        "level": LEVEL,
+        "resampled": samples.resampled,
+        "n_units": samples.n_clusters,
+        "n_scenes": samples.n_scenes,
+        "n": len(samples.age),
+        "gain": explained.value,
+        "gain_low": explained.low,
+        "gain_high": explained.high,
+        "second_moment_share": 1.0 - second[EVERYTHING] / max(second[MEASURED], 1e-300),
+        "condition": condition_number(fitted.equations),
+    }
+    for place, (parameter, component) in enumerate(names):
+        yield {
+            "family": family,
+            "parameter": parameter,
+            "component": component,
+            **_values(samples, parameter, component, float(fitted.estimate[place]), float(half[place])),
+            **fits,
+            **_most_related(names, related[place], place),
+        }
+
+
+def _values(samples: AuditSamples, parameter: Parameter, component: str, number: float, half: float) -> Row:
+    """The corrected value of a number of the fit beside the stated one, in the unit of its text."""
+    unit = shown(samples, parameter)
+    stated = unit.stated[NUMBERS[parameter].components.index(component)]
+    value, reach = stated + unit.factor * number, abs(unit.factor) * half
+    return {
+        "unit": unit.unit,
+        "stated": stated,
+        "value": value,
+        "low": value - reach,
+        "high": value + reach,
+        "in_frames": value / unit.factor if parameter in TIMED else None,
+    }
+
+
+def _correlations(fitted: Fit) -> NDArray[np.float64]:
+    """Correlation of each free number with all numbers of the fit, (free, free)."""
+    covariance = np.linalg.inv(fitted.equations.information)[: len(fitted.free), : len(fitted.free)]
+    root = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / root[:, None] / root)
+
+
+def _most_related(names: Sequence[tuple[Parameter, str]], related: NDArray[np.float64], place: int) -> Row:
+    others = np.abs(related)
+    others[place] = -1.0
+    if len(names) < 2:
+        return {}
+    other = int(np.argmax(others))
+    return {"correlation": float(related[other]), "correlated_with": " ".join(names[other]).strip()}
+
+
+def _text(samples: AuditSamples, selection: Selection, joint: JointFits, one: Judged, curve: pl.DataFrame) -> str:
+    unit = shown(samples, one.parameter)
+    if one.rank is not None:
+        names = [MEASURED, *(fault.parameter for fault in selection.named)]
+        effect = effect_text(curve, names[one.rank - 1], one.parameter)
+        fault = selection.named[one.rank - 1]
+        found = _estimate(unit, fault)
+        beside_others = _in_its_family(samples, selection, joint, one, found)
+        return fault_text(one.parameter, found, effect, fault.rivals) + beside_others
+    beside = selection.last.assessed[one.parameter]
+    return other_text(
+        one.parameter,
+        one.verdict,
+        in_unit(one.visible_above, unit),
+        condition=one.condition,
+        found=_estimate(unit, beside),
+        named=[fault.parameter for fault in selection.named],
+        samples=samples,
+    )
+
+
+def _estimate(unit: Shown, found: Assessment | Named) -> Estimate:
+    """Of a parameter, together with the faults that were named before it."""
+    return Estimate(unit, unit.values(found.estimate), found.half_widths * abs(unit.factor))
+
+
+def _in_its_family(samples: AuditSamples, selection: Selection, joint: JointFits, one: Judged, found: Estimate) -> str:
+    """A sentence if the first fault has another value beside parameters of its kind, none of which was named."""
+    family = next(family for family, parameters in JOINT.items() if one.parameter in parameters)
+    resampled = joint[family]
+    fitted = resampled.fitted
+    others = [parameter for parameter in fitted.parameters if parameter != one.parameter]
+    if (
+        family is Family.all
+        or not others
+        or one.rank != 1
+        or any(fault.parameter in others for fault in selection.named)
+    ):
+        return ""
+    mine = fitted.places_of(one.parameter)
+    unit = shown(samples, one.parameter)
+    together = Estimate(unit, unit.values(fitted.estimate[mine]), resampled.half_widths[mine] * abs(unit.factor))
+    moved = np.abs(together.values - found.values) > found.half
+    return family_text(others, together) if moved.any() else ""

@@ -1,0 +1,246 @@
+"""Check a recording: all topics of each sequence, the verdict, what the recording holds, and the page of a check.
+
+- What a recording holds, in a few numbers per sequence.
+- Check a recording: all topics of each sequence, and the verdict.
+- The check as one HTML page that needs no other file, with a picture of each sequence.
+"""
+
+import base64
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.sequences.sequence import Reader, Sequence
+from tracknoise.tables.identity import readable
+from tracknoise.text import printable
+from tracknoise.truth_faults.check_report import CheckReport, Item, SequenceReport, Severity
+from tracknoise.truth_faults.clock_check import clock
+from tracknoise.truth_faults.depth_checks import clipped_depth, depth_share, depths, sampled_depths
+from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, Pair, relative_pose, reprojection_px
+from tracknoise.truth_faults.motion_checks import focal_length, mistakes, warping
+from tracknoise.truth_faults.recording_checks import (
+    counts,
+    independence,
+    intrinsics,
+    pose_jumps,
+    reader_notes,
+    rotations,
+    timestamps,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """Numbers of one sequence.
+
+    Attributes
+    ----------
+    n_frames, n_poses
+        Images, and how many of them have a pose.
+    width_px, height_px
+        Size of the images.
+    rate_hz
+        From the median interval of the timestamps; None without timestamps.
+    depth_share
+        Share of pixels with depth, from some frames; None without depth maps.
+    """
+
+    n_frames: int
+    n_poses: int
+    width_px: int
+    height_px: int
+    rate_hz: float | None
+    depth_share: float | None
+
+
+def overview(sequence: Sequence) -> Overview:
+    """Numbers of a sequence. Depth maps of some frames are read, and no image.
+
+    Raises
+    ------
+    DataError
+        If poses, timestamps or a depth map cannot be read.
+    """
+    maps = sampled_depths(sequence)
+    return Overview(
+        n_frames=len(sequence),
+        n_poses=int(np.isfinite(sequence.world_from_camera).all(axis=(1, 2)).sum()),
+        width_px=sequence.camera.width,
+        height_px=sequence.camera.height,
+        rate_hz=_rate_hz(sequence),
+        depth_share=depth_share(maps) if maps else None,
+    )
+
+
+def _rate_hz(sequence: Sequence) -> float | None:
+    times = sequence.timestamps_s
+    if times is None or len(times) < 2:
+        return None
+    return 1.0 / float(np.median(np.diff(times)))
+
+
+MOST_SEQUENCES = 3
+"""Of larger data sets, images of this many sequences are read; poses of all."""
+
+_FROM_POSES: tuple[Callable[[Sequence], Item], ...] = (counts, timestamps, rotations, pose_jumps, intrinsics, depths)
+
+
+def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], None] | None = None) -> SequenceReport:
+    """Check one sequence.
+
+    Parameters
+    ----------
+    sequence
+        As opened by its reader.
+    seen
+        Called with the sequence and its image motion, if its images were read.
+
+    Returns
+    -------
+    SequenceReport
+        With an item per topic. Data that cannot be read are an item of severity fatal.
+    """
+    items: list[Item] = []
+    try:
+        items += (topic(sequence) for topic in _FROM_POSES)
+        items += reader_notes(sequence)
+        if not any(item.topic == "counts" and item.severity is Severity.fatal for item in items):
+            evidence = Evidence.measured(sequence)
+            items += _from_images(sequence, evidence)
+            if seen is not None:
+                seen(sequence, evidence)
+    except DataError as error:
+        items.append(_unreadable(error))
+    return SequenceReport(readable(sequence.id.key), tuple(items))
+
+
+def check_reader(
+    reader: Reader,
+    source: str,
+    *,
+    most: int = MOST_SEQUENCES,
+    seen: Callable[[Sequence, Evidence], None] | None = None,
+    change: Callable[[Sequence], Sequence] = lambda sequence: sequence,
+) -> CheckReport:
+    """Check the sequences of a data set.
+
+    Parameters
+    ----------
+    reader
+        Of the data set.
+    source
+        Its folder, for the report.
+    most
+        Of how many sequences images are read.
+    seen
+        Called with each sequence whose images were read, and with its image motion.
+    change
+        Changes each sequence as it was recorded, such as its depth; by default nothing is changed. A DataError of it
+        is a finding, as those of the reader are.
+
+    Raises
+    ------
+    TracknoiseError
+        If the reader finds no sequence, or an option is wrong.
+    """
+    listed = reader.sequences()
+    reports, opened = [], []
+    for place, name in enumerate(listed):
+        try:
+            sequence = change(reader.open(name))
+        except DataError as error:
+            reports.append(SequenceReport(readable(name.key), (_unreadable(error),)))
+            continue
+        opened.append(sequence)
+        if place < most:
+            reports.append(check_sequence(sequence, seen=seen))
+    about_all = list(filter(None, [_unread(len(listed), most), independence(opened)]))
+    return CheckReport(reader.name, source, tuple(reports), tuple(about_all))
+
+
+def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
+    named = mistakes(evidence)
+    yield named
+    yield warping(evidence)
+    if named.severity is not Severity.fatal:  # otherwise a focal length would be fitted to the mistake
+        yield focal_length(evidence)
+        if (clipped := clipped_depth(evidence)) is not None:
+            yield clipped
+    yield clock(evidence, sequence.timestamps_s)
+
+
+def _unreadable(error: DataError) -> Item:
+    return Item("files", Severity.fatal, f"{error}.")
+
+
+def _unread(n_sequences: int, most: int) -> Item | None:
+    if n_sequences <= most:
+        return None
+    text = f"Images of the first {most} of {n_sequences} sequences were read; --scenes {n_sequences} reads all."
+    return Item("sequences", Severity.unknown, text, {"n_sequences": n_sequences, "n_read": most})
+
+
+_OBSERVED, _PREDICTED = (80, 200, 80), (60, 60, 230)  # BGR
+_SHIFT = 4
+"""Fractional bits of positions that OpenCV draws."""
+
+
+@dataclass(slots=True)
+class Pictures:
+    """Collects a picture per sequence while a recording is checked.
+
+    Attributes
+    ----------
+    by_sequence
+        PNG files in base 64, by the name of the sequence.
+    """
+
+    by_sequence: dict[str, str] = field(default_factory=dict)
+
+    def take(self, sequence: Sequence, evidence: Evidence) -> None:
+        """Draw where points were seen and where they were predicted, in the pair with the most motion."""
+        if not evidence.pairs:
+            return
+        pair = max(evidence.pairs, key=lambda one: one.motion_px)
+        try:
+            image = sequence.image(pair.first)
+        except DataError:  # it was readable a moment ago; the check itself has reported what is wrong
+            return
+        _, png = cv2.imencode(".png", _drawn(image, pair, evidence))
+        self.by_sequence[readable(sequence.id.key)] = base64.b64encode(png.tobytes()).decode()
+
+    def page(self, report: CheckReport) -> str:
+        """The page as HTML."""
+        loader = PackageLoader("tracknoise.truth_faults", "template")
+        environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+        environment.finalize = lambda value: printable(value, keep="\n\t") if type(value) is str else value
+        return environment.get_template("check.html.j2").render(report=report, pictures=self.by_sequence)
+
+
+def _drawn(image: NDArray[np.uint8], pair: Pair, evidence: Evidence) -> NDArray[np.uint8]:
+    """The first image with lines from where points were to where they were seen, and to where they were predicted."""
+    canvas = np.ascontiguousarray(np.repeat(image[..., None], 3, axis=2))
+    _lines(canvas, pair.uv_first, pair.uv_second, _OBSERVED)
+    if evidence.has_depth:
+        known = np.isfinite(pair.depth_first_m)
+        residual = reprojection_px(pair, relative_pose(evidence.poses, pair), evidence.camera, AS_GIVEN)
+        _lines(canvas, pair.uv_first[known], pair.uv_second[known] - residual, _PREDICTED)
+    return canvas
+
+
+def _lines(
+    canvas: NDArray[np.uint8],
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    colour: tuple[int, int, int],
+) -> None:
+    near = np.abs(ends).max(axis=1, initial=0.0) < 4 * max(canvas.shape)  # also leaves out what is behind the camera
+    for start, end in zip(starts[near], ends[near], strict=True):
+        points = [tuple(np.round(point * 2**_SHIFT).astype(int).tolist()) for point in (start, end)]
+        cv2.line(canvas, points[0], points[1], colour, 1, cv2.LINE_AA, _SHIFT)
+        cv2.circle(canvas, points[1], 2 << _SHIFT, colour, 1, cv2.LINE_AA, _SHIFT)

@@ -1,0 +1,456 @@
+"""True positions as they would be if the stated truth were corrected, and how they change with each correction.
+
+- Cameras with corrected intrinsics: rays, projections, and how both change.
+- How turned vectors change with the vector of the rotation.
+- Where a feature is in the camera that found it, for each metre of its stated depth.
+- World points of features, from where they were found, and how they change with corrections.
+- Positions of world points in later frames at given times of their rows, and how they change with corrections.
+
+True positions as they would be if the stated truth were corrected, and how they change with the corrections.
+
+A feature is at pixel x0 of its first frame with depth Z. Its position in a later frame is
+x = pi(M^-1 T(t)^-1 T(t0) M w (s Z + o) pi^-1(x0)), with w = 1 - k + k / |pi^-1(x0)| for the kind of depth k, the
+intrinsics in pi, the mounting M of the camera on the sensor that the poses T belong to, and times
+t = t_frame + clock offset + readout ((v + 0.5) / H - 0.5): (audit.prediction). The row v
+of a rolling shutter is that of the position itself, which is solved by Newton's method. Derivatives are computed when
+they are asked for: most fits need few of them.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.cameras import Camera, Intrinsics
+from tracknoise.geometry.projection import projection_jacobian
+from tracknoise.truth_faults.audit_samples import AuditSamples, Moving
+from tracknoise.truth_faults.fault_parameters import PLACES, SLICES, Corrections, Parameter, Part
+
+INTRINSIC = 4
+"""Numbers of the optics: focal length, principal point in u and v, k1."""
+_FOCAL, _CENTRE, _K1 = 0, slice(1, 3), 3
+
+
+def has_k1(cameras: tuple[Intrinsics, ...]) -> bool:
+    """Whether a first radial coefficient can be added to all cameras."""
+    return all(isinstance(camera, Camera) for camera in cameras)
+
+
+def corrected(camera: Intrinsics, theta: NDArray[np.float64]) -> Intrinsics:
+    """The camera with corrected intrinsics; k1 is 0 where a lens has none.
+
+    Parameters
+    ----------
+    camera
+        As stated.
+    theta
+        Numbers of all parameters.
+    """
+    scale = 1.0 + float(theta[SLICES[Parameter.focal_length]][0])
+    u, v = theta[SLICES[Parameter.principal_point]].tolist()
+    changed = replace(camera, fx=scale * camera.fx, fy=scale * camera.fy, cx=camera.cx + u, cy=camera.cy + v)
+    more = float(theta[SLICES[Parameter.k1]][0])
+    if more and isinstance(changed, Camera):
+        first, *others = changed.distortion or (0.0, 0.0, 0.0, 0.0)
+        return replace(changed, distortion=(first + more, *others))
+    return changed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Optics:
+    """Corrected cameras of n observations.
+
+    Attributes
+    ----------
+    cameras
+        The different ones.
+    which : (n,) intp
+        Place of each observation's camera among them.
+    units : (4,) float64
+        Derivatives are by the logarithm of the focal length; over its factor they are by the factor.
+    """
+
+    cameras: tuple[Intrinsics, ...]
+    which: NDArray[np.intp]
+    units: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, stated: Sequence[Intrinsics], which: NDArray[np.intp], theta: NDArray[np.float64]) -> "Optics":
+        """Stated cameras under corrections, the numbers of all parameters."""
+        units = np.array([1.0 + theta[SLICES[Parameter.focal_length]][0], 1.0, 1.0, 1.0])
+        return cls(tuple(corrected(camera, theta) for camera in stated), which, units)
+
+    def rays(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rays through pixels (n, 2), scaled to depth 1, (n, 3); NaN where a pixel has none."""
+        return self._each((3,), lambda camera, pixels: camera.bearings(pixels), uv)
+
+    def rays_by_optics(self, ray: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the rays of fixed pixels by the numbers of the optics, (n, 3, 4)."""
+        return self._each((3, INTRINSIC), _rays_by_optics, ray) / self.units
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions of points (n, 3) of the camera frame, (n, 2), px; NaN where a point has no image."""
+        return self._each((2,), lambda camera, some: camera.project(some), points)
+
+    def by_point(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of positions by the points, (n, 2, 3), px per metre."""
+        return self._each((2, 3), projection_jacobian, points)
+
+    def by_optics(self, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the positions uv (n, 2) of fixed points by the numbers of the optics, (n, 2, 4)."""
+        return self._each((2, INTRINSIC), _by_optics, points, uv) / self.units
+
+    def _each(
+        self, shape: tuple[int, ...], function: Callable[..., NDArray[np.float64]], *arrays: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """What a function of a camera and of rows of arrays gives for all observations, (n, *shape)."""
+        found = np.empty((len(self.which), *shape))
+        with np.errstate(all="ignore"):
+            for number, camera in enumerate(self.cameras):
+                rows = np.flatnonzero(self.which == number)
+                if len(rows):
+                    found[rows] = function(camera, *(array[rows] for array in arrays))
+        return found
+
+
+def _rays_by_optics(camera: Intrinsics, ray: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = np.zeros((len(ray), 3, INTRINSIC))
+    (a, b), (c, d) = np.moveaxis(projection_jacobian(camera, ray)[:, :, :2], 0, -1)
+    inverse = np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)
+    found[:, :2] = -inverse @ _by_optics(camera, ray, camera.project(ray))
+    return found
+
+
+def _by_optics(camera: Intrinsics, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivatives of pixels; that of the focal length is by the logarithm of both."""
+    found = np.zeros((len(points), 2, INTRINSIC))
+    found[:, :, _FOCAL] = uv - (camera.cx, camera.cy)
+    found[:, :, _CENTRE] = np.eye(2)
+    if isinstance(camera, Camera):
+        found[:, :, _K1] = _by_k1(camera, points)
+    return found
+
+
+def _by_k1(camera: Camera, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """F x r^2 / D: the first radial term; D is the denominator of the rational model."""
+    xy = points[:, :2] / points[:, 2:]
+    r2 = np.sum(xy * xy, axis=1, keepdims=True)
+    k4, k5, k6 = camera.distortion[5:] if len(camera.distortion) == 8 else (0.0, 0.0, 0.0)
+    return np.asarray(xy * (r2 / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))) * (camera.fx, camera.fy))
+
+
+def crossed(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3, 3): the matrices whose products with others are cross products with these vectors (n, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.asarray(np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0))
+
+
+def right_jacobian(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """J with Exp(v + d) = Exp(v) Exp(J d) for small d: of a rotation vector (3,) (Sola et al. 2018, eq. 143)."""
+    angle = float(np.linalg.norm(vector))
+    cross = crossed(vector[None])[0]
+    if angle < 1e-4:
+        return np.asarray(np.eye(3) - 0.5 * cross)
+    first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """Points of n features at a stated depth of 1 m: w r with w = 1 - k + k / |r| (audit.prediction).
+
+    Attributes
+    ----------
+    ray : (n, 3) float64
+        r, with z = 1.
+    kind
+        k: 0 if depth is along the optical axis, 1 if it is along the ray.
+    inverse, share : (n, 1) float64
+        1 / |r|, and w.
+    """
+
+    ray: NDArray[np.float64]
+    kind: float
+    inverse: NDArray[np.float64]
+    share: NDArray[np.float64]
+
+    @classmethod
+    def along(cls, ray: NDArray[np.float64], kind: float) -> "Sight":
+        """Look along rays (n, 3) at depths of a kind."""
+        inverse = 1.0 / np.linalg.norm(ray, axis=1, keepdims=True)
+        return cls(ray, kind, inverse, 1.0 - kind + kind * inverse)
+
+    @property
+    def point(self) -> NDArray[np.float64]:
+        """Points in the camera frame, (n, 3), metres."""
+        return self.share * self.ray
+
+    @property
+    def by_kind(self) -> NDArray[np.float64]:
+        """Derivatives of the points by the kind of depth, (n, 3)."""
+        return (self.inverse - 1.0) * self.ray
+
+    def by_optics(self, ray_by_optics: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the points by the numbers of the optics, from those of the rays, both (n, 3, 4)."""
+        turned = np.einsum("ni,nij->nj", self.ray, ray_by_optics)
+        shrinks = self.kind * (self.ray * self.inverse**3)[:, :, None] * turned[:, None, :]
+        return np.asarray(self.share[:, :, None] * ray_by_optics - shrinks)
+
+
+@dataclass(frozen=True, eq=False)
+class WorldPoints:
+    """T(t0) M w (s Z + o) pi^-1(x0) of (audit.prediction), and its derivatives where they are asked for.
+
+    Attributes
+    ----------
+    samples, corrections
+        Observations, and what is changed in their truth.
+    optics
+        Corrected cameras of the first frames.
+    """
+
+    samples: AuditSamples
+    corrections: Corrections
+    optics: "Optics"
+
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """World points, (n, 3), metres."""
+        return np.asarray(np.einsum("nij,nj->ni", self._moving.rotation, self._on_sensor) + self._moving.position)
+
+    def by(self, part: Part) -> NDArray[np.float64]:
+        """Derivatives of the points by the numbers of a part, (n, 3, numbers)."""
+        match part:
+            case Part.optics:
+                rays = self.optics.rays_by_optics(self._sight.ray)
+                return self._to_world @ (self._depth[:, None, None] * self._sight.by_optics(rays))
+            case Part.depth:
+                return self._by_depth()
+            case Part.rotation:
+                turned = right_jacobian(self.corrections.of(Parameter.mounting_rotation))
+                return -self._to_world @ crossed(self._in_camera) @ turned
+            case Part.translation:
+                return self._moving.rotation
+            case Part.time:
+                return self._by_time()
+
+    def _by_depth(self) -> NDArray[np.float64]:
+        stated, point = self.samples.depth[:, None], self._sight.point
+        moves = (stated * point, point, self._depth[:, None] * self._sight.by_kind)
+        return np.concatenate([self._to_world @ move[:, :, None] for move in moves], axis=2)
+
+    def _by_time(self) -> NDArray[np.float64]:
+        moving = self._moving
+        turned = np.einsum("nij,nj->ni", moving.rotation, np.cross(moving.turning, self._on_sensor))
+        pace = turned + moving.velocity
+        return np.stack([pace, self.samples.phase_at_birth[:, None] * pace], axis=2)
+
+    @cached_property
+    def _sight(self) -> Sight:
+        ray = self.optics.rays(self.samples.uv_at_birth)
+        return Sight.along(ray, self.corrections.number(Parameter.ray_depth))
+
+    @cached_property
+    def _depth(self) -> NDArray[np.float64]:
+        scale = 1.0 + self.corrections.number(Parameter.depth_scale)
+        return np.asarray(scale * self.samples.depth + self.corrections.number(Parameter.depth_offset))
+
+    @cached_property
+    def _in_camera(self) -> NDArray[np.float64]:
+        return np.asarray(self._depth[:, None] * self._sight.point)
+
+    @cached_property
+    def _on_sensor(self) -> NDArray[np.float64]:
+        """Points in the frame of the sensor that the poses belong to, (n, 3)."""
+        turned = self._in_camera @ self.corrections.mounting.T
+        return np.asarray(turned + self.corrections.of(Parameter.mounting_translation))
+
+    @cached_property
+    def _moving(self) -> Moving:
+        samples, clock = self.samples, self.corrections.number(Parameter.clock_offset)
+        readout = samples.readout + self.corrections.of(Parameter.readout)
+        return samples.paths.moving(samples.birth, clock + readout * samples.phase_at_birth)
+
+    @cached_property
+    def _to_world(self) -> NDArray[np.float64]:
+        """Rotations from the camera to the world, (n, 3, 3)."""
+        return np.asarray(self._moving.rotation @ self.corrections.mounting)
+
+
+@dataclass(frozen=True, eq=False)
+class LaterPositions:
+    """pi(M^-1 T(t)^-1 X) of (audit.prediction), and its derivatives where they are asked for.
+
+    Attributes
+    ----------
+    samples, corrections
+        Observations, and what is changed in their truth.
+    optics
+        Corrected cameras of the later frames.
+    points : (n, 3) float64
+        X, metres.
+    row_delay : (n,) float64
+        Time of each row after that of its frame.
+    """
+
+    samples: AuditSamples
+    corrections: Corrections
+    optics: "Optics"
+    points: NDArray[np.float64]
+    row_delay: NDArray[np.float64]
+
+    @cached_property
+    def uv(self) -> NDArray[np.float64]:
+        """Positions, (n, 2), px; NaN where there is none."""
+        return self.optics.project(self._in_camera)
+
+    @cached_property
+    def pace(self) -> NDArray[np.float64]:
+        """How positions change with the time of their rows, (n, 2), px per unit of time."""
+        moving = self._moving
+        carried = np.einsum("nij,nj->ni", self._from_world, moving.velocity)
+        back = np.cross(moving.turning, self._on_sensor) + carried
+        return np.asarray(-np.einsum("nij,nj->ni", self._by_sensor, back))
+
+    def by(self, part: Part, points_by: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives by the numbers of a part at fixed times of the rows, (n, 2, numbers).
+
+        Parameters
+        ----------
+        part
+            Whose numbers.
+        points_by : (n, 3, numbers) float64
+            Derivatives of X.
+        """
+        of_points = self._by_world @ points_by
+        match part:
+            case Part.optics:
+                return of_points + self.optics.by_optics(self._in_camera, self.uv)
+            case Part.depth:
+                return of_points
+            case Part.rotation:
+                turned = right_jacobian(-self.corrections.of(Parameter.mounting_rotation))
+                return of_points + self._by_sensor @ crossed(self._from_mounting) @ turned
+            case Part.translation:
+                return of_points - self._by_sensor
+            case Part.time:
+                phase = self.samples.phase(self.samples.along_shutter(self.uv))
+                return of_points + np.stack([self.pace, phase[:, None] * self.pace], axis=2)
+
+    @cached_property
+    def _moving(self) -> Moving:
+        clock = self.corrections.number(Parameter.clock_offset)
+        return self.samples.paths.moving(self.samples.now, clock + self.row_delay)
+
+    @cached_property
+    def _from_world(self) -> NDArray[np.float64]:
+        return np.swapaxes(self._moving.rotation, 1, 2)
+
+    @cached_property
+    def _on_sensor(self) -> NDArray[np.float64]:
+        """Points in the frame of the sensor that the poses belong to, (n, 3)."""
+        return np.asarray(np.einsum("nij,nj->ni", self._from_world, self.points - self._moving.position))
+
+    @cached_property
+    def _from_mounting(self) -> NDArray[np.float64]:
+        """From the camera to the points, in the axes of the sensor, (n, 3)."""
+        return np.asarray(self._on_sensor - self.corrections.of(Parameter.mounting_translation))
+
+    @cached_property
+    def _in_camera(self) -> NDArray[np.float64]:
+        return np.asarray(self._from_mounting @ self.corrections.mounting)
+
+    @cached_property
+    def _by_sensor(self) -> NDArray[np.float64]:
+        """Derivatives of positions by points in the frame of the sensor, (n, 2, 3)."""
+        return np.asarray(self.optics.by_point(self._in_camera) @ self.corrections.mounting.T)
+
+    @cached_property
+    def _by_world(self) -> NDArray[np.float64]:
+        """Derivatives of positions by world points, (n, 2, 3)."""
+        return np.asarray(self._by_sensor @ self._from_world)
+
+
+_ROWS_STEPS = 4
+_ROWS_SOLVED = 1e-10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicted:
+    """Corrected true positions, and their derivatives, which are computed when they are first asked for."""
+
+    _world: WorldPoints
+    _later: LaterPositions
+    _readout: NDArray[np.float64]
+    _by_part: dict[Part, NDArray[np.float64]] = field(default_factory=dict)
+
+    @property
+    def uv(self) -> NDArray[np.float64]:
+        """Positions, (n, 2), px; NaN where there is none."""
+        return self._later.uv
+
+    def by(self, parameters: Iterable[Parameter]) -> NDArray[np.float64]:
+        """Derivatives by the numbers of some parameters, in the order given, (n, 2, numbers)."""
+        places = [PLACES[one] for one in parameters]
+        columns = [self._by(part)[:, :, columns] for part, columns in places]
+        return np.concatenate([np.empty((*self.uv.shape, 0)), *columns], axis=2)
+
+    def _by(self, part: Part) -> NDArray[np.float64]:
+        if part not in self._by_part:
+            at_fixed_times = self._later.by(part, self._world.by(part))
+            self._by_part[part] = _with_rows(self._later, at_fixed_times, self._readout)
+        return self._by_part[part]
+
+
+def predict(samples: AuditSamples, theta: NDArray[np.float64]) -> Predicted:
+    """True positions of samples under corrections: (audit.prediction).
+
+    Parameters
+    ----------
+    samples
+        Observations, with what the truth states.
+    theta : (COUNT,) float64
+        Numbers of all parameters; zeros for the truth as stated.
+    """
+    corrections = Corrections(theta)
+    readout = samples.readout + corrections.of(Parameter.readout)
+    at_birth, now = (Optics.of(samples.cameras, samples.camera[frame], theta) for frame in (samples.birth, samples.now))
+    world = WorldPoints(samples, corrections, at_birth)
+
+    def at(row_delay: NDArray[np.float64]) -> LaterPositions:
+        return LaterPositions(samples, corrections, now, world.points, row_delay)
+
+    row_delay = _row_delay(at, samples, readout) if readout.any() else np.zeros(len(samples.age))
+    return Predicted(world, at(row_delay), readout)
+
+
+def _row_delay(
+    at: Callable[[NDArray[np.float64]], LaterPositions], samples: AuditSamples, readout: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Time of the row of each position after that of its frame, (n,)."""
+    row = samples.along_shutter(samples.stated)
+    for _ in range(_ROWS_STEPS):
+        found = at(readout * samples.phase(row))
+        wrong = samples.along_shutter(found.uv) - row
+        row = row - wrong / (_by_row(found, readout) - 1.0)
+        if np.nanmax(np.abs(wrong), initial=0.0) < _ROWS_SOLVED:
+            break
+    return readout * samples.phase(row)
+
+
+def _by_row(found: LaterPositions, readout: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How the position along the rows changes with the row at whose time it is computed, (n,)."""
+    return np.asarray(found.samples.along_shutter(found.pace) * readout / found.samples.side)
+
+
+def _with_rows(found: LaterPositions, by: NDArray[np.float64], readout: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivatives (n, 2, numbers) with the change of the row, from those at fixed times of the rows."""
+    samples = found.samples
+    if not readout.any():
+        return by
+    own = 1.0 - _by_row(found, readout)[:, None, None]
+    of_row = np.take_along_axis(by, samples.axis[:, None, None], axis=1) / own
+    return np.asarray(by + (readout / samples.side)[:, None, None] * found.pace[:, :, None] * of_row)

@@ -1,0 +1,317 @@
+"""Topics about image motion: focal length, usual mistakes, and whether depths and poses predict what is seen.
+
+- The topic focal length: whether another focal length would fit the image motion better.
+- The topic mistakes: whether the image motion would fit better if a usual mistake were undone.
+- Parts of the scene that move: some points fit poses and depths exactly, and the others do not fit at all.
+- The topic warping: whether depths and poses predict the image motion that is seen.
+"""
+
+from collections.abc import Sequence as ListOf
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.pose import transform
+from tracknoise.inference.jackknife import jackknife
+from tracknoise.text import counted, significant
+from tracknoise.truth_faults.check_report import Item, Severity, Values
+from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, depth_kind
+from tracknoise.truth_faults.image_evidence import (
+    AS_GIVEN,
+    AS_RAY_DEPTH,
+    LONG_PX,
+    SHORT_PX,
+    Evidence,
+    Hypothesis,
+    Pair,
+    corrected,
+    focal_px,
+    hypotheses,
+    relative_pose,
+    reprojection_px,
+    residual_px,
+    thinned,
+)
+
+_LOG_FACTORS = np.linspace(-0.3, 0.3, 61)
+_FOCAL_LENGTH_LEAST_MOTION_PX, _FOCAL_LENGTH_FEWEST_PAIRS = 1.5, 10
+_FOCAL_LENGTH_FLOOR_PX = 0.05
+_MOST_GAIN, _LEAST_RELATIVE, _SURE_SD, _MOST_SD = 0.9, 0.02, 3.0, 0.05
+_UNKNOWN = "The focal length cannot be determined from this recording."
+
+
+def focal_length(evidence: Evidence) -> Item:
+    """The focal length that fits best, where depths and motion determine it."""
+    pairs = thinned([pair for pair in evidence.pairs if pair.motion_px >= _FOCAL_LENGTH_LEAST_MOTION_PX])
+    if not evidence.has_depth or len(pairs) < _FOCAL_LENGTH_FEWEST_PAIRS:
+        return Item("focal length", Severity.unknown, _UNKNOWN)
+    zoomed = [Hypothesis("focal", "another focal length", zoom=float(np.exp(factor))) for factor in _LOG_FACTORS]
+    residuals = np.array([[residual_px(evidence, pair, one) for one in zoomed] for pair in pairs])
+    logs = np.log(np.clip(residuals, _FOCAL_LENGTH_FLOOR_PX, None))
+    best, sd = jackknife(logs, lambda rows: float(_LOG_FACTORS[np.argmin(rows.mean(axis=0))]))
+    means = logs.mean(axis=0)
+    return _item(focal_px(evidence.camera), best, sd, gain=float(np.exp(means.min() - means[len(means) // 2])))
+
+
+def _item(given_px: float, best: float, sd: float, *, gain: float) -> Item:
+    fitted_px = given_px * float(np.exp(best))
+    values: Values = {"given_px": given_px, "fitted_px": fitted_px, "fitted_sd_px": fitted_px * sd, "gain": gain}
+    if sd > _MOST_SD:
+        return Item("focal length", Severity.unknown, _UNKNOWN, values)
+    if abs(best) > max(_LEAST_RELATIVE, _SURE_SD * sd) and gain < _MOST_GAIN:
+        text = (
+            f"A focal length of {fitted_px:.0f} +- {max(fitted_px * sd, 1.0):.0f} px fits the image motion better than "
+            f"the given {given_px:.0f} px. Residuals fall to {gain:.0%}."
+        )
+        return Item("focal length", Severity.caveat, text, values)
+    text = f"The focal length of {given_px:.4g} px agrees with the image motion."
+    return Item("focal length", Severity.ok, text, values)
+
+
+MOST_GAIN, LEAST_BETTER = 0.75, 0.75
+"""A mistake is named if residuals fall below this share, in at least this share of the pairs that did not choose it."""
+FEW_PAIRS, MOST_GAIN_OF_FEW = 20, 0.4
+"""Fewer pairs than this both choose and judge, and residuals must fall below this share."""
+
+_MISTAKE_FEWEST_PAIRS = 6
+_MISTAKE_FLOOR_PX, _CAP_PX, _CAP_MOTION = 0.05, 20.0, 3.0
+_TIE = 0.15
+"""Mistakes whose logarithmic gains differ by less than this cannot be distinguished."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How much better a hypothesis fits than what is given.
+
+    Attributes
+    ----------
+    hypothesis
+        The mistake.
+    gain
+        Geometric mean of the residual relative to that as given.
+    better
+        Share of pairs whose residual is smaller.
+    residual_px
+        Median residual with the mistake undone.
+    """
+
+    hypothesis: Hypothesis
+    gain: float
+    better: float
+    residual_px: float
+
+
+def mistakes(evidence: Evidence) -> Item:
+    """Name the mistake that explains the image motion clearly better than what is given, if there is one."""
+    if len(evidence.pairs) < _MISTAKE_FEWEST_PAIRS:
+        few = counted(len(evidence.pairs), "pair")
+        text = f"Mistakes in poses cannot be looked for: only {few} of images with motion."
+        return Item("usual mistakes", Severity.unknown, text)
+    candidates = hypotheses(has_depth=evidence.has_depth, is_z=evidence.z_depth_from is not None)
+    pairs = thinned(evidence.pairs)
+    given_px = _residuals(evidence, pairs, AS_GIVEN)
+    tried = np.array([_residuals(evidence, pairs, one) for one in candidates])
+    are_few = len(pairs) < FEW_PAIRS
+    even = np.arange(len(pairs)) % 2 == 0
+    choosing, judging = even | are_few, ~even | are_few
+    gains = np.array([_fit(one, row, given_px, choosing).gain for one, row in zip(candidates, tried, strict=True)])
+    tied = np.flatnonzero(np.log(gains) <= np.log(gains.min()) + _TIE)
+    fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]
+    if fits[0].gain <= (MOST_GAIN_OF_FEW if are_few else MOST_GAIN) and fits[0].better >= LEAST_BETTER:
+        return _named(evidence, fits, float(np.median(given_px)))
+    if (ray := _ray_depth(evidence)) is not None:
+        return ray
+    text = f"None of {len(candidates)} usual mistakes explains the image motion clearly better than what is given."
+    return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
+
+
+def _residuals(evidence: Evidence, pairs: ListOf[Pair], assumed: Hypothesis) -> NDArray[np.float64]:
+    """(n,) float64: median residual of each pair, px, cut at some times the motion; NaN where a pose is missing."""
+    undone = replace(evidence, poses=corrected(evidence.poses, assumed))
+    found = np.array([residual_px(undone, pair, assumed) for pair in pairs])
+    most = np.array([_CAP_MOTION * pair.motion_px + _CAP_PX for pair in pairs])
+    return np.asarray(np.minimum(np.maximum(found, _MISTAKE_FLOOR_PX), most), dtype=np.float64)
+
+
+def _fit(
+    hypothesis: Hypothesis, tried: NDArray[np.float64], given: NDArray[np.float64], chosen: NDArray[np.bool_]
+) -> Fit:
+    """How a hypothesis fits some of the pairs."""
+    known = chosen & np.isfinite(tried) & np.isfinite(given)
+    if known.sum() < _MISTAKE_FEWEST_PAIRS // 2:
+        return Fit(hypothesis, 1.0, 0.0, np.nan)
+    change = np.log(tried[known]) - np.log(given[known])
+    return Fit(hypothesis, float(np.exp(change.mean())), float((change < 0).mean()), float(np.median(tried[known])))
+
+
+def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
+    """The item about the first fit; others that fit as well are named too."""
+    best = fits[0]
+    name = _with_unit(evidence, best.hypothesis)
+    others = list(dict.fromkeys(fit.hypothesis.name for fit in fits[1:] if fit.hypothesis.name != best.hypothesis.name))
+    text = (
+        f"It looks as if {name}. The median residual falls from {significant(given_px, 3)} to "
+        f"{significant(best.residual_px, 2)} px if this is undone; "
+        f"it is smaller in {best.better:.0%} of the pairs of images that test it."
+    )
+    if others:
+        text += f" This recording cannot distinguish it from: {'; or '.join(others[:2])}."
+    text += _not_tried(evidence)
+    values: Values = {
+        "mistake": best.hypothesis.kind,
+        "gain": best.gain,
+        "given_px": given_px,
+        "undone_px": best.residual_px,
+    }
+    return Item("usual mistakes", Severity.fatal, text, values)
+
+
+def _not_tried(evidence: Evidence) -> str:
+    """A further sentence where the kind of depth is known; otherwise empty."""
+    if evidence.z_depth_from is None:
+        return ""
+    return f" Not tried: that {AS_RAY_DEPTH.name}; depths are z by construction (from {evidence.z_depth_from})."
+
+
+def _with_unit(evidence: Evidence, mistake: Hypothesis) -> str:
+    """Name of a mistake; of one in scale, with the unit that was probably mistaken."""
+    if mistake.depth_scale not in (1000.0, 0.001):
+        return mistake.name
+    depth_m = float(np.nanmedian(np.concatenate([pair.depth_first_m for pair in evidence.pairs])))
+    are_metres = NEAREST_M <= depth_m <= FARTHEST_M / 5
+    if mistake.depth_scale == 1000.0:
+        unit = "positions are probably in millimetres, read as metres"
+        other = "depths are probably divided by 1000 once too often"
+    else:
+        unit = "positions are probably divided by 1000 once too often"
+        other = "depths are probably in millimetres, read as metres"
+    return f"{mistake.name} ({unit if are_metres else other})"
+
+
+def _ray_depth(evidence: Evidence) -> Item | None:
+    """The item about distances along the ray, where the change of depth from image to image shows them."""
+    kind = depth_kind(evidence)
+    if kind is None or not kind.is_ray:
+        return None
+    text = (
+        f"It looks as if {AS_RAY_DEPTH.name}. Depths of the same point in two images differ by "
+        f"{kind.slope:.2f} +- {kind.sd:.2f} times what such distances would (0 is expected of depths)."
+    )
+    values: Values = {"mistake": AS_RAY_DEPTH.kind, "slope": kind.slope, "slope_sd": kind.sd}
+    return Item("usual mistakes", Severity.fatal, text, values)
+
+
+_MOVING_LEAST_MOTION_PX, _FIT_SHARE = 2.0, 0.15
+"""A point that moves at least this far fits if its residual is at most this share of its own motion."""
+_LEAST_SHARE, _LEAST_RATIO = 0.25, 10.0
+"""Wrong poses or depths leave fewer points that fit, or a gradual transition between those that do and do not."""
+_FEWEST_POINTS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class MovingScene:
+    """Points in two groups.
+
+    Attributes
+    ----------
+    share
+        Share of points that fit.
+    fit_px, other_px
+        Median residual of the points that fit, and of the others.
+    """
+
+    share: float
+    fit_px: float
+    other_px: float
+
+
+def moving_scene(evidence: Evidence) -> MovingScene | None:
+    """Both groups of points; None without depth, or where points do not form two groups."""
+    if not evidence.has_depth:
+        return None
+    points = np.concatenate([_points(evidence, pair) for pair in evidence.pairs])
+    points = points[points[:, 1] >= _MOVING_LEAST_MOTION_PX]
+    fits: NDArray[np.bool_] = points[:, 0] <= _FIT_SHARE * points[:, 1]
+    if len(points) < _FEWEST_POINTS or fits.mean() < _LEAST_SHARE or fits.all():
+        return None
+    found = MovingScene(float(fits.mean()), float(np.median(points[fits, 0])), float(np.median(points[~fits, 0])))
+    return found if _LEAST_RATIO * found.fit_px <= found.other_px < np.inf else None
+
+
+def _points(evidence: Evidence, pair: Pair) -> NDArray[np.float64]:
+    """(m, 2) float64: residual and motion of each point with depth, px; none where a pose is missing."""
+    relative = relative_pose(evidence.poses, pair)
+    if not np.isfinite(relative).all():
+        return np.empty((0, 2))
+    residual = np.linalg.norm(reprojection_px(pair, relative, evidence.camera, AS_GIVEN), axis=1)
+    motion = np.linalg.norm(pair.uv_second - pair.uv_first, axis=1)[np.isfinite(pair.depth_first_m)]
+    return np.column_stack([residual, motion])
+
+
+_CAVEAT_SHARE, _FATAL_SHARE = 0.3, 0.8
+"""Residuals relative to the image motion above which poses are doubtful, or explain next to nothing."""
+_NOISE_PX = 0.3
+"""Residuals below this are those of the tracking."""
+_BOUNDARY_PX = (SHORT_PX * LONG_PX) ** 0.5
+
+
+def warping(evidence: Evidence) -> Item:
+    """Distance of tracked points from their prediction, at a short and a long baseline."""
+    found = [(pair.motion_px, residual_px(evidence, pair, AS_GIVEN)) for pair in evidence.pairs]
+    known = np.array([one for one in found if np.isfinite(one[1])]).reshape(-1, 2)
+    if not len(known):
+        text = "Images could not be compared with poses: too few points were found again, or poses are missing."
+        return Item("warping", Severity.unknown, text)
+    values: dict[str, float | int | str | None] = {"n_pairs": len(known)}
+    sentences = [_opening(evidence)]
+    for name, part in (("short", known[known[:, 0] < _BOUNDARY_PX]), ("long", known[known[:, 0] >= _BOUNDARY_PX])):
+        if len(part):
+            motion, residual = np.median(part, axis=0).tolist()
+            values |= {f"{name}_motion_px": motion, f"{name}_residual_px": residual}
+            sentences.append(f"At an image motion of {significant(motion, 3)} px the residual is {residual:.2f} px.")
+    share = float(np.median(known[:, 1] / np.maximum(known[:, 0], 1.0)))
+    severity = _severity(share, float(np.median(known[:, 1])))
+    differs = _depth_disagreement(evidence)
+    sentences += [f"Depths of two images differ by {differs:.1%}."] if differs is not None else []
+    if severity is not Severity.ok:
+        sentences.append(f"Errors of the truth would rival the motion: residuals are {share:.0%} of it.")
+        if (moving := moving_scene(evidence)) is not None:
+            severity = Severity.caveat
+            sentences.append(_of_moving_parts(moving))
+    return Item(
+        "warping", severity, " ".join(sentences), {**values, "share_of_motion": share, "depth_disagreement": differs}
+    )
+
+
+def _opening(evidence: Evidence) -> str:
+    if evidence.has_depth:
+        return "Tracked points were compared with what depths and poses predict."
+    return "Tracked points were compared with the epipolar lines of the poses."
+
+
+def _severity(share: float, typical_px: float) -> Severity:
+    if share < _CAVEAT_SHARE or typical_px < _NOISE_PX:
+        return Severity.ok
+    return Severity.fatal if share > _FATAL_SHARE else Severity.caveat
+
+
+def _of_moving_parts(moving: MovingScene) -> str:
+    return (
+        f"{moving.share:.0%} of the points fit to within {moving.fit_px:.1f} px, and the others miss by "
+        f"{moving.other_px:.1f} px. Parts of the scene probably move, such as traffic or people."
+    )
+
+
+def _depth_disagreement(evidence: Evidence) -> float | None:
+    """Median relative difference between predicted and measured depth; None without depth."""
+    differences = np.concatenate([_depth_differences(evidence, pair) for pair in evidence.pairs])
+    return float(np.median(differences)) if len(differences) else None
+
+
+def _depth_differences(evidence: Evidence, pair: Pair) -> NDArray[np.float64]:
+    """(m,) float64: absolute differences relative to the measured depth."""
+    known = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
+    points = evidence.camera.unproject(pair.uv_first[known], pair.depth_first_m[known])
+    measured = pair.depth_second_m[known]
+    return np.abs(transform(relative_pose(evidence.poses, pair), points)[:, 2] - measured) / measured

@@ -1,0 +1,229 @@
+"""Errors of stated poses with intervals, and the accuracy of poses for the settings of an experiment.
+
+- The rigid share of the errors of every condition, (rigid.share), with intervals.
+- The accuracy of poses, as tracks of unlike trackers show it, for the settings of an experiment.
+
+The law by which the error of the relative pose of two frames grows, fitted to (pose.growth) of all scenes.
+
+Pose errors that are independent from frame to frame have relative errors of the same size at every distance. Those of a
+random walk grow with its root. Of each coordinate of the rotation and of the translation, at k frames,
+
+    mean square = 2 white^2 + walk^2 k    (pose.law)
+
+is fitted by least squares with weights 1/k and no negative part.
+"""
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
+from tracknoise.inference.bootstrap import Draws
+from tracknoise.inference.intervals import Method, pooled
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.grouping import Tables, by_condition
+from tracknoise.tables.findings_schema import POSE_LAW, RIGID_SHARE
+from tracknoise.tables.schema import POSE_GROWTH, RIGID, VIEW, check, empty
+
+_SUMS = ["n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"]
+_POINT = ["fitted_to", "age"]
+_COORDINATES = ("u", "v", "both")
+
+
+def rigid_share(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
+    """Share of the second moment that pose errors explain, by age and coordinate.
+
+    Parameters
+    ----------
+    sums
+        Tables of all scenes, schema `RIGID`.
+    sampling
+        How scenes are resampled.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `RIGID_SHARE`, sorted.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    conditions = by_condition(sums, RIGID, "rigid")
+    table = condition_table(conditions, RIGID_SHARE, _rigid_share_rows, sampling)
+    return check(table.sort([*POOLED, *_POINT, "coordinate"]), RIGID_SHARE, "rigid share")
+
+
+def _rigid_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per coordinate, source of the pose errors and age of a condition."""
+    units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=draws.groups)
+    found = pooled(units, draws.weights(units), _shares, method)
+    labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")
+    total = units.sums.sum(axis=0).T
+    n = np.tile(total[0], len(_COORDINATES))
+    moments = {
+        name: pl.Series(_by_coordinate(total[places]).ravel() / n)
+        for name, places in (("second_px2", slice(1, 3)), ("left_px2", slice(3, 5)))
+    }
+    rows = estimated(labels, found, units, RIGID_SHARE, value="share").with_columns(pl.Series("n", n), **moments)
+    return rows.with_columns(pl.col("share", "low", "high").fill_nan(None)).drop_nulls("share")
+
+
+def _shares(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shares in u, in v and in both, (3, points, ...), of the sums of `_SUMS`; NaN where all errors are 0."""
+    error, rigid = _by_coordinate(sums[1:3]), _by_coordinate(sums[5:7])
+    return np.asarray(rigid / np.where(error > 0.0, error, np.nan))
+
+
+def _by_coordinate(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums in u, in v and in both, (3, ...), of those in u and v, (2, ...)."""
+    return np.concatenate([sums, sums.sum(axis=0, keepdims=True)])
+
+
+LARGEST_LAG = 24
+"""Largest distance of two frames to which the law is fitted, frames of the nominal sequence."""
+_POSE_LAW_KEYS = ["dataset", *VIEW]
+_LABELS = pl.DataFrame(
+    {
+        "motion": ["rotation", "rotation", "translation", "translation"],
+        "law": ["white", "random walk", "white", "random walk"],
+        "unit": ["deg", "deg per sqrt(frame)", "m", "m per sqrt(frame)"],
+    }
+)
+
+
+def pose_law(growth: Iterable[pl.DataFrame], sampling: Sampling = USUAL) -> pl.DataFrame:
+    """White and walking part of the pose errors of each dataset and view, with intervals over scenes.
+
+    Parameters
+    ----------
+    growth
+        Tables of all scenes, schema `POSE_GROWTH`.
+    sampling
+        How scenes are resampled. A part that is 0 has no smooth statistic, so that ``bca`` takes the place of
+        ``student``.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `POSE_LAW`, sorted. Bounds are null where scenes are too few.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    method = Method(sampling.kind, sampling.level).by_bootstrap()
+    tables = [empty(POSE_GROWTH), *(check(table, POSE_GROWTH, "pose growth") for table in growth)]
+    near = pl.concat(tables).filter(pl.col("lag") <= LARGEST_LAG).sort(*_POSE_LAW_KEYS, "scene", "lag")
+    parts = [empty(POSE_LAW)]
+    for key, part in near.partition_by(_POSE_LAW_KEYS, as_dict=True, maintain_order=True).items():
+        draws = sampling.draws({str(key[0]): part["scene"].unique()})[str(key[0])]
+        names = [
+            pl.lit(value, dtype=POSE_LAW[name]).alias(name) for name, value in zip(_POSE_LAW_KEYS, key, strict=True)
+        ]
+        table = _pose_law_rows(part, draws, method).with_columns(names)
+        parts.append(table.select(pl.col(name).cast(dtype) for name, dtype in POSE_LAW.items()))
+    return check(pl.concat(parts), POSE_LAW, "pose law")
+
+
+def _pose_law_rows(growth: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per motion and part of the law."""
+    sums = growth.with_columns(
+        turned=pl.col("n") * pl.mean_horizontal("^rotation_.._deg2$"),
+        moved=pl.col("n") * pl.mean_horizontal("^translation_.._m2$"),
+    )
+    units = units_of(sums, points=["lag"], columns=["n", "turned", "moved"], groups=draws.groups)
+    lag = units.points["lag"].to_numpy().astype(np.float64)
+    sizes = units.sums[..., 0].sum(axis=1)[None]
+    found = pooled(units, draws.weights(units), lambda sums: _fitted(sums, lag), method, sizes=sizes)
+    return estimated(_LABELS, found, units, POSE_LAW, value="value").with_columns(
+        pl.col("low", "high").fill_nan(None), n=pl.lit(int(sums["n"].sum()))
+    )
+
+
+def _fitted(sums: NDArray[np.float64], lag: NDArray[np.float64]) -> NDArray[np.float64]:
+    """White and walking part of rotation and translation, (4, 1, ...), of sums (3, lags, ...)."""
+    count = sums[0]
+    known = count > 0
+    by_lag = lag.reshape(-1, *[1] * (count.ndim - 1))
+    weight = np.where(known, 1.0 / by_lag, 0.0)
+    parts = [_two_parts(weight, by_lag, total / np.where(known, count, 1.0)) for total in sums[1:]]
+    return np.concatenate(parts)[:, None]
+
+
+def _two_parts(
+    weight: NDArray[np.float64], lag: NDArray[np.float64], square: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Roots of the two coefficients that fit 2 a + b k to mean squares without being negative, (2, ...)."""
+    two_two, two_k, k_k = (np.sum(weight * product, axis=0) for product in (4.0 + 0 * lag, 2.0 * lag, lag * lag))
+    two_y, k_y = np.sum(weight * 2.0 * square, axis=0), np.sum(weight * lag * square, axis=0)
+    determinant = two_two * k_k - two_k * two_k
+    safe = np.where(determinant > 0.0, determinant, 1.0)
+    white, walk = (k_k * two_y - two_k * k_y) / safe, (two_two * k_y - two_k * two_y) / safe
+    only_white, only_walk = two_y / np.where(two_two > 0.0, two_two, 1.0), k_y / np.where(k_k > 0.0, k_k, 1.0)
+    single = determinant <= 0.0
+    found_white = np.where(walk < 0.0, only_white, np.where(single, only_white, white))
+    found_walk = np.where(white < 0.0, only_walk, np.where(single, 0.0, walk))
+    return np.asarray(np.sqrt(np.maximum(np.stack([found_white, found_walk]), 0.0)))
+
+
+LEAST_SHARE = 0.05
+"""Smallest share of the second moment that pose errors must explain."""
+_ACCURACY_KEYS: Mapping[tuple[str, str], str] = MappingProxyType(
+    {
+        ("rotation", "white"): "rotation_white_deg",
+        ("rotation", "random walk"): "rotation_deg_per_sqrt_frame",
+        ("translation", "white"): "translation_white_m",
+        ("translation", "random walk"): "translation_m_per_sqrt_frame",
+    }
+)
+
+
+def accuracy_toml(law: pl.DataFrame, share: pl.DataFrame, step: int = 1) -> str | None:
+    """The block ``[truth.accuracy]`` with the pose errors that the tracks show; None where they do not confirm any.
+
+    They are confirmed if at least two trackers have shares of (rigid.share) that were fitted to other trackers, and if
+    at most ages each of these shares is at least `LEAST_SHARE` with an interval above 0. A motion that one tracker
+    alone sees may be its own.
+
+    Parameters
+    ----------
+    law
+        Table `POSE_LAW`. Its upright, forward view is used.
+    share
+        Table `RIGID_SHARE`.
+    step
+        Frames of the recording from one measured frame to the next, see `tracknoise.truth_faults.audit_summary`.
+
+    Returns
+    -------
+    str or None
+        Values with three digits, in the units of `tracknoise.geometry.accuracy.TruthAccuracy`: a random walk over
+        frames of the recording, sqrt(step) times as small as that over measured frames.
+    """
+    upright = law.filter((pl.col("rotation") == 0) & (pl.col("direction") == "forward"))
+    rows = upright.unique(["motion", "law"], keep="first", maintain_order=True)
+    if rows.is_empty() or not _is_confirmed(share):
+        return None
+    per_frame = {"white": 1.0, "random walk": step**-0.5}
+    lines = [
+        f"{_ACCURACY_KEYS[motion, law]} = {value * per_frame[law]:.3g}"
+        for motion, law, value in rows["motion", "law", "value"].iter_rows()
+    ]
+    return "\n".join(["[truth.accuracy]", *lines])
+
+
+def _is_confirmed(share: pl.DataFrame) -> bool:
+    of_others = share.filter((pl.col("fitted_to") == "others") & (pl.col("coordinate") == "both"))
+    shown = (pl.col("share") >= LEAST_SHARE) & (pl.col("low").fill_null(0.0) > 0.0)
+    by_tracker = of_others.group_by("tracker").agg(most=shown.mean() > 0.5)
+    return by_tracker.height > 1 and bool(by_tracker["most"].all())

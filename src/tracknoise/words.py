@@ -1,0 +1,371 @@
+"""Words and numbers in text: quantities, estimates with their intervals, and effects of factors.
+
+- Words and numbers in text, the same in findings and in the report.
+- Estimates as text: ``0.410 px (0.380 to 0.450)``.
+- Factor effects as text: ``13 times (9.0 to 19)``, and sentences that name the levels and which one is better.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.units import Resampled
+from tracknoise.tables.enumerations import Axis, Shape
+from tracknoise.text import plural
+
+SELF_REFERENTIAL = (
+    "The true positions are fitted to the tracks themselves: what a 3-D point can absorb, such as drift along the "
+    "epipolar line, is not in these errors."
+)
+"""What holds for errors of triangulated truth, wherever they are shown."""
+SPACE = "\N{NO-BREAK SPACE}"
+MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
+_VIEW = {
+    "lighting": "under lighting {}",
+    "rotation": "at rotation {}°",
+    "direction": "played {}",
+    "camera": "of camera {}",
+}
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+SHAPES: Mapping[str, str] = {
+    Shape.gaussian: "close to Gaussian",
+    Shape.heavy_tailed: "heavy-tailed",
+    Shape.contaminated: "contaminated (as if some came from a wider Gaussian)",
+    Shape.light_tailed: "light-tailed",
+    Shape.skewed: "skewed",
+    Shape.undecided: "of undecided shape",
+}
+"""What errors of each shape are called."""
+STATISTICS: Mapping[str, str] = {
+    "mean": "mean error",
+    "absolute": "mean absolute error",
+    "second": "second moment",
+    "core": "core",
+    "lifetime": "lifetime",
+    "outlier_ratio": "outlier ratio",
+}
+"""Name of each statistic that a factor may affect, by its role."""
+
+_RESAMPLED: Mapping[str, str] = {
+    Resampled.scenes: "over {}",
+    Resampled.groups: "over groups of {}",
+    Resampled.within: "over {} within their groups",
+    Resampled.blocks: "from blocks of tracks resampled within {}",
+}
+
+
+def number(value: float | None, *, digits: int = 3) -> str:
+    """Write a number to `digits` significant digits; whole numbers whole, a dash where it is missing."""
+    if value is None:
+        return DASH
+    if isinstance(value, int) or abs(value) >= 10**digits:
+        return f"{round(value):,}".replace("-", MINUS)
+    if value != 0 and abs(value) < 1e-3:
+        mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
+        return f"{mantissa}{SPACE}{TIMES}{SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", MINUS)
+    if value == 0:
+        return "0"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{decimals}f}".replace("-", MINUS)
+
+
+def pixels(value: float | None) -> str:
+    """Write a length in px without its unit: to a thousandth where it is short, otherwise to three digits."""
+    if value is None or value == 0 or abs(value) < 5e-4 or abs(value) >= 10:
+        return number(value)
+    return f"{value:.3f}".replace("-", MINUS)
+
+
+def px(value: float | None) -> str:
+    """Write a length in px."""
+    return "unknown" if value is None else f"{pixels(value)}{SPACE}px"
+
+
+def percent(share: float | None) -> str:
+    """Write a share in percent, to a tenth."""
+    return "unknown" if share is None else f"{100 * share:z.1f}{SPACE}%".replace("-", MINUS)
+
+
+def effect_text(effect: float | None) -> str:
+    """Write an effect in percent, to a tenth near the margin; empty where there is none."""
+    if effect is None:
+        return ""
+    if effect >= 10:
+        return f">{SPACE}1000{SPACE}%"
+    return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
+
+
+def ratio(value: float) -> str:
+    """Write a ratio: to two digits, or three where it is near one."""
+    return number(value, digits=2 if value >= 2 else 3)
+
+
+def times(value: float) -> str:
+    """Write how many times as large something is: ``13 times``."""
+    return f"{ratio(value)}{SPACE}times"
+
+
+def chance(p: float) -> str:
+    """Write a p-value: to two digits, and none below a ten thousandth."""
+    return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+
+
+def count(n: int, noun: str) -> str:
+    """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
+    return f"{number(n) if n else 'no'} {plural(n, noun)}"
+
+
+def scenes_counted(column: str) -> pl.Expr:
+    """A column of counts of scenes in words: ``1 scene``, ``4 scenes``; null where it is."""
+    noun = pl.when(pl.col(column) == 1).then(pl.lit("scene")).otherwise(pl.lit("scenes"))
+    return pl.format("{} {}", column, noun)
+
+
+def sentence_case(text: str) -> str:
+    """Write the first letter as a capital, and the rest as it is."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def listing(items: Iterable[str], *, joint: str = "and") -> str:
+    """Join items as prose does: ``a``, ``a and b``, ``a, b and c``."""
+    parts: Sequence[str] = list(items)
+    return f" {joint} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def place(axis: str, since: int) -> str:
+    """Write a place on an axis by its distance from where errors are zero.
+
+    ``at age 10``, or ``8 frames after the key frame``.
+
+    Parameters
+    ----------
+    axis
+        age or frame.
+    since
+        Frames of the sequence; negative before the key frame.
+    """
+    if axis == Axis.age:
+        return f"at age {since}"
+    return f"{count(abs(since), 'frame')} {'before' if since < 0 else 'after'} the key frame"
+
+
+def opening_place(axis: str, since: int) -> str:
+    """Write a place as `place` does, as the start of a sentence: ``At 8 frames after the key frame``."""
+    return f"At {place(axis, since).removeprefix('at ')}"
+
+
+def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
+    """Write the lighting, rotation, direction and camera of a view, those in `names` only; starts with a blank."""
+    return "".join(f" {_VIEW[name].format(view[name])}" for name in names)
+
+
+def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
+    """Write how intervals were made: ``95 % intervals over 8 scenes``.
+
+    Parameters
+    ----------
+    level
+        Between 0 and 1.
+    resampled
+        A value of `tracknoise.tables.enumerations.Resampled`.
+    n_scenes
+        How many scenes each rests on.
+    """
+    least, most = min(n_scenes), max(n_scenes)
+    scenes = count(most, "scene") if least == most else f"{least} to {count(most, 'scene')}"
+    return f"{100 * level:g}{SPACE}% intervals {_RESAMPLED[resampled].format(scenes)}"
+
+
+def coverage_text(level: float, coverage: float) -> str:
+    """Write the coverage of untested intervals: ``a 95 % interval covers about 88 % in data like yours``.
+
+    Parameters
+    ----------
+    level
+        Probability that intervals are made for, between 0 and 1.
+    coverage
+        Share of intervals that contain the true value: the column of `INTERVALS`.
+    """
+    return f"a {100 * level:g}{SPACE}% interval covers about {100 * coverage:.0f}{SPACE}% in data like yours"
+
+
+def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:
+    """Write how much scenes differ: ``scenes differ by a factor of 1.9``, or ``scenes differ by 0.120 px``.
+
+    Shares differ by a factor ``in odds``.
+
+    Both are one standard deviation.
+
+    Parameters
+    ----------
+    spread
+        Standard deviation between scenes: the column of `INTERVALS`.
+    unit
+        Of the number.
+    is_scale
+        Whether the spread is that of logarithms, or of logits: of scales, lifetimes and shares.
+    """
+    if is_scale:
+        factor = f"scenes differ by a factor of {number(math.exp(spread), digits=2)}"
+        return f"{factor} in odds" if unit == "share" else factor
+    return f"scenes differ by {px(spread) if unit == 'px' else f'{number(spread)}{SPACE}{unit}'}"
+
+
+def next_scene_text(low: float, high: float, unit: str) -> str:
+    """Write where the next scene is expected: ``the next scene: 0.200 to 1.400 px``.
+
+    Parameters
+    ----------
+    low, high
+        Bounds: the columns next_low and next_high of `INTERVALS`.
+    unit
+        px, share, or another.
+    """
+    if unit == "share":
+        return f"the next scene: {percent(low)} to {percent(high)}"
+    write = pixels if unit == "px" else number
+    return f"the next scene: {write(low)} to {write(high)}{SPACE}{unit}"
+
+
+_WHOLE = 1e-6
+"""A number this near to a whole one, relative to it, is written as such."""
+Write: TypeAlias = Callable[[float | None], str]
+"""Writes a number without its unit."""
+
+
+def format_estimate(estimate: Estimate) -> str:
+    """Write a value with its unit, and its interval in brackets where there is one."""
+    unit = "" if estimate.unit in ("", "share") else f"{SPACE}{_unit(estimate)}"
+    return format_as(estimate, _WRITTEN.get(estimate.unit, number), unit=unit)
+
+
+def format_as(estimate: Estimate, write: Write, *, unit: str = "") -> str:
+    """The same with numbers written in a given way.
+
+    Parameters
+    ----------
+    estimate
+        What to write.
+    write
+        Writes the value and either bound.
+    unit
+        What follows the value.
+    """
+    text = f"{write(estimate.value)}{unit}"
+    if estimate.low is None and estimate.high is None:
+        return text
+    if estimate.low is None:
+        return f"{text} (up to {write(estimate.high)})"
+    if estimate.high is None:
+        return f"{text} ({write(estimate.low)} or more)"
+    return f"{text} ({write(estimate.low)} to {write(estimate.high)})"
+
+
+def _unit(estimate: Estimate) -> str:
+    return "frame" if estimate.unit == "frames" and estimate.value == 1 else estimate.unit
+
+
+def _frames(value: float | None) -> str:
+    """Frames, which are mostly whole: also where one machine rounds to a whole number and another next to it."""
+    if value is None or not math.isclose(value, round(value), rel_tol=_WHOLE):
+        return number(value)
+    return number(round(value))
+
+
+_WRITTEN: Mapping[str, Write] = {"share": percent, "px": pixels, "frames": _frames}
+"""How numbers of a unit are written; others to three digits."""
+
+
+_LEVELS = {
+    "tracker": "for {}",
+    "speed": "at speed {}",
+    "lighting": "under lighting {}",
+    "rotation": "at rotation {}°",
+    "direction": "played {}",
+}
+_ADJECTIVES = {"lifetime": "long", "outlier_ratio": "high"}
+
+
+def size_text(row: Mapping[str, Any]) -> str:
+    """Write the reported difference with its interval: ``13 times (9.0 to 19)``; empty where it is unknown.
+
+    Parameters
+    ----------
+    row
+        Of `DEPENDENCE`.
+    """
+    if row["effect"] is None:
+        return ""
+    if row["unit"] == "px":
+        return format_estimate(Estimate.of_row(row, "effect", "low", "high", "px"))
+    return format_as(Estimate.of_row(row, "effect", "low", "high"), _ratio, unit=f"{SPACE}times")
+
+
+def bound_text(value: float | None, unit: str) -> str:
+    """Write a margin or a bound in the unit of the effect: ``1.10 times``; empty where it is unknown."""
+    if value is None:
+        return ""
+    return times(value) if unit == "ratio" else format_estimate(Estimate(value, unit=unit))
+
+
+def difference_sentence(row: Mapping[str, Any], role: str) -> str:
+    """Write which level is larger and by how much, and which one is better if the interval shows it; no full stop.
+
+    Parameters
+    ----------
+    row
+        Of `DEPENDENCE`, with an effect.
+    role
+        Role of its statistic.
+    """
+    factor, pair = row["factor"], [row["level_a"], row["level_b"]]
+    whose = f"the {subject(row, role)}{_until(row)}{_where(row)}"
+    if row["larger"] is None:
+        return f"{whose} is the same {' and '.join(level_text(factor, level) for level in pair)}"
+    smaller = pair[1 - pair.index(row["larger"])]
+    if row["unit"] == "px":
+        more = f"{size_text(row)} more positive {level_text(factor, row['larger'])}"
+        return f"{whose} is {more} than {level_text(factor, smaller)}"
+    as_large = f"as {_ADJECTIVES.get(role, 'large')} {level_text(factor, row['larger'])}"
+    better = row["better"] if factor == "tracker" else f"{factor_name(factor)}{SPACE}{row['better']}"
+    known = f"; {better} is better" if row["low"] is not None and row["low"] > 1 else ""
+    return f"{whose} is {size_text(row)} {as_large} as {level_text(factor, smaller)}{known}"
+
+
+def bounded_text(row: Mapping[str, Any], role: str) -> str:
+    """Write how large the difference of any two levels is at most: ``core of lk by speed, at most 1.04 times``."""
+    what = f"{subject(row, role)}{_until(row)} by {factor_name(row['factor'])}"
+    return f"{what}, at most {bound_text(row['most'], row['unit'])}"
+
+
+def level_text(factor: str, level: str) -> str:
+    """Write a level of a factor: ``at speed 4``, or of an option of a tracker: ``with detector fast``."""
+    return _LEVELS.get(factor, f"with {factor_name(factor)} {{}}").format(level)
+
+
+def factor_name(factor: str) -> str:
+    """Write a factor: of an option of nested settings, such as ``detection.detector``, the last part."""
+    return factor.rpartition(".")[2]
+
+
+def subject(row: Mapping[str, Any], role: str) -> str:
+    """Write the statistic and its tracker: ``outlier ratio of lucas-kanade``."""
+    return f"{STATISTICS[role]}{' of ' + row['tracker'] if row['tracker'] else ''}"
+
+
+def _until(row: Mapping[str, Any]) -> str:
+    """The horizon of a lifetime."""
+    known = row["horizon"] is not None and math.isfinite(row["horizon"])
+    return f" up to {count(int(row['horizon']), 'frame')}" if known else ""
+
+
+def _ratio(value: float | None) -> str:
+    return "" if value is None else ratio(value)
+
+
+def _where(row: Mapping[str, Any]) -> str:
+    return "" if row["at"] is None else f" in {row['coordinate']} {place(row['axis'], row['at'])}"

@@ -1,0 +1,77 @@
+"""A run with planted white noise, measured once."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from tracknoise.cli.app import main
+from tracknoise.experiments.execute import execute
+from tracknoise.experiments.load import load_experiment
+from tracknoise.tables.store import RunFolder
+
+TEXT = """
+name = "{name}"
+speeds = {speeds}
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["sideways", "forward"]
+worlds = 4
+frames = 14
+width = 160
+height = 120
+supersampling = 1
+[[trackers]]
+kind = "oracle"
+options = {{ n_features = 120, margin_px = 2, covariance_px2 = [[0.09, 0.0], [0.0, 0.04]], {option} }}
+[statistics]
+min_features = 2
+"""
+
+
+class Silent:
+    """Listens to a run."""
+
+    def planned(self, keys, done): ...
+
+    def frame(self, key, done, total): ...
+
+    def measured(self, key, entry): ...
+
+    def failed(self, keys, cause):
+        raise AssertionError(cause)
+
+    def remark(self, text): ...
+
+
+def _measure(path: Path, **settings: object) -> None:
+    path.mkdir(parents=True)
+    (path / "x.toml").write_text(TEXT.format(**settings))
+    execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
+
+
+@pytest.fixture(scope="session")
+def planted_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """Folder of a run of 8 scenes whose oracle has a standard deviation of 0.3 px in u and 0.2 px in v."""
+    measure = partial(_measure, name="planted", speeds=[1, 2], option="loss_rate = 0.05")
+    return made_once("planted-noise", measure) / "run"
+
+
+@pytest.fixture(scope="session")
+def common_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """Folder of such a run in which all features of a frame also have an error of 0.2 px in common."""
+    measure = partial(_measure, name="common", speeds=[1], option="common_px = 0.2")
+    return made_once("common-noise", measure) / "run"
+
+
+@pytest.fixture
+def tracknoise(capsys):
+    def go(*arguments):
+        with pytest.raises(SystemExit) as exit_:
+            main(list(map(str, arguments)))
+        captured = capsys.readouterr()
+        return exit_.value.code, captured.out, captured.err
+
+    return go

@@ -1,0 +1,399 @@
+"""Each export, parsed as its estimator parses it, and with the numbers that it should have."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.estimators.exports.golden import NAMES, contents, stored
+from tests.estimators.exports.models import component, detections, equivalents, lucas_kanade
+from tests.estimators.exports.syntaxes import PARSERS
+
+from tracknoise.estimators.export_render import export, number
+from tracknoise.estimators.exports import (
+    FAMILIES,
+    Export,
+    FocalChange,
+    RateChange,
+    Target,
+    estimator,
+    estimator_name,
+    estimators,
+    refused,
+)
+from tracknoise.estimators.model import Bias, BiasKind, Landmark, Purpose
+from tracknoise.exceptions import SettingsError, UnknownNameError
+
+CPP = Path(__file__).with_name("cpp")
+COMPILER = shutil.which("g++")
+HOSTILE = 'a\\\n*/ -->--> """ \' ; } "$(x)" \r{{ 1 }} {% x %}.json'
+
+
+def made(name: str, *, model: object = None, **more: object) -> Export:
+    return export(model or lucas_kanade(), name, source="lk.noise.json", **more)  # type: ignore[arg-type]
+
+
+def values(name: str, file: str, **more: object) -> dict:
+    return PARSERS[file](made(name, **more).files[file])
+
+
+def sigma(landmark: Landmark = Landmark.FREE, purpose: Purpose = Purpose.NEWEST_POSE, window: int = 11) -> float:
+    return lucas_kanade().equivalent(landmark=landmark, purpose=purpose, window=window).sigma.value
+
+
+def rounded(value: float) -> object:
+    """Files have three digits."""
+    return pytest.approx(value, rel=5.1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_as_last_looked_at(name):
+    assert contents(name, made(name)) == stored(name)
+
+
+def test_the_estimators_of_the_specification():
+    wanted = (
+        "openvins kimera basalt xivo rovio msckf_vio vins okvis2 orbslam3 stella svo maplab rtabmap opensfm hybvio "
+        "cuvslam gtsam colmap pyceres symforce theseus pypose filterpy csv json"
+    )
+    assert set(estimators()) == set(wanted.split())
+    assert set(refused()) == {"dso", "dm_vio", "pixsfm"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_that_must_be_said_is_said(name):
+    about, found = estimator(name), made(name)
+    assert about.family in FAMILIES
+    assert about.unit in found.text
+    assert about.place in found.text
+    assert about.checked_against
+    assert all(source in found.text for source in about.checked_against)
+    assert all(phrase in found.text for phrase in (*about.cannot, *about.without_effect, *about.notes))
+    assert any("a bias" in sentence for sentence in found.caveats)
+    assert all(sentence in found.text for sentence in found.caveats)
+    for file, text in found.files.items():
+        if file != "basalt_noise.json":  # its parser knows no comments
+            assert "tracknoise 0" in "".join(text.splitlines()[:2])
+            assert "lk.noise.json sha256" in text
+    if about.purpose:
+        used = lucas_kanade().equivalent(landmark=about.landmark, purpose=about.purpose, window=about.window)
+        assert f"{used.sigma.value:.3g} px ({used.sigma.low:.3g} to {used.sigma.high:.3g})" in found.text
+
+
+@pytest.mark.parametrize("file", PARSERS)
+@pytest.mark.parametrize("source", ["lk.noise.json", HOSTILE])
+def test_settings_are_parsed(file, source):
+    name = next(name for name, about in estimators().items() if file in about.files)
+    text = export(lucas_kanade(), name, source=source).files[file]
+    flat = list(PARSERS[file](text).values())
+    while any(isinstance(value, dict) for value in flat):
+        flat = [part for value in flat for part in (value.values() if isinstance(value, dict) else [value])]
+    assert flat
+    assert all(np.isfinite(float(value)) for value in flat if value not in ("false", "SoftLOneLoss"))
+
+
+def test_openvins():
+    assert values("openvins", "openvins_noise.yaml") == {
+        "up_msckf_sigma_px": rounded(sigma()),
+        "up_msckf_chi2_multipler": 1.0,
+        "up_slam_sigma_px": rounded(sigma(window=30)),
+        "up_slam_chi2_multipler": 1.0,
+    }
+
+
+def test_gates_are_widened_and_never_narrowed():
+    tails = values("openvins", "openvins_noise.yaml", model=detections())
+    assert tails["up_msckf_chi2_multipler"] == tails["up_slam_chi2_multipler"] == rounded(1.2)
+    gates = values("hybvio", "hybvio_noise.txt", model=detections())
+    assert gates["trackChiTestOutlierR"] == rounded(0.4 * np.sqrt(1.2))
+    assert values("rtabmap", "rtabmap_noise.txt")["g2o/RobustKernelDelta"] == rounded(5.991)
+
+
+def test_on_the_normalised_plane():
+    found = values("msckf_vio", "msckf_vio_noise.launch")
+    assert found == {"noise/feature": rounded(sigma(window=20) / 458.6)}
+    text = made("vins").files["vins_mono_noise.cpp"]
+    assert f"sigma_px = {number(sigma(Landmark.EXACT))}, focal_px = 458.600;" in text
+
+
+def test_components_where_the_estimator_has_a_place_for_them():
+    found = values("rovio", "rovio_noise.info")
+    update, walk = found["ImgUpdate"], found["Prediction"]["PredictionNoise"]
+    assert float(update["UpdateNoise"]["pix"]) == rounded(0.1**2)
+    assert float(update["initCovFeature_1"]) == rounded((0.01 / 458.6) ** 2)
+    assert float(walk["nor"]) == rounded(0.08**2 * 20.0 / 458.6**2)
+    assert float(update["MahalanobisTh"]) == rounded(9.21 * 1.4)
+    prior = values("xivo", "xivo_noise.json", model=detections())
+    assert prior["initial_std_x"] == prior["initial_std_y"] == rounded(0.4)
+    assert prior["subfilter"]["visual_meas_std"] == rounded(0.4)
+
+
+def test_what_is_written_instead_of_zero_is_stated():
+    first, white = (f"no noise of {phrase}: 0.01 px" for phrase in ("a first position", "a single frame"))
+    for name in ("rovio", "xivo", "gtsam", "openvins"):
+        assert first in made(name).text
+        assert white not in made(name).text
+    assert white in made("rovio", model=lucas_kanade(white=component(0.0))).text
+    for name in ("kimera", "json"):
+        assert "instead of zero" not in made(name).text
+
+
+def test_knees_follow_the_residuals_and_not_sigma():
+    residual = sigma(purpose=Purpose.INNOVATIONS)
+    huber_px, cauchy_px = 1.10 * 0.7 * residual, np.sqrt(4.0) * 0.7 * residual
+    found = values("basalt", "basalt_noise.json")["value0"]
+    assert found["config.vio_obs_huber_thresh"] == rounded(huber_px)
+    assert found["config.vio_obs_std_dev"] == rounded(sigma(window=10))
+    assert values("kimera", "kimera_noise.yaml")["monoNormParam"] == rounded(huber_px / sigma(window=30))
+    assert f"Cauchy.Create({number(cauchy_px / sigma())})" in made("gtsam").files["gtsam_noise.py"]
+    gaussian = values("basalt", "basalt_noise.json", model=detections())["value0"]
+    assert gaussian["config.vio_obs_huber_thresh"] == rounded(2.45 * 0.4)
+
+
+def test_kimeras_bound_lets_good_tracks_pass():
+    bound = values("kimera", "kimera_noise.yaml", model=detections())["outlierRejection"]
+    random = np.random.default_rng(0)
+    largest = np.linalg.norm(0.4 * random.standard_normal((100_000, 30, 2)), axis=2).max(axis=1)
+    assert bound / np.sqrt(1.4) == pytest.approx(np.quantile(largest, 0.999), rel=0.02)
+
+
+def test_variances_and_shares_of_the_image():
+    all_poses = {window: sigma(purpose=Purpose.ALL_POSES, window=window) for window in (10, 30)}
+    assert values("rtabmap", "rtabmap_noise.txt")["g2o/PixelVariance"] == rounded(all_poses[10] ** 2)
+    assert values("opensfm", "opensfm_noise.yaml")["reprojection_error_sd"] == rounded(all_poses[30] / 752)
+    assert values("hybvio", "hybvio_noise.txt") == {
+        "visualR": rounded(sigma(window=20)),
+        "trackChiTestOutlierR": rounded(sigma(window=20)),
+    }
+
+
+def test_window_and_purpose_can_be_chosen():
+    chosen = Target(window=20, purpose=Purpose.DEPTH)
+    found = values("openvins", "openvins_noise.yaml", target=chosen)
+    assert found["up_msckf_sigma_px"] == rounded(sigma(purpose=Purpose.DEPTH, window=20))
+    text = made("openvins", target=chosen).text
+    assert "right for the covariance of the depth of points, in windows of 20 frames" in text
+
+
+def test_other_sigmas_and_a_bias_are_stated():
+    assert "0.15 px for the size of residuals and innovations" in made("openvins").text
+    assert "One sigma" not in made("openvins", model=detections()).text
+    bias = Bias(kind=BiasKind.ALONG_MOTION, why="scenes agree", per_motion=-0.01)
+    assert "The model has a bias" in made("openvins", model=lucas_kanade(bias=bias)).text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_python_is_compiled(name):
+    for source in ("lk.noise.json", HOSTILE):
+        for file, text in export(lucas_kanade(), name, source=source).files.items():
+            if file.endswith(".py"):
+                compile(text, file, "exec")
+
+
+def test_the_covariance_of_a_track_in_python_is_that_of_the_model():
+    for model in (lucas_kanade(), detections()):
+        names: dict = {}
+        exec(made("filterpy", model=model).files["filterpy_noise.py"], names)
+        depths = np.array([4.0, 3.0, 2.5, 2.4])
+        expected = model.track_covariance(np.arange(4), reference="free", magnification=depths[0] / depths)
+        expected[:2, :2] = np.maximum(model.first.covariance, 1e-4 * np.eye(2))
+        np.testing.assert_allclose(names["track_covariance"](depths), expected, rtol=1e-5, atol=1e-12)
+
+
+def test_the_covariance_of_an_observation_has_the_variance_of_sigma():
+    names: dict = {}
+    exec(made("filterpy").files["filterpy_noise.py"], names)
+    assert np.trace(names["R"]) / 2.0 == pytest.approx(sigma() ** 2, rel=1e-4)
+    assert names["R"][0, 0] > names["R"][1, 1]
+
+
+@pytest.fixture
+def exported(tmp_path):
+    """All fragments of C++, with hostile names in their comments, as the files around them include them."""
+    folder = tmp_path / "exported"
+    folder.mkdir()
+    for name in NAMES:
+        found = export(lucas_kanade(), name, source=HOSTILE)
+        for file, text in contents(name, found).items():
+            (folder / file).write_text(text)
+    return folder
+
+
+def test_all_fragments_have_their_surroundings(exported):
+    written = {path.name for path in exported.iterdir() if path.suffix in (".cpp", ".hpp")} | {"openvins.patch"}
+    included = {
+        found for path in CPP.iterdir() if path.is_file() for found in re.findall('"exported/(.*)"', path.read_text())
+    }
+    assert written == included
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no compiler of C++")
+@pytest.mark.parametrize("path", sorted(CPP.glob("*.cpp")), ids=lambda path: path.stem)
+def test_fragments_are_compiled(exported, path):
+    command = [COMPILER, "-std=c++17", "-Wall", "-fsyntax-only", f"-I{CPP}", f"-I{exported.parent}", str(path)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (found.returncode, "error" in found.stderr) == (0, False), found.stderr
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no compiler of C++")
+def test_the_covariance_of_a_track_in_cpp_is_that_of_the_model(exported, tmp_path):
+    program = tmp_path / "program"
+    source = CPP / "openvins_track_covariance.cpp"
+    command = [COMPILER, "-std=c++17", f"-I{CPP}", f"-I{exported.parent}", str(source), "-o", str(program)]
+    subprocess.run(command, check=True)
+    printed = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout
+    depths = np.array([4.0, 3.0, 2.5])
+    expected = lucas_kanade().track_covariance(np.arange(3), reference="free", magnification=depths[0] / depths)
+    expected[:2, :2] = 1e-4 * np.eye(2)
+    found = np.array(printed.split(), dtype=float).reshape(6, 6)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-12)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no compiler of C++")
+def test_the_lines_for_orbslam3_need_the_scale_factors_that_its_loop_fills(exported, tmp_path):
+    """In place of that loop they would leave variances of 0 at all levels but the first."""
+    assert "after the loop" in estimator("orbslam3").place
+    program = tmp_path / "program"
+    command = [COMPILER, f"-I{CPP}", f"-I{exported.parent}", str(CPP / "orbslam3_noise.cpp"), "-o", str(program)]
+    subprocess.run(command, check=True)
+    printed = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout
+    expected = sigma(window=10) ** 2 * np.array([1.0, 4.0, 16.0])
+    np.testing.assert_allclose(np.array(printed.split(), dtype=float), expected, rtol=1e-2)
+
+
+def test_all_places_of_cuvslams_constant_are_given():
+    """A constant of the source code, which the kernels repeat, and which inertial bundle adjustment divides out."""
+    files = made("cuvslam").files
+    assert f"constexpr auto stdPx = float{{{number(sigma(window=7))}f}};" in files["cuvslam_sigma.cpp"]
+    assert "libs/camera/observation.cpp" in files["cuvslam_sigma.cpp"]
+    information = re.search(r"= 1\.f / \((.*)f \* (.*)f\);", files["cuvslam_kernels.cpp"])
+    assert information is not None
+    assert float(information[1]) == float(information[2]) == rounded(sigma(window=7))
+    knee = np.sqrt(4.0) * 0.7 * sigma(purpose=Purpose.INNOVATIONS) / sigma(window=7)
+    assert f"robustifier_scale = {number(knee**2)}f;" in files["cuvslam_bundle.cpp"]
+    assert "visual_noise_px = 3.0f;" in files["cuvslam_bundle.cpp"]
+    assert "closed" not in made("cuvslam").text
+
+
+@pytest.mark.skipif(shutil.which("patch") is None, reason="no patch")
+def test_the_patch_of_msckf_vio_applies(tmp_path):
+    before = {
+        221: "      boost::math::quantile(chi_squared_dist, 0.05);",
+        1110: "    if (gatingTest(H_xj, r_j, cam_state_ids.size()-1)) {",
+        1254: "    if (gatingTest(H_xj, r_j, involved_cam_state_ids.size())) {",
+    }
+    file = tmp_path / "src" / "msckf_vio.cpp"
+    file.parent.mkdir()
+    file.write_text("".join(f"{before.get(line, '//')}\n" for line in range(1, 1300)))
+    patch = export(lucas_kanade(), "msckf_vio", source=HOSTILE).patch
+    subprocess.run(["patch", "-p1"], input=patch, text=True, check=True, cwd=tmp_path, stdout=subprocess.DEVNULL)
+    after = file.read_text().splitlines()
+    assert after[220] == "      boost::math::quantile(chi_squared_dist, 0.95);"
+    assert after[1109] == after[1253] == "    if (gatingTest(H_xj, r_j, r_j.rows())) {"
+
+
+@pytest.mark.parametrize("name", ["dso", "DM-VIO", "pixsfm", "Pixel-Perfect SfM"])
+def test_estimators_without_noise_of_tracks_are_refused(name):
+    with pytest.raises(SettingsError, match=r": It[s ]"):
+        made(name)
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [
+        ("vins-mono", "vins"),
+        ("VINS-Fusion", "vins"),
+        ("vins_fusion", "vins"),
+        ("VinsMono", "vins"),
+        ("orb-slam3", "orbslam3"),
+        ("ORB_SLAM3", "orbslam3"),
+        ("ORB SLAM 2", "orbslam3"),
+        ("msckf-vio", "msckf_vio"),
+        ("MSCKF_VIO", "msckf_vio"),
+        ("OpenVINS", "openvins"),
+        ("open_vins", "openvins"),
+        ("Kimera-VIO", "kimera"),
+        ("RTAB-Map", "rtabmap"),
+        ("Stella-VSLAM", "stella"),
+        ("SVO Pro", "svo"),
+        ("OKVIS2-X", "okvis2"),
+        ("pycolmap", "colmap"),
+        ("PyCuVSLAM", "cuvslam"),
+    ],
+)
+def test_names_are_understood_as_they_are_spelled(written, name):
+    assert estimator(written) is estimators()[name]
+
+
+def test_titles_are_names_too_and_no_two_estimators_have_the_same_name():
+    every = {**estimators(), **refused()}
+    plain = [re.sub(r"[\W_]", "", alias).lower() for name, about in every.items() for alias in {name, *about.aliases}]
+    assert len(set(plain)) == len(plain)
+    for name, about in estimators().items():
+        for title in [] if name in ("csv", "json", "pyceres") else re.sub(r" \(.*", "", about.title).split(", "):
+            assert estimator_name(title) == name
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [("openvin", "openvins"), ("OpenVINZ", "openvins"), ("vins-mno", "vins-mono"), ("orbslam", "orbslam3")],
+)
+def test_an_unknown_estimator_names_the_known(written, meant):
+    with pytest.raises(UnknownNameError, match=f"did you mean '{meant}'.*; known: basalt, .*vins, vins-fusion"):
+        made(written)
+
+
+def test_a_model_exports_itself():
+    target = Target(window=20)
+    assert lucas_kanade().export("openvins", target=target) == export(lucas_kanade(), "openvins", target=target)
+
+
+RUNS = {
+    "gtsam": "observation_noise(), smart_noise(), track_noise([4.0, 3.0, 2.5])",
+    "filterpy": "R, track_covariance([4.0, 3.0, 2.5])",
+    "symforce": "whitened.__doc__, noise",
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_python_runs_with_the_library(name):
+    pytest.importorskip(name)
+    names: dict = {}
+    exec(made(name).files[f"{name}_noise.py"], names)
+    assert eval(RUNS[name], names)
+
+
+def test_a_sigma_of_zero_is_refused():
+    exact = lucas_kanade(equivalents=equivalents(0.0, 0.5))
+    with pytest.raises(SettingsError, match="newest_pose, windows of 11 frames, is 0 px, expected a number above 0"):
+        made("openvins", model=exact)
+    assert made("json", model=exact).files
+
+
+def test_a_reason_needs_a_number():
+    with pytest.raises(SettingsError, match="no focal length"):
+        Target(focal_change=FocalChange.LENS)
+    with pytest.raises(SettingsError, match="no rate"):
+        Target(rate_change=RateChange.THINNED, focal_px=458.6)
+
+
+def test_a_window_has_two_frames():
+    with pytest.raises(SettingsError, match="window of 1, expected at least 2 frames"):
+        Target(window=1)
+
+
+def test_names_as_people_write_them():
+    assert made("MSCKF-VIO").files == made("msckf_vio").files
+
+
+def test_numbers_are_read_alike_everywhere():
+    assert [number(value) for value in (0.1, 2.0, 123.4, 1234.5, 1e-5, 0.0)] == [
+        "0.100",
+        "2.00",
+        "123.0",
+        "1.23e+03",
+        "1.00e-05",
+        "0.00",
+    ]

@@ -1,0 +1,49 @@
+import polars as pl
+import pytest
+
+import tracknoise as tn
+from tracknoise.estimators.fit import fit_common
+from tracknoise.estimators.training import training_tables
+from tracknoise.inference.units import NO_GROUPS
+from tracknoise.report.noise_cells import model_sentences
+from tracknoise.tables.store import RunFolder
+
+COMMON, WHITE = 0.2**2, (0.09 + 0.04) / 2
+SHARE = COMMON / (COMMON + WHITE)
+
+
+def test_a_planted_common_share_comes_back(common_run) -> None:
+    model = tn.NoiseModel.fit(common_run, tracker="oracle")
+    share = model.common_share
+    assert share is not None
+    assert share.low < SHARE < share.high
+    assert share.value == pytest.approx(SHARE, rel=0.2)
+    assert "All features of a frame have 3" in " ".join(model_sentences(model))
+
+
+def test_independent_noise_has_nothing_in_common(planted_run) -> None:
+    model = tn.NoiseModel.fit(planted_run, tracker="oracle")
+    assert model.common_share is not None
+    assert model.common_share.value < 0.02
+    assert model.common_share.high < 0.05
+
+
+def test_it_is_unknown_where_no_pose_error_was_fitted(planted_run) -> None:
+    assert tn.NoiseModel.fit(planted_run, tracker="oracle", speed=2).common_share is None
+
+
+def test_outliers_do_not_change_it(common_run) -> None:
+    read = training_tables(RunFolder(common_run), tracker="oracle", speed=1)
+    rigid = read["rigid"].with_columns(pl.col("error_uu", "error_vv") * 100.0)
+    with_outliers, without = (
+        fit_common(table, read["noise_sums"], groups=NO_GROUPS, level=0.95) for table in (rigid, read["rigid"])
+    )
+    assert with_outliers == without
+
+
+def test_errors_that_are_all_zero_have_no_common_share(common_run) -> None:
+    """A perfect tracker: nothing is a share of nothing, and the model can be written."""
+    read = training_tables(RunFolder(common_run), tracker="oracle", speed=1)
+    rigid = read["rigid"].with_columns(pl.col("^rigid_.*$") * 0.0)
+    squares = read["noise_sums"].with_columns(pl.col("uu", "uv", "vv") * 0.0)
+    assert fit_common(rigid, squares, groups=NO_GROUPS, level=0.95) is None

@@ -1,0 +1,83 @@
+"""Standard deviations for all observations: of a first direction that is a state, they are those of the others."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from tests.estimators.simulated_tracks import units
+
+from tracknoise.estimators.components import fit_components
+from tracknoise.estimators.equivalents import Gates, equivalents, gates
+from tracknoise.estimators.fit import equivalents_of
+from tracknoise.estimators.linear_window import LinearTracks, true_covariances
+from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.estimators.training import training_tables, windows
+from tracknoise.tables.schema import WINDOW_NOISE, empty
+from tracknoise.tables.store import RunFolder
+
+
+def of_state(length: int, **planted: float) -> dict[Purpose, Interval]:
+    fitted = fit_components(units(0, scenes=8, **planted), level=0.95)
+    some = windows([], speed=1, length=length, lifetimes=np.full(50, 12))
+    limits = Gates(some[0], fitted.noise, (1.0, 1.0), (1.0, 1.0))
+    found = equivalents(fitted, some, length=length, speed=1, gates=limits)
+    return {one.purpose: one.sigma for one in found if one.landmark is Landmark.STATE}
+
+
+@pytest.mark.parametrize("white", [0.1, 0.02])
+@pytest.mark.parametrize("length", [5, 10])
+def test_the_state_takes_the_noise_of_the_first_position_from_all_others(length: int, white: float) -> None:
+    found = of_state(length, first=0.3, white=white)
+    for purpose in (Purpose.INNOVATIONS, Purpose.ALL_POSES, Purpose.DEPTH):
+        assert found[purpose].value == pytest.approx(white, rel=0.03)
+        assert found[purpose].low < white < found[purpose].high
+
+
+def test_gates_of_a_walk_do_not_depend_on_the_speed(planted_run: Path) -> None:
+    """Where too few windows were measured: the walk of all frames between two of the tracker counts."""
+    fitted = fit_components(units(0, scenes=8, walk=0.1), level=0.95)
+    found = {}
+    for speed in (1, 2):
+        read = training_tables(RunFolder(planted_run), tracker="oracle", speed=speed)
+        unmeasured = replace(read, tables={**read.tables, "window_noise": empty(WINDOW_NOISE)})
+        kept = [one for one in equivalents_of(unmeasured, fitted, (5,)) if one.landmark is Landmark.FREE]
+        found[speed] = next(one for one in kept if one.purpose is Purpose.INNOVATIONS)
+    assert found[2].sigma.value > 1.2 * found[1].sigma.value
+    assert found[2].gate_95 == pytest.approx(found[1].gate_95, rel=0.1)
+
+
+def passing(window: Sequence[LinearTracks], noise: TrackNoise, one: Equivalent) -> float:
+    """Share of good tracks that pass a gate at .95 times that of an equivalent, by drawing their errors."""
+    random, first = np.random.default_rng(1), float(np.sqrt(np.trace(noise.first) / 2.0))
+    of_first = {Landmark.FREE: one.sigma.value, Landmark.EXACT: 0.0, Landmark.STATE: first}[one.landmark]
+    passed = []
+    for tracks, covariances in zip(window, true_covariances(window, noise), strict=True):
+        size = covariances.shape[1]
+        for by_point, covariance, born in zip(tracks.by_point, covariances, tracks.born, strict=True):
+            deviations = np.full(size, one.sigma.value)
+            if born or one.landmark is not Landmark.STATE:
+                deviations[:2] = max(of_first, 1e-4 * one.sigma.value)
+            errors = random.multivariate_normal(np.zeros(size), covariance, 100) / deviations
+            span = np.linalg.qr(by_point / deviations[:, None])[0]
+            squares = np.square(errors - errors @ span @ span.T).sum(axis=1)
+            passed.append(squares <= one.gate_95 * chi2.ppf(0.95, size - 3))
+    return float(np.mean(passed))
+
+
+@pytest.mark.parametrize("planted", [{"first": 0.3, "white": 0.1}, {"white": 0.2, "walk": 0.1}])
+def test_gates_let_good_tracks_pass_however_the_first_observation_is_used(planted: dict[str, float]) -> None:
+    fitted = fit_components(units(1, scenes=8, **planted), level=0.95)
+    some = windows([], speed=1, length=5, lifetimes=np.full(50, 12))
+    limits = gates(empty(WINDOW_NOISE), 5, limit_px=9.0, window=some[0], noise=fitted.noise)
+    found = equivalents(fitted, some, length=5, speed=1, gates=limits)
+    for one in found:
+        if one.purpose in (Purpose.INNOVATIONS, Purpose.NEWEST_POSE):
+            assert passing(some[0], fitted.noise, one) == pytest.approx(0.95, abs=0.015)
+
+
+def test_noise_of_the_first_position_alone_leaves_the_others_exact() -> None:
+    assert of_state(5, first=0.3) == dict.fromkeys(Purpose, Interval(value=0.0))

@@ -1,0 +1,199 @@
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.estimators.models import TEXTURE, made
+
+import tracknoise
+from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose, Tails
+from tracknoise.estimators.noise_model import NoiseModel, document_schema
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
+from tracknoise.report.noise_cells import model_sentences
+
+KNOTS = {"of": "x", "log_knots": [0, 1, 2], "log_factor": [0, 1, 2], "gain": {"value": 0.1}}
+
+
+def simulated(ages: np.ndarray, magnification: np.ndarray, n: int = 50_000) -> np.ndarray:
+    """Errors about birth of many tracks, one coordinate, (n, ages): first .3, white .2, walk .1, drift .02 px."""
+    random = np.random.default_rng(7)
+    first, drift = 0.3 * random.standard_normal(n), 0.02 * random.standard_normal(n)
+    position, found, before = np.zeros(n), [], 0.0
+    previous = 1.0
+    for age, carried in zip(ages, magnification, strict=True):
+        step = 0.1 * np.sqrt(age - before) * random.standard_normal(n)
+        position = position * carried / previous + step
+        found.append(carried * first + 0.2 * random.standard_normal(n) + position + age * drift)
+        before, previous = age, carried
+    return np.stack(found, axis=1)
+
+
+def test_covariance_of_a_track_is_that_of_simulated_ones() -> None:
+    ages, magnification = np.array([1.0, 2.0, 5.0]), np.array([1.1, 1.2, 1.6])
+    errors = simulated(ages, magnification)
+    found = made(0.3, 0.2, 0.1, 0.02).track_covariance(ages, magnification=magnification)
+    np.testing.assert_allclose(found[::2, ::2], errors.T @ errors / len(errors), rtol=0.04)
+    np.testing.assert_allclose(found[1::2, ::2], 0.0)
+
+
+def test_free_form_gives_the_first_observation_its_own_error() -> None:
+    found = made(0.3, 0.2, 0.1).track_covariance([0, 1, 2], reference="free")
+    np.testing.assert_allclose(np.diag(found)[::2], [0.09, 0.05, 0.06])
+    np.testing.assert_allclose(found[0, 2:], 0.0)
+    np.testing.assert_allclose(found[2, 4], 0.01)
+
+
+def test_covariances_of_errors_and_changes_agree_with_those_of_tracks() -> None:
+    model = made(0.3, 0.2, 0.1, 0.02)
+    track = model.track_covariance([1, 2, 3])[::2, ::2]
+    np.testing.assert_allclose(model.covariance(age=[1, 2, 3])[:, 0, 0], np.diag(track))
+    change = track[2, 2] + track[1, 1] - 2 * track[1, 2]
+    np.testing.assert_allclose(model.change_covariance()[0, 0, 0], change)
+
+
+def test_the_first_position_has_no_error_about_itself() -> None:
+    model = made(0.3, 0.2, 0.1, 0.02)
+    whole = model.track_covariance([0, 1, 2], magnification=[1.0, 1.1, 1.2])[::2, ::2]
+    np.testing.assert_allclose(model.covariance(age=[0, 1])[:, 0, 0], [whole[0, 0], 0.09 + 0.04 + 0.01 + 0.0004])
+    assert whole[0, 0] == 0.0
+
+
+def test_conditions_scale_white_noise_and_walk_only() -> None:
+    model = made(0.3, 0.2, 0.1)
+    found = model.covariance(age=2, min_eigenvalue=[1.0, math.e, 1e9, np.nan])[:, 0, 0]
+    factor = np.exp([1.0, 0.0, -1.0, 0.0])
+    np.testing.assert_allclose(found, 0.09 + factor * (0.04 + 2 * 0.01))
+    with pytest.raises(UnknownNameError, match="min_eigenvalue"):
+        model.covariance(age=2, min_eigenvalues=1.0)
+
+
+def test_whitened_errors_have_unit_covariance() -> None:
+    ages = np.array([1.0, 2.0, 5.0])
+    errors = np.kron(simulated(ages, np.ones(3)).T, np.array([[1.0], [0.0]]))
+    whitened = made(0.3, 0.2, 0.1, 0.02).whiten(errors, ages, reference="birth")[::2]
+    np.testing.assert_allclose(whitened @ whitened.T / errors.shape[1], np.eye(3), atol=0.03)
+
+
+def test_age_zero_about_birth_cannot_be_whitened() -> None:
+    with pytest.raises(SettingsError, match="singular covariance, expected noise"):
+        made(0.3, 0.2).whiten(np.zeros(4), [0, 1], reference="birth")
+
+
+@pytest.mark.parametrize(
+    ("ages", "magnification"), [([1, 1], 1.0), ([-1, 1], 1.0), ([1, 2], 0.0), ([], 1.0), ([0, np.nan, 2], 1.0)]
+)
+def test_impossible_tracks_are_refused(ages: list[float], magnification: float) -> None:
+    with pytest.raises(SettingsError, match="expected increasing ages"):
+        made(0.1, 0.1).track_covariance(ages, magnification=magnification)
+
+
+def test_impossible_errors_and_changes_are_refused() -> None:
+    for age, magnification in ((-1, 1.0), (np.nan, 1.0), (1, 0.0), (1, -2.0)):
+        with pytest.raises(SettingsError, match="expected ages from 0 on, and M > 0"):
+            made(0.1, 0.1, 0.1).covariance(age=[1, age], magnification=magnification)
+    with pytest.raises(SettingsError, match="found 0 frames in between"):
+        made(0.1, 0.1, 0.1).change_covariance(frames=[1, 0])
+
+
+def test_matched_losses() -> None:
+    cauchy, huber = made(0.1, 0.1).loss(), made(0.1, 0.1).loss("huber")
+    assert (cauchy.knee, cauchy.expected_nees) == pytest.approx((6**0.5, 8 / 6))
+    assert cauchy.covariance_factor == pytest.approx(0.49 * 4 / 6)
+    assert (huber.knee, huber.covariance_factor) == pytest.approx((1.1, 0.49))
+    gaussian = made(0.1, 0.1, tails=Tails(nu=math.inf, core_sigma=0.2)).loss()
+    assert (gaussian.knee, gaussian.covariance_factor) == (math.inf, 1.0)
+
+
+def test_equivalents_are_of_the_nearest_window() -> None:
+    model = made()
+    assert model.equivalent(landmark=Landmark.FREE, window=11, purpose=Purpose.DEPTH).window == 10
+    assert model.sigma(window=21, purpose="depth").value == 0.3
+    with pytest.raises(SettingsError, match="no sigma for landmark exact"):
+        model.sigma(landmark="exact")
+    with pytest.raises(UnknownNameError, match="purpose"):
+        model.sigma(purpose="deepth")
+
+
+def test_corrections() -> None:
+    uv = np.ones((3, 2))
+    np.testing.assert_array_equal(made().correct(uv, [1, 2, 3]), uv)
+    aged = Bias(kind=BiasKind.BY_AGE, why="they agree", ages=(2, 4), mean_px=((0.2, 0.0), (0.4, -0.1)))
+    found = made(bias=aged).correct(uv, [1, 3, 9])
+    np.testing.assert_allclose(found, [[0.9, 1.0], [0.7, 1.05], [0.6, 1.1]])
+    along = made(bias=Bias(kind=BiasKind.ALONG_MOTION, why="they agree", per_motion=-0.1))
+    np.testing.assert_allclose(along.correct(uv, [1, 2, 3], flow=2 * uv), 1.2)
+    moved = along.correct(uv, [0, 0, 3], flow=[[np.nan, np.nan], [2, 2], [2, 2]])
+    np.testing.assert_allclose(moved, [[1, 1], [1, 1], [1.2, 1.2]])  # first positions have no error about themselves
+    with pytest.raises(SettingsError, match="no flow"):
+        along.correct(uv, [1, 2, 3])
+
+
+def test_documents_come_back(tmp_path: Path) -> None:
+    model = made(0.3, 0.2, 0.1, 0.02, tails=Tails(nu=math.inf, core_sigma=0.2))
+    model.write(tmp_path / "noise.json")
+    found = tracknoise.NoiseModel.read(tmp_path / "noise.json")
+    assert (found.text, found.sha256) == (model.text, model.sha256)
+    np.testing.assert_array_equal(found.white.covariance, model.white.covariance)
+    assert found.tails.nu == math.inf
+    assert replace(model, outlier_share=0.5).sha256 != model.sha256
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "tracknoise.noise/0"}, "format is 'tracknoise.noise/0', expected 'tracknoise.noise/1'"),
+        ({"outlier_shares": 0.1}, "outlier_shares"),
+        ({"outlier_share": "much"}, "outlier_share: found 'much'"),
+        ({"white": {"covariance": [[1, 2], [2, 1]], "sigma": {"value": 1}}}, "white.covariance: found"),
+        ({"white": {"covariance": [[1, 2]], "sigma": {"value": 1}}}, "white.covariance: found"),
+        ({"tails": {"nu": -1.0, "core_sigma": 0.1}}, "tails.nu: found -1.0"),
+        ({"camera": {"width": 4, "height": 3, "focal_px": 0, "rate_hz": None}}, "camera.focal_px: found 0, expected"),
+        ({"conditions": [{**KNOTS, "log_knots": [1, 2]}]}, "expected increasing knots and a factor at each"),
+        ({"conditions": [{**KNOTS, "log_knots": [3, 2, 1]}]}, "expected increasing knots and a factor at each"),
+        ({"conditions": [{**KNOTS, "log_knots": [], "log_factor": []}]}, "expected increasing knots and a factor"),
+        ({"bias": {"kind": "by_age", "why": ""}}, "expected increasing ages and a mean error of each"),
+        ({"bias": {"kind": "by_age", "why": "", "ages": [1, 2], "mean_px": [[0, 1]]}}, "a mean error of each"),
+    ],
+)
+def test_damaged_documents_are_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:
+    path = tmp_path / "noise.json"
+    path.write_text(json.dumps({**json.loads(made(0.1).text), **change}))
+    with pytest.raises(DataError, match=r"noise\.json") as caught:
+        NoiseModel.read(path)
+    assert message in str(caught.value)
+
+
+def test_documents_of_earlier_versions_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "noise.json"
+    document = json.loads(made(0.1).text)
+    assert document["common_share"] is None  # as all earlier ones
+    path.write_text(json.dumps({name: value for name, value in document.items() if name != "common_share"}))
+    assert NoiseModel.read(path).text == made(0.1).text
+
+
+def test_the_share_in_common_is_written_with_its_interval(tmp_path: Path) -> None:
+    share = Interval(value=0.1, low=0.05, high=0.2)
+    made(0.1, common_share=share).write(tmp_path / "noise.json")
+    assert NoiseModel.read(tmp_path / "noise.json").common_share == share
+
+
+def test_a_second_condition_says_what_it_gains_beyond_the_first() -> None:
+    motion = replace(TEXTURE, of="motion_px", gain=Interval(value=0.02))
+    first, second = (line for line in model_sentences(made(0.1, conditions=(TEXTURE, motion))) if "nat per" in line)
+    assert first.endswith("this gains 0.100 nat per change.")
+    assert second.endswith("this gains 0.0200 nat per change beyond the first factor.")
+
+
+def test_what_is_not_json_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "noise.json"
+    for text in ("{", "[" * 100_000):
+        path.write_text(text)
+        with pytest.raises(DataError, match="is not JSON"):
+            NoiseModel.read(path)
+
+
+def test_schema_in_the_documentation_is_that_of_models() -> None:
+    published = Path(__file__).parents[2] / "docs" / "noise-model.schema.json"
+    assert published.read_text(encoding="utf-8") == document_schema(NoiseModel)

@@ -1,0 +1,71 @@
+"""What noise models are fitted to."""
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import polars as pl
+import pytest
+
+from tracknoise.estimators.calibration import check_model
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.training import all_training_tables, chosen_conditions
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.tables.store import RunFolder
+
+TEXT = """
+name = "views"
+speeds = [1]
+[dataset]
+reader = "simulated"
+[dataset.options]
+motions = ["sideways"]
+worlds = 2
+frames = 8
+width = 160
+height = 120
+supersampling = 1
+[[views]]
+[[views]]
+direction = "backward"
+speeds = [1, 2]
+[[views]]
+rotation = 90
+[[trackers]]
+kind = "oracle"
+options = { n_features = 60 }
+[statistics]
+min_features = 2
+"""
+
+
+def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[..., tuple[int, str, str]]) -> None:
+    """Speed 2 has no other than the one that is played backward."""
+    (tmp_path / "x.toml").write_text(TEXT)
+    run = tmp_path / "run"
+    assert tracknoise("run", tmp_path / "x.toml", "--out", run, "--workers", 1, "--no-report", "--quiet")[0] == 0
+    read = all_training_tables(RunFolder(run), [("oracle", 1), ("oracle", 2)])
+    for tables, direction in zip(read, ("forward", "backward"), strict=True):
+        for table in tables.tables.values():
+            assert set(table.select("rotation", "direction").unique().rows()) <= {(0, direction)}
+        entries = tables.folder.manifest().sequences
+        assert [entries[key].sequence.direction for key in tables.keys] == [direction] * 2
+        assert tables.scenes == ("sideways-00", "sideways-01")
+        assert tables["noise_sums"].height
+    model = NoiseModel.fitted_to(read[0])
+    compared = check_model(model, RunFolder(run))
+    ages = pl.col("at").is_between(*model.training.ages)
+    assert compared.n + compared.outlier_share * compared.n == pytest.approx(read[0]["samples"].filter(ages).height)
+
+
+def test_no_wanted_tracker_or_speed_is_left_out_without_a_word() -> None:
+    table = pl.DataFrame({"tracker": ["lk", "lk", "sift"], "speed": [1, 2, 1]})
+    folder = SimpleNamespace(path="run", stored_tables=lambda name, only: [table])
+    assert chosen_conditions(folder) == [("lk", 1), ("lk", 2), ("sift", 1)]
+    assert chosen_conditions(folder, trackers=["lk", "sift"], speeds=[2]) == [("lk", 2)]
+    with pytest.raises(SettingsError, match="run: found no speed 7, expected one of 1, 2"):
+        chosen_conditions(folder, speeds=[1, 7])
+    with pytest.raises(UnknownNameError, match="unknown tracker 'orb'"):
+        chosen_conditions(folder, trackers=["lk", "orb"])
+    with pytest.raises(SettingsError, match="expected some of lk@1, lk@2, sift@1"):
+        chosen_conditions(folder, trackers=["sift"], speeds=[2])

@@ -1,0 +1,75 @@
+"""A run that failed because of a wrong setting does not block the corrected one."""
+
+import shutil
+
+import pytest
+from tests.experiments.test_execute import Silent
+
+from tracknoise.exceptions import StoreError
+from tracknoise.experiments.execute import execute
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.tables.store import RunFolder
+
+
+@pytest.fixture(scope="module")
+def recording(made_once):
+    """A recording in the layout of reader folder."""
+
+    def write(folder):
+        from tracknoise.cli.app import main
+
+        size = ["--width", "160", "--height", "120", "--supersampling", "1"]
+        with pytest.raises(SystemExit):
+            main(["simulate", "--out", str(folder / "walk"), "--motion", "arvr", "--frames", "8", *size, "--quiet"])
+
+    return made_once("corrected-settings", write)
+
+
+def experiment(root, *, speeds=(1,)):
+    return parse_experiment(
+        f'name = "walk"\nspeeds = {list(speeds)}\n[dataset]\nreader = "folder"\nroot = "{root}"\n'
+        '[[trackers]]\nkind = "lucas-kanade"\n[statistics]\nmin_features = 5\n',
+        place="walk.toml",
+    )
+
+
+def damaged(recording, folder):
+    """A copy whose first image is not an image."""
+    shutil.copytree(recording, folder)
+    next(iter(sorted((folder / "walk" / "images").iterdir()))).write_text("no image")
+    return folder
+
+
+def test_a_wrong_folder_of_data_can_be_corrected(recording, tmp_path):
+    run = RunFolder(tmp_path / "run")
+    first = execute(experiment(damaged(recording, tmp_path / "bad")), run, listener=Silent())
+    assert (first.measured, len(first.failures)) == ([], 1)
+    second = execute(experiment(recording), run, listener=Silent())
+    assert (second.measured, second.failures) == (["walk@default"], {})
+
+
+def test_a_wrong_setting_can_be_corrected(recording, tmp_path):
+    run = RunFolder(tmp_path / "run")
+    bad = damaged(recording, tmp_path / "bad")
+    assert execute(experiment(bad, speeds=(1, 2)), run, listener=Silent()).measured == []
+    assert execute(experiment(recording), run, listener=Silent()).measured == ["walk@default"]
+    assert "speeds = [1]" in run.experiment_toml()
+
+
+def test_nothing_of_the_failed_run_is_left(recording, tmp_path):
+    corrected, new = RunFolder(tmp_path / "corrected"), RunFolder(tmp_path / "new")
+    execute(experiment(damaged(recording, tmp_path / "bad")), corrected, listener=Silent())
+    for run in (corrected, new):
+        execute(experiment(recording), run, listener=Silent())
+    assert files(corrected) == files(new)
+
+
+def files(run):
+    return sorted(path.relative_to(run.path) for path in run.path.rglob("*"))
+
+
+def test_a_run_that_has_measured_something_is_not_replaced(recording, tmp_path):
+    run = RunFolder(tmp_path / "run")
+    execute(experiment(recording), run, listener=Silent())
+    with pytest.raises(StoreError, match="speeds"):
+        execute(experiment(recording, speeds=(1, 2)), run, listener=Silent())

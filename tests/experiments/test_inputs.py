@@ -1,0 +1,84 @@
+"""Input files of options: tracks of other front ends and Gazebo models, of each sequence its own."""
+
+from pathlib import Path
+
+import pytest
+
+from tracknoise.experiments.inputs import InputCheck, digest_of, input_tables, recording
+from tracknoise.experiments.plan import Task, make_trackers, open_batch, plan
+from tracknoise.experiments.settings import Experiment, parse_experiment
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
+from tracknoise.trackers.tracker import SequenceContext
+
+TEXT = """
+name = "x"
+[dataset]
+reader = "simulated"
+options = { motions = ["sideways", "arvr"], world = "objects", models = "MODELS", frames = 2, width = 48, height = 32 }
+[[trackers]]
+kind = "imported"
+options = { path = "TRACKS/{scene}.csv" }
+"""
+BOX = """<sdf version="1.6"><model name="box"><link name="l"><visual name="v">
+<geometry><box><size>1 1 1</size></box></geometry></visual></link></model></sdf>"""
+
+
+@pytest.fixture
+def experiment(tmp_path) -> Experiment:
+    models, tracks = tmp_path / "models", tmp_path / "tracks"
+    for folder in (models / "box", tracks):
+        folder.mkdir(parents=True)
+    (models / "box" / "model.config").write_text("<model><name>box</name><sdf>model.sdf</sdf></model>")
+    (models / "box" / "model.sdf").write_text(BOX)
+    for scene in ("sideways-00", "arvr-00"):
+        (tracks / f"{scene}.csv").write_text("track,frame,u_px,v_px\n0,0,6,2\n0,1,5,2\n")
+    return parse_experiment(TEXT.replace("MODELS", str(models)).replace("TRACKS", str(tracks)), place="x.toml")
+
+
+def measured(task: Task, run: RunFolder) -> SequenceEntry:
+    with recording([task], run) as recorder:
+        (sequence,) = open_batch([task], change=recorder.recorded)
+        sequence.image(0)
+        for settings in make_trackers(task.experiment).values():
+            context = SequenceContext(sequence=task.sequence, size=(48, 32), n_frames=2, speed=1, seed=0, truth=None)
+            settings.start(context)
+        (table,) = input_tables([task], recorder, [sequence])
+    run.write_inputs(task.key, table)
+    return SequenceEntry(task.sequence, 2, 48, 32, "raycast", 0, 0.0, inputs=digest_of(table))
+
+
+@pytest.fixture
+def changes(experiment, tmp_path):
+    """What changed of each scene since it was measured, called when wanted."""
+    run = RunFolder(tmp_path / "run")
+    entries = [(task, measured(task, run)) for task in plan(experiment)]
+    return lambda: {task.sequence.scene: InputCheck(run).change(task, entry) for task, entry in entries}
+
+
+def test_tracks_count_for_the_scene_that_they_are_of(changes, tmp_path):
+    assert set(changes().values()) == {None}
+    file: Path = tmp_path / "tracks" / "arvr-00.csv"
+    file.write_text(file.read_text().replace("5", "4"))
+    assert changes() == {"sideways-00": None, "arvr-00": f"{file} changed"}
+
+
+@pytest.mark.parametrize("change", ["content", "name"])
+def test_models_count_for_all_scenes(changes, tmp_path, change):
+    model = tmp_path / "models" / "box" / "model.sdf"
+    model.write_text(BOX.replace("1 1 1", "1 1 2")) if change == "content" else model.rename(model.with_name("o.sdf"))
+    expected = f"{model} {'changed' if change == 'content' else 'is missing'}"
+    assert set(changes().values()) == {expected}
+
+
+def test_a_record_that_is_damaged_or_of_another_measurement_proves_nothing(experiment, tmp_path):
+    run = RunFolder(tmp_path / "run")
+    task, other = plan(experiment)
+    entry, elsewhere = measured(task, run), measured(other, run)
+    table = run.inputs(other.key)
+    assert InputCheck(run).change(task, entry) is None
+    run.write_inputs(task.key, table)
+    unknown = "the files that it was measured from are not recorded"
+    assert InputCheck(run).change(task, entry) == unknown
+    (tmp_path / "run" / "inputs" / f"{other.key}.parquet").write_bytes(b"PAR1")
+    assert InputCheck(run).change(other, elsewhere) == unknown

@@ -1,0 +1,54 @@
+"""Runs with several random seeds: results are those of the first, and the others show how much they differ."""
+
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+
+from tracknoise.experiments.execute import execute
+from tracknoise.tables.store import SEED_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+
+
+def repeated(experiment, seeds=3):
+    return experiment.model_copy(update={"seeds": seeds})
+
+
+@pytest.fixture
+def both(finished, tmp_path, told):
+    experiment, one = finished(2)
+    several = RunFolder(tmp_path / "several")
+    execute(repeated(experiment), several, listener=told())
+    return one, several
+
+
+def test_results_are_those_of_the_first_seed(both, files):
+    one, several = (files(run) for run in both)
+    measured = [name for name in one if name.split("/")[0] in SEQUENCE_TABLES]
+    assert len(measured) > 20
+    assert {name: one[name] for name in measured} == {name: several[name] for name in measured}
+    for name in STATISTICS_TABLES:
+        assert_frame_equal(*(run.statistics(name) for run in both))
+    assert {name.split("/")[0] for name in several.keys() - one.keys()} == set(SEED_TABLES)
+
+
+def test_the_spread_between_seeds_is_a_table_and_widens_intervals(both):
+    one, several = both
+    assert one.statistics("seed_spread").is_empty()
+    spread = several.statistics("seed_spread")
+    assert set(spread["n_seeds"]) <= {2, 3}
+    assert (spread["standard_deviation"] > 0).any()
+    assert spread["widens_interval"].all()  # too few scenes to resample
+    before, after = (run.statistics("intervals") for run in both)
+    assert before["value"].equals(after["value"])
+    assert (after["high"] >= before["high"] - 1e-12).all()
+    assert (after["high"] > before["high"] + 1e-9).any()
+
+
+def test_each_seed_is_another_draw_and_the_same_in_every_run(both):
+    _, several = both
+    (key, *_) = sorted(several.manifest().sequences)
+    ends = several.sequence_table("seed_ends", key)
+    assert sorted(ends["seed"].unique()) == [1, 2]
+    moments = several.sequence_table("seed_moments", key).partition_by("seed", include_key=False)
+    assert not moments[0].equals(moments[1])
+    assert several.has_sequence(several.manifest().sequences[key])
+    assert pl.concat(moments).height == several.sequence_table("seed_moments", key).height

@@ -1,0 +1,136 @@
+"""The headline about the noise to set in an estimator."""
+
+from dataclasses import replace
+from typing import Any
+
+import polars as pl
+import pytest
+
+from tracknoise.phrases.headline import Headline, ReportedConditions
+from tracknoise.phrases.noise_headlines import estimator_noise
+from tracknoise.statistics.yardstick import ReferenceCondition
+from tracknoise.tables.enumerations import Trimming
+from tracknoise.tables.findings_schema import WINDOW_SIGMAS
+from tracknoise.tables.schema import FLOOR, SUMMARY, empty
+
+CONDITION = {
+    "dataset": "d",
+    "lighting": "l",
+    "rotation": 0,
+    "direction": "forward",
+    "camera": "",
+    "tracker": "lk",
+    "speed": 1,
+}
+SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.untrimmed)
+DRIFTING = {
+    "consistent_sigma": (0.2, 0.17, 0.23),
+    "residual_core": (0.04, 0.035, 0.045),
+    "core_overconfidence": (5.0, 4.6, 5.6),
+    "depth_share": (0.8, 0.7, 0.9),
+}
+HONEST = {**DRIFTING, "residual_core": (0.2, 0.18, 0.22), "core_overconfidence": (1.02, 0.97, 1.06)}
+
+
+def windows(
+    found: dict[str, tuple[float, float, float]], *, window: int = 15, n: int = 500, **where: Any
+) -> pl.DataFrame:
+    base = {**CONDITION, "trimming": "untrimmed", "level": 0.95, "resampled": "scenes", "n_scenes": 8, **where}
+    rows = [
+        {**base, "window": window, "quantity": name, "n": n, "value": value, "low": low, "high": high}
+        for name, (value, low, high) in found.items()
+    ]
+    return pl.DataFrame(rows, schema=dict(WINDOW_SIGMAS))
+
+
+def floor(size_px: float) -> pl.DataFrame:
+    row = {**CONDITION, "source": "all", "axis": "age", "floor_uu": size_px**2, "floor_vv": size_px**2}
+    return pl.DataFrame([{**row, "at": at} for at in (1, 14)], schema=dict(FLOOR))
+
+
+def headline(
+    table: pl.DataFrame, scope: ReportedConditions = SCOPE, truth_floor: pl.DataFrame | None = None
+) -> Headline | None:
+    summary = pl.DataFrame([CONDITION], schema=dict(SUMMARY))
+    known = empty(FLOOR) if truth_floor is None else truth_floor
+    return estimator_noise({"window_sigmas": table, "summary": summary, "floor": known}, scope)
+
+
+def text(*given: Any) -> str:
+    found = headline(*given)
+    assert found is not None
+    return found.text.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_tracker_that_drifts_has_depths_less_certain_than_its_residuals_say() -> None:
+    found = text(windows(DRIFTING))
+    assert found.startswith(
+        "Noise to set in an estimator at speed 1, from untrimmed errors. lk: set 0.200 px (0.170 to 0"
+    )
+    assert "for windows of 15 frames. Residuals will look like 0.040 px: tuned to them, depths are 5.0 times" in found
+    assert "5.0 times (4.6 to 5.6) less certain than claimed." in found
+    assert found.endswith("In brackets: 95 % intervals over 8 scenes.")
+    estimate = headline(windows(DRIFTING)).estimate
+    assert (estimate.value, estimate.low, estimate.high, estimate.unit) == (0.2, 0.17, 0.23, "px")
+
+
+def test_independent_noise_is_as_certain_as_claimed() -> None:
+    assert "depths are as certain as claimed: the uncertainty is 1.02 times (0.970 to 1.06) the" in text(
+        windows(HONEST)
+    )
+
+
+@pytest.mark.parametrize("factor", [(1.2, 0.9, 1.5), (0.6, 0.5, 0.7)])
+def test_what_is_not_established_or_smaller_is_stated_as_a_ratio(factor) -> None:
+    found = text(windows({**DRIFTING, "core_overconfidence": factor}))
+    assert f"the uncertainty of depths is {factor[0]:.3g}" in found.replace("1.20", "1.2").replace("0.600", "0.6")
+    assert "less certain" not in found
+
+
+def test_the_longest_window_up_to_15_that_shows_depth_often_enough_is_taken() -> None:
+    longer = windows({**DRIFTING, "consistent_sigma": (9.0, 8.0, 10.0)}, window=20)
+    rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)}, window=15)
+    shorter = windows({**DRIFTING, "consistent_sigma": (0.11, 0.1, 0.12)}, window=10)
+    found = text(pl.concat([longer, rare, shorter]))
+    assert "set 0.110 px (0.100 to 0.120) for windows of 10 frames" in found
+
+
+def test_without_depth_only_residuals_are_known() -> None:
+    rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)})
+    assert "lk: residuals in windows of 15 frames look like 0.040 px (0.035 to 0.045)." in text(rare)
+    assert "is unknown, because few windows show the depth of a point." in text(rare)
+    fitted = ReportedConditions(ReferenceCondition("l"), ("lk",), fitted=True)
+    without = windows({"residual_core": DRIFTING["residual_core"], "depth_share": (0.0, 0.0, 0.0)})
+    assert "is unknown, because true positions are fitted to the tracks." in text(without, fitted)
+
+
+def test_a_floor_that_is_larger_is_stated() -> None:
+    assert "The truth floor is 0.300 px there: errors of the truth alone can cause this" in text(
+        windows(DRIFTING), SCOPE, floor(0.3)
+    )
+    assert "floor" not in text(windows(DRIFTING), SCOPE, floor(0.1))
+
+
+def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:
+    scope = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.trimmed)
+    both = pl.concat([windows(DRIFTING), windows(HONEST, trimming="trimmed")])
+    assert "from trimmed errors." in text(both, scope)
+    assert "depths are as certain as claimed" in text(both, scope)
+    untouched = ReportedConditions(ReferenceCondition("l"), ("lk",))
+    assert text(windows(DRIFTING), untouched).startswith("Noise to set in an estimator at speed 1. lk: set 0.200 px")
+
+
+def test_too_few_windows_say_nothing() -> None:
+    assert headline(windows(DRIFTING, n=20)) is None
+    assert headline(empty(WINDOW_SIGMAS)) is None
+
+
+def test_intervals_are_named_by_what_the_reported_trackers_have() -> None:
+    two = replace(SCOPE, trackers=("lk", "sift"))
+    rare = windows(DRIFTING, tracker="sift", resampled="blocks", n_scenes=3)
+    faster = windows(DRIFTING, speed=4, n_scenes=2)
+    found = text(pl.concat([windows(DRIFTING), rare, faster]), two)
+    assert "In brackets: 95 % intervals over 8 scenes and 95 % intervals from blocks of tracks" in found
+    assert "3 scenes" in found
+    assert "2 scenes" not in found.replace("2 to", "")
+    assert text(pl.concat([windows(DRIFTING), rare, faster])).endswith("In brackets: 95 % intervals over 8 scenes.")

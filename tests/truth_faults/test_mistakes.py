@@ -1,0 +1,119 @@
+"""Each usual mistake is named where it was planted, and none where none was."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from tests.truth_faults.planted import MISTAKES, without_depth
+
+from tracknoise.sequences.reader_registry import open_sequence
+from tracknoise.sequences.views import chosen_frames
+from tracknoise.truth_faults.check_report import Severity
+from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, axis_rotations, hypotheses
+from tracknoise.truth_faults.motion_checks import mistakes
+
+RECORDINGS = ("simulated", "tartanair", "sevenscenes")
+MOST_FRAMES = 40
+"""Of a recording. To register the depth of a frame of 7-Scenes takes a fifth of a second."""
+
+
+@cache
+def recording(name, data_root):
+    if name == "simulated":
+        return open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240, supersampling=1)
+    recorded = open_sequence(name, data_root / {"tartanair": "tartanair_v2"}.get(name, name))
+    return chosen_frames(recorded, (0, MOST_FRAMES - 1))
+
+
+@cache
+def evidence(name, data_root):
+    return Evidence.measured(recording(name, data_root))
+
+
+def depths_at(sequence, pairs):
+    """Depths of planted maps at the points of pairs, from the depths as they are: the change depends on the pixel."""
+    for pair in pairs:
+        first, second = (
+            _changed(sequence, uv, depth_m)
+            for uv, depth_m in ((pair.uv_first, pair.depth_first_m), (pair.uv_second, pair.depth_second_m))
+        )
+        yield replace(pair, depth_first_m=first, depth_second_m=second)
+
+
+def _changed(sequence, uv, depth_m):
+    camera = sequence.sequence.camera
+    factor = sequence.depths(np.ones((camera.height, camera.width)), camera)
+    column, row = np.clip(np.round(uv).astype(int), 0, (camera.width - 1, camera.height - 1)).T
+    return depth_m * factor[row, column]
+
+
+def planted(name, sequence, seen):
+    """Evidence about a sequence with a mistake; the image motion is what it is."""
+    made = MISTAKES[name][0](sequence)
+    flow = replace(
+        seen.flow, steps=tuple(depths_at(made, seen.flow.steps)), wide=tuple(depths_at(made, seen.flow.wide))
+    )
+    return Evidence.of(flow, made.world_from_camera, made.camera)
+
+
+@pytest.mark.parametrize("where", RECORDINGS)
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_planted_mistake_is_named(name, where, data_root):
+    _, kind, words = MISTAKES[name]
+    item = mistakes(planted(name, recording(where, data_root), evidence(where, data_root)))
+    assert item.severity is Severity.fatal, item.text
+    assert (item.values["mistake"], words in item.text) == (kind, True), item.text
+
+
+@pytest.mark.parametrize("where", RECORDINGS)
+def test_a_kind_of_depth_that_is_known_is_not_tried(where, data_root):
+    found = planted("ray depth", recording(where, data_root), evidence(where, data_root))
+    item = mistakes(replace(found, z_depth_from="stereo matching"))
+    assert item.values.get("mistake") != "ray_depth"
+    assert item.text.endswith(
+        "Not tried: that depth is the distance along the ray, not along the optical axis; "
+        "depths are z by construction (from stereo matching)."
+    )
+
+
+@pytest.mark.parametrize("where", RECORDINGS)
+def test_no_mistake_is_named_where_there_is_none(where, data_root):
+    item = mistakes(evidence(where, data_root))
+    assert item.severity is Severity.ok, item.text
+
+
+def test_without_depth_a_mistake_is_seen_in_epipolar_lines(data_root):
+    seen = evidence("sevenscenes", data_root)
+    blind = without_depth(seen.flow)
+    flow = replace(blind, steps=(*blind.steps, *blind.wide), wide=())
+    right = Evidence.of(flow, seen.poses, seen.camera)
+    wrong = Evidence.of(flow, np.linalg.inv(seen.poses), seen.camera)
+    assert not right.has_depth
+    assert mistakes(right).severity is Severity.ok
+    assert mistakes(wrong).values["mistake"] == "inverted"
+
+
+def test_a_recording_without_motion_says_that_nothing_can_be_seen(data_root):
+    seen = evidence("simulated", data_root)
+    still = Evidence.of(replace(seen.flow, steps=(), wide=()), seen.poses, seen.camera)
+    assert mistakes(still).severity is Severity.unknown
+
+
+def test_what_cannot_be_distinguished_is_named_too():
+    sequence = open_sequence("simulated", motions=("sideways",), frames=14, width=200, height=150)
+    item = mistakes(planted("body", sequence, Evidence.measured(sequence)))
+    assert item.severity is Severity.fatal
+    assert "cannot distinguish" in item.text
+
+
+def test_the_24_axis_rotations_are_rotations_and_differ():
+    found = axis_rotations()
+    assert len({tuple(matrix.ravel()) for matrix in found}) == 24
+    assert all(np.isclose(np.linalg.det(matrix), 1.0) for matrix in found)
+    assert np.array_equal(found[0], np.eye(3))
+
+
+def test_every_mistake_can_be_undone_on_any_poses():
+    poses = np.tile(np.eye(4), (6, 1, 1))
+    assert {one.poses(poses).shape for one in (*hypotheses(), AS_GIVEN)} == {(6, 4, 4)}

@@ -1,0 +1,42 @@
+"""Sentences of a check and of others about one thing, and about numbers of 100 and more."""
+
+import numpy as np
+from tests.estimators.models import made as made_model
+
+from tracknoise.geometry.cameras import Camera
+from tracknoise.report.noise_cells import model_sentences
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.tables.identity import SequenceId
+from tracknoise.truth_faults.recording_checks import counts, pose_jumps, timestamps
+
+
+def sequence(n, **changes):
+    poses = np.tile(np.eye(4), (n, 1, 1))
+    poses[:, 0, 3] = 0.1 * np.arange(n)
+    settings = {"world_from_camera": poses, **changes}
+    camera = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)
+    return RecordedSequence(id=SequenceId("test", "a"), source="a", camera=camera, images=str, **settings)
+
+
+def test_one_jump_is_in_one_place():
+    made = sequence(40)
+    made.world_from_camera[20:, 0, 3] += 5000.0
+    text = pose_jumps(made).text
+    assert "Poses jump in 1 place. The largest jump follows frame 19: 5000 m" in text
+
+
+def test_one_interval_and_one_pose():
+    assert "0 of 1 interval exceed" in timestamps(sequence(2, timestamps_s=np.array([0.0, 0.05]))).text
+    poses = np.full((3, 4, 4), np.nan)
+    poses[:2] = np.eye(4)
+    assert "3 images of 64x48 px; 2 of them have a pose." in counts(sequence(3, world_from_camera=poses)).text
+
+
+def test_an_interval_that_is_no_number_of_seconds_is_written_out():
+    times = np.arange(5) * 33_333_333.0
+    assert "The median interval is 33333333 s." in timestamps(sequence(5, timestamps_s=times)).text
+
+
+def test_all_are_100_percent():
+    said = " ".join(model_sentences(made_model(0.1, 0.2, outlier_share=1.0)))
+    assert "100 % of the observations are outliers" in said

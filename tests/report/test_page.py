@@ -202,7 +202,7 @@ def test_a_missing_table_is_named_and_leaves_the_old_report(make_run: Callable[.
     index = write_report(run, figure_formats=())
     before = index.read_bytes()
     (run.path / "statistics" / "results.parquet").unlink()
-    with pytest.raises(StoreError, match=r"curves\.parquet: missing"):
+    with pytest.raises(StoreError, match=r"results\.parquet: missing"):
         write_report(run, figure_formats=())
     assert index.read_bytes() == before
 

@@ -8,13 +8,23 @@ DOCS_STAMP := $(VENV)/.docs-installed
 unexport PYTHONDONTWRITEBYTECODE
 # Each process that runs tests has a core of its own: threads of BLAS would take a third more processor time, those of
 # Polars a tenth.
-test coverage: export OPENBLAS_NUM_THREADS = 1
-test coverage: export POLARS_MAX_THREADS = 1
+fast test coverage: export OPENBLAS_NUM_THREADS = 1
+fast test coverage: export POLARS_MAX_THREADS = 1
 
-.PHONY: demo test coverage wheel bench docs lint clean install
+FAST := tests/geometry tests/inference tests/statistics tests/tables tests/exceptions tests/test_structure.py \
+  tests/test_atomic.py tests/test_printable.py tests/test_toml_text.py tests/documents/test_commands.py
+
+.PHONY: demo check fast test coverage wheel bench docs lint clean install
 
 demo: $(STAMP)
 	$(BIN)/tracknoise demo
+
+# What changes often breaks, in under a minute: lint beside a few hundred quick tests.
+check: $(STAMP)
+	$(MAKE) --no-print-directory --jobs 2 lint fast
+
+fast: $(STAMP)
+	$(BIN)/python -m pytest --quiet $(FAST)
 
 test: lint
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal

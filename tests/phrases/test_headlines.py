@@ -20,6 +20,7 @@ from tracknoise.tables.findings_schema import (
     GAUSSIANITY,
     INTERVALS,
     NOISE_LOOKUP,
+    RATIO_VALUES,
     RIGID_SHARE,
     SEED_SPREAD,
     SURROUNDING_ERRORS,
@@ -60,6 +61,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "window_sigmas": WINDOW_SIGMAS,
     "noise_lookup": NOISE_LOOKUP,
     "depth_intervals": DEPTH_INTERVALS,
+    "ratios": RATIO_VALUES,
 }
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import polars as pl
 
 from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
+from tracknoise.analysis.ratio_intervals import ratio_intervals
 from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.sequences.images import encode_webp
 from tracknoise.statistics.changes import change_curves
@@ -356,6 +357,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     made["aspect_curves"] = aspect_curves(run.sequence_tables("aspects"), min_features=world.min_features)
     made["surrounding_errors"] = surrounding_errors(run.sequence_tables("surroundings"))
     made["image_cells"] = image_cells(run.sequence_tables("image_map"))
+    made["ratios"] = ratio_intervals(run.stored_tables("ratio_sums"))
     made["speed_errors"] = speed_errors(run.sequence_tables("image_speeds"))
     made |= _made_up_findings().made_up(made, scope=_scope(world))
     run.write_statistics(made)

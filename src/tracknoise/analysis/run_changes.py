@@ -54,6 +54,7 @@ from tracknoise.inference.paired_differences import (
 )
 from tracknoise.inference.units import MIN_SCENES, MIN_WITHIN, Resampled
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
+from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
 from tracknoise.words import count, place
 
 
@@ -146,9 +147,19 @@ ESTIMANDS: Mapping[str, Estimand] = {
         Unit.share,
         larger_is_better=True,
     ),
+    **{
+        name: Estimand(
+            QUANTITIES[name].title.lower(),
+            f"{QUANTITIES[name].estimand} Untrimmed, mean over scenes and ages.",
+            Unit.ratio if QUANTITIES[name].compared == ComparedBy.ratio else Unit.share,
+            larger_is_better=QUANTITIES[name].better == Better.larger,
+        )
+        for name in RATIOS
+        if QUANTITIES[name].compared != ComparedBy.none
+    },
 }
 """By name, in the order in which they are reported."""
-OF_ERRORS = ("core", "second_moment", "bias", "tails", "growth")
+OF_ERRORS = ("core", "second_moment", "bias", "tails", "growth", *RATIOS)
 """Statistics of errors. Without meaning where true positions are fitted to the tracks."""
 
 

@@ -40,10 +40,12 @@ from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, TablesByCondition, by_condition
 from tracknoise.tables.defaults import MARGIN
-from tracknoise.tables.enumerations import ComparedAges, Trimming
+from tracknoise.tables.enumerations import Axis, ComparedAges, Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.quantities import RATIOS
 from tracknoise.tables.schema import POINT_TRACKING, WINDOW_NOISE
+from tracknoise.tables.schema import RATIOS as RATIO_SUMS
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.text import parse_toml
 
@@ -297,6 +299,8 @@ def _with_tracker(key: Condition, tracker: str) -> Condition:
     return (*key[:_TRACKER], tracker, *key[_TRACKER + 1 :])
 
 
+LEAST_OF_RATIO = 30
+"""Fewest features that a ratio of a scene at an age rests on."""
 LEAST_WINDOWS = 10
 """Fewest windows that a quantity of a scene rests on."""
 _RASTER = "256x256"
@@ -361,6 +365,7 @@ def read_run(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[
             "feature_count": {key: _feature_counts(table) for key, table in frames.items()},
             **_windows(run.folder, keys),
             **_point_tracking(run.folder, keys),
+            **_ratios(run.folder, keys),
         },
     )
 
@@ -405,6 +410,24 @@ def _windows(folder: RunFolder, keys: Sequence[str]) -> dict[str, TablesByCondit
         name: {key: _numbers(table.filter(quantity=quantity)) for key, table in found.items()}
         for name, quantity in _WINDOWS.items()
     }
+
+
+def _ratios(folder: RunFolder, keys: Sequence[str]) -> dict[str, TablesByCondition]:
+    """Ratios of sums over features of each scene, by age, where both runs have enough features."""
+    entries = folder.manifest().sequences
+    there = (folder.sequence_table("ratio_sums", key) for key in keys if "ratio_sums" in entries[key].sha256)
+    tables = by_condition((table.filter(trimming=Trimming.untrimmed) for table in there), RATIO_SUMS, "ratio sums")
+    found: dict[str, TablesByCondition] = {}
+    for name in RATIOS:
+        sums = {
+            key: table.filter(quantity=name).group_by("scene", "at", maintain_order=True).agg(pl.col("n", "sum").sum())
+            for key, table in tables.items()
+        }
+        found[name] = {
+            key: _numbers(table.filter(pl.col("n") >= LEAST_OF_RATIO).with_columns(value=pl.col("sum") / pl.col("n")))
+            for key, table in sums.items()
+        }
+    return found
 
 
 def _point_tracking(folder: RunFolder, keys: Sequence[str]) -> dict[str, TablesByCondition]:
@@ -515,6 +538,8 @@ def _values(tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[st
     frames = [second.frames[pair[1]], first.frames[pair[0]]]
     yield "outlier_ratio", None, of_differences(outlier_differences(frames, scenes))
     ends = [second.ends[pair[1]], first.ends[pair[0]]]
+    along = Axis.frame if first.errors.key_frames else Axis.age
+    axes = {**dict.fromkeys(_WINDOWED, "window"), **dict.fromkeys(RATIOS, str(along))}
     yield "lifetime", None, of_differences(lifetime_differences(ends, scenes))
     for name, found in first.numbers.items():
         known, other = found.get(pair[0]), second.numbers.get(name, {}).get(pair[1])
@@ -522,7 +547,7 @@ def _values(tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[st
             if name == _RECOMMENDED:
                 known, other = _at_the_reported_window(known, other)
             values = number_values(known, other, scenes, logarithms=ESTIMANDS[name].unit == Unit.ratio)
-            yield name, "window" if name in _WINDOWED else None, values
+            yield name, axes.get(name), values
 
 
 def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:

@@ -24,6 +24,7 @@ from tracknoise.analysis.gaussianity import gaussianity
 from tracknoise.analysis.lifetime_intervals import incidence_table
 from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
 from tracknoise.analysis.point_tracking import point_tracking_metrics
+from tracknoise.analysis.ratio_intervals import ratio_intervals
 from tracknoise.analysis.seed_spread import Repeat, seed_spread, widened
 from tracknoise.analysis.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.analysis.truth_shares import (
@@ -283,10 +284,11 @@ _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "surrounding_errors": ("surroundings", surrounding_errors),
     "image_cells": ("image_map", image_cells),
     "speed_errors": ("image_speeds", speed_errors),
+    "ratios": ("ratio_sums", ratio_intervals),
 }
 """Findings that pool one table of each sequence, and nothing else: the table, and what makes them."""
 _OF_DEPTHS = ("noise_tracks", "noise_sums", "window_noise")
-_OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors")
+_OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors", "ratios")
 _ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PLACES)
 """Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
 

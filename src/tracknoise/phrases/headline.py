@@ -219,9 +219,14 @@ class ReportedConditions:
         """Rows of the conditions of all trackers that are reported."""
         return pl.concat([table.clear(), *(self.of(table, tracker) for tracker in self.trackers)])
 
+    @property
+    def at_zero(self) -> int:
+        """Age or frame at which errors are zero."""
+        return self.reference.key_frames.get(self.reference.direction, 0)
+
     def since(self, at: int) -> int:
         """Distance of an age or a frame from where errors are zero, in frames of the sequence."""
-        return at - self.reference.key_frames.get(self.reference.direction, 0)
+        return at - self.at_zero
 
     def place(self, at: int) -> str:
         """Write an age or a frame by its distance from where errors are zero."""

@@ -18,6 +18,7 @@ from tracknoise.phrases import error_headlines, track_headlines, truth_headlines
 from tracknoise.phrases.error_headlines import first, size, trimming_matters
 from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
 from tracknoise.phrases.noise_headlines import depths, estimator_noise, noise_by_condition
+from tracknoise.phrases.ratio_headlines import ratios
 from tracknoise.phrases.track_headlines import factors
 from tracknoise.phrases.withheld import excessive_floor
 from tracknoise.tables.enumerations import Trimming
@@ -146,6 +147,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     truth_headlines.pose_errors,
     size,
     trimming_matters,
+    ratios,
     error_headlines.bias,
     truth_headlines.depth_edges,
     error_headlines.shape,

@@ -79,6 +79,7 @@ class ReportData:
     surrounding_errors: pl.DataFrame
     image_cells: pl.DataFrame
     speed_errors: pl.DataFrame
+    ratios: pl.DataFrame
     rigid_share: pl.DataFrame
     pose_law: pl.DataFrame
     tracker_differences: pl.DataFrame

@@ -89,6 +89,7 @@ EXPORTS: tuple[Export, ...] = (
         "metrics of TAP-Vid and expected feature age",
         lambda data: data.point_tracking_metrics,
     ),
+    Export("ratios", "shares of features by age", lambda data: data.ratios),
     Export("zero-mean", "tests of zero mean error", lambda data: data.zero_mean),
     Export("gaussianity", "shape of the error distribution", lambda data: data.gaussianity),
     Export("time-structure", "error growth", lambda data: data.time_structure),

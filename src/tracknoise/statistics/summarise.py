@@ -13,6 +13,7 @@ from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import block_moments, scene_moments
 from tracknoise.statistics.places import image_speeds, surroundings
 from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.ratios import ratio_sums
 from tracknoise.statistics.samples import samples
 from tracknoise.statistics.scales import scale_blocks, scales
 from tracknoise.statistics.track_counts import counts
@@ -40,6 +41,7 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "truth_differences": truth_differences,
         "surroundings": surroundings,
         "image_speeds": image_speeds,
+        "ratio_sums": ratio_sums,
         "between_trackers": between_trackers,
     }
 )

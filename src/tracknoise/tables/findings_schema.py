@@ -534,6 +534,18 @@ spread_px is the standard deviation of one coordinate, as root mean square of bo
 with the probability of the level. differs says whether they exclude a mean of zero; it is null without bounds.
 """
 
+RATIO_VALUES: Schema = {
+    **_POOLED,
+    "quantity": pl.String,
+    "trimming": TRIMMING,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    **_ESTIMATED,
+}
+"""Ratios of sums over features, by age: the quantities of `tracknoise.tables.quantities.RATIOS`, features pooled."""
+
 SPEED_ERRORS: Schema = {
     **_POOLED,
     "axis": pl.String,

@@ -34,11 +34,12 @@ class Topic(StrEnum):
     tracker_differences = "tracker differences"
     surroundings = "surroundings"
     image = "image"
+    ratios = "ratios"
     image_speeds = "image speeds"
     seeds = "seeds"
 
 
-class Compared(StrEnum):
+class ComparedBy(StrEnum):
     """How a quantity of two conditions is compared."""
 
     difference = "difference"
@@ -68,15 +69,21 @@ class Quantity:
         How conditions are compared.
     better
         Which value is better.
+    title
+        Of its figure and its comparison, for a quantity of `RATIOS`.
+    sentence
+        Its finding about ``{tracker}``, with its ``{value}``, for a quantity of `RATIOS`.
     """
 
     unit: str | None
     estimand: str
-    compared: Compared = Compared.none
+    compared: ComparedBy = ComparedBy.none
     better: Better = Better.neither
+    title: str = ""
+    sentence: str = ""
 
 
-_RATIO, _DIFFERENCE = Compared.ratio, Compared.difference
+_RATIO, _DIFFERENCE = ComparedBy.ratio, ComparedBy.difference
 _SMALLER, _LARGER = Better.smaller, Better.larger
 
 QUANTITIES: Mapping[str, Quantity] = {
@@ -95,6 +102,15 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "autocorrelation": Quantity(
         "1", "Correlation of the changes of the error at a lag, in frames that the tracker saw."
+    ),
+    # ratios of sums over features, by age: see tracknoise.statistics.ratios
+    "gross_error_share": Quantity(
+        "share",
+        "Share of the visible features whose error is longer than 3 px.",
+        _DIFFERENCE,
+        _SMALLER,
+        title="Errors longer than 3 px",
+        sentence="{value} of the features of {tracker} are farther than 3 px from their true position.",
     ),
     # tracks
     "mean_lifetime": Quantity(
@@ -235,3 +251,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "seeds": Quantity("1", "Number of random seeds."),
 }
 """Every quantity by its name."""
+RATIOS: tuple[str, ...] = tuple(name for name, quantity in QUANTITIES.items() if quantity.sentence)
+"""Quantities that are ratios of two sums over features (`tracknoise.statistics.ratios`).
+
+Their intervals, sentences, figures and comparisons are made from what is declared here.
+"""

@@ -13,7 +13,7 @@ import polars as pl
 from tracknoise.tables import findings_schema, schema
 from tracknoise.tables.enumerations import Aspect, Population, Weighting
 from tracknoise.tables.findings_schema import INTERVALS
-from tracknoise.tables.quantities import QUANTITIES, Topic
+from tracknoise.tables.quantities import QUANTITIES, RATIOS, Topic
 from tracknoise.tables.results import RESULTS, Caveat, finished
 from tracknoise.tables.schema import CAUSES, CONDITION, Schema
 
@@ -722,6 +722,13 @@ VIEWS: Mapping[str, View] = {
         {**_CONDITION, **_CLASS, **_same("axis", "at", "coordinate")},
         _WITH_N,
         [*_CONDITION, "axis", "at", "class_low", "class_high", "coordinate"],
+    ),
+    "ratios": View(
+        Topic.ratios,
+        findings_schema.RATIO_VALUES,
+        {**_CONDITION, **_same("trimming", "axis", "at")},
+        [Value(name, "value", {}, {"quantity": name}, _WITH_N) for name in RATIOS],
+        [*_CONDITION, "quantity", "trimming", "axis", "at"],
     ),
     "rigid_share": _shared_motion(),
     "pose_law": _one(

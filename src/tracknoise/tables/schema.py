@@ -570,6 +570,18 @@ true position has moved since the frame before: along and across this motion. oc
 visible.
 """
 
+RATIOS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "quantity": pl.String,
+    "trimming": TRIMMING,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Float64,
+    "sum": pl.Float64,
+}
+"""Sums of the quantities `tracknoise.tables.quantities.RATIOS`, whose value is sum / n, by block, trimming and age."""
+
 IMAGE_MAP: Schema = {
     **_PLACE,
     "column": pl.UInt8,

@@ -90,6 +90,8 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
 """What noise models are fitted to and tried on. Sequences that an earlier version measured do not have it."""
 _ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
+_OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {"ratio_sums": schema.RATIOS}
+"""Tables that sequences of earlier versions do not have."""
 _OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": findings_schema.PATH}
 """Tables of a sequence whose recording has poses beside those of its frames, such as that of every n-th frame."""
 _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
@@ -98,10 +100,11 @@ _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     **SEED_TABLES,
     **_ASKED_FOR,
     **_OF_OTHER_TIMES,
+    **_OF_LATER_VERSIONS,
 }
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
-_OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR, *_OF_OTHER_TIMES)
+_OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR, *_OF_OTHER_TIMES, *_OF_LATER_VERSIONS)
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "cores": schema.CORES,
@@ -135,6 +138,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "surrounding_errors": findings_schema.SURROUNDING_ERRORS,
     "image_cells": findings_schema.IMAGE_CELLS,
     "speed_errors": findings_schema.SPEED_ERRORS,
+    "ratios": findings_schema.RATIO_VALUES,
     "rigid_share": findings_schema.RIGID_SHARE,
     "pose_law": findings_schema.POSE_LAW,
     "tracker_differences": findings_schema.TRACKER_DIFFERENCES,

@@ -91,7 +91,7 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
         "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
         "frame of that scan.",
-        ("error_curves:curve_figures", "error_curves:second_moment_figures"),
+        ("error_curves:curve_figures", "error_curves:second_moment_figures", "ratio_curves:ratio_figures"),
         of_errors=True,
         what_if="If errors had zero mean and were independent, the mean would be zero and all other rows would "
         "be flat.",

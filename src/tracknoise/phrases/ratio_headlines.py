@@ -1,0 +1,62 @@
+"""Headlines about ratios: the sentence that the catalogue declares for each, at the reference age."""
+
+from dataclasses import replace
+from typing import Any
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.quantities import QUANTITIES, RATIOS
+from tracknoise.words import format_estimate, sentence_case
+
+_NAMED = 2
+"""The sentence in one line names this many trackers."""
+
+
+def ratios(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Every ratio of every tracker, of the tracks that verdicts are about."""
+    rows = tables["ratios"].filter(trimming=conditions.trimming, axis=conditions.axis)
+    headline = by_tracker(
+        conditions.trackers,
+        lambda tracker: _ratios_of(rows, conditions, tracker),
+        opening=f"Shares of features {conditions.where(tables['summary'])}.",
+        topic="ratios",
+        figure="error-by-tracker",
+        table="ratios",
+    )
+    return None if headline is None else replace(headline, brief=_brief(rows, conditions))
+
+
+def _ratios_of(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
+    own = [(name, row) for name in RATIOS if (row := _at_reference(rows, conditions, tracker, name)) is not None]
+    estimates = [_estimate(name, row) for name, row in own]
+    sentences = [
+        f"{conditions.opening_place(row['at'])}, {QUANTITIES[name].sentence.format(value=text, tracker=tracker)}"
+        for (name, row), text in zip(own, map(format_estimate, estimates), strict=True)
+    ]
+    return (" ".join(map(sentence_case, sentences)), estimates) if own else None
+
+
+def _at_reference(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str, name: str) -> dict[str, Any] | None:
+    """The row at the last age up to the reference age, or the nearest to the key frame."""
+    own = conditions.of(rows, tracker).filter(quantity=name)
+    near = own.with_columns(since=(pl.col("at") - conditions.at_zero).abs()).filter(pl.col("since") <= REFERENCE_AGE)
+    return near.sort("since", "at").row(-1, named=True) if near.height else None
+
+
+def _estimate(name: str, row: dict[str, Any]) -> Estimate:
+    return Estimate.of_row(row, "value", "low", "high", QUANTITIES[name].unit or "")
+
+
+def _brief(rows: pl.DataFrame, conditions: ReportedConditions) -> str:
+    """The first ratio of the first trackers, without intervals."""
+    name = RATIOS[0]
+    found = {tracker: _at_reference(rows, conditions, tracker, name) for tracker in conditions.trackers}
+    values = [
+        f"{format_estimate(Estimate(row['value'], unit=QUANTITIES[name].unit or ''))} of {tracker}"
+        for tracker, row in found.items()
+        if row is not None
+    ]
+    return f"{QUANTITIES[name].title}: {' and '.join(values[:_NAMED])}."

@@ -1,0 +1,48 @@
+"""Ratios of sums over features by age: one figure for each quantity that the catalogue declares."""
+
+from collections.abc import Sequence
+
+import altair as alt
+import polars as pl
+
+from tracknoise.report.bands import AGE, describe_intervals
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.quantities import QUANTITIES, RATIOS, Quantity
+
+
+def ratio_figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure per quantity: a curve per tracker at the lowest speed."""
+    return [_figure(data, name) for name in RATIOS]
+
+
+def _figure(data: ReportData, name: str) -> Figure | Absence:
+    quantity, id = QUANTITIES[name], name.replace("_", "-")
+    table = data.nominal(data.ratios).filter(quantity=name, trimming=data.trimming).sort("tracker", "at")
+    if table.is_empty():
+        return Absence(id, quantity.title, "This run has no sums of it: an earlier version measured it.")
+    bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
+    shows = (
+        f"{quantity.estimand} At speed {data.slowest}{data.where}, by {data.axis.name}, features pooled, of "
+        f"{data.tracks_shown}. {describe_intervals(bounded, of='the curves')}"
+    )
+    better = f"A {quantity.better} value is better." if quantity.better != "neither" else ""
+    return Figure(id, quantity.title, shows, better, arranged([_panel(data, table, quantity)], columns=1))
+
+
+def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
+    columns = table.select("tracker", "at", "n", u="value", u_low="low", u_high="high")
+    x = marks.along(table["at"], title=data.axis.title, from_zero=data.axis is AGE)
+    domain = marks.holding(table["value"], pl.concat([table["low"], table["high"]]))
+    form = alt.Axis(format=".1%") if quantity.unit == "share" else alt.Axis()
+    y = alt.Y("u:Q", title=quantity.title, scale=alt.Scale(domain=domain, nice=False), axis=form)
+    tips = [alt.Tooltip("tracker:N"), alt.Tooltip("at:Q", title=data.axis.name), alt.Tooltip("n:Q", title="features")]
+    line = alt.Chart(marks.rows(columns.select("tracker", "at", "n", "u"))).mark_line(point=alt.OverlayMarkDef(size=20))
+    colours = {name: data.colour[name] for name in data.trackers if name in table["tracker"]}
+    hue = marks.colour("tracker", colours, "tracker")
+    curve = line.encode(x=x, y=y, color=hue, opacity=marks.opacity("tracker"), tooltip=[*tips, alt.Tooltip("u:Q")])
+    band = marks.band(columns, "tracker", colours, "u", x, y)
+    chart = layered(*band, curve).properties(width=395, height=190)
+    return Panel(chart, (marks.shown("tracker", colours),), layer=len(band))

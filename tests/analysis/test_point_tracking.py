@@ -3,7 +3,6 @@
 import tomllib
 
 import numpy as np
-import polars as pl
 import pytest
 
 import tracknoise as tn
@@ -52,7 +51,7 @@ def run(tmp_path_factory):
 
 
 def test_metrics_are_means_over_sequences_with_intervals(run):
-    table = pl.read_parquet(run / "statistics" / "point_tracking_metrics.parquet")
+    table = RunFolder(run).statistics("point_tracking_metrics")
     options = tomllib.loads(TOML)["dataset"]["options"]
     reader = Simulated(**{**options, "motions": tuple(options["motions"])})
     each = [tn.tap_metrics(tn.measure(reader.open(scene), tn.LucasKanade())) for scene in reader.sequences()]

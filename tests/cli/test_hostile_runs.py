@@ -70,7 +70,7 @@ def ended(tracknoise, command, run, whole):
     [
         ("summary", "untrimmed_rms_u_px", [COMMANDS[3], COMMANDS[4]]),
         ("findings", "value", [COMMANDS[0], COMMANDS[1], COMMANDS[4]]),
-        ("dependence", "effect", [COMMANDS[0], COMMANDS[1]]),
+        ("results", "value", [COMMANDS[0], COMMANDS[1]]),
         ("audit", "value", [COMMANDS[2]]),
     ],
 )

@@ -98,7 +98,7 @@ def test_files_do_not_get_the_numbers_of_closed_streams(tmp_path):
     """Otherwise, what a library prints would be written into them."""
     program = tmp_path / "go.py"
     program.write_text(
-        "import os, sys\nfrom tracknoise import standard_streams\nstandard_streams.prepare()\n"
+        "import os, sys\nfrom tracknoise import processes\nprocesses.prepare()\n"
         f"file = open({str(tmp_path / 'file')!r}, 'w')\n"
         f"open({str(tmp_path / 'number')!r}, 'w').write(str(file.fileno()))\n"
         "sys.stderr.write('x'); os.write(2, b'x'); sys.stdout.write('x')\n"

@@ -139,17 +139,18 @@ def test_a_speed_without_a_model_does_not_stop_the_others(
 ) -> None:
     fit = tn.NoiseModel.fit
 
-    def with_few_errors_at_speed_1(run: Path, **options: object) -> tn.NoiseModel:
-        if options["speed"] == 1:
+    def with_few_errors_at_speed_2(run: Path, **options: object) -> tn.NoiseModel:
+        if options["speed"] == 2:
             raise SettingsError("found too few errors")
         return fit(run, **options)
 
-    monkeypatch.setattr(tn.NoiseModel, "fit", with_few_errors_at_speed_1)
+    monkeypatch.setattr(tn.NoiseModel, "fit", with_few_errors_at_speed_2)
     code, out, error = tracknoise("noise", "fit", planted_run, "-o", tmp_path)
-    assert (code, error) == (0, "tracknoise: warning: oracle at speed 1 has no model: found too few errors\n")
-    assert "Noise of oracle at speed 2." in out
-    assert [path.name for path in tmp_path.iterdir()] == ["oracle@2.noise.json"]
-    code, _, error = tracknoise("noise", "fit", planted_run, "--speed", "1", "-o", tmp_path)
+    anew = "oracle at speed 2: fitted now, because the models of the run are those of speed 1\n"
+    assert (code, error) == (0, f"{anew}tracknoise: warning: oracle at speed 2 has no model: found too few errors\n")
+    assert "Noise of oracle at speed 1." in out
+    assert [path.name for path in tmp_path.iterdir()] == ["oracle@1.noise.json"]
+    code, _, error = tracknoise("noise", "fit", planted_run, "--speed", "2", "-o", tmp_path)
     assert (code, error.splitlines()[-1]) == (1, "tracknoise: error: found too few errors")
 
 

@@ -111,8 +111,10 @@ def test_a_local_worker_that_is_killed(peaceful, killed, tmp_path, told, files):
 
 
 def spawned() -> list[psutil.Process]:
-    """The workers of this process."""
-    return [child for child in psutil.Process().children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
+    """The workers of this process that run."""
+    children = psutil.Process().children(recursive=True)
+    running = [child for child in children if child.status() != psutil.STATUS_ZOMBIE]
+    return [child for child in running if "spawn_main" in " ".join(child.cmdline())]
 
 
 def test_local_workers_load_every_library_with_one_thread():

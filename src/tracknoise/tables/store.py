@@ -173,7 +173,7 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         self._last_read: _Hashes | None = None
-        self._last_results: tuple[str, pl.DataFrame] | None = None
+        self._last_results: tuple[tuple[object, ...], pl.DataFrame] | None = None
 
     @property
     def lock_path(self) -> Path:
@@ -515,9 +515,10 @@ class RunFolder:
         known = self._hashes_of_statistics().get(_RESULTS)
         if known is None:
             raise self._unfinished()
-        if self._last_results is None or self._last_results[0] != known:
-            table = read_parquet(self.path / "statistics" / f"{_RESULTS}.parquet", RESULTS, known)
-            self._last_results = known, table
+        path = self.path / "statistics" / f"{_RESULTS}.parquet"
+        version = known, _version_of(path)
+        if self._last_results is None or self._last_results[0] != version:
+            self._last_results = version, read_parquet(path, RESULTS, known)
         return self._last_results[1]
 
     def statistics(self, name: str) -> pl.DataFrame:
@@ -615,11 +616,7 @@ class RunFolder:
 
     def _version(self) -> tuple[int, int, int] | None:
         """What tells two versions of the manifest apart; None without one."""
-        try:
-            status = (self.path / _MANIFEST).stat()
-        except OSError:
-            return None
-        return status.st_ino, status.st_mtime_ns, status.st_size
+        return _version_of(self.path / _MANIFEST)
 
     def _manifest_content(self) -> bytes:
         try:
@@ -635,3 +632,12 @@ class RunFolder:
                 f"{self.path / _MANIFEST}: damaged, and no {_SETTINGS} beside it, expected a run's manifest; "
                 "if the folder holds a run, remove it"
             )
+
+
+def _version_of(path: Path) -> tuple[int, int, int] | None:
+    """What tells two versions of a file apart; None without one."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns, status.st_size

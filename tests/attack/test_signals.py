@@ -16,8 +16,6 @@ EXITING = "processes.ignore()"
 def test_a_signal_is_sent_only_to_a_program_that_handles_it(state, sent, status, group):
     imports = "import signal, sys; from tracknoise import processes"
     text = f"{imports}; {state}; print('ready', flush=True); sys.stdin.read()"
-        f"import signal, sys; from tracknoise import processes; {state}; print('ready', flush=True); sys.stdin.read()"
-    )
     program = subprocess.Popen(
         [sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, process_group=0
     )

@@ -9,7 +9,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.quantities import QUANTITIES, RATIOS
-from tracknoise.words import format_estimate, sentence_case
+from tracknoise.words import format_estimate
 
 _NAMED = 2
 """The sentence in one line names this many trackers."""
@@ -33,10 +33,15 @@ def _ratios_of(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     own = [(name, row) for name in RATIOS if (row := _at_reference(rows, conditions, tracker, name)) is not None]
     estimates = [_estimate(name, row) for name, row in own]
     sentences = [
-        f"{conditions.opening_place(row['at'])}, {QUANTITIES[name].sentence.format(value=text, tracker=tracker)}"
+        f"{conditions.opening_place(row['at'])}, {_within(QUANTITIES[name].sentence).format(value=text, tracker=tracker)}"
         for (name, row), text in zip(own, map(format_estimate, estimates), strict=True)
     ]
-    return (" ".join(map(sentence_case, sentences)), estimates) if own else None
+    return (" ".join(sentences), estimates) if own else None
+
+
+def _within(sentence: str) -> str:
+    """A sentence that follows the age; the braces of a name at its start stay."""
+    return sentence[0].lower() + sentence[1:]
 
 
 def _at_reference(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str, name: str) -> dict[str, Any] | None:

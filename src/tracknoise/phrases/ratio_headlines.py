@@ -33,14 +33,15 @@ def _ratios_of(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     own = [(name, row) for name in RATIOS if (row := _at_reference(rows, conditions, tracker, name)) is not None]
     estimates = [_estimate(name, row) for name, row in own]
     sentences = [
-        f"{conditions.opening_place(row['at'])}, {_within(QUANTITIES[name].sentence).format(value=text, tracker=tracker)}"
+        f"{conditions.opening_place(row['at'])}, {_within(name).format(value=text, tracker=tracker)}"
         for (name, row), text in zip(own, map(format_estimate, estimates), strict=True)
     ]
     return (" ".join(sentences), estimates) if own else None
 
 
-def _within(sentence: str) -> str:
-    """A sentence that follows the age; the braces of a name at its start stay."""
+def _within(name: str) -> str:
+    """The sentence of a ratio as it follows the age; the braces of a name at its start stay."""
+    sentence = QUANTITIES[name].sentence
     return sentence[0].lower() + sentence[1:]
 
 

@@ -40,6 +40,8 @@ class Value:
         More columns of the row, and of the view.
     topic
         Of the row; None where it is that of the view.
+    always
+        Whether there is a row where the number is missing too.
     """
 
     quantity: str
@@ -48,6 +50,7 @@ class Value:
     rows: Constants = field(default_factory=dict)
     carried: Columns = field(default_factory=dict)
     topic: Topic | None = None
+    always: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +148,7 @@ def _rows_of(chosen: View, table: pl.DataFrame) -> list[pl.DataFrame]:
     parts, seen, kinds = [], set(), table.schema
     for value in chosen.values:
         rows = table.filter(*(pl.col(name).eq_missing(pl.lit(wanted)) for name, wanted in value.rows.items()))
-        if (group := tuple(value.rows.items())) in seen:
+        if (group := tuple(value.rows.items())) in seen and not value.always:
             rows = rows.filter(pl.col(value.column).is_not_null())
         seen.add(group)
         unit = QUANTITIES[value.quantity].unit
@@ -454,7 +457,7 @@ def _growth() -> View:
 
     def bounded(quantity: str, column: str, labels: Constants, *, kind: str = "kind") -> Value:
         bounds = {"low": f"{column}_low", "high": f"{column}_high", **_same("level", "resampled"), "interval": kind}
-        return Value(quantity, column, labels, carried=bounds)
+        return Value(quantity, column, labels, carried=bounds, always=column == "autocorrelation")
 
     for quantity, column in (
         ("white", "white_px"),

@@ -27,7 +27,7 @@ from tracknoise.tables.findings_schema import (
     WINDOW_SIGMAS,
     ZERO_MEAN,
 )
-from tracknoise.tables.result_views import identified, results_of
+from tracknoise.tables.result_views import Identified, results_of
 from tracknoise.tables.schema import CAUSES, Schema, empty
 
 BANDS = ((1, 4), (5, 9), (10, 19))
@@ -56,7 +56,7 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "audit": audit(),
         "audit_curves": audit_curves(tables["curves"]),
     }
-    found["findings"] = headline_table(identified(results_of({**tables, **found}), {**tables, **found}), scope)
+    found["findings"] = headline_table(Identified(results_of({**tables, **found}), {**tables, **found}), scope)
     return found
 
 

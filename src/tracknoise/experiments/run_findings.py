@@ -61,7 +61,7 @@ from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
-from tracknoise.tables.result_views import identified, results_of
+from tracknoise.tables.result_views import Identified, results_of
 from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.truth_faults.audit_summary import usual_mistakes
@@ -320,7 +320,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         tables |= _without_verdicts_on_errors(tables)
     every = {**statistics, **tables}
     results = results_of(every)
-    every["findings"] = headline_table(identified(results, every), reported)
+    every["findings"] = headline_table(Identified(results, every), reported)
     run.write_statistics(every, results=results, documents={FINDINGS_JSON: findings_json(every)})
     trackers = [tracker.label for tracker in experiment.trackers]
     run.write_statistics({}, documents=fitted_models(run, trackers, reference.speed))

@@ -4,7 +4,7 @@ A `View` says which rows of `RESULTS` hold the numbers of a table, and what its 
 both directions: `results_of` makes the rows from the tables of an analysis, and `view` makes a table from the rows.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -132,9 +132,33 @@ def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame
     return table.sort(*chosen.sort, maintain_order=True) if chosen.sort else table
 
 
-def identified(results: pl.DataFrame, tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """The tables that `results` were made of; those that are views have the column `ids` of `view`."""
-    return {name: view(results, name, ids=True) if name in VIEWS else table for name, table in tables.items()}
+class Identified(Mapping[str, pl.DataFrame]):
+    """Tables of which those that are views have the column `ids` of `view`; each is made when it is asked for.
+
+    Parameters
+    ----------
+    results
+        Schema `RESULTS`.
+    tables
+        That the results were made of, and others.
+    """
+
+    def __init__(self, results: pl.DataFrame, tables: Mapping[str, pl.DataFrame]) -> None:
+        self._results, self._tables = results, tables
+        self._made: dict[str, pl.DataFrame] = {}
+
+    def __getitem__(self, name: str) -> pl.DataFrame:
+        if name not in VIEWS:
+            return self._tables[name]
+        if name not in self._made:
+            self._made[name] = view(self._results, name, ids=True)
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._tables)
+
+    def __len__(self) -> int:
+        return len(self._tables)
 
 
 def _rows_of(chosen: View, table: pl.DataFrame) -> list[pl.DataFrame]:

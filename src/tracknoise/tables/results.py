@@ -119,31 +119,36 @@ def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
     parts = []
     for part in rows:
         if part.height:
-            names = set(part.columns)
-            cells = (
-                pl.col(name).cast(kind) if name in names else pl.lit(None, dtype=kind).alias(name)
-                for name, kind in kinds.items()
-            )
-            parts.append(part.select_seq(cells))
+            known = part.select_seq(pl.col(name).cast(kinds[name]) for name in part.columns)
+            parts.append(known.insert_column(0, _ids(known)))
     if not parts:
         return pl.DataFrame(schema=dict(RESULTS))
-    table = pl.concat(parts)
-    first = [pl.col(name).drop_nulls().first() for name in (*_NUMBERS, "cut")]
-    repeated = table.select(pl.struct(*IDENTITY).is_duplicated()).to_series()
-    if repeated.any():
-        merged = table.filter(repeated).group_by(*IDENTITY, maintain_order=True).agg(first)
-        table = pl.concat([table.filter(~repeated), merged.select(table.columns)])
-    return table.with_columns(id=_ids(table), caveats=_caveats()).select(list(RESULTS))
+    table = _merged(pl.concat([pl.DataFrame(schema={"id": pl.String, **kinds}), *parts], how="diagonal"))
+    return table.with_columns(caveats=_caveats()).select(list(RESULTS))
 
 
-def _ids(table: pl.DataFrame) -> pl.Series:
-    """The quantity and a checksum of the identity."""
-    words = table.select(
-        pl.concat_str([pl.col(name).cast(pl.String).fill_null("") for name in IDENTITY], separator="|")
+def _merged(table: pl.DataFrame) -> pl.DataFrame:
+    """One row for each id, at the place of its first, whose missing cells are those of the next that has them."""
+    place = table.select(place=pl.col("id").cum_count().over("id")).to_series()
+    merged = table.filter(place == 1)
+    for later in range(2, int(place.max()) + 1):  # type: ignore[arg-type]
+        more = table.filter(place == later)
+        filled = [name for name in (*_NUMBERS, "cut") if more[name].null_count() < more.height]
+        merged = merged.join(more.select("id", *filled), on="id", how="left", suffix=" later", maintain_order="left")
+        merged = merged.with_columns(pl.coalesce(name, f"{name} later").alias(name) for name in filled)
+        merged = merged.drop(f"{name} later" for name in filled)
+    return merged
+
+
+def _ids(part: pl.DataFrame) -> pl.Series:
+    """The quantity and a checksum of the identity of each row of a part, which may lack columns."""
+    empty = pl.lit("")
+    cells = [pl.col(name).cast(pl.String).fill_null("") if name in part.columns else empty for name in IDENTITY]
+    words = part.select(name=pl.col("quantity").cast(pl.String), words=pl.concat_str(cells, separator="|"))
+    sums = (hashlib.blake2b(text.encode(), digest_size=_BYTES).hexdigest() for text in words["words"])
+    return pl.Series(
+        "id", [f"{name}-{found}" for name, found in zip(words["name"], sums, strict=True)], dtype=pl.String
     )
-    names = table["quantity"].cast(pl.String)
-    sums = (hashlib.blake2b(text.encode(), digest_size=_BYTES).hexdigest() for text in words.to_series())
-    return pl.Series("id", [f"{name}-{found}" for name, found in zip(names, sums, strict=True)], dtype=pl.String)
 
 
 def _caveats() -> pl.Expr:

@@ -48,11 +48,6 @@ def error_of_stdout() -> OSError | None:
 class _Dropping(io.FileIO):
     """A file that is open. What cannot be written to it is dropped, and not written later either.
 
-    Parameters
-    ----------
-    number
-        Of the file.
-
     Attributes
     ----------
     error

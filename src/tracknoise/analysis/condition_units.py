@@ -80,13 +80,7 @@ class UnitPlaces:
 
 
 def additive(moments: pl.DataFrame) -> pl.DataFrame:
-    """Return a table of moments with the columns of `SUMS` in place of means and central sums.
-
-    Parameters
-    ----------
-    moments
-        Of scenes (`MOMENTS`, `ASPECTS`) or blocks (`BLOCKS`); whatever else it has stays.
-    """
+    """Return a table of moments with the columns of `SUMS` in place of means and central sums."""
     absolute = {f"abs_{axis}": pl.col("n") * pl.col(f"mean_abs_{axis}").fill_null(0.0) for axis in "uv"}
     others = [name for name in moments.columns if not name.startswith(("m_", "mean_"))]
     return moments.select_seq(*others, **ABOUT_ZERO, **absolute)
@@ -122,12 +116,7 @@ def units_of(
 def unit_places(rows: pl.DataFrame, *, points: Sequence[str], groups: SceneGroups = NO_GROUPS) -> UnitPlaces:
     """Where rows of one condition belong: of use where several things are summed over the same rows.
 
-    Parameters
-    ----------
-    rows
-        Columns scene, block and `points`.
-    points, groups
-        As in `units_of`.
+    `rows`: columns scene, block and `points`.
     """
     return _placed(rows, rows, points, groups)[1]
 

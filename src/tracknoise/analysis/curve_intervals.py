@@ -86,18 +86,7 @@ def core_bounds(
 ) -> LabelledEstimates:
     """Geometric mean over scenes of their cores, of u and of v at every point.
 
-    Parameters
-    ----------
-    scales
-        Columns of `SCALES`, rows of one condition and population.
-    blocks
-        The same of `SCALE_BLOCKS`, for conditions of too few scenes.
-    draws
-        Of all scenes of the dataset.
-    method
-        How to make intervals.
-    groups
-        Groups of scenes that are not independent of each other.
+    `scales`: columns of `SCALES`, rows of one condition and population.
     """
     by_scene = _units(scales, None, groups)
     units = by_scene if by_scene.resampled or blocks is None else _units(scales, blocks, groups)
@@ -182,19 +171,7 @@ def correlated_changes(increments: TablesByCondition) -> TablesByCondition:
 def correlation_bounds(
     increments: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
 ) -> Iterator[LabelledEstimates]:
-    """(autocorrelation) at every lag, of u and of v.
-
-    Parameters
-    ----------
-    increments
-        Rows of one condition: what `correlated_changes` made.
-    draws
-        Of all scenes of the dataset.
-    method
-        How to make intervals.
-    groups
-        Groups of scenes that are not independent of each other.
-    """
+    """(autocorrelation) at every lag, of u and of v."""
     units = units_of(increments, increments, points=_CHANGE_POINT, columns=CHANGE_SUMS, groups=groups)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns_seq(
@@ -209,14 +186,7 @@ def correlation_bounds(
 def correlated(units: Units, weights: NDArray[np.float64], method: Method) -> EstimateArray:
     """(autocorrelation) of u and of v, with intervals; what a unit weighs in it are the squares of its changes.
 
-    Parameters
-    ----------
-    units
-        Columns `CHANGE_SUMS`.
-    weights : (draws, units)
-        How often each unit was drawn.
-    method
-        How to make intervals.
+    Shapes: weights (draws, units). `units`: columns `CHANGE_SUMS`.
     """
     squares = np.stack([units.sums[..., CHANGE_SUMS.index(name)].T for name in ("squares_uu", "squares_vv")])
     return pooled(units, weights, _autocorrelation, method, scales=["fisher"] * 2, sizes=squares)
@@ -348,15 +318,8 @@ def interval_table(
 def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """(nu), (eta), (Phi) and central covariance, as `tracknoise.statistics.curves` has them, from sums.
 
-    Parameters
-    ----------
-    sums : (8, ...)
-        Those of `tracknoise.analysis.condition_units.SUMS`.
-
-    Returns
-    -------
-    (10, ...) float64
-        Mean u, v; absolute u, v; second u, v, uv; central u, v, uv, px and px^2; NaN where undefined.
+    Shapes: sums (8, ...); returns (10, ...). Mean u, v; absolute u, v; second u, v, uv. Central u, v, uv, px and px^2.
+    NaN where undefined.
     """
     n, u, v, uu, uv, vv, abs_u, abs_v = sums
     count, divisor = np.where(n > 0, n, np.nan), np.where(n > 1, n - 1, np.nan)

@@ -98,19 +98,7 @@ _ON_A_LINE = 1e-12
 
 
 def transformed(sums: Array, centre: Array, root: Array, orders: Sequence[Order] = ORDERS) -> Array:
-    """Power sums of root (x - centre), from those of x.
-
-    Parameters
-    ----------
-    sums : (15, ...)
-        By `ORDERS`.
-    centre : (2, ...)
-        Of x.
-    root : (3, ...)
-        Lower triangular: a, b, c of ((a, 0), (b, c)).
-    orders
-        Of the sums that are returned; each is one of `ORDERS`.
-    """
+    """Power sums of root (x - centre), from those of x. Shapes: sums (15, ...), centre (2, ...), root (3, ...)."""
     shifted = _shifted(sums, -centre, {(p + q - j, j) for p, q in orders for j in range(q + 1)})
     a, b, c = map(_powers, root)
     rows = []
@@ -123,10 +111,7 @@ def transformed(sums: Array, centre: Array, root: Array, orders: Sequence[Order]
 def whitening(sums: Array) -> tuple[Array, Array]:
     """Mean, (2, ...), and lower triangular root of the inverse covariance, (3, ...); NaN where pairs lie on a line.
 
-    Parameters
-    ----------
-    sums : (15, ...)
-        Power sums by `ORDERS`; of the first six, those to order 2, only.
+    Shapes: sums (15, ...).
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         u, v, uu, uv, vv = sums[1:6] / sums[0]
@@ -138,13 +123,7 @@ def whitening(sums: Array) -> tuple[Array, Array]:
 
 
 def mardia(sums: Array) -> Array:
-    """b1 and b2 by (skewness) and (kurtosis), (2, ...); NaN where pairs lie on a line.
-
-    Parameters
-    ----------
-    sums : (15, ...)
-        Power sums by `ORDERS`.
-    """
+    """b1 and b2 by (skewness) and (kurtosis), (2, ...); NaN where pairs lie on a line. Shapes: sums (15, ...)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         moments = transformed(sums, *whitening(sums), orders=_OF_SHAPE) / sums[0]
     mean = dict(zip(_OF_SHAPE, moments, strict=True))
@@ -182,25 +161,16 @@ _BEYOND = 5
 
 
 def tail_ratios(squared: Array) -> tuple[float, ...]:
-    """P(d2 > x) over that of a Gaussian for each of `TAILS`; NaN where a Gaussian would have less than one error there.
+    """P(d2 > x) over that of a Gaussian for each of `TAILS`.
 
-    Parameters
-    ----------
-    squared : (n,)
-        Squared distances d2.
+    NaN where a Gaussian would have less than one error there.
     """
     n = len(squared)
     return tuple(np.count_nonzero(squared > x) / (n * p) if n * p >= 1 else np.nan for x, p in TAILS)
 
 
 def radii(squared: Array) -> tuple[Array, Array, Array]:
-    """Probabilities, and quantiles of the distance: of a Gaussian and observed, as far as there are errors beyond.
-
-    Parameters
-    ----------
-    squared : (n,)
-        Squared distances d2.
-    """
+    """Probabilities, and quantiles of the distance: of a Gaussian and observed, as far as there are errors beyond."""
     probabilities = np.array([p for p in PROBABILITIES if len(squared) * (1 - p) >= _BEYOND])
     if not len(probabilities):
         return probabilities, np.empty(0), np.empty(0)
@@ -220,17 +190,7 @@ _CENTRAL = ["m_" + "u" * p + "v" * q for p, q in FOURTH]
 def standards(moments: pl.DataFrame, *, min_features: int) -> pl.DataFrame:
     """Return m and L^-1 of (standard) by trimming and age of one condition, where errors are many and have a spread.
 
-    Parameters
-    ----------
-    moments
-        Rows of one condition, of visible errors, with at least one error each.
-    min_features
-        Fewest errors of an age.
-
-    Returns
-    -------
-    polars.DataFrame
-        trimming, at, the parts of m, and the lower triangle a, b, c of L^-1.
+    Returns: trimming, at, the parts of m, and the lower triangle a, b, c of L^-1.
     """
     groups = group_rows(moments, _STANDARD_PLACE)
     columns = additive(moments).select_seq(_STANDARD_SUMS).to_numpy().T
@@ -242,17 +202,7 @@ def standards(moments: pl.DataFrame, *, min_features: int) -> pl.DataFrame:
 def standard_sums(moments: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
     """Sums of powers of z in place of moments; rows whose age has no standard are left out.
 
-    Parameters
-    ----------
-    moments
-        Rows of one condition.
-    standard
-        What `standards` returned.
-
-    Returns
-    -------
-    polars.DataFrame
-        The columns that are no moments, and `POWER_SUMS`.
+    Returns: the columns that are no moments, and `POWER_SUMS`.
     """
     rows = moments.join(standard, on=_STANDARD_PLACE, maintain_order="left")
     zeros = [pl.lit(0.0).alias(name) for name in ("first_u", "first_v")]  # sums of order 1 about a row's own mean
@@ -266,18 +216,9 @@ def standard_sums(moments: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame
 def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
     """Single errors as z, untrimmed and trimmed; those whose age has no standard are left out.
 
-    Parameters
-    ----------
-    samples
-        Rows of one condition, as in `SAMPLES`; those of a scene sorted.
-    standard
-        What `standards` returned.
-
-    Returns
-    -------
-    polars.DataFrame
-        Sorted by scene, otherwise as they were, with `z_u`, `z_v`, and `log_spread`, the logarithm of the mean spread
-        of a coordinate at that age, log px: a quarter of that of the determinant of C.
+    Returns: sorted by scene, otherwise as they were, with `z_u`, `z_v`, and `log_spread`, the logarithm of the mean
+    spread of a coordinate at that age, log px: a quarter of that of the determinant of C. `samples`: those of a scene
+    sorted.
     """
     kept = np.flatnonzero(samples["kept"].to_numpy())
     selected = {Trimming.untrimmed: np.arange(samples.height), Trimming.trimmed: kept}
@@ -316,15 +257,7 @@ _WITHIN_SUMS = ["n", "z_u", "z_v", "z_uu", "z_uv", "z_vv"]
 
 
 def within_scenes(singles: pl.DataFrame, sums: pl.DataFrame) -> Array:
-    """Single errors by (within), (rows, 2); NaN where there are too few others, or these lie on a line.
-
-    Parameters
-    ----------
-    singles
-        What `tracknoise.analysis.error_shape.standardised` made of the samples of one condition.
-    sums
-        What `tracknoise.analysis.error_shape.standard_sums` made of its moments.
-    """
+    """Single errors by (within), (rows, 2); NaN where there are too few others, or these lie on a line."""
     z = singles.select_seq("z_u", "z_v").to_numpy()
     own = np.stack([np.ones(len(z)), *z.T, z[:, 0] ** 2, z[:, 0] * z[:, 1], z[:, 1] ** 2])
     ages = singles.select_seq(_OWN_AGE).join(
@@ -368,13 +301,7 @@ _FINEST = 1e-6
 
 
 def ties(errors: Array) -> str | None:
-    """What makes errors equal to one another, in words; None if too few are to matter.
-
-    Parameters
-    ----------
-    errors : (n, 2)
-        In u and v, px.
-    """
+    """What makes errors equal to one another, in words; None if too few are to matter. Shapes: errors (n, 2) px."""
     of_axis = max((_commonest(axis) for axis in errors.T), default=0.0)
     pairs = np.ascontiguousarray(errors + 0.0).view(np.complex128)  # -0.0 counts as 0.0
     share = _commonest(pairs) if of_axis else 0.0  # equal pairs are equal in u
@@ -425,19 +352,7 @@ ROUNDS = 15
 
 
 def gains(pairs: Array, sample: Rows, fold: Rows, count: int) -> Gains:
-    """Work out (gain) for several samples at once.
-
-    Parameters
-    ----------
-    pairs : (rows, 2)
-        Errors, or anything that is linear in them.
-    sample : (rows,)
-        Of which sample each is, under `count`.
-    fold : (rows,)
-        Of which fold of it.
-    count
-        Number of samples.
-    """
+    """Work out (gain) for several samples at once. Shapes: pairs (rows, 2), sample (rows,), fold (rows,)."""
     every = terms([pairs])[0]
     samples = [np.flatnonzero(sample == place) for place in range(count)]
     split = [_split(rows, fold) for rows in samples]

@@ -93,20 +93,7 @@ class Cell:
 
 
 def cells(effects: pl.DataFrame, conditions: list[Condition]) -> Iterator[Cell]:
-    """The cells of a table of effects, in its order.
-
-    Parameters
-    ----------
-    effects
-        Says which factors are asked about, and where the others are held.
-    conditions
-        All that were measured, sorted.
-
-    Raises
-    ------
-    SchemaError
-        If it has other columns.
-    """
+    """The cells of a table of effects, in its order. `conditions`: all that were measured, sorted."""
     rows = check(effects, EFFECTS, "effects").filter(pl.col("statistic") != _LEFT_OUT)
     for (dataset, factor, *values, axis), part in rows.group_by(
         ["dataset", "factor", *CONDITION, "axis"], maintain_order=True
@@ -446,15 +433,7 @@ def _varied(path: str, trackers: Mapping[str, tuple[str, dict[str, str]]]) -> li
 
 
 def option_cells(cells: Iterable[Cell], factors: Sequence[OptionFactor]) -> Iterator[Cell]:
-    """The cells about options: those about trackers, of the trackers that differ in one option alone.
-
-    Parameters
-    ----------
-    cells
-        All cells.
-    factors
-        The options.
-    """
+    """The cells about options: those about trackers, of the trackers that differ in one option alone."""
     for cell in cells:
         for factor in factors if cell.factor == "tracker" else ():
             known = {value: name for value, name in factor.levels.items() if name in cell.levels}

@@ -198,19 +198,7 @@ def answer(asked: Differences, question: Question) -> Answer | None:
 
 
 def enough_scenes(found: Averages, resampled: Resampled) -> NDArray[np.bool_]:
-    """Where there are enough scenes or groups for an interval, as in `tracknoise.inference.units.scheme`.
-
-    Parameters
-    ----------
-    found
-        Means at any number of points.
-    resampled
-        What was averaged.
-
-    Returns
-    -------
-    (points,) bool
-    """
+    """Where there are enough scenes or groups for an interval, as in `tracknoise.inference.units.scheme`."""
     least = MIN_WITHIN if resampled == Resampled.within else 0
     return np.asarray((found.n_units >= MIN_SCENES) & (found.degrees >= least), dtype=np.bool_)
 
@@ -264,20 +252,7 @@ def ask(
 ) -> Question | None:
     """The question about differences; None where scenes or groups are too few, or the margin is unknown.
 
-    Parameters
-    ----------
-    both : (scenes, pairs)
-        Which scenes were measured at both levels of each pair.
-    group : (scenes,)
-        Number of the group of each scene.
-    margin
-        Largest difference that counts as no effect; NaN where it is unknown.
-    level
-        Probability that an interval contains the true difference.
-    n_draws, seed
-        Number of rotations, and their seed.
-    cancels
-        Whether differences at several points may cancel.
+    Shapes: both (scenes, pairs), group (scenes,). `margin`: NaN where it is unknown.
     """
     resampled = scheme(group[both.any(axis=1)])
     if resampled is None or not np.isfinite(margin):
@@ -309,20 +284,7 @@ def row_of(
 ) -> Row:
     """What is known about one statistic of a cell.
 
-    Parameters
-    ----------
-    cell
-        The cell.
-    role, statistic
-        Role and name of the statistic.
-    places
-        Ages, or frames from the key frame on, of the points: each has two points, u and v.
-    asked, question
-        Differences between the levels, and what is asked of them; None where too few scenes were measured.
-    margin
-        Largest difference that counts as no effect: of logarithms, or in px; NaN where it is unknown.
-    group
-        Number of the group of each scene.
+    `asked, question`: None where too few scenes were measured. `margin`: NaN where it is unknown.
     """
     levels = [str(level) for level in cell.levels]
     found = None if question is None else answer(asked, question)
@@ -434,15 +396,7 @@ def _never_compared(levels: Sequence[str], asked: Differences, found: Answer) ->
 
 
 def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
-    """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided.
-
-    Parameters
-    ----------
-    rows
-        Of all questions of a run, in their order.
-    level
-        q-values may be at most 1 - level.
-    """
+    """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided."""
     known: Mapping[str, Any] = {name: kind for name, kind in DEPENDENCE.items() if name not in ("verdict", "why")}
     table = pl.DataFrame(rows, schema={**known, "gap": pl.String}, orient="row").with_columns_seq(
         pl.lit(level).alias("level"), kind=pl.lit(EffectIntervalKind.paired, dtype=DEPENDENCE["kind"])

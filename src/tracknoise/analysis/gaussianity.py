@@ -103,23 +103,8 @@ def mardia_bounds(
     """Skewness and kurtosis of each band, from the moments of all errors.
 
     Blocks have no moments beyond order 2. Where scenes are too few, the relative width of the interval is therefore
-    that of single errors, resampled by block, which are fewer.
-
-    Parameters
-    ----------
-    sums
-        What `tracknoise.analysis.error_shape.standard_sums` made of the moments of one condition, with `age_low`.
-    singles
-        What `tracknoise.analysis.error_shape.standardised` made of its samples.
-    places
-        Where these are added up; their points are the bands.
-    draws, method
-        How to resample.
-
-    Returns
-    -------
-    polars.DataFrame
-        `BAND`, n, and skewness and kurtosis, each with its bounds (``_low``, ``_high``); NaN where there is none.
+    that of single errors, resampled by block, which are fewer. Returns: `BAND`, n, and skewness and kurtosis, each with
+    its bounds (``_low``, ``_high``); NaN where there is none.
     """
     by_scene = units_of(sums, points=BAND, columns=POWER_SUMS, groups=draws.groups).across_groups()
     totals = by_scene.sums.sum(axis=0).T
@@ -139,22 +124,8 @@ def mardia_bounds(
 def gain_bounds(singles: pl.DataFrame, places: UnitPlaces, gained: Gains, draws: Draws, method: Method) -> pl.DataFrame:
     """Gains of Student's t and of the mixture in each band, and the parameters of their fits.
 
-    Parameters
-    ----------
-    singles
-        What `tracknoise.analysis.error_shape.standardised` made of the samples of one condition.
-    places
-        As in `mardia_bounds`.
-    gained
-        What `tracknoise.analysis.error_shape.gains` returned for them, with the bands as samples.
-    draws, method
-        How to resample.
-
-    Returns
-    -------
-    polars.DataFrame
-        `BAND`, `gain_student`, `gain_mixture` and `gain_difference` (the mixture's above Student's), each with its
-        bounds; `nu`, `spread_px`, `share` and `ratio`; NaN where there is none.
+    Returns: `BAND`, `gain_student`, `gain_mixture` and `gain_difference` (the mixture's above Student's), each with its
+    bounds; `nu`, `spread_px`, `share` and `ratio`; NaN where there is none.
     """
     bands, scored = places.points, ~np.isnan(gained.student)
     units = places.units([scored, np.nan_to_num(gained.student), np.nan_to_num(gained.mixture)])
@@ -171,23 +142,9 @@ def within_bounds(
 ) -> pl.DataFrame:
     """Numbers of errors in units of their own scene, and what the different scales of scenes add.
 
-    Parameters
-    ----------
-    pairs : (rows, 2)
-        What `tracknoise.analysis.error_shape.within_scenes` made of single errors.
-    places
-        Where these are added up; their points are the bands.
-    gained
-        Gains of errors as they are, and in units of their own scene; NaN where there are none.
-    draws, method
-        How to resample.
-
-    Returns
-    -------
-    polars.DataFrame
-        `BAND`, `skewness_within`, `kurtosis_within`, `gain_student_within`, `gain_mixture_within`,
-        `gain_difference_within` and `gain_scales`, which is Student's gain without units of scenes less that with
-        them, each with its bounds; NaN where there is none.
+    Shapes: pairs (rows, 2). Returns: `BAND`, `skewness_within`, `kurtosis_within`, `gain_student_within`,
+    `gain_mixture_within`, `gain_difference_within` and `gain_scales`, which is Student's gain without units of scenes
+    less that with them, each with its bounds; NaN where there is none.
     """
     whole, within = gained
     scored = ~(np.isnan(whole.student) | np.isnan(within.student))
@@ -220,15 +177,7 @@ def _per_error(sums: Array) -> Array:
 
 
 def folds_of(places: UnitPlaces, seed: int) -> NDArray[np.intp]:
-    """Fold of each row: that of its scene or, where blocks are resampled, that of its block, drawn in each scene.
-
-    Parameters
-    ----------
-    places
-        Of single errors.
-    seed
-        Decides which scenes, if they are more than `FOLDS`, or which blocks are put into one fold.
-    """
+    """Fold of each row: that of its scene or, where blocks are resampled, that of its block, drawn in each scene."""
     rng, count = np.random.default_rng(seed), len(places.scenes)
     if places.resampled == Resampled.blocks:
         return np.concatenate([rng.permutation(BLOCKS) % FOLDS for _ in range(count)])[places.unit]
@@ -286,15 +235,7 @@ class ShapeEvidence:
 
 
 def judge(evidence: ShapeEvidence, *, margin: float = MARGIN_NATS) -> tuple[Shape, str]:
-    """Verdict by (shape), and the reason in words.
-
-    Parameters
-    ----------
-    evidence
-        Of one condition, trimming and band of ages.
-    margin
-        Largest distance from the Gaussian that counts as none, nats per error.
-    """
+    """Verdict by (shape), and the reason in words."""
     student, mixture, kurtosis = evidence.student, evidence.mixture, evidence.kurtosis
     if None in (student.low, mixture.low, kurtosis.low):
         return Shape.undecided, f"too few errors ({evidence.n_sampled}), scenes or blocks for intervals"

@@ -123,13 +123,7 @@ class SceneCurves:
 
 
 def scene_curves(sums: UnitSums) -> SceneCurves:
-    """Curves in units of the scale of each scene.
-
-    Parameters
-    ----------
-    sums
-        Of units with errors that are not all zero at any age.
-    """
+    """Curves in units of the scale of each scene."""
     scales = _scales(_of_scenes(sums.n, sums.scene), _of_scenes(sums.squares, sums.scene))
     own = scales[sums.scene, None]
     n, squares = _and_without(sums.n), _and_without(sums.squares / own)
@@ -213,15 +207,7 @@ class GrowthFit:
 
     @classmethod
     def at(cls, since: Array, weight: Array) -> "GrowthFit":
-        """Prepare fits.
-
-        Parameters
-        ----------
-        since : (ages,)
-            k, frames; above 0.
-        weight : (ages,)
-            Of each squared residual.
-        """
+        """Prepare fits."""
         root, longest = np.sqrt(weight)[:, None], since.max()
         columns = (since / longest)[:, None] ** _POWERS * root
         inverses = np.linalg.pinv(columns * _SUBSETS[:, None]) * _SUBSETS[..., None]
@@ -230,10 +216,7 @@ class GrowthFit:
     def bounded(self, second: Array) -> Array:
         """white^2, walk^2 and drift^2 of (growth), (3, ...): px^2, px^2 per frame and px^2 per frame^2.
 
-        Parameters
-        ----------
-        second : (ages, ...)
-            M, px^2.
+        Shapes: second (ages, ...) px^2.
         """
         observed = self._observed(second)
         solutions = (self.inverses.reshape(-1, len(observed)) @ observed).reshape(*_SUBSETS.shape, -1)
@@ -262,12 +245,7 @@ class GrowthFit:
 def contributions(coefficients: Array, since: Array) -> Array:
     """Share of each term in the fitted second moment, mean over the ages, (3, ...); NaN where all are zero.
 
-    Parameters
-    ----------
-    coefficients : (3, ...)
-        What `GrowthFit.bounded` returned.
-    since : (ages,)
-        k, frames.
+    Shapes: coefficients (3, ...), since (ages,) frames.
     """
     mean = (since[:, None] ** _POWERS).mean(axis=0)
     parts = coefficients * mean.reshape(-1, *[1] * (coefficients.ndim - 1))
@@ -277,13 +255,7 @@ def contributions(coefficients: Array, since: Array) -> Array:
 
 
 def misfit(second: Array, since: Array, coefficients: Array) -> float:
-    """Root mean square of what the fit (3,) misses of the second moment (ages,), relative to it.
-
-    Parameters
-    ----------
-    second, since, coefficients
-        M and k of one curve, and what `GrowthFit.bounded` returned for it.
-    """
+    """Root mean square of what the fit (3,) misses of the second moment (ages,), relative to it."""
     fitted = (since[:, None] ** _POWERS) @ coefficients
     return float(np.sqrt(np.mean((fitted / second - 1) ** 2)))
 
@@ -318,27 +290,13 @@ class SaturatingFit:
 
     @classmethod
     def at(cls, since: Array, weight: Array) -> "SaturatingFit":
-        """Prepare fits.
-
-        Parameters
-        ----------
-        since : (ages,)
-            k, frames; above 0.
-        weight : (ages,)
-            Of each squared residual.
-        """
+        """Prepare fits."""
         grid = np.geomspace(*range_tried(since), GRID)
         columns = -np.expm1(-since / grid[:, None])
         return cls(since, weight, grid, columns * weight, ((columns @ weight)[:, None], (columns**2 @ weight)[:, None]))
 
     def fit(self, second: Array) -> Array:
-        """white^2 and size^2 (px^2) and tau (frames) of (saturating), (3, ...).
-
-        Parameters
-        ----------
-        second : (ages, ...)
-            M, px^2.
-        """
+        """white^2 and size^2 (px^2) and tau (frames) of (saturating), (3, ...). Shapes: second (ages, ...) px^2."""
         weight, observed = self.weight, second.reshape(len(self.since), -1)
         constant, total = weight @ observed, weight.sum()
         products = self.columns @ observed
@@ -360,15 +318,7 @@ def range_tried(since: Array) -> tuple[float, float]:
 
 
 def saturating_curve(coefficients: Array, since: Array) -> Array:
-    """M(k) of (saturating), (ages, ...).
-
-    Parameters
-    ----------
-    coefficients : (3, ...)
-        What `SaturatingFit.fit` returned.
-    since : (ages,)
-        k, frames.
-    """
+    """M(k) of (saturating), (ages, ...). Shapes: coefficients (3, ...), since (ages,) frames."""
     white, size, tau = coefficients
     ages = since.reshape(-1, *[1] * tau.ndim)
     return np.asarray(white - size * np.expm1(-ages / tau))
@@ -440,16 +390,7 @@ class Parts:
 def predicted(parts: Parts, counts: Array, steps: Array, first_lag: Array) -> Array:
     """Autocorrelations at every lag from 1 to `LAGS`, (lags, ...).
 
-    Parameters
-    ----------
-    parts
-        Each (...).
-    counts : (places, ...)
-        How many changes end a number of steps after birth. Tracks are taken as seen in every frame since.
-    steps : (places,)
-        That number, from 1 on, ascending.
-    first_lag : (...)
-        Measured autocorrelation at lag 1.
+    Shapes: counts (places, ...), steps (places,), first_lag (...). `steps`: that number, from 1 on, ascending.
     """
     share = _predicted_shares(counts, steps)
     of_first = np.stack([share[lag - 1][steps == lag + 1].sum(axis=0) for lag in _LAGS])
@@ -553,16 +494,8 @@ def agreement(
 ) -> Agreement:
     """Compare a model with what was measured.
 
-    Parameters
-    ----------
-    second, fitted : (ages, 1 + units)
-        Second moments of all units and of all but one, and the model fitted to them.
-    related, predicted : (lags, 1 + units)
-        Autocorrelations and what the model predicts.
-    directions : (directions, ages)
-        What `curve_directions` returned.
-    sizes : (units,)
-        Errors of each unit.
+    Shapes: second, fitted (ages, 1 + units), related, predicted (lags, 1 + units), directions (directions, ages), sizes
+    (units,).
     """
     missed = np.nan_to_num(related - predicted)
     of_lags = [missed, missed.mean(axis=0)[None], missed[1:].mean(axis=0)[None], missed[:-2] - missed[2:]]
@@ -572,13 +505,7 @@ def agreement(
 
 
 def curve_directions(since: Array, second: Array, weight: Array) -> Array:
-    """Directions along which residuals of a curve are looked at, (directions, ages), relative to the curve.
-
-    Parameters
-    ----------
-    since, second, weight : (ages,)
-        Frames, and the second moment and its weight in the fit.
-    """
+    """Directions along which residuals of a curve are looked at, (directions, ages), relative to the curve."""
     powers = (since / since.max()) ** np.array(POWERS)[:, None]
     length = np.sqrt((weight * powers**2).sum(axis=1, keepdims=True) * (weight * second**2).sum())
     return np.asarray(powers * weight / length)
@@ -587,12 +514,7 @@ def curve_directions(since: Array, second: Array, weight: Array) -> Array:
 def by_chance(statistics: Array, sizes: Array) -> float:
     """P-value of the largest of several statistics that are zero on average.
 
-    Parameters
-    ----------
-    statistics : (statistics, 1 + units)
-        Of all units, and of all but one.
-    sizes : (units,)
-        How much each unit holds; units without anything do not count.
+    Shapes: statistics (statistics, 1 + units), sizes (units,).
     """
     there = sizes > 0
     value = np.where(np.abs(statistics[:, 0]) > _ROUNDING, statistics[:, 0], 0.0)
@@ -654,17 +576,7 @@ class _Curve:
 
 
 def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Model, dict[str, Estimate]]:
-    """Fit (growth): the model, and its sizes as geometric means over scenes.
-
-    Parameters
-    ----------
-    curves
-        In units of scale.
-    ages
-        Where they are.
-    level
-        Of the intervals.
-    """
+    """Fit (growth): the model, and its sizes as geometric means over scenes."""
     curve = _fitted(curves, ages)
     fit = GrowthFit.at(curve.since, curve.weight)
     bounded, free = fit.bounded(curve.second), fit.free(curve.second)
@@ -680,13 +592,7 @@ def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Model, di
 
 
 def saturating(curves: SceneCurves, ages: Ages, level: float) -> Model:
-    """Fit (saturating); errors may be measured from birth or from the first error, whichever agrees better.
-
-    Parameters
-    ----------
-    curves, ages, level
-        As in `polynomial`.
-    """
+    """Fit (saturating); errors may be measured from birth or from the first error, whichever agrees better."""
     curve = _fitted(curves, ages)
     white, size, tau = SaturatingFit.at(curve.since, curve.weight).fit(curve.second)
     none = np.zeros_like(white)

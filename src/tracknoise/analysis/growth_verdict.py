@@ -96,16 +96,7 @@ def loss(
 ) -> Loss | None:
     """Compare the tracks that live to given ages with all; None where there is nothing to compare.
 
-    Parameters
-    ----------
-    n, squares : (units, ages)
-        Number of errors of one coordinate, and the sum of their squares.
-    since : (ages,)
-        Frames.
-    lived
-        The same by age A, of the tracks that were seen at that age or later.
-    fourth : (units, ages)
-        Sum of the fourth powers of errors, where it is known.
+    Shapes: n, squares (units, ages), since (ages,) frames, fourth (units, ages).
     """
     compared = [_compared(n, squares, since, at_least, *of) for at_least, of in sorted(lived.items())]
     known = [one for one in compared if np.count_nonzero(one.size) >= _MIN_UNITS]
@@ -238,13 +229,7 @@ class Changes:
 
 
 def behaves(growth: Growth, changes: Changes) -> tuple[Behaviour, str]:
-    """Verdict by (behaviour), and the reason in words.
-
-    Parameters
-    ----------
-    growth, changes
-        Of one condition, trimming and coordinate.
-    """
+    """Verdict by (behaviour), and the reason in words."""
     if growth.loss is not None and growth.loss.refused:
         return Behaviour.undecided, _lost(growth.loss)
     if not growth.polynomial.agreement.refused:

@@ -65,20 +65,8 @@ def lifetime_bounds(
 ) -> Iterator[LabelledEstimates]:
     """Means of lifetimes, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
 
-    Without those until failure where the tracker does not report causes.
-
-    Parameters
-    ----------
-    ends
-        Columns of `ENDS`, rows of one condition.
-    draws
-        Of all scenes of the dataset.
-    method
-        How to make intervals.
-    groups
-        Groups of scenes that are not independent of each other.
-    horizon
-        Of restricted means, frames: at most what all scenes of the condition reach.
+    Without those until failure where the tracker does not report causes. `ends`: columns of `ENDS`, rows of one
+    condition.
     """
     curves = _CURVES if not ends[f"n_{FAILURES[0]}"].null_count() else {survival: _CURVES[survival]}
     counts = ends.with_columns_seq(n_failed=pl.sum_horizontal(f"n_{cause}" for cause in FAILURES))
@@ -112,12 +100,7 @@ def outlier_bounds(
 ) -> Iterator[LabelledEstimates]:
     """Pooled outlier ratio: outliers over the features that were offered. None if outliers are not reported.
 
-    Parameters
-    ----------
-    frames
-        Columns of `FRAME_COUNTS`, rows of one condition.
-    draws, method, groups
-        As in `lifetime_bounds`.
+    `frames`: columns of `FRAME_COUNTS`, rows of one condition.
     """
     if frames["outliers"].null_count():
         return
@@ -132,14 +115,7 @@ def outlier_bounds(
 def survival(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Kaplan-Meier survival beyond each lifetime; constant where no track is at risk.
 
-    Parameters
-    ----------
-    sums : (2 or more, lifetimes, ...)
-        Tracks that ended, and that were censored, at each lifetime.
-
-    Returns
-    -------
-    (1, lifetimes, ...) float64
+    Shapes: sums (2 or more, lifetimes, ...); returns (1, lifetimes, ...).
     """
     return kaplan_meier(sums[0], sums[1], axis=0).beyond[None]
 
@@ -278,15 +254,8 @@ def incidence_table(ends: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
 def cumulative_incidence(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Share of tracks that have ended by each cause up to each lifetime (Aalen and Johansen).
 
-    Parameters
-    ----------
-    sums : (1 + causes, lifetimes, ...)
-        Tracks that were censored, and that ended by each cause, at each lifetime, ascending.
-
-    Returns
-    -------
-    (causes, lifetimes, ...) float64
-        Constant where no track is at risk. Together with the Kaplan-Meier survival it adds up to 1.
+    Shapes: sums (1 + causes, lifetimes, ...); returns (causes, lifetimes, ...). Constant where no track is at risk.
+    Together with the Kaplan-Meier survival it adds up to 1.
     """
     censored, ended = sums[0], sums[1:]
     at_risk, beyond = kaplan_meier(ended.sum(axis=0), censored, axis=0)

@@ -89,16 +89,8 @@ def paired(
 ) -> PairedValues:
     """Changes of values that every run has on its own.
 
-    Parameters
-    ----------
-    levels : two (scenes, points) float64
-        First and second run: values of a scene, or their logarithms: -inf where a value is 0, NaN where there is none.
-    measured : (scenes, 2) bool
-        Which scenes were measured in each of both runs.
-    places, n_coordinates
-        As in `PairedValues`.
-    logarithms
-        Whether these are logarithms.
+    Shapes: measured (scenes, 2). `levels`: first and second run: values of a scene, or their logarithms: -inf where a
+    value is 0, NaN where there is none.
     """
     first, second = levels
     found = differences(np.stack([second, first], axis=1), measured, logarithms=logarithms)

@@ -47,17 +47,8 @@ def class_sums(sums: pl.DataFrame) -> pl.DataFrame:
     """Sums of every class and coordinate in every scene and block.
 
     Classes by depth, edge, incidence, side and parallax are of visible features. Those by occlusion include the
-    occluded ones.
-
-    Parameters
-    ----------
-    sums
-        Schema `SURROUNDINGS`, rows of one condition.
-
-    Returns
-    -------
-    polars.DataFrame
-        dataset, scene, block, `POINT` and `WITHIN_ALL`. A class has a row in every block in which any class has one.
+    occluded ones. Returns: dataset, scene, block, `POINT` and `WITHIN_ALL`. A class has a row in every block in which
+    any class has one. `sums`: schema `SURROUNDINGS`, rows of one condition.
     """
     visible = sums.filter(pl.col("occlusion") != Occlusion.now)
     parts = [_ranges(visible), _sides(visible), _occlusions(sums)]

@@ -252,14 +252,7 @@ class Change:
 def change_of(values: NDArray[np.float64], question: Question, ages: ComparedAges) -> Change | None:
     """Test both directions; None where no point has enough scenes.
 
-    Parameters
-    ----------
-    values : (scenes, points) float64
-        Second run minus first run, NaN where there is none.
-    question
-        What is asked.
-    ages
-        Whether single points are tested besides their mean.
+    Shapes: values (scenes, points). `values`: second run minus first run, NaN where there is none.
     """
     every = average(values, question.group, question.resampled)
     compared = enough_scenes(every, question.resampled)
@@ -315,15 +308,8 @@ def bias_change(
 ) -> Change | None:
     """Test both directions; None where no point has enough scenes.
 
-    Parameters
-    ----------
-    change, total : (scenes, points) float64
-        Mean errors of the second run minus, and plus, those of the first, px, NaN where there are none. Points are
-        places times two coordinates.
-    question
-        What is asked.
-    ages
-        Whether single points are tested, or the mean over all places of each coordinate.
+    Shapes: change, total (scenes, points). `change, total`: mean errors of the second run minus, and plus, those of the
+    first, px, NaN where there are none.
     """
     compared = enough_scenes(average(change, question.group, question.resampled), question.resampled)
     if not compared.any():

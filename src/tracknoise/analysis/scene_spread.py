@@ -50,19 +50,7 @@ _TESTED = (Resampled.scenes, Resampled.groups)
 def between_scenes(
     units: Units, statistics: Statistics, scales: Sequence[str], estimates: EstimateArray
 ) -> BetweenScenes:
-    """How much scenes differ in their own statistics.
-
-    Parameters
-    ----------
-    units
-        The units of the condition.
-    statistics
-        What to compute of the sums of each scene.
-    scales
-        Of each statistic, a name in `tracknoise.inference.jackknife.SCALES`.
-    estimates
-        Whose coverage is asked for.
-    """
+    """How much scenes differ in their own statistics."""
     own = own_values(units, statistics)
     found = next_scene(units, own, scales, level=estimates.level)
     return BetweenScenes(found.spread, found.low, found.high, _coverage(estimates, units, found.spread, scales))
@@ -151,16 +139,7 @@ class Parts:
 def with_biases(units: Units, parts: Parts, estimates: EstimateArray, rows: Sequence[int]) -> EstimateArray:
     """The same with intervals of second moments by (biased), if scenes or groups of them are resampled.
 
-    Parameters
-    ----------
-    units
-        Of one condition, with the columns `SUMS`.
-    parts
-        Of their second moments, with the weighting of the estimates.
-    estimates
-        Student's intervals, (statistics, points); others stay as they are.
-    rows
-        Where the second moments of u and of v are among the statistics.
+    `units`: of one condition, with the columns `SUMS`.
     """
     if estimates.kind != IntervalKind.student or units.resampled not in OF_SCENES:
         return estimates
@@ -173,17 +152,7 @@ def with_biases(units: Units, parts: Parts, estimates: EstimateArray, rows: Sequ
 
 
 def biased_interval(parts: Parts, within: EstimateArray, value: Array) -> tuple[Array, Array]:
-    """Bounds by (biased), (2, points); NaN or infinite where there are none.
-
-    Parameters
-    ----------
-    parts
-        Of the second moments.
-    within
-        Mean variance W with its bounds, (2, points).
-    value : (2, points)
-        The second moments; they are more than W + B by a factor of n / (n - 1), if all n features are pooled.
-    """
+    """Bounds by (biased), (2, points); NaN or infinite where there are none. Shapes: value (2, points)."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         mean = (parts.squares.sum(axis=0) / parts.sizes.sum(axis=0)).T
         degrees = _degrees(parts).T
@@ -250,19 +219,8 @@ _STEP = 0.2
 def coverage_of_heavy_tails(units: Units, parts: Parts, *, level: float) -> Array:
     """Coverage of the intervals of `tracknoise.analysis.scene_spread` if biases are heavy-tailed.
 
-    Parameters
-    ----------
-    units
-        Of one condition, with the columns of `tracknoise.analysis.condition_units.SUMS`.
-    parts
-        Of their second moments.
-    level
-        Of the intervals.
-
-    Returns
-    -------
-    (2, points) float64
-        Of u and of v; NaN where it is the level to within `TOLERATED`, or where no scenes are resampled.
+    Returns (2, points). Of u and of v; NaN where it is the level to within `TOLERATED`, or where no scenes are
+    resampled. `units`: of one condition, with the columns of `tracknoise.analysis.condition_units.SUMS`.
     """
     found = np.full(parts.biases.shape[1:], np.nan)
     if units.resampled in OF_SCENES:

@@ -82,12 +82,7 @@ _ROUNDING = 1e-9
 def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
     """Which points are fitted: up to the first that rests on too few errors, or too few units.
 
-    Parameters
-    ----------
-    units
-        Points by `since`; columns `GROWTH_SUMS`.
-    min_features
-        Fewest errors of all units together.
+    `units`: columns `GROWTH_SUMS`.
     """
     n = units.sums[..., 0]
     enough = (n.sum(axis=0) >= min_features) & (np.count_nonzero(n, axis=0) >= min(_MIN_UNITS, len(n)))
@@ -97,16 +92,7 @@ def fit_ages(units: Units, *, min_features: int) -> NDArray[np.bool_]:
 def pooled_sizes(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Sizes, Sizes]:
     """Sizes of (growth) of u and of v, of all errors together.
 
-    Parameters
-    ----------
-    units
-        Points by `since`; columns `GROWTH_SUMS`.
-    weights : (draws, units)
-        How often each unit was drawn.
-    ages : (points,)
-        Which are fitted, at least `MIN_AGES`, with errors that are not all zero.
-    method
-        How to make intervals.
+    Shapes: weights (draws, units), ages (points,). `units`: columns `GROWTH_SUMS`.
     """
 
     def fits(since: Array, weight: Array) -> _Fit:
@@ -118,13 +104,7 @@ def pooled_sizes(units: Units, weights: Array, ages: NDArray[np.bool_], method: 
 
 
 def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], method: Method) -> tuple[Sizes, Sizes]:
-    """Sizes and time constant of (saturating) of u and of v, of all errors together.
-
-    Parameters
-    ----------
-    units, weights, ages, method
-        As in `pooled_sizes`. A bound of the time constant at an end of what is tried is none.
-    """
+    """Sizes and time constant of (saturating) of u and of v, of all errors together."""
     tried = range_tried(units.points["since"].to_numpy().astype(np.float64)[ages])
 
     def named(found: list[Estimate]) -> Sizes:
@@ -145,10 +125,7 @@ def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], met
 def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
     """Mean error of u and of v per frame, px: what fits the mean errors of all ages, as a line through zero.
 
-    Parameters
-    ----------
-    moments
-        Columns since, n, u and v; at least one row.
+    `moments`: columns since, n, u and v; at least one row.
     """
     since, n, u, v = (moments[name].to_numpy().astype(np.float64) for name in ("since", "n", "u", "v"))
     total = (n * since**2).sum()
@@ -321,17 +298,8 @@ def growth_units(
 ) -> GrowthUnits:
     """Sums of errors by unit, with those of changes and of long-lived tracks of the same units.
 
-    Parameters
-    ----------
-    scenes, blocks
-        Of errors, by scene and by block: columns dataset, scene (and block), since and `GROWTH_SUMS`; of scenes
-        `FOURTH_SUMS`.
-    changes
-        Columns dataset, scene, block, lag and `CHANGE_SUMS`.
-    lived, lived_blocks
-        Of long-lived tracks, by scene and by block: columns scene (and block), at_least, since and `GROWTH_SUMS`.
-    groups
-        Groups of scenes that are not independent of each other.
+    `scenes, blocks`: of errors, by scene and by block: columns dataset, scene (and block), since and `GROWTH_SUMS`.
+    `changes`: columns dataset, scene, block, lag and `CHANGE_SUMS`.
     """
     errors = units_of(scenes, blocks, points=["since"], columns=GROWTH_SUMS, groups=groups).across_groups()
     by_block = errors.resampled == Resampled.blocks
@@ -375,19 +343,7 @@ _DRAWS = 400
 
 
 def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], method: Method) -> tuple[Growth, Growth]:
-    """Fit the growth of u and of v.
-
-    Parameters
-    ----------
-    units
-        Of one condition and trimming, with errors that are not all zero at any fitted age.
-    ages
-        Where curves are, and which are fitted.
-    weights : (draws, units)
-        How often each unit was drawn.
-    method
-        How to make intervals of what is fitted to all errors together.
-    """
+    """Fit the growth of u and of v. Shapes: weights (draws, units)."""
     sizes = pooled_sizes(units.errors, weights, ages.fitted, method)
     curves = [scene_curves(units.of(axis)) for axis in (0, 1)]
     polynomials = [_known(units, *polynomial(curve, ages, method.level)) for curve in curves]

@@ -1,6 +1,5 @@
 """A finished run, read from its folder, and rows of its tables by the values of columns.
 
-- A finished run, read from its folder.
 - Choose rows of a table by the values of its columns.
 """
 
@@ -77,14 +76,7 @@ class ResultColumns(ConditionColumns, total=False):
 def findings_about(findings: pl.DataFrame, results: pl.DataFrame, tracker: str) -> pl.DataFrame:
     """Findings that have a part about a tracker, with the text and the numbers of these parts.
 
-    Parameters
-    ----------
-    findings
-        Schema `FINDINGS`.
-    results
-        Schema `RESULTS`.
-    tracker
-        Its name.
+    `findings`: schema `FINDINGS`. `results`: schema `RESULTS`.
     """
     numbers = {row["id"]: row for row in results.filter(tracker=tracker).iter_rows(named=True)}
     rows = []
@@ -122,13 +114,7 @@ def select(table: pl.DataFrame, wanted: Mapping[str, Any]) -> pl.DataFrame:
 
 
 def filtered(table: pl.DataFrame, wanted: Mapping[str, Any]) -> pl.DataFrame:
-    """The same as `select`, without the check of names.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such column.
-    """
+    """The same as `select`, without the check of names."""
     for column, value in wanted.items():
         if column not in table.columns:
             raise UnknownNameError("column", column, table.columns)

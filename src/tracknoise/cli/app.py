@@ -104,13 +104,7 @@ _INTERRUPTED = 130
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit with its status.
-
-    Parameters
-    ----------
-    arguments
-        Without the program's name. Default: the arguments of the process.
-    """
+    """Run the command line and exit with its status."""
     if arguments is None:
         processes.prepare()
     with Interruption() as interruption:

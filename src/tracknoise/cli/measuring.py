@@ -27,25 +27,7 @@ def measure(
     fresh: bool,
     verify: bool = False,
 ) -> "Outcome":
-    """Measure an experiment into a run folder.
-
-    Parameters
-    ----------
-    terminal
-        Shows the progress.
-    experiment
-        What to measure.
-    out
-        The run folder. A run of the same experiment is resumed.
-    workers
-        Number of worker processes; None means one per core.
-    scheduler
-        Address of a Dask scheduler whose workers are used instead.
-    fresh
-        Delete the run that the folder holds.
-    verify
-        Compare the contents of all files that measured sequences were read from.
-    """
+    """Measure an experiment into a run folder. `workers`: None means one per core."""
     from tracknoise.cli.progress import RunProgress
     from tracknoise.experiments.execute import execute
     from tracknoise.tables.store import RunFolder

@@ -55,15 +55,7 @@ class Output(Protocol):
 
 
 class Pace:
-    """Rate of a run since its start, and the time left at that rate.
-
-    Parameters
-    ----------
-    to_do
-        Number of sequences still to be measured.
-    clock
-        Returns the time, seconds.
-    """
+    """Rate of a run since its start, and the time left at that rate."""
 
     def __init__(self, to_do: int, clock: Callable[[], float] = time.monotonic) -> None:
         self._to_do, self._done = to_do, 0
@@ -85,17 +77,6 @@ class Heartbeat:
     """Prints a status line from time to time, from its own thread: a sequence can take long.
 
     The pause between two lines is a twentieth of the time since the start, and at least `SILENCE_S`.
-
-    Parameters
-    ----------
-    say
-        Prints a line.
-    status
-        Returns the line, given the seconds since the start. An empty line is not printed.
-    clock
-        Returns the time, seconds.
-    pause_s
-        Time between two checks of the clock, seconds.
     """
 
     def __init__(
@@ -136,13 +117,6 @@ class Heartbeat:
 
 class RunProgress:
     """Shows sequences and frames as they are measured; a `tracknoise.experiments.execute.Listener`.
-
-    Parameters
-    ----------
-    terminal
-        Where to print.
-    clock
-        Returns the time, seconds.
 
     Attributes
     ----------

@@ -47,28 +47,14 @@ class Recording:
     stereo: bool
 
     def view(self, sequence: "Images") -> "Images":
-        """A sequence of the reader, with the depth that was asked for.
-
-        Raises
-        ------
-        DataError
-            If that is from stereo and there is no second camera.
-        """
+        """A sequence of the reader, with the depth that was asked for."""
         from tracknoise.sequences.stereo import with_stereo_depth
 
         return with_stereo_depth(sequence) if self.stereo else sequence
 
 
 def named_recording(words: Sequence[str]) -> tuple[str, Path | None]:
-    """Name of the reader and path of the data, from one or two arguments.
-
-    Raises
-    ------
-    SettingsError
-        If there are more than two.
-    DataError
-        If there is nothing at the path, or its format is unknown.
-    """
+    """Name of the reader and path of the data, from one or two arguments."""
     from tracknoise.exceptions import SettingsError
     from tracknoise.sequences.reader_registry import READERS
     from tracknoise.sequences.recognise import recognise
@@ -84,13 +70,7 @@ def named_recording(words: Sequence[str]) -> tuple[str, Path | None]:
 
 
 def open_recording(words: Sequence[str], options: Sequence[str] | None) -> Recording:
-    """The recording that arguments and options name.
-
-    Raises
-    ------
-    TracknoiseError
-        As `named_recording`, or if an option is unknown or has a wrong value.
-    """
+    """The recording that arguments and options name."""
     from tracknoise.sequences.reader_registry import make_reader
 
     name, path = named_recording(words)
@@ -115,13 +95,7 @@ def _is_stereo(depth: object) -> bool:
 
 
 def options_of(texts: Sequence[str] | None) -> dict[str, object]:
-    """Options of the reader by name, from ``NAME=VALUE``.
-
-    Raises
-    ------
-    SettingsError
-        If one has no value.
-    """
+    """Options of the reader by name, from ``NAME=VALUE``."""
     return dict(map(_option, texts or ()))
 
 

@@ -48,10 +48,7 @@ _NOISE = (
 def print_outcome(terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool) -> int:
     """Print the summary of a run that has ended, its report and its failures.
 
-    Returns
-    -------
-    int
-        Exit status: 0 if every sequence was measured, 2 if some were, 1 if none was.
+    Returns exit status: 0 if every sequence was measured, 2 if some were, 1 if none was.
     """
     if not outcome.measured:
         return 1 if outcome.failures else 0
@@ -76,11 +73,6 @@ def summary_text(run: RunFolder) -> str:
     """Summary table with one row per condition: lifetime, outlier ratio, and errors (observed minus true) at one age.
 
     If there are too many conditions, only those that the report's figures show have a row.
-
-    Raises
-    ------
-    StoreError, SchemaError
-        If the run has no usable statistics.
     """
     data = ReportData.of(run)
     table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else data.summary))

@@ -21,13 +21,7 @@ def _remember_debug(context: typer.Context, value: bool) -> bool:
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:
-    """Number of frames, or first, last and step; None where the option is not given.
-
-    Raises
-    ------
-    SettingsError
-        If it is neither.
-    """
+    """Number of frames, or first, last and step; None where the option is not given."""
     return None if text is None else frames_of("--frames", text)
 
 
@@ -86,13 +80,7 @@ class JsonCommand(typer.core.TyperCommand):
     """A command whose ``--json`` is a flag: a file after it is refused, with the option that takes one."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse arguments.
-
-        Raises
-        ------
-        SettingsError
-            If a file is given to ``--json``.
-        """
+        """Parse arguments."""
         for option, following in pairwise([*args, "-"]):
             if option.startswith(f"{_JSON}="):
                 _refuse_file(option.partition("=")[2])
@@ -113,17 +101,7 @@ def _refuse_file(word: str) -> None:
 
 
 def write_json(terminal: "Terminal", document: str, *, as_json: bool, file: Path | None) -> None:
-    """Print a JSON document if it is asked for, and write it to a file if one is given.
-
-    Parameters
-    ----------
-    terminal
-        Where to print.
-    document
-        Its text.
-    as_json, file
-        Values of `JsonOption` and `JsonFileOption`.
-    """
+    """Print a JSON document if it is asked for, and write it to a file if one is given."""
     from tracknoise.tables.files import write_atomically
 
     if as_json:

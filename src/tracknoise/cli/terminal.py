@@ -20,13 +20,7 @@ def write_result(text: str) -> None:
 
 
 def finish_results() -> None:
-    """Write what is still in memory to stdout.
-
-    Raises
-    ------
-    TracknoiseError
-        If results could not be written, as on a full disk.
-    """
+    """Write what is still in memory to stdout."""
     error = error_of_stdout()
     if error is not None:
         raise TracknoiseError(f"standard output cannot be written ({error.strerror})") from error

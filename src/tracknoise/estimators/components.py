@@ -87,12 +87,7 @@ def independent_noun(units: Units) -> str:
 def group_numbers(table: pl.DataFrame, groups: SceneGroups) -> NDArray[np.intp]:
     """Number of what the scene of each row is left out with, from 0, (rows,): its group, or the scene itself.
 
-    Parameters
-    ----------
-    table
-        Column scene; if there are groups, also a column dataset, with one value.
-    groups
-        Of scenes that are not independent of each other.
+    `table`: column scene. If there are groups, also a column dataset, with one value.
     """
     names = table["scene"].unique().sort().to_list()
     number = groups.of(_dataset(table), names)
@@ -260,17 +255,8 @@ class Steps:
     def log_likelihoods(self, counts: Array, measured: Array, modelled: Array) -> Array:
         """Log likelihood of the errors of each scene, per error, by (held_out), nat, without its constant.
 
-        Parameters
-        ----------
-        counts
-            (equations, scenes) float64.
-        measured, modelled
-            (equations, scenes) float64: half traces, px^2.
-
-        Returns
-        -------
-        (scenes,) float64
-            NaN for scenes without errors.
+        Shapes: counts (equations, scenes), measured, modelled (equations, scenes) px^2; returns (scenes,). NaN for
+        scenes without errors.
         """
         n = np.nan_to_num(counts[self.error])
         variance, square = self._conditional(measured, modelled)
@@ -314,12 +300,8 @@ class LeftOut:
     def of(cls, points: pl.DataFrame, sums: Array) -> "LeftOut | None":
         """From sums (units, equations, columns) of independent units; None if fewer than two have any errors.
 
-        Parameters
-        ----------
-        points
-            Columns product and age: one row per equation.
-        sums
-            Columns `tracknoise.estimators.components.COLUMNS`.
+        `points`: columns product and age: one row per equation. `sums`: columns
+        `tracknoise.estimators.components.COLUMNS`.
         """
         some, steps = sums[sums[..., 0].any(axis=1)], Steps.of(points)
         if len(some) < 2:
@@ -453,15 +435,7 @@ def choose(sums: "WeightedSums", *, level: float) -> tuple[int, ...]:
 
 
 def select(sums: "WeightedSums", *, level: float) -> Selection:
-    """Choose the components, and say what is known of the others.
-
-    Parameters
-    ----------
-    sums
-        What they are fitted to.
-    level
-        Of the intervals of the model.
-    """
+    """Choose the components, and say what is known of the others."""
     strict = _strict(level)
     active, eliminated, dropped = _chosen(sums, strict)
     better = f"other components describe {independent_noun(sums.units)} that were left out better"
@@ -580,10 +554,7 @@ class FittedComponents:
     def combined(self, coefficients: Array) -> list[Interval]:
         """Square roots of linear combinations of the half traces, px, with their intervals.
 
-        Parameters
-        ----------
-        coefficients
-            (n, 4) float64, not negative.
+        Shapes: coefficients (n, 4).
         """
         models = (self.selection.active, *self.selection.alternatives)
         found = reduce(Bounded.hull, [self.sums.combined(one, coefficients, level=self.level) for one in models])
@@ -593,31 +564,13 @@ class FittedComponents:
 def sums_of_units(sums: pl.DataFrame, groups: SceneGroups) -> Units:
     """What components are fitted to: the sums of a condition by unit.
 
-    Parameters
-    ----------
-    sums
-        Rows of the condition, schema `NOISE_SUMS`.
-    groups
-        Groups of scenes that are not independent of each other.
+    `sums`: rows of the condition, schema `NOISE_SUMS`.
     """
     return units_of(sums.drop("block"), sums, points=["product", "age"], columns=COLUMNS, groups=groups)
 
 
 def fit_components(units: Units, *, level: float) -> FittedComponents:
-    """Fit the components to the sums of a condition.
-
-    Parameters
-    ----------
-    units
-        Sums by product and age, columns `COLUMNS`.
-    level
-        Of the intervals.
-
-    Raises
-    ------
-    SettingsError
-        If there are too few errors.
-    """
+    """Fit the components to the sums of a condition. `units`: sums by product and age, columns `COLUMNS`."""
     equations, sums = _weighted(units)
     selection = select(sums, level=level)
     every = {**_kept(equations, sums, selection, level), **_none(selection.dropped)}
@@ -625,18 +578,7 @@ def fit_components(units: Units, *, level: float) -> FittedComponents:
 
 
 def fit_noise(units: Units, *, level: float) -> TrackNoise:
-    """The covariances that `fit_components` returns. Without intervals and alternatives it takes half the time.
-
-    Parameters
-    ----------
-    units, level
-        As in `fit_components`.
-
-    Raises
-    ------
-    SettingsError
-        If there are too few errors.
-    """
+    """The covariances that `fit_components` returns. Without intervals and alternatives it takes half the time."""
     equations, sums = _weighted(units)
     active = choose(sums, level=level)
     covariances = equations.bounded(sums.weights, active)

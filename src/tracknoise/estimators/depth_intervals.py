@@ -103,19 +103,9 @@ class LearnedNoise:
 def tried_windows(tracks: pl.DataFrame, learned_for: Iterable[tuple[Collection[str], LearnedNoise]]) -> pl.DataFrame:
     """Windows of one condition under each covariance.
 
-    Parameters
-    ----------
-    tracks
-        Rows of the condition, schema `NOISE_TRACKS`.
-    learned_for
-        Names of scenes, and the noise to try on them.
-
-    Returns
-    -------
-    polars.DataFrame
-        One row per window, trimming and covariance: dataset, scene, block, trimming, window, covariance, weight (tracks
-        that it stands for), sigma (px; null for whole tracks), z (error of the depth over what is claimed) and error
-        (as a share of the depth), both without their signs.
+    Returns one row per window, trimming and covariance: dataset, scene, block, trimming, window, covariance, weight
+    (tracks that it stands for), sigma (px; null for whole tracks), z (error of the depth over what is claimed) and
+    error (as a share of the depth), both without their signs.
     """
     parts = [empty(_WINDOW)]
     for scenes, learned in learned_for:
@@ -211,17 +201,7 @@ FOLDS = 4
 def learned_noise(
     scenes: Collection[str], sums: pl.DataFrame, windows: pl.DataFrame, *, groups: SceneGroups
 ) -> Iterator[tuple[Sequence[str], LearnedNoise]]:
-    """Scenes, and what all others say that are of none of their groups; nothing where none of these has windows.
-
-    Parameters
-    ----------
-    scenes
-        Names of the scenes that it is tried on.
-    sums, windows
-        Rows of the condition, schemas `NOISE_SUMS` and `WINDOW_NOISE`.
-    groups
-        Groups of scenes that are not independent of each other.
-    """
+    """Scenes, and what all others say that are of none of their groups; nothing where none of these has windows."""
     seen = {*windows["scene"]}
     for part in _parts(sorted(seen | {*sums["scene"]}), sums, windows, groups):
         tried = [scene for scene in part if scene in seen.intersection(scenes)]

@@ -61,18 +61,7 @@ _MOST_WIDENED, _MOST_ROUNDS = 12, 4
 
 
 def shared_roots(values: Callable[[float], Array], start: Array, *, close: float) -> Array:
-    """Roots of n smooth decreasing functions, (n,), by repeated linear interpolation.
-
-    Parameters
-    ----------
-    values
-        Of all functions, (n,).
-    start : (points,)
-        Where they are evaluated first, increasing in equal steps. The range is widened by such steps until it contains
-        all roots, or until it is `_MOST_WIDENED` steps longer at an end. A root beyond is taken to be there.
-    close
-        Interpolation is repeated until the functions are known this close to each root.
-    """
+    """Roots of n smooth decreasing functions, (n,), by repeated linear interpolation."""
     known = {float(at): values(float(at)) for at in start}
     step = float(start[1] - start[0])
     _widen(known, values, -step)
@@ -126,17 +115,7 @@ class Gates:
     _known: dict[tuple[float, bool], tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
 
     def factors(self, sigma: float, *, first: float | None, born_only: bool = False) -> tuple[float, ...]:
-        """What to multiply gates at `LEVELS` by, (gates.landmark).
-
-        Parameters
-        ----------
-        sigma
-            Of all observations, px, above 0.
-        first
-            That of first observations over it; None for a free landmark.
-        born_only
-            Whether this is that of tracks that begin in the window only.
-        """
+        """What to multiply gates at `LEVELS` by, (gates.landmark). `first`: None for a free landmark."""
         squares = self.measured if first is None else self._with_first(first, born_only)
         return tuple(square / sigma**2 for square in squares)
 
@@ -153,19 +132,7 @@ class Gates:
 def gates(
     windows: pl.DataFrame, length: int, *, limit_px: float, window: Sequence[LinearTracks], noise: TrackNoise
 ) -> Gates:
-    """Gates of windows of a length.
-
-    Parameters
-    ----------
-    windows
-        Schema `WINDOW_NOISE`, of one tracker and speed.
-    length
-        Frames of the window.
-    limit_px
-        Errors beyond this are outliers.
-    window, noise
-        As in `Gates`.
-    """
+    """Gates of windows of a length. `windows`: schema `WINDOW_NOISE`, of one tracker and speed."""
     modelled = tuple(gate_factor(window, noise, sigma=1.0, level=level) for level in LEVELS)
     return Gates(window, noise, modelled, _measured(windows, length, limit_px) or modelled)
 
@@ -210,21 +177,7 @@ def equivalents(
     speed: int,
     gates: Gates,
 ) -> list[Equivalent]:
-    """Standard deviations for all kinds of landmarks and purposes, for windows of one length.
-
-    Parameters
-    ----------
-    fitted
-        The components.
-    windows
-        Windows of this length.
-    length
-        Frames of the tracker.
-    speed
-        Frames of the recording per frame of the tracker.
-    gates
-        Of windows of this length.
-    """
+    """Standard deviations for all kinds of landmarks and purposes, for windows of one length."""
     alone = [[true_covariances(window, noise) for noise in _units_of_noise(speed)] for window in windows]
     free, exact = (_linear(fitted, windows, alone, first) for first in (None, EXACT))
     state = _state(fitted, windows, alone, speed, free)

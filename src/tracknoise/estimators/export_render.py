@@ -82,13 +82,6 @@ def thinned(model: ExportedModel, n: int) -> tuple[Equivalent, ...]:
 
     A first direction that is a state counts as exact where the model has no noise of the first position, and as free
     otherwise.
-
-    Parameters
-    ----------
-    model
-        If it has no walk and no drift, its sigmas do not change.
-    n
-        Frames of the tracker per used frame.
     """
     if not (model.walk.covariance.any() or model.drift.covariance.any()):
         return model.equivalents
@@ -141,13 +134,7 @@ class Converted:
 
 
 def converted(model: ExportedModel, target: Target) -> Converted:
-    """Return the model in the px and frames of an estimator.
-
-    Raises
-    ------
-    SettingsError
-        If the focal length or the rate is not a positive number, or is not that of the model and cannot be converted.
-    """
+    """Return the model in the px and frames of an estimator."""
     caveats: list[str] = []
     scale = _scale(model, target, caveats)
     thinning = _thinning(model, target, caveats)

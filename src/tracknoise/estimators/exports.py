@@ -210,13 +210,7 @@ class Noise:
     purpose: Purpose | None
 
     def equivalent(self, *, window: int | None = None, purpose: Purpose | None = None) -> Equivalent:
-        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals.
-
-        Raises
-        ------
-        SettingsError
-            If the model has none, or one that is not a positive number.
-        """
+        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals."""
         found = self.model.equivalent(
             landmark=self.landmark,
             window=self.window if window is None else window,
@@ -445,13 +439,7 @@ def refused() -> Mapping[str, Refused]:
 
 
 def estimator(name: str) -> Estimator:
-    """Return an estimator by its name: see `estimator_name`.
-
-    Raises
-    ------
-    SettingsError, UnknownNameError
-        As `estimator_name`.
-    """
+    """Return an estimator by its name: see `estimator_name`."""
     return estimators()[estimator_name(name)]
 
 
@@ -510,15 +498,7 @@ _DIFFERENT = 1.02
 
 
 def header(noise: Noise, source: str, sha256: str) -> str:
-    """Write the first line of a file: tool, model, tracker, and what is right. It can stand in a comment.
-
-    Parameters
-    ----------
-    noise
-        What is written.
-    source, sha256
-        Name and hash of the file of the model.
-    """
+    """Write the first line of a file: tool, model, tracker, and what is right. It can stand in a comment."""
     training = noise.model.training
     parts = [
         f"tracknoise {version('tracknoise')}",

@@ -1,7 +1,6 @@
 """The fit of a noise model to the scenes of a run: bias, shared noise, tails, and all other parts.
 
 - Tails of the errors: Student's t of untrimmed errors, in units of what the components give at their age.
-- The fit of a noise model to the scenes of a run.
 
 The mean error, and whether a correction by it is warranted.
 
@@ -80,18 +79,8 @@ def fit_bias(
 ) -> Bias:
     """The correction that is warranted, or why none is.
 
-    Parameters
-    ----------
-    sums
-        Schema `NOISE_SUMS`, of one tracker and speed.
-    floors
-        Schema `FLOORS`, of the same.
-    groups
-        Of scenes that are not independent of each other.
-    level
-        Of the interval of the reduction.
-    audit_curves
-        Table `AUDIT_CURVES` of the run; None where it has not been audited yet.
+    `sums`: schema `NOISE_SUMS`, of one tracker and speed. `floors`: schema `FLOORS`, of the same. `audit_curves`: None
+    where it has not been audited yet.
     """
     errors = sums.filter(pl.col("product") == Product.error).with_columns(squares=pl.col("uu") + pl.col("vv"))
     units = units_of(errors, points=["age"], columns=_BIAS_COLUMNS)
@@ -192,21 +181,8 @@ _COMMON_COLUMNS = ("predictions", "predicted", "n", "squares")
 def fit_common(rigid: pl.DataFrame, sums: pl.DataFrame, *, groups: SceneGroups, level: float) -> Interval | None:
     """Share of the variance that all features of a frame have in common, by (common.share), with its interval.
 
-    Parameters
-    ----------
-    rigid
-        Schema `RIGID`, of one tracker and speed.
-    sums
-        Schema `NOISE_SUMS`, of the same.
-    groups
-        Of scenes that are not independent of each other.
-    level
-        Of the interval.
-
-    Returns
-    -------
-    Interval or None
-        Between 0 and 1; None where it was not measured, as at all speeds but the lowest, or where all errors are 0.
+    Returns: between 0 and 1; None where it was not measured, as at all speeds but the lowest, or where all errors are
+    0. `rigid`: schema `RIGID`, of one tracker and speed. `sums`: schema `NOISE_SUMS`, of the same.
     """
     table = pl.concat([_predictions(rigid), _squares(sums)], how="diagonal").fill_null(0)
     units = units_of(table.drop("block"), table, points=["age"], columns=_COMMON_COLUMNS, groups=groups)
@@ -264,16 +240,7 @@ _ROUNDING = 1e-12
 def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int, groups: SceneGroups = NO_GROUPS) -> Tails:
     """Fit Student's t to single errors; none where the components have noise in one direction only.
 
-    Parameters
-    ----------
-    samples
-        Schema `SAMPLES`, of one tracker and speed.
-    noise
-        The components.
-    last_age
-        Oldest age to use, frames of the recording.
-    groups
-        Of scenes that are not independent of each other.
+    `samples`: schema `SAMPLES`, of one tracker and speed.
     """
     used = samples.filter(pl.col("at") <= last_age)
     used = used.gather_every(max(1, -(-used.height // _MOST)))
@@ -337,22 +304,7 @@ _RECORDINGS = 2
 
 
 def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, Any]:
-    """Fields of `tracknoise.estimators.noise_model.NoiseModel`, fitted to a run.
-
-    Parameters
-    ----------
-    read
-        Tables of the tracker at the speed.
-    level
-        Of the intervals.
-
-    Raises
-    ------
-    SettingsError
-        If there are too few errors.
-    StoreError, SchemaError
-        If a table of a sequence is missing or damaged.
-    """
+    """Fields of `tracknoise.estimators.noise_model.NoiseModel`, fitted to a run."""
     sums = read["noise_sums"]
     fitted = components_of(read, level=level)
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
@@ -375,13 +327,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
 
 
 def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
-    """Components of the noise, fitted to the sums of the tables.
-
-    Raises
-    ------
-    SettingsError
-        If there are too few errors.
-    """
+    """Components of the noise, fitted to the sums of the tables."""
     return fit_components(sums_of_units(read["noise_sums"], read.groups), level=level)
 
 
@@ -438,12 +384,7 @@ def _recordings(read: TrainingTables) -> list[Recording]:
 def lengths_of_tracks(ends: pl.DataFrame, *, longest: int) -> NDArray[np.int64]:
     """A thousand lengths of tracks with the distribution of Kaplan and Meier, (1000,), frames of the tracker.
 
-    Parameters
-    ----------
-    ends
-        Columns lifetime, n_ended and n_censored.
-    longest
-        Length of those that outlive all known ends, at least.
+    `ends`: columns lifetime, n_ended and n_censored.
     """
     by_length = ends.group_by("lifetime").agg(pl.col("n_ended", "n_censored").sum()).sort("lifetime")
     lifetime, ended, censored = (by_length[name].to_numpy() for name in by_length.columns)

@@ -24,28 +24,8 @@ def newest_pose_by_gtsam(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Adjust a window with GTSAM.
 
-    Parameters
-    ----------
-    problem
-        Of a pinhole camera without distortion.
-    start
-        Where GTSAM starts.
-    assumption
-        Covariances; the loss is not used.
-
-    Returns
-    -------
-    pose : (4, 4) float64
-        world_from_camera of the newest frame.
-    covariance : (5, 5) float64
-        Of the coordinates of the newest pose: three of its rotation, two of its position.
-    nees : float
-        Normalised error squared of the newest pose over 5.
-
-    Raises
-    ------
-    SettingsError
-        If the extra `proof` is not installed.
+    Returns pose (4, 4), covariance (5, 5). `pose`: world_from_camera of the newest frame. `covariance`: of the
+    coordinates of the newest pose: three of its rotation, two of its position.
     """
     gtsam = _gtsam()
     gauge, true = problem.gauge, problem.world_from_camera

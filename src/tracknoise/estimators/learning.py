@@ -192,17 +192,7 @@ def learn(
     noise: TrackNoise | None = None,
     planted: PlantedNoise | None = None,
 ) -> Beliefs:
-    """What the arms need to know.
-
-    Parameters
-    ----------
-    problems
-        Windows of training scenes.
-    noise
-        Components of a noise model; by default they are fitted to the windows.
-    planted
-        The true noise, if it is known.
-    """
+    """What the arms need to know."""
     by_covariate = fit_noise(problems, with_covariate=True)
     components = noise or fit_noise(problems).noise
     benchmarks = problems[:: max(1, len(problems) // _MOST_BENCHMARKS)][:_MOST_BENCHMARKS]

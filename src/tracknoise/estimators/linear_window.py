@@ -188,23 +188,7 @@ def simulated_tracks(
 ) -> tuple[PointTracks, ...]:
     """Tracks of points, as long as they are in the image of a camera, grouped by their length.
 
-    Parameters
-    ----------
-    world_from_camera
-        (frames, 4, 4) float64.
-    n_tracks
-        How many tracks are drawn. Those with fewer than 3 observations are left out.
-    lengths
-        Observations of measured tracks, drawn at random. Tracks then begin at any time, in the window or before it,
-        equally often in each frame, and only what lies in the window counts: long tracks are seen in more windows. By
-        default all tracks begin in the first frame and end when they leave the image.
-    seed
-        Of the random numbers.
-    camera
-        The camera.
-    sights
-        (n, 3) float64: u, v (px) and depth (m) at first sight, drawn at random. By default in the middle of the image
-        of `CAMERA`, at 2 to 10 m.
+    Shapes: world_from_camera (frames, 4, 4), sights (n, 3).
     """
     random = np.random.default_rng(seed)
     drawn = [_track(random, world_from_camera, lengths, camera, sights) for _ in range(n_tracks)]
@@ -405,17 +389,7 @@ def consistent_sigma(
 ) -> float:
     """The standard deviation of all observations that makes a purpose right, px.
 
-    Parameters
-    ----------
-    window
-        Tracks of the window, grouped by length.
-    noise
-        The true noise.
-    purpose
-        What is to be right.
-    landmark
-        How the first observation is used. For `Landmark.STATE` that of a track that begins in the window has the
-        covariance A, and sigma is that of the others; where A is 0, it is exact. NaN if no standard deviation does it.
+    `landmark`: NaN if no standard deviation does it.
     """
     actual = true_covariances(window, noise)
     free = np.sqrt(_consistency(window, actual, scalar_covariances(window, 1.0), purpose))
@@ -545,14 +519,7 @@ class FittedPoints:
 def fit_points(by_point: Array, errors: Array, covariance: Array) -> FittedPoints:
     """Fit points to tracks of equal length, (point_fit).
 
-    Parameters
-    ----------
-    by_point
-        (tracks, n, 3) float64: derivatives of the n coordinates of each track by its point.
-    errors
-        (tracks, n) float64, px.
-    covariance
-        (tracks, n, n) or (n, n) float64, px^2, of full rank.
+    Shapes: by_point (tracks, n, 3), errors (tracks, n) px, covariance (tracks, n, n) or (n, n) px^2.
     """
     weighted = np.asarray(np.linalg.solve(covariance, by_point), dtype=np.float64)
     claimed = np.asarray(np.linalg.inv(np.swapaxes(by_point, 1, 2) @ weighted), dtype=np.float64)

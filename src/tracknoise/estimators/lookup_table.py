@@ -134,15 +134,7 @@ class SceneSums:
 def condensed(sums: pl.DataFrame) -> pl.DataFrame:
     """Sums of the products `error` and `change`, all lightings and cameras together.
 
-    Parameters
-    ----------
-    sums
-        With at least the columns `USED`.
-
-    Returns
-    -------
-    polars.DataFrame
-        Columns `USED`.
+    Returns: columns `USED`. `sums`: with at least the columns `USED`.
     """
     some = sums.filter(pl.col("product").is_in(_LOOKED_UP))
     groups = group_rows(some, _KEYS)
@@ -150,15 +142,7 @@ def condensed(sums: pl.DataFrame) -> pl.DataFrame:
 
 
 def scene_sums(sums: pl.DataFrame, groups: SceneGroups) -> Iterator[tuple[str, Product, SceneSums]]:
-    """Sums of each dataset and product.
-
-    Parameters
-    ----------
-    sums
-        Of one view (`condensed`).
-    groups
-        Groups of scenes, such as those of one motion.
-    """
+    """Sums of each dataset and product."""
     for dataset in sums["dataset"].unique().sort():
         for product in _LOOKED_UP:
             some = sums.filter(dataset=dataset, product=product)

@@ -4,8 +4,6 @@
 - Factors on the covariances of white noise and walk, by what is known at run time.
 - Correction of the mean error.
 
-What is known of the noise of one tracker at one speed, as an estimator needs it.
-
 The error of an observation about the first position of its track, at age k >= 1, is modelled as
 
     e_k = M_k a + w_k + sum_{1 <= i <= k} (M_k / M_i) q_i + k d                          (noise_model.error)
@@ -342,13 +340,7 @@ def matched_loss(kind: LossKind, tails: Tails) -> Loss:
 
 
 def factor_of(conditions: Sequence[Factor], at: Mapping[str, ArrayLike], count: int) -> NDArray[np.float64]:
-    """Product of the factors, (count,) float64; what is unknown or NaN has the factor 1.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no factor by one of the names.
-    """
+    """Product of the factors, (count,) float64; what is unknown or NaN has the factor 1."""
     by_name = {factor.of: factor for factor in conditions}
     for name in at:
         if name not in by_name:
@@ -370,13 +362,7 @@ def log_factor(factor: Factor, values: NDArray[np.float64]) -> NDArray[np.float6
 def corrected(
     bias: Bias, uv: NDArray[np.float64], ages: NDArray[np.float64], flow: ArrayLike | None
 ) -> NDArray[np.float64]:
-    """Positions (n, 2) px without the bias, at ages (n,). First positions stay: biases are about them.
-
-    Raises
-    ------
-    SettingsError
-        If the bias is along the motion, and there is no flow.
-    """
+    """Positions (n, 2) px without the bias, at ages (n,). First positions stay: biases are about them."""
     if bias.kind == BiasKind.BY_AGE:
         return uv - by_age(bias, ages)
     if bias.kind == BiasKind.ALONG_MOTION:

@@ -87,21 +87,7 @@ def inertial_problem(
     noise: InertialNoise | None = None,
     seed: int = 0,
 ) -> InertialProblem:
-    """A camera that moves sideways, sways and turns, at 20 frames and 200 readings per second.
-
-    Parameters
-    ----------
-    planted
-        Noise of the tracks.
-    scene
-        Name of the scene.
-    n_frames, per_frame
-        Frames, and tracks that begin in each.
-    noise
-        Of the readings.
-    seed
-        Of points and noise.
-    """
+    """A camera that moves sideways, sways and turns, at 20 frames and 200 readings per second."""
     random = np.random.default_rng((seed, 3))
     phase = random.uniform(0.0, 2.0 * np.pi, 6)
     interval_s = 1.0 / (_RATE_HZ * _PER_FRAME)
@@ -222,19 +208,7 @@ def run_filter(
     level: float = 0.95,
     seed: int = 0,
 ) -> Filtered:
-    """Filter a sequence.
-
-    Parameters
-    ----------
-    problem
-        Tracks and readings.
-    covariances
-        (tracks, 2 n, 2 n) float64 for each group of tracks, px^2: what is assumed.
-    gate, level
-        The gate is the chi-square quantile of this level times `gate`.
-    seed
-        Of the error of the first state.
-    """
+    """Filter a sequence. Shapes: covariances (tracks, 2 n, 2 n)."""
     work = _Filter(problem, gate=gate, level=level, seed=seed)
     ending = _by_last_frame(problem, covariances)
     work.clone(0)

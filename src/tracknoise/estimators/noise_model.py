@@ -1,7 +1,6 @@
 """The noise model of one tracker at one speed: what an estimator asks it, and its file.
 
 - The document of a noise model: JSON with a published schema, checked when it is read.
-- The noise model of one tracker at one speed: what an estimator asks it, and its file.
 """
 
 import hashlib
@@ -76,13 +75,7 @@ def document_schema(kind: type[_Model]) -> str:
 
 
 def read_document(kind: type[_Model], path: Path) -> _Model:
-    """Read a document.
-
-    Raises
-    ------
-    DataError
-        If it cannot be read, or is not such a document.
-    """
+    """Read a document."""
     fields = _fields(path, read_text(path, "a noise model", most=16 * MIB))
     try:
         return _adapter(kind).validate_python(fields)

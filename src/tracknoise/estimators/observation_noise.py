@@ -1,6 +1,5 @@
 """Covariance and bias of each observation of tracks of a run or of a file, by a noise model.
 
-- Covariance and bias of each observation of tracks, by a noise model.
 - Tracks of a run or of a file, as `observation_noise` takes them.
 """
 

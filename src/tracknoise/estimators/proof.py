@@ -1,7 +1,5 @@
 """The proof of a noise model on a run: what an estimator gains from it on scenes that it was not fitted to.
 
-- The proof of a noise model on a run: what an estimator gains from it on scenes that it was not fitted to.
-
 The cheap proof: how far triangulated points err, and how far their claimed uncertainty says they may.
 
 Each track is triangulated with the true poses, to first order, by least squares that are weighted with a covariance.
@@ -386,18 +384,7 @@ def prove(
 def windows_for(
     folder: RunFolder, model: NoiseModel, *, length: int, per_sequence: int, most_tracks: int = 80, seed: int = 0
 ) -> list[Problem]:
-    """Windows of a run that a noise model can be tried on: of its tracker and speed, without its outliers.
-
-    Parameters
-    ----------
-    folder, model, length, per_sequence, most_tracks, seed
-        As in `prove`.
-
-    Raises
-    ------
-    SettingsError, StoreError, SchemaError
-        As `tracknoise.estimators.proof_windows.recorded_problems`.
-    """
+    """Windows of a run that a noise model can be tried on: of its tracker and speed, without its outliers."""
     cut = Cut(
         tracker=model.training.tracker,
         speed=round(model.training.speed),

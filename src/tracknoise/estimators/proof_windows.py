@@ -176,15 +176,7 @@ class Cut:
 
 
 def recorded_problems(folder: RunFolder, cut: Cut) -> list[Problem]:
-    """Windows of all sequences of a run that are of the reference view, in the order of their keys.
-
-    Raises
-    ------
-    SettingsError
-        If the run has no observations of the tracker at the speed.
-    StoreError, SchemaError
-        If the run keeps no observations, or a table is missing or damaged.
-    """
+    """Windows of all sequences of a run that are of the reference view, in the order of their keys."""
     return [problem for key in _keys(folder, cut) for problem in _of_sequence(folder, key, cut)]
 
 
@@ -380,11 +372,6 @@ def divided(folder: RunFolder, problems: Sequence[Problem], training: Training) 
 
     Scenes that the model was fitted to are used for training if there are others. If it was fitted to none of them or
     to all, every second scene is, or every second group where these count as scenes. One scene is cut in two.
-
-    Raises
-    ------
-    SettingsError
-        If there are fewer than two windows that begin at different frames or are of different scenes.
     """
     scenes = scenes_of(problems)
     dataset, groups = _dataset(folder), groups_of_run(folder)

@@ -229,18 +229,7 @@ def conditions_of(
 ) -> tuple[Factor, ...]:
     """The factors that are worth keeping: none, one or two.
 
-    Parameters
-    ----------
-    covariates
-        Schema `NOISE_COVARIATES`, of one tracker and speed.
-    pairs
-        Schema `NOISE_PAIRS`, of the same; without rows where they are not known.
-    fitted
-        The components.
-    groups
-        Of scenes that are not independent of each other.
-    level
-        Of the intervals of gains.
+    `covariates`: schema `NOISE_COVARIATES`, of one tracker and speed. `pairs`: schema `NOISE_PAIRS`, of the same.
     """
     first = _best(candidates(covariates, fitted, groups=groups, level=level))
     if first is None:
@@ -267,15 +256,7 @@ def candidates(
 def second_candidates(
     pairs: pl.DataFrame, first: Factor, fitted: "FittedComponents", *, groups: SceneGroups = NO_GROUPS, level: float
 ) -> list[tuple[Factor, Factor]]:
-    """Both factors, fitted together, for each other covariate, with what it gains beyond the first one.
-
-    Parameters
-    ----------
-    pairs, fitted, groups, level
-        As in `conditions_of`.
-    first
-        The factor that is kept.
-    """
+    """Both factors, fitted together, for each other covariate, with what it gains beyond the first one."""
     found = []
     with_first = pairs.filter((pl.col("first") == first.of) | (pl.col("second") == first.of))
     for names, part in _parts(with_first, ["first", "second"], fitted, groups):

@@ -38,17 +38,8 @@ def reference_view(table: pl.DataFrame) -> dict[str, Any]:
     """The least turned images, played forward if there are such.
 
     Errors of turned images have other axes, and a drift changes its sign where frames are played backward: they cannot
-    be added to others.
-
-    Parameters
-    ----------
-    table
-        Of any sequences, with rows and the columns rotation and direction.
-
-    Returns
-    -------
-    dict
-        Values of these columns, for `polars.DataFrame.filter`.
+    be added to others. Returns: values of these columns, for `polars.DataFrame.filter`. `table`: of any sequences, with
+    rows and the columns rotation and direction.
     """
     rotation = table["rotation"].min()
     return {"rotation": rotation, "direction": table.filter(rotation=rotation)["direction"].max()}
@@ -57,20 +48,7 @@ def reference_view(table: pl.DataFrame) -> dict[str, Any]:
 def recorded_camera(cameras: Mapping[str, pl.DataFrame]) -> CameraOfModel:
     """The camera of recordings. What differs by more than `TOLERANCE` is not known of the model, and noted.
 
-    Parameters
-    ----------
-    cameras
-        Schema `CAMERAS`, at least one row each, by the key of the sequence.
-
-    Returns
-    -------
-    CameraOfModel
-        With the image size of the first sequence, and the rate from the median time between two frames.
-
-    Raises
-    ------
-    SettingsError
-        If no sequence has a known focal length.
+    `cameras`: schema `CAMERAS`, at least one row each, by the key of the sequence.
     """
     focal = [value for table in cameras.values() for value in table["fx_px"].unique().to_list()]
     if not any(focal):
@@ -187,13 +165,7 @@ class TrainingTables:
 
 
 def conditions(folder: RunFolder) -> list[tuple[str, int]]:
-    """Trackers and speeds that noise models can be fitted to, sorted.
-
-    Raises
-    ------
-    StoreError
-        If there are none.
-    """
+    """Trackers and speeds that noise models can be fitted to, sorted."""
     found = [table.unique() for table in folder.stored_tables(_NEEDED, only=["tracker", "speed"])]
     rows = sorted(pl.concat(found).unique().iter_rows()) if found else []
     if not rows:
@@ -238,46 +210,14 @@ def _without_sums(folder: RunFolder) -> StoreError:
 def training_tables(
     folder: RunFolder, *, tracker: str, speed: int, scenes: Collection[str] | None = None
 ) -> TrainingTables:
-    """Read what a model is fitted to.
-
-    Parameters
-    ----------
-    folder
-        Of a finished run.
-    tracker, speed
-        Names as in the run.
-    scenes
-        Names of the scenes; by default all.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such tracker or scene.
-    SettingsError
-        If there is no such speed, or no scene.
-    StoreError, SchemaError
-        If a table is missing or damaged.
-    """
+    """Read what a model is fitted to."""
     return all_training_tables(folder, [(tracker, speed)], scenes=scenes)[0]
 
 
 def all_training_tables(
     folder: RunFolder, wanted: Sequence[tuple[str, int]], *, scenes: Collection[str] | None = None
 ) -> list[TrainingTables]:
-    """The same for several models. Each table of the run is read once.
-
-    Parameters
-    ----------
-    folder, scenes
-        As in `training_tables`.
-    wanted
-        Trackers and speeds.
-
-    Raises
-    ------
-    UnknownNameError, SettingsError, StoreError, SchemaError
-        As `training_tables`.
-    """
+    """The same for several models. Each table of the run is read once."""
     entries = folder.manifest().sequences
     _require_scenes({entry.sequence.scene for entry in entries.values()}, scenes)
     chosen = {
@@ -379,17 +319,6 @@ def windows(
     """Windows of so many frames, one of each recording that is long enough and moves.
 
     If there is none, a window of sideways and one of forward motion.
-
-    Parameters
-    ----------
-    recordings
-        Where motions and depths are from.
-    speed
-        Frames of the recording per frame of the window.
-    length
-        Frames of the window.
-    lifetimes
-        Lengths of tracks, frames of the window.
     """
     found = [*_measured(recordings, speed, length, lifetimes)]
     if found:

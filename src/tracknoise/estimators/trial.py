@@ -310,21 +310,7 @@ def simulated_problem(
     lengths: NDArray[np.int64] | None = None,
     seed: int = 0,
 ) -> Problem:
-    """A window with its own points and noise.
-
-    Parameters
-    ----------
-    motion
-        Of the camera.
-    planted
-        Noise of the tracks.
-    scene
-        Name of its scene.
-    n_frames, n_tracks, lengths
-        As in `tracknoise.estimators.linear_window.simulated_tracks`.
-    seed
-        Of points and noise.
-    """
+    """A window with its own points and noise."""
     poses = trajectory(motion, n_frames)
     tracks = simulated_tracks(poses, n_tracks=n_tracks, lengths=lengths, seed=seed)
     return noisy(scene, poses, tracks, planted, seed=seed)

@@ -18,22 +18,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def remote_workers(job: "Job", *, address: str, remark: Callable[[str], None]) -> Iterator[Measure]:
-    """Measure with the workers of a scheduler, including workers that join later.
-
-    Parameters
-    ----------
-    job
-        What the workers do.
-    address
-        Address of the scheduler, such as ``tls://host:8786``. Certificates are set in Dask's own configuration.
-    remark
-        Receives the number of workers and the address of the dashboard.
-
-    Raises
-    ------
-    SettingsError
-        If the extra `cluster` is not installed, or the scheduler cannot be reached.
-    """
+    """Measure with the workers of a scheduler, including workers that join later."""
     place = f"scheduler {address}"
     if find_spec("distributed") is None:
         raise missing_extra(place, "cluster")

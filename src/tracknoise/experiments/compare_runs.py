@@ -5,7 +5,6 @@
 - What a comparison reads of one run: errors, ends, counts and numbers of single scenes, by condition.
 - The questions about two runs: the paired values of every statistic of the conditions that both have.
 - Read a gate: a TOML file of tolerances by statistic.
-- Compare runs with the first of them, paired by scene.
 """
 
 from collections import Counter
@@ -83,13 +82,7 @@ class OpenedRun:
 
     @classmethod
     def of(cls, folder: RunFolder, name: str) -> "OpenedRun":
-        """Read a run.
-
-        Raises
-        ------
-        StoreError
-            If there is no finished run, or it is damaged.
-        """
+        """Read a run."""
         folder.statistics("summary")
         return cls(name, folder, folder.manifest(), folder.settings())
 
@@ -99,15 +92,7 @@ class OpenedRun:
 
 
 def require_comparable(first: OpenedRun, second: OpenedRun) -> list[str]:
-    """Keys of the sequences that both runs have measured, sorted.
-
-    Raises
-    ------
-    SettingsError
-        Naming the first reason why the runs cannot be compared: other data, other truth or other libraries.
-    StoreError
-        If a file is damaged.
-    """
+    """Keys of the sequences that both runs have measured, sorted."""
     _require_settings(first, second)
     _require_libraries(first, second)
     common = sorted(set(first.manifest.sequences) & set(second.manifest.sequences))
@@ -245,22 +230,7 @@ class Measured:
 
 
 def matched_trackers(first: Measured, second: Measured, asked: tuple[str, str] | None) -> dict[str, str]:
-    """Name of the tracker of the second run, by that of the first.
-
-    Parameters
-    ----------
-    first, second
-        The runs.
-    asked
-        One tracker of each; None for those of the same name.
-
-    Raises
-    ------
-    UnknownNameError
-        If one that is asked for is not in its run.
-    SettingsError
-        If no tracker is in both runs.
-    """
+    """Name of the tracker of the second run, by that of the first. `asked`: None for those of the same name."""
     if asked is None:
         common = {name: name for name in sorted(first.trackers & second.trackers)}
         if not common:
@@ -338,22 +308,7 @@ class RunTables:
 
 
 def read_run(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[str]]) -> RunTables:
-    """Read the sequences that both runs have.
-
-    Parameters
-    ----------
-    run
-        One of the runs.
-    keys
-        Of the sequences.
-    scenes
-        Names of their scenes, sorted, by dataset.
-
-    Raises
-    ------
-    StoreError, SchemaError
-        If a table is damaged.
-    """
+    """Read the sequences that both runs have. `scenes`: names of their scenes, sorted, by dataset."""
     population = run.settings["truth"]["population"]
     errors = {"population": population, "trimming": Trimming.untrimmed}
     frames = _read(run.folder, "frames", keys)
@@ -475,22 +430,7 @@ class Questions:
 
 
 def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | None) -> Questions:
-    """Read two runs and pair what they measured.
-
-    Parameters
-    ----------
-    first, second
-        The runs.
-    trackers
-        One tracker of each; None for those of the same name.
-
-    Raises
-    ------
-    SettingsError, UnknownNameError
-        If they cannot be compared.
-    StoreError, SchemaError
-        If a file is damaged.
-    """
+    """Read two runs and pair what they measured. `trackers`: None for those of the same name."""
     keys = require_comparable(first, second)
     scenes = _scenes(first, keys)
     tables = read_run(first, keys, scenes), read_run(second, keys, scenes)

@@ -30,15 +30,7 @@ _KNOWN = ("valid", "occluded", "out_of_image", "behind_camera")
 
 
 def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> tuple[str, ...]:
-    """Sentences that say why the data of a sequence look wrong, the most telling first; empty where nothing does.
-
-    Parameters
-    ----------
-    measurement
-        What was measured.
-    kinds
-        Kind of each tracker, by its name.
-    """
+    """Sentences that say why the data of a sequence look wrong, the most telling first; empty where nothing does."""
     of_images = [name for name, kind in kinds.items() if kind not in SYNTHETIC]
     observed = measurement.observations.filter(pl.col("tracker").is_in(of_images))
     if observed.is_empty():

@@ -248,24 +248,7 @@ def simulated_reader(options: Options) -> Simulated:
 
 
 def measure_scene(study: Study, scene: str, size: Size, *, progress: Progress | None = None) -> pl.DataFrame:
-    """Values of every effect at one size in one scene, and without effects.
-
-    Parameters
-    ----------
-    study
-        What is measured.
-    scene
-        Name of the scene.
-    size
-        Size of the effects.
-    progress
-        Called after each frame.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `EFFECT_VALUES`.
-    """
+    """Values of every effect at one size in one scene, and without effects. Returns schema `EFFECT_VALUES`."""
     opened = _sequences(study, scene, size)
     trackers = {kind: SharedTracker(make_tracker(kind, options)) for kind, options in study.trackers.items()}
     measured = measure_together(
@@ -342,23 +325,9 @@ _SCENE = ["scene", "size", "tracker", "age", "statistic"]
 def paired_changes(values: pl.DataFrame, *, level: float = LEVEL) -> pl.DataFrame:
     """Changes within scenes, averaged over scenes, with Student's intervals.
 
-    Parameters
-    ----------
-    values
-        Schema `EFFECT_VALUES`. Scenes are independent of each other.
-    level
-        Probability that an interval contains the true change.
-
-    Returns
-    -------
-    polars.DataFrame
-        Effect, size, tracker, age and statistic in the order of the values, then clean, changed, change, change_low,
-        change_high and n_scenes: see `EFFECT_CHANGES`. Scenes in which one of the two values is missing take no part.
-
-    Raises
-    ------
-    SchemaError
-        If the table has other columns.
+    Returns: effect, size, tracker, age and statistic in the order of the values, then clean, changed, change,
+    change_low, change_high and n_scenes: see `EFFECT_CHANGES`. Scenes in which one of the two values is missing take no
+    part.
     """
     checked = check(values, EFFECT_VALUES, "effect values")
     clean = checked.filter(effect=CLEAN).select_seq(*_SCENE, clean="value")
@@ -493,13 +462,7 @@ def _file(folder: Path, part: Part) -> Path:
 
 
 def _read_scene(path: Path) -> pl.DataFrame:
-    """One part.
-
-    Raises
-    ------
-    StoreError
-        If it is damaged.
-    """
+    """One part."""
     try:
         return check_stored(pl.read_parquet(path), EFFECT_VALUES, path.name)
     except (OSError, pl.exceptions.PolarsError) as error:

@@ -84,24 +84,7 @@ def diagnose(error: BaseException) -> Failure:
 def with_retries(
     measure: Measure, together: list[Batch], *, retries: int, retrying: Callable[[Batch, str], None]
 ) -> Results:
-    """Measure batches. Batches with transient failures are retried after all others.
-
-    Parameters
-    ----------
-    measure
-        Measures batches.
-    together
-        What to measure.
-    retries
-        Maximum number of retries per batch.
-    retrying
-        Called with batch and cause before each retry.
-
-    Yields
-    ------
-    Batch, Result
-        In the order of completion.
-    """
+    """Measure batches. Batches with transient failures are retried after all others."""
     attempts: dict[str, int] = {}
     while together:
         again = []

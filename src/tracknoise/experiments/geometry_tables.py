@@ -2,7 +2,6 @@
 
 - Poses and cameras of a sequence as arrays.
 - What the audit of the truth needs of a sequence: the camera of each frame, and a few observations.
-- Tables of a sequence that need its poses and cameras beside its observations.
 """
 
 import numpy as np
@@ -34,15 +33,7 @@ from tracknoise.truth_faults.pose_errors import rigid_tables
 
 
 def frame_geometry(sequence: Sequence, n_frames: int) -> FrameGeometry:
-    """Stated poses and cameras of the first frames of a sequence.
-
-    Parameters
-    ----------
-    sequence
-        The sequence.
-    n_frames
-        How many frames.
-    """
+    """Stated poses and cameras of the first frames of a sequence."""
     numbers: dict[CameraModel, int] = {}
     which = [numbers.setdefault(camera_at(sequence, index), len(numbers)) for index in range(n_frames)]
     return FrameGeometry(sequence.world_from_camera[:n_frames], tuple(numbers), np.array(which, np.intp))
@@ -84,15 +75,6 @@ def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) ->
 
     It is empty for views that are turned or played backward, whose truth is that of the upright view, and where points
     are fitted to the tracks.
-
-    Parameters
-    ----------
-    sequence
-        What was measured.
-    prepared
-        Its observations and tracks.
-    truth
-        Kind of its truth.
     """
     upright = sequence.id.rotation == 0 and sequence.id.direction == Direction.forward
     if not upright or truth == TRIANGULATED:
@@ -149,21 +131,7 @@ _POSITION = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 def geometry_tables(
     experiment: Experiment, sequence: Sequence, prepared: PreparedSequence, n_frames: int, truth: str
 ) -> dict[str, pl.DataFrame]:
-    """Poses, cameras, samples for the audit, pose errors, noise of windows, and the map of the image, by name.
-
-    Parameters
-    ----------
-    experiment
-        Names the trackers, and the population of the errors.
-    sequence
-        What was measured.
-    prepared
-        Its trimmed observations; `slowest` is the speed at which the map is made.
-    n_frames
-        Number of frames that were read.
-    truth
-        Kind of truth.
-    """
+    """Poses, cameras, samples for the audit, pose errors, noise of windows, and the map of the image, by name."""
     geometry = frame_geometry(sequence, n_frames)
     of_images = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
     population, with_depth = experiment.truth.population, truth != TRIANGULATED

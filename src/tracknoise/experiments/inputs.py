@@ -81,15 +81,7 @@ class InputRecorder:
 
 @contextmanager
 def recording(batch: list[Task], run: RunFolder) -> Iterator[InputRecorder]:
-    """Record what this thread reads, for the tasks of a batch, and the files that their options name.
-
-    Parameters
-    ----------
-    batch
-        Sequences of one experiment that are read together.
-    run
-        The run folder, whose own files do not count.
-    """
+    """Record what this thread reads, for the tasks of a batch, and the files that their options name."""
     sources = _sources(batch[0].experiment)  # refuses code that is not what was loaded
     named = {absolute_path(path) for path in _option_paths(batch)}
     with noting(_Counts(_root(batch[0]), named, absolute_path(run.path))) as opened:

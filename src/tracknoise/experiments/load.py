@@ -27,11 +27,6 @@ def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
     """Return the same experiment with every relative path made absolute, starting from a folder.
 
     Paths that start from the folder of the data stay as they are, as do options of an unknown tracker or reader.
-
-    Raises
-    ------
-    SettingsError
-        If another package offers the tracker or reader, but cannot be imported.
     """
     dataset = experiment.dataset
     moved = dataset.model_copy(
@@ -58,13 +53,7 @@ def _second(folder: Path, experiment: Experiment) -> SecondTruthSettings | None:
 
 
 def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
-    """The paths among the options of the reader, the second truth and the trackers.
-
-    Raises
-    ------
-    UnknownNameError, SettingsError
-        If there is no such tracker or reader, or it cannot be imported.
-    """
+    """The paths among the options of the reader, the second truth and the trackers."""
     dataset = experiment.dataset
     yield from READERS.paths(dataset.reader, dataset.options, dataset.root)
     second = experiment.truth.second

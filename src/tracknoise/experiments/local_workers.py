@@ -43,17 +43,7 @@ _program: Connection | None = None
 
 
 class WorkerDiedError(Exception):
-    """A worker died before it returned a result.
-
-    Parameters
-    ----------
-    exit_status
-        As in `multiprocessing.Process.exitcode`: negative for the signal that ended it.
-    pid
-        Of the worker.
-    opened
-        File that the call was the last to open for reading; None if it opened none.
-    """
+    """A worker died before it returned a result. `opened`: None if it opened none."""
 
     def __init__(self, exit_status: int | None, pid: int | None, opened: Path | None) -> None:
         super().__init__(exit_status, pid, opened)
@@ -78,18 +68,7 @@ class _Raised:
 
 
 class Worker:
-    """One worker process. It ends when this process does, and ignores the signals of a terminal.
-
-    Parameters
-    ----------
-    environment
-        Environment variables of the worker, besides those of this process.
-
-    Raises
-    ------
-    OSError
-        If the process cannot be started.
-    """
+    """One worker process. It ends when this process does, and ignores the signals of a terminal."""
 
     def __init__(self, environment: Mapping[str, str]) -> None:
         self._opened: Array[c_char] = _SPAWN.RawArray("c", _PATH_BYTES)
@@ -116,15 +95,7 @@ class Worker:
             self.connection.send((function, arguments))
 
     def receive(self) -> Any:
-        """Wait for the next `Note`, or the result of the call.
-
-        Raises
-        ------
-        WorkerDiedError
-            If the worker died.
-        BaseException
-            What the function raised.
-        """
+        """Wait for the next `Note`, or the result of the call."""
         try:
             answer = self.connection.recv()
         except (EOFError, ConnectionResetError) as error:
@@ -259,22 +230,6 @@ def measure_locally(
 
     Each process gets an equal share of the memory. A process that exceeds it is ended, and its batch fails. Each call
     starts new processes, so that retries do not depend on the state of old ones.
-
-    Parameters
-    ----------
-    job
-        What the workers do with each batch.
-    together
-        What to measure.
-    workers
-        Maximum number of worker processes.
-    frame
-        Receives the notes of the job if there is one worker only.
-
-    Yields
-    ------
-    Batch, Result
-        In the order of completion.
     """
     count = min(workers, len(together))
     pool = _Pool(job, deque(together), count, frame if count == 1 else None)

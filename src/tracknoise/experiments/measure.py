@@ -1,7 +1,6 @@
 """Measure sequences: tables of observations and tracks, trimmed, their moments, and metrics of point trackers.
 
 - Arguments of `tracknoise.measure`, checked: a wrong one ends in a line that says what to write.
-- Measure sequences: tables of observations and tracks, trimmed, and their moments.
 - Metrics of point trackers of a measurement, for comparison with results that are stated in them.
 """
 
@@ -40,15 +39,7 @@ Trackers: TypeAlias = Tracker | Items[Tracker] | Mapping[str, Tracker]
 
 
 def named_trackers(trackers: Trackers) -> dict[str, TrackerSettings]:
-    """Settings of trackers by their names; trackers without a name are named by their kind.
-
-    Raises
-    ------
-    SettingsError
-        If two have the same name, or one is no tracker.
-    UnknownNameError
-        If there is no tracker of a name.
-    """
+    """Settings of trackers by their names; trackers without a name are named by their kind."""
     if isinstance(trackers, Mapping):
         named = {name: _settings(tracker) for name, tracker in trackers.items()}
     else:
@@ -62,13 +53,7 @@ def named_trackers(trackers: Trackers) -> dict[str, TrackerSettings]:
 
 
 def checked_speeds(speeds: object) -> list[int]:
-    """Speeds as a list.
-
-    Raises
-    ------
-    SettingsError
-        If there is none, or they are not different whole numbers from 1 on.
-    """
+    """Speeds as a list."""
     if not isinstance(speeds, Iterable) or isinstance(speeds, str):
         raise SettingsError(f"speeds = {speeds!r}, expected a list, such as [1] or [1, 2]")
     listed = list(speeds)
@@ -79,13 +64,7 @@ def checked_speeds(speeds: object) -> list[int]:
 
 
 def require_sequences(sequences: Items[object]) -> None:
-    """Check that what is measured are sequences.
-
-    Raises
-    ------
-    SettingsError
-        If one is not.
-    """
+    """Check that what is measured are sequences."""
     for sequence in sequences:
         if isinstance(sequence, str | type) or not hasattr(sequence, "image"):
             expected = "a sequence, from tracknoise.open_sequence or tracknoise.Sequence.from_arrays"
@@ -218,63 +197,7 @@ def measure_together(
     progress: Progress | None = None,
     kept_bytes: int = 0,
 ) -> Iterator[Measurement]:
-    """Run trackers on sequences that advance together, because they share what they read.
-
-    Parameters
-    ----------
-    sequences
-        From `tracknoise.open_sequence`, or other implementations of `tracknoise.sequences.sequence.Sequence`; all with
-        the same number of frames.
-    trackers
-        Settings of one tracker or several, or names of trackers with default settings. A mapping names them;
-        otherwise each is named by its kind.
-    speeds
-        At speed s a tracker sees frames 0, s, 2s, ...
-    truth
-        Kind of truth: ``birth``, ``raycast``, ``scan``, ``triangulated`` or one of another package; by default the
-        best that a sequence offers.
-    scan_rule
-        How features are associated with a scan, for the kind ``scan``.
-    corrections
-        What to change in the stated camera, poses, depths and clock before true positions are computed: by default
-        nothing. `Measurement.sequence` has them in its notes.
-    accuracy
-        What is known of the errors of the truth: ``AccuracyRule(TruthAccuracy(...))``. It counts before what the
-        sequence states and before the figures that come with tracknoise.
-    population
-        Which observations trimming looks at: ``visible`` ones, or all that can be ``projected``.
-    trim_percentile
-        Tracks whose largest error is above this percentile are marked ``kept = false``; 100 keeps all.
-    trim_among
-        The tracks whose percentile it is: ``all`` that have an error, or those that were ``followed``, which have an
-        error in a frame other than the one in which it is zero by construction.
-    frames
-        First, last and step of the frames that are measured, the last included; by default all. They are numbered
-        from 0 again, and nothing is read of the others.
-    max_frames
-        Read no more frames than this, from the first of `frames`; by default all.
-    second_truth
-        The same sequences with a second truth, such as other poses, in the same order. Trackers run once. The
-        observations get a second true position, and `POSE_DIFFERENCES` says how the poses differ. By default there is
-        no second truth.
-    seed
-        Random seed, for trackers that need one.
-    progress
-        Called after each frame with the number of frames done, and of all frames.
-    kept_bytes
-        Size of the images of each sequence that `Measurement.images` keeps; by default none is kept.
-
-    Yields
-    ------
-    Measurement
-        One per sequence, in order.
-
-    Raises
-    ------
-    TracknoiseError
-        If two trackers share a name, the sequence is too short for a speed or cannot be read, it does not offer
-        the kind of truth, or no tracker finds a feature.
-    """
+    """Run trackers on sequences that advance together, because they share what they read."""
     require_sequences(sequences)
     setups = _setups(trackers, speeds)
     sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
@@ -414,24 +337,7 @@ def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
 
 
 def point_tracks(truth: LocatingTruth, seen: pl.DataFrame, *, speed: int, n_frames: int) -> PointTracks:
-    """True positions of all tracks with a known point, in every frame that the tracker saw.
-
-    Parameters
-    ----------
-    truth
-        Of the sequence.
-    seen
-        The observations of one tracker and speed.
-    speed
-        Of the tracker.
-    n_frames
-        Number of frames that were read.
-
-    Raises
-    ------
-    DataError
-        If a depth map cannot be read.
-    """
+    """True positions of all tracks with a known point, in every frame that the tracker saw."""
     track, column = (seen[name].to_numpy().astype(np.int64) for name in ("track", "frame"))
     column //= speed
     shape = int(track.max(initial=-1)) + 1, -(-n_frames // speed)

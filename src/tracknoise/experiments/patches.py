@@ -48,22 +48,7 @@ class _Chosen:
 def track_patches(measurement: "Measurement", *, speed: int) -> pl.DataFrame:
     """Cut patches around the tracks that are worth a look. Images that were not kept are read again, each once.
 
-    Parameters
-    ----------
-    measurement
-        Of one sequence.
-    speed
-        Tracks at this speed are used.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `PATCHES`.
-
-    Raises
-    ------
-    DataError
-        If an image can no longer be read.
+    Returns schema `PATCHES`.
     """
     observed = measurement.observations.filter(speed=speed)
     found = extreme_tracks(observed, speed=speed, population=measurement.population, key_frame=measurement.key_frame)

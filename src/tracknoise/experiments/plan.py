@@ -1,6 +1,5 @@
 """Which sequences and conditions an experiment consists of, and its second truth.
 
-- Which sequences and conditions an experiment consists of.
 - The second truth of an experiment: the same sequences with other poses, or with other options of the reader.
 """
 
@@ -90,13 +89,7 @@ def _distinct(tasks: Iterable[Task]) -> list[Task]:
 
 
 def excluded_scenes(experiment: Experiment) -> dict[str, str]:
-    """Why the reader excludes scenes of the data set from the plan, by scene.
-
-    Raises
-    ------
-    TracknoiseError
-        If what decides it cannot be read.
-    """
+    """Why the reader excludes scenes of the data set from the plan, by scene."""
     reader = make_reader(*_reader_arguments(experiment.dataset))
     return reader.excluded_scenes() if isinstance(reader, FilteringReader) else {}
 
@@ -116,13 +109,7 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
 
 
 def make_trackers(experiment: Experiment, *, repeat: int = 0) -> dict[str, TrackerSettings]:
-    """The settings of each tracker of an experiment, by name; with other random seeds in each repetition.
-
-    Raises
-    ------
-    UnknownNameError, SettingsError
-        If a tracker or an option is unknown, or a value is wrong.
-    """
+    """The settings of each tracker of an experiment, by name; with other random seeds in each repetition."""
     trackers = {choice.label: make_tracker(choice.kind, choice.options) for choice in experiment.trackers}
     return {name: RepeatedTracker(settings, repeat) if repeat else settings for name, settings in trackers.items()}
 
@@ -130,20 +117,7 @@ def make_trackers(experiment: Experiment, *, repeat: int = 0) -> dict[str, Track
 def open_batch(
     tasks: list[Task], *, change: Callable[[Sequence], Sequence] = lambda sequence: sequence
 ) -> list[Sequence]:
-    """Open the sequences of a batch, as the experiment wants to see them.
-
-    Parameters
-    ----------
-    tasks
-        Of the batch.
-    change
-        Changes each sequence as it was recorded; by default nothing is changed.
-
-    Raises
-    ------
-    TracknoiseError
-        If their data cannot be used.
-    """
+    """Open the sequences of a batch, as the experiment wants to see them."""
     experiment = tasks[0].experiment
     dataset = experiment.dataset
     recorded = [replace(task.sequence, rotation=0, direction=Direction.forward) for task in tasks]
@@ -189,13 +163,7 @@ def _is_selected(sequence: SequenceId, dataset: DatasetSettings) -> bool:
 
 
 def open_second(tasks: list[Task]) -> list[Sequence]:
-    """The sequences of a batch with their second truth; none if the experiment has no second truth.
-
-    Raises
-    ------
-    TracknoiseError
-        If their data cannot be used.
-    """
+    """The sequences of a batch with their second truth; none if the experiment has no second truth."""
     second = tasks[0].experiment.truth.second
     if second is None:
         return []

@@ -42,21 +42,7 @@ def new_manifest(experiment: Experiment) -> Manifest:
 
 
 def require_versions(recorded: Mapping[str, str], *, place: str) -> None:
-    """Refuse to measure with other versions than those that a run was begun with.
-
-    Parameters
-    ----------
-    recorded
-        Versions by name, as in the manifest: of the libraries, and of the packages that offer the trackers and the
-        reader.
-    place
-        The run folder or worker, for the error.
-
-    Raises
-    ------
-    SettingsError
-        Naming the first library or package that differs.
-    """
+    """Refuse to measure with other versions than those that a run was begun with."""
     for name in dict.fromkeys([*LIBRARIES, *recorded]):
         found, expected = _installed(name), recorded.get(name, "none")
         if name != _PYTHON and found != expected:
@@ -83,23 +69,6 @@ def begin(
     """Manifest of the run to resume, or of a new run, and whether the settings file must be rewritten.
 
     A run that has not measured anything is replaced, such as one that failed because of a wrong setting.
-
-    Parameters
-    ----------
-    experiment
-        The experiment, with all options resolved.
-    run
-        The run folder.
-    fresh
-        Delete the run that the folder holds.
-    remark
-        Called with a message if the settings file is damaged and will be rewritten.
-
-    Raises
-    ------
-    StoreError
-        If the folder holds other files, or the run of another experiment; the message names the first setting that
-        differs. More scenes, other groups of them and other settings of findings are allowed: such a run is resumed.
     """
     if not fresh and run.has_measured:
         return _resume(experiment, run, remark)
@@ -115,21 +84,7 @@ def begin(
 def due(
     tasks: list[Task], run: RunFolder, manifest: Manifest, *, verify: bool, remark: Callable[[str], None]
 ) -> list[Task]:
-    """Tasks that are not measured, whose tables are missing or damaged, or whose input files have changed.
-
-    Parameters
-    ----------
-    tasks
-        All tasks of the run.
-    run
-        The run folder.
-    manifest
-        Its manifest.
-    verify
-        Compare all input files by content: see `InputCheck`.
-    remark
-        Called with a message for each task whose input files have changed.
-    """
+    """Tasks that are not measured, whose tables are missing or damaged, or whose input files have changed."""
     check = InputCheck(run, verify=verify)
 
     def is_measured(task: Task) -> bool:
@@ -150,11 +105,6 @@ def forget_outdated(todo: list[Task], run: RunFolder, manifest: Manifest, experi
     Statistics are outdated if they include a sequence that is measured again. A new sequence makes them outdated when
     it has been measured (`ManifestWriter.measured`). Nothing is written: a start that is refused leaves the run
     unchanged.
-
-    Raises
-    ------
-    SettingsError
-        If sequences that are kept were measured with other versions of the libraries.
     """
     manifest.failures.clear()
     # An outdated measurement must not remain if the new one fails.

@@ -2,7 +2,6 @@
 
 - Inputs of the findings: the part of the tables of all sequences that they need.
 - The audit of a run's truth from the tables of its sequences.
-- Findings of a run from its statistics: intervals, tests, verdicts and sentences.
 
 Conditions of so few scenes, or groups of them, that blocks of tracks are resampled within each scene.
 
@@ -81,19 +80,7 @@ def conditions_of_few_scenes(
 ) -> pl.DataFrame:
     """Conditions of which the frames, the tracks or the errors are of too few scenes for these to be resampled.
 
-    Parameters
-    ----------
-    moments
-        Those of observations with errors (`has_errors`).
-    ends, frames
-        Schema `ENDS` and `FRAME_COUNTS`.
-    groups
-        Groups of scenes that are not independent of each other.
-
-    Returns
-    -------
-    polars.DataFrame
-        Columns `POOLED`: a row for each, sorted.
+    Returns: columns `POOLED`: a row for each, sorted. `ends, frames`: schema `ENDS` and `FRAME_COUNTS`.
     """
     few = {key for table in (frames, ends) for key, part in table.items() if _are_few(key, part["scene"], groups)}
     for key, part in moments.items():
@@ -158,26 +145,7 @@ class FindingInputs:
         reference: ReferenceCondition,
         groups: SceneGroups,
     ) -> "FindingInputs":
-        """Read them from a run.
-
-        Parameters
-        ----------
-        run
-            Whose tables are read.
-        manifest
-            Its manifest, with at least one measured sequence.
-        population
-            Which observations the experiment is about.
-        reference
-            The condition that figures show.
-        groups
-            Groups of scenes that are not independent of each other.
-
-        Raises
-        ------
-        StoreError, SchemaError
-            If a table is damaged.
-        """
+        """Read them from a run."""
         every = sorted(manifest.sequences)
         shown = [key for key in every if _is_seen(manifest.sequences[key].sequence, reference)]
         seen, slowest = has_errors(population), pl.col("speed") == reference.speed
@@ -231,20 +199,6 @@ def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dic
     """Audit the truth of a run: tables `audit` and `audit_curves`.
 
     One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
-
-    Parameters
-    ----------
-    run
-        Whose tables are read.
-    manifest
-        Its manifest, with at least one measured sequence.
-    experiment
-        Whose groups, lightings and trackers are used.
-
-    Raises
-    ------
-    StoreError, SchemaError
-        If a table is damaged.
     """
     tables = [_audited(run, key, manifest.sequences[key]) for key in audited_keys(manifest, experiment)]
     found = audit_tables(

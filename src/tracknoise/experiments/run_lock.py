@@ -66,11 +66,6 @@ class Claim:
         """Check that the start which sent this claim still holds the lock.
 
         A worker can outlive the program that sent it its work. It must not write into the run of the next start.
-
-        Raises
-        ------
-        StoreError
-            If the folder is not visible, or its lock is missing or belongs to another start.
         """
         deadline = time.monotonic() + self.patience_s
         while not self._stands():
@@ -82,13 +77,7 @@ class Claim:
             time.sleep(min(0.5, self.patience_s))
 
     def require(self) -> None:
-        """Check, in the process that holds the lock, that the folder is still there.
-
-        Raises
-        ------
-        StoreError
-            If the folder or its lock was removed or replaced.
-        """
+        """Check, in the process that holds the lock, that the folder is still there."""
         if not self._stands():
             raise StoreError(
                 f"{self.path.parent}: removed or replaced during the run, expected it to stay; "
@@ -121,11 +110,6 @@ def hold(run: RunFolder) -> Iterator[Claim]:
 
     The operating system releases the lock of a process that dies, so a killed run leaves no lock on its host. Process
     and host are also written into the file, for users and for hosts that see the file but not the lock.
-
-    Raises
-    ------
-    StoreError
-        If another process holds the lock (the message names process and host), or the folder cannot be written.
     """
     path = run.lock_path.absolute()
     try:
@@ -217,16 +201,7 @@ class ManifestWriter:
     """Records measured and failed sequences, and writes them to the run folder during the run and at its end.
 
     Writing takes longer with more sequences. It is delayed so that it takes at most a twentieth of the time. Sequences
-    measured since the last write are measured again if the run is killed.
-
-    Parameters
-    ----------
-    run
-        The run folder.
-    manifest
-        The manifest so far; changed in place.
-    claim
-        Proof that the run holds the lock of the folder, checked before each write. Not needed by default.
+    measured since the last write are measured again if the run is killed. `manifest`: changed in place.
     """
 
     def __init__(self, run: RunFolder, manifest: Manifest, claim: Claim | None = None) -> None:
@@ -263,13 +238,7 @@ class ManifestWriter:
             self.write()
 
     def write(self) -> None:
-        """Write manifest and failures.
-
-        Raises
-        ------
-        StoreError
-            If the folder cannot be written, or was removed.
-        """
+        """Write manifest and failures."""
         if self._claim:
             self._claim.require()  # a folder that was removed must not be created again
         started = time.monotonic()

@@ -1,7 +1,6 @@
 """From the tables of single sequences to the statistics of the whole run.
 
 - The condition at which factors are held while another one varies.
-- From the tables of single sequences to the statistics of the whole run.
 """
 
 from collections.abc import Collection
@@ -38,17 +37,7 @@ def first_lighting(lightings: Collection[str], experiment: Experiment) -> str:
 
 
 def reference_condition(manifest: Manifest, experiment: Experiment, outliers: pl.DataFrame) -> ReferenceCondition:
-    """The first view of a run: forward, upright, under the first lighting, of the first camera, at the lowest speed.
-
-    Parameters
-    ----------
-    manifest
-        With at least one measured sequence.
-    experiment
-        Which may name lightings.
-    outliers
-        Statistics table of that name, which has every condition that was measured.
-    """
+    """The first view of a run: forward, upright, under the first lighting, of the first camera, at the lowest speed."""
     entries = list(manifest.sequences.values())
     sequences = [entry.sequence for entry in entries]
     return ReferenceCondition(

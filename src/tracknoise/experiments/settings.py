@@ -316,13 +316,7 @@ class Experiment(_Section):
         return self
 
     def require_printable(self) -> None:
-        """Refuse control characters in any text: a name, a path or an option.
-
-        Raises
-        ------
-        ValueError
-            Naming the key.
-        """
+        """Refuse control characters in any text: a name, a path or an option."""
         for key, value in dotted(self.model_dump()):
             texts = [str(item) for item in (value if isinstance(value, list) else [value])]
             if not all(map(is_printable, (key, *texts))):
@@ -338,26 +332,14 @@ class Experiment(_Section):
         return self._with_dataset({"frames": frames})
 
     def with_speeds(self, speeds: list[int]) -> "Experiment":
-        """Return a copy with other speeds, of all views.
-
-        Raises
-        ------
-        SettingsError
-            If one is below 1 or occurs twice.
-        """
+        """Return a copy with other speeds, of all views."""
         if min(speeds, default=0) < 1 or len(set(speeds)) < len(speeds):
             raise SettingsError(f"speeds = {speeds}, expected different whole numbers from 1")
         views = [view.model_copy(update={"speeds": None}) for view in self.views]
         return self.model_copy(update={"speeds": speeds, "views": views})
 
     def with_trackers(self, names: list[str]) -> "Experiment":
-        """Return a copy with other trackers: those of the experiment by name, others by kind with default options.
-
-        Raises
-        ------
-        SettingsError
-            If there is no name, or one occurs twice.
-        """
+        """Return a copy with other trackers: those of the experiment by name, others by kind with default options."""
         if not names or len(set(names)) < len(names):
             raise SettingsError(f"trackers = {', '.join(names)}, expected different names")
         known = {tracker.label: tracker for tracker in self.trackers}

@@ -1,7 +1,6 @@
 """Measure a batch of sequences of an experiment and write their tables; what a worker does.
 
 - Measure a batch of sequences of an experiment and write their tables; what a worker runs.
-- What a worker does with a batch.
 - Sequences of a run folder from measurements in memory.
 """
 

@@ -73,24 +73,7 @@ class Scene:
 
 
 def open_scene(run: RunFolder, scene: str | None = None) -> Scene:
-    """Open the data of a sequence of a run, and read what its trackers saw.
-
-    Parameters
-    ----------
-    run
-        A run that keeps its observations.
-    scene
-        Name of a scene. Its first sequence is used; by default the first of the run.
-
-    Raises
-    ------
-    UnknownNameError
-        If no sequence of such a scene was measured.
-    SettingsError
-        If the run was not measured from data that can be opened again.
-    TracknoiseError
-        If the run or its data cannot be read.
-    """
+    """Open the data of a sequence of a run, and read what its trackers saw."""
     entry = _entry(run, scene)
     experiment = parse_experiment(run.experiment_toml(), place=str(run.path))
     with warnings.catch_warnings():

@@ -289,17 +289,8 @@ Coefficients = tuple[float, ...]
 def distort(xy: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
     """Where a lens shows the points of the plane at depth 1.
 
-    Parameters
-    ----------
-    xy
-        (..., 2) float64, no unit.
-    coefficients
-        4, 5 or 8 of them.
-
-    Returns
-    -------
-    (..., 2) float64
-        NaN where the model is not one-to-one between the point and the axis: such a point has no image.
+    Shapes: xy (..., 2); returns (..., 2). NaN where the model is not one-to-one between the point and the axis: such a
+    point has no image.
     """
     p1, p2 = coefficients[2:4]
     x, y = xy[..., 0], xy[..., 1]
@@ -321,19 +312,8 @@ def distort(xy: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.f
 def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
     """Invert `distort` by Newton steps from the axis outwards, halved where they would not come closer.
 
-    Each position is solved for itself: its result does not depend on what else is in the array.
-
-    Parameters
-    ----------
-    distorted
-        (..., 2) float64, no unit.
-    coefficients
-        4, 5 or 8 of them.
-
-    Returns
-    -------
-    (..., 2) float64
-        NaN where no point has this image.
+    Each position is solved for itself: its result does not depend on what else is in the array. Shapes: distorted
+    (..., 2); returns (..., 2). NaN where no point has this image.
     """
     xy = np.zeros_like(distorted)
     residual = distorted.copy()

@@ -2,7 +2,6 @@
 
 - Depth maps, dense and sparse, and how to read them between pixels.
 - A depth map of one camera, seen from another: what a colour camera needs of the depth sensor beside it.
-- Point clouds and their depth maps.
 """
 
 from dataclasses import dataclass
@@ -91,16 +90,7 @@ def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDG
     is exact there. Where the farthest of the four neighbours exceeds the nearest by more than `spread`, relative
     to the nearest, the position lies on an edge and has no depth. All four count, even those of weight 0 at a pixel's
     centre, which are the pixels to the right and below: corners often lie on outlines, and a feature on an outline may
-    belong to either side of it.
-
-    Parameters
-    ----------
-    depth
-        The map.
-    uv
-        (n, 2) float64, px.
-    spread
-        Largest relative difference between the four neighbours, no unit.
+    belong to either side of it. Shapes: uv (n, 2) px.
     """
     corners, inside = _neighbours(depth, uv)
     known = inside & corners.valid.all(axis=0)
@@ -139,18 +129,7 @@ def nearest(
     Where the farthest valid depth within the radius exceeds the nearest by more than `spread`, relative to the nearest,
     the position lies on an edge and has no depth: pixels of a lidar may belong to two surfaces, and the nearest may
     belong to the wrong one. On a slanted surface the difference is smaller: on a road, two rows apart, it reaches a
-    tenth only beyond 60 m from KITTI's camera.
-
-    Parameters
-    ----------
-    depth
-        The map.
-    uv
-        (n, 2) float64, px.
-    radius_px
-        Pixels whose centres are farther away do not count, px.
-    spread
-        Largest relative difference between the depths within the radius, no unit.
+    tenth only beyond 60 m from KITTI's camera. Shapes: uv (n, 2) px.
     """
     depth_m, distance_px = _around(depth, uv, radius_px)
     valid = np.isfinite(distance_px)

@@ -58,17 +58,7 @@ def draws(n_units: int, *, n_draws: int = N_DRAWS, seed: int = 0) -> NDArray[np.
 def draws_within(sizes: Sequence[int], *, n_draws: int = N_DRAWS, seed: int = 0) -> NDArray[np.float64]:
     """Draws of units that stay within their stratum: as many from each as it has.
 
-    Parameters
-    ----------
-    sizes
-        Units in each stratum; the units of a stratum follow one another.
-    n_draws, seed
-        As in `draws`.
-
-    Returns
-    -------
-    (n_draws, sum(sizes)) float64
-        Counts; in every row those of a stratum sum to its size.
+    Returns (n_draws, sum(sizes)). Counts. In every row those of a stratum sum to its size.
     """
     rng = np.random.default_rng(seed)
     strata = [rng.multinomial(size, np.full(size, 1 / size), size=n_draws) for size in sizes]
@@ -161,17 +151,8 @@ _SAME = 1e-12
 def resample(sums: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sums over the units, each as often as it was drawn.
 
-    Parameters
-    ----------
-    sums : (units, points, columns)
-        Additive sums of each unit.
-    weights : (draws, units)
-        What `tracknoise.inference.bootstrap.draws` returned.
-
-    Returns
-    -------
-    (draws, points, columns) float64
-        A view in which the draws of one value lie next to each other in memory, which `interval` is fast with.
+    Shapes: sums (units, points, columns), weights (draws, units); returns (draws, points, columns). A view in which the
+    draws of one value lie next to each other in memory, which `interval` is fast with.
     """
     units, *shape = sums.shape
     totals = np.ascontiguousarray(sums.reshape(units, -1).T) @ np.ascontiguousarray(weights.T)
@@ -195,30 +176,8 @@ def interval(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Two-sided bootstrap intervals of any number of statistics, expanded for few units.
 
-    Parameters
-    ----------
-    estimate : (...)
-        The statistics of all units, each once.
-    replicates : (draws, ...)
-        Those of each draw; NaN where a draw has none.
-    n_units : (...)
-        How many units the statistics rest on; with units drawn within strata, in each of these. At least 2 are needed.
-    acceleration : (...)
-        For `bca`: what `tracknoise.inference.jackknife.acceleration` returned; 0 corrects median bias alone.
-    kind
-        `percentile` or `bca`.
-    level
-        Between 0 and 1.
-
-    Returns
-    -------
-    low, high : (...) float64
-        Linearly interpolated between draws; NaN where the estimate is NaN or rests on fewer than two units.
-
-    Raises
-    ------
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    Shapes: estimate (...), replicates (draws, ...), n_units (...), acceleration (...); returns low, high (...).
+    Linearly interpolated between draws. NaN where the estimate is NaN or rests on fewer than two units.
     """
     if kind not in _KINDS:
         raise SettingsError(f"kind of interval is {kind!r}, expected {' or '.join(_KINDS)}")

@@ -83,12 +83,7 @@ def moments(sums: Array) -> tuple[Array, Array]:
 def squared_distances(points: Array, mean: Array, scatter: Array) -> Array:
     """(x - mean)^T scatter^-1 (x - mean) of each point, (samples, points).
 
-    Parameters
-    ----------
-    points : (samples, 6, points)
-        What `terms` made.
-    mean, scatter : (samples, 2), (samples, 3)
-        As from `moments`.
+    Shapes: points (samples, 6, points), mean, scatter (samples, 2), (samples, 3).
     """
     squared = combined(distance_weights(mean, scatter), points)
     return np.maximum(squared, 0.0, out=squared)  # rounding may leave less than 0
@@ -247,14 +242,7 @@ def _moved(before: Student, after: Student) -> Array:
 def _newton(t: Array, scaled: Array, count: Array) -> Array:
     """One step from t = 1 / nu towards the most likely, at most by a factor of 2.
 
-    Parameters
-    ----------
-    t : (samples,)
-        Where the step starts.
-    scaled : (samples, points)
-        t d2 of each point; padding has 0, and adds nothing.
-    count : (samples,)
-        How many points there are.
+    Shapes: t (samples,), scaled (samples, points), count (samples,).
     """
     mean_log = np.log1p(scaled).sum(axis=1) / count
     ratio = scaled / (1 + scaled)

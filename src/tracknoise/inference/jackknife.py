@@ -92,19 +92,7 @@ class Means:
 
 
 def lognormal_interval(means: Means, level: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two-sided intervals of means by (lognormal), on their scale.
-
-    Parameters
-    ----------
-    means
-        Of units that are independent.
-    level
-        Between 0 and 1.
-
-    Returns
-    -------
-    low, high : (...) float64
-    """
+    """Two-sided intervals of means by (lognormal), on their scale. Returns low, high (...)."""
     weights = shares_of(means.sizes)
     added, below, above = _lognormal_parts(means, np.square(weights).sum(axis=0), None, level)
     middle = (weights * means.values).sum(axis=0) + added
@@ -114,21 +102,7 @@ def lognormal_interval(means: Means, level: float) -> tuple[NDArray[np.float64],
 def interval_within(
     means: Means, middle: NDArray[np.float64], weights: NDArray[np.float64], groups: NDArray[np.intp], level: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same of means of these groups of units.
-
-    Parameters
-    ----------
-    means
-        Of units that are independent within their group.
-    middle : (...)
-        The means, on their scale.
-    weights : (units, ...)
-        By how much a mean changes with the value of each unit.
-    groups : (units,) intp
-        The group of each unit.
-    level
-        Between 0 and 1.
-    """
+    """The same of means of these groups of units. Shapes: middle (...), weights (units, ...), groups (units,)."""
     of_sizes = np.square(weights - shares_of(means.sizes)).sum(axis=0) * variance_of_sizes(means.sizes, groups)
     _, below, above = _lognormal_parts(means, np.square(weights).sum(axis=0), groups, level, of_sizes)
     return middle - below, middle + above
@@ -168,17 +142,8 @@ def variance_of_units(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Variance s^2 of values between units, about the mean of their group, and its degrees of freedom f.
 
-    Parameters
-    ----------
-    values, sizes : (units, ...)
-        Values, such as logarithms of others, and how much each unit holds, 0 where it has no part.
-    groups : (units,) intp
-        The group of each unit; by default all are of one.
-
-    Returns
-    -------
-    variance, freedom : (...) float64
-        The variance is NaN where a value is infinite.
+    Shapes: values, sizes (units, ...), groups (units,); returns variance, freedom (...). The variance is NaN where a
+    value is infinite.
     """
     counted = _alike(sizes)
     number = np.zeros(len(values), dtype=np.intp) if groups is None else groups
@@ -353,12 +318,7 @@ def _own_values(
 def centred(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
     """What leaving out each unit changes, beside what leaving out another of its stratum does, 0 where undefined.
 
-    Parameters
-    ----------
-    jackknife : (units, ...)
-        Statistics of all units but one; NaN where there is none.
-    strata : (units,) intp
-        The stratum of each unit; by default all are of one.
+    Shapes: jackknife (units, ...), strata (units,). `jackknife`: NaN where there is none.
     """
     groups = np.zeros(len(jackknife), dtype=np.intp) if strata is None else strata
     changes = np.empty_like(jackknife)
@@ -373,15 +333,7 @@ def centred(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = No
 def acceleration(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
     """Acceleration a of BCa intervals (Efron 1987): a sixth of the skewness of the influences of the units.
 
-    Parameters
-    ----------
-    jackknife, strata
-        As in `centred`; influences are centred within strata.
-
-    Returns
-    -------
-    (...) float64
-        0 where no unit has any influence.
+    Returns (...). 0 where no unit has any influence.
     """
     influence = -centred(jackknife, strata)
     size = np.abs(influence).max(axis=0)

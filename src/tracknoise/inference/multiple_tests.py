@@ -149,13 +149,7 @@ def best_by_chance(parts: NDArray[np.float64], directions: NDArray[np.float64]) 
 
 
 def students(parts: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Student's t of each vector in every rotation, (draws, vectors), with a sign; 0 for vectors of length 0.
-
-    Parameters
-    ----------
-    parts, directions
-        As in `best_by_chance`.
-    """
+    """Student's t of each vector in every rotation, (draws, vectors), with a sign; 0 for vectors of length 0."""
     length = np.linalg.norm(parts, axis=0)
     return _student(directions @ (parts / np.where(length > 0, length, 1.0)), len(parts))
 

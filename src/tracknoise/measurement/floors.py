@@ -66,15 +66,7 @@ class Places:
 
 
 class FloorSums:
-    """Sums over the visible observations of one tracker setup, by source, and by age or frame.
-
-    Parameters
-    ----------
-    places
-        All observations.
-    sources
-        Whose size is known.
-    """
+    """Sums over the visible observations of one tracker setup, by source, and by age or frame."""
 
     __slots__ = ("_at", "_by_pose", "_n", "_own", "_pair", "_pairs", "_places", "_shared", "_sources", "_squares")
 
@@ -147,14 +139,7 @@ def _columns(names: tuple[str, ...], values: NDArray[np.float64]) -> Iterator[pl
 def _variance_of_sum(pairs: NDArray[np.intp], by_pose: NDArray[np.float64], laws: "PoseLaws") -> NDArray[np.float64]:
     """(2,) float64: variances in u and v of a sum over features, by the errors of poses.
 
-    Parameters
-    ----------
-    pairs
-        (p, 2) intp: frame of the anchor and frame of the observation; no frame occurs twice in a column.
-    by_pose
-        (p, 2, 6) float64: derivatives by the relative pose, added up over the features of each pair.
-    laws
-        Of the errors of poses.
+    Shapes: pairs (p, 2), by_pose (p, 2, 6).
     """
     anchor, frame = (pairs - pairs.min()).T
     single, steps = (np.zeros((int(pairs.max() - pairs.min()) + 1, 2, 6)) for _ in range(2))
@@ -207,12 +192,8 @@ class TruthFloor:
     def add(self, recording: Recording, positions: TruePositions) -> tuple[TruePositions, pl.DataFrame]:
         """Fill in the covariances of true positions, unless the truth states them.
 
-        Returns
-        -------
-        positions
-            With covariances, where these are known and not all 0.
-        floors
-            Columns of `FLOORS` after those of the origin; no rows where nothing is known.
+        `positions`: with covariances, where these are known and not all 0. `floors`: columns of `FLOORS` after those of
+        the origin. No rows where nothing is known.
         """
         if positions.covariance is not None:
             return positions, self._stated(recording, positions, positions.covariance)

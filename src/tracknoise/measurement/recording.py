@@ -88,27 +88,7 @@ class Recorder:
         self._frames: list[tuple[int, ...]] = []
 
     def add(self, index: int, step: Step, *, gradient_rad: Orientation) -> NDArray[np.uint32]:
-        """Record one step.
-
-        Parameters
-        ----------
-        index
-            Frame of the nominal sequence.
-        step
-            What the tracker reported.
-        gradient_rad
-            `tracknoise.trackers.gradient.dominant_gradient` of the frame: asked for the features born in this step.
-
-        Returns
-        -------
-        (k,) uint32
-            Numbers of the tracks observed in this step, in its order.
-
-        Raises
-        ------
-        TrackerError
-            If it is no `Step`, its quality is not as promised, or it contradicts itself or earlier ones (`check_step`).
-        """
+        """Record one step. Returns: numbers of the tracks observed in this step, in its order."""
         _require_step(step)
         check_quality(step.quality, len(step.ids))
         check_step(step, self._live_ids)

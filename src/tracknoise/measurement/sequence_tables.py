@@ -46,11 +46,6 @@ def setup_tables(
     """Tables of one tracker setup on one sequence, with the columns of its `FLOORS` after those of the origin.
 
     The true positions of a second truth are among the observations, if there is one.
-
-    Raises
-    ------
-    SchemaError
-        If a column has a wrong type.
     """
     return (
         _table({**_observations(recording, positions), **_second_truth(second)}, schema.OBSERVATIONS, sequence, setup),
@@ -164,16 +159,7 @@ def _names(values: NDArray[np.int8], kind: type[TruthStatus] | type[TrackEnd]) -
 def open_second_truths(
     sequences: Items[Sequence], truths: Items[Truth], second: Items[Sequence], *, scan_rule: ScanRule
 ) -> list[Truth] | None:
-    """The second truth of each sequence, of the same kind as its first; None where there is none.
-
-    Raises
-    ------
-    DataError
-        If a sequence and its second truth do not have the same number of frames, or the same size of images, or the
-        second lacks what this kind of truth needs.
-    SettingsError
-        If the second does not offer this kind of truth.
-    """
+    """The second truth of each sequence, of the same kind as its first; None where there is none."""
     if not second:
         return None
     for sequence, other in zip(sequences, second, strict=True):

@@ -85,39 +85,6 @@ def run_trackers(
 
     All sequences advance together: a frame of each is read before the next frame of any, so that they can share what
     they read.
-
-    Parameters
-    ----------
-    sequences
-        The images.
-    conditions
-        Trackers and speeds.
-    truths
-        Of each sequence.
-    n_frames
-        Number of frames to read, from the first.
-    seed
-        Random seed, for trackers that need one.
-    progress
-        Called after each frame of all sequences.
-    second_truths
-        Further truths of each sequence, which receive the same observations; by default none.
-    kept_bytes
-        Size of the images of each sequence that are kept; by default none is.
-
-    Returns
-    -------
-    list of TrackingResult
-        One per sequence.
-
-    Raises
-    ------
-    DataError
-        If an image or depth map cannot be used.
-    TrackerError
-        If a tracker contradicts itself.
-    SettingsError
-        If a tracker needs a truth that can compute world points, and this one cannot.
     """
     snapshot_frame = _snapshot_frame(n_frames, conditions, truths[0].key_frame)
     seconds: Items[Truth | None] = second_truths or [None for _ in truths]

@@ -166,19 +166,7 @@ def tracker_named(data: ReportData, kind: str) -> str | None:
 def curve(
     data: ReportData, tracker: str, role: str, *, speed: int | None = None, direction: str | None = None
 ) -> pl.DataFrame:
-    """Points of one curve beyond the place where errors are zero, as the reading trims it, sorted by `since`.
-
-    Parameters
-    ----------
-    data
-        Of the run. Its trimming and population are used.
-    tracker, role
-        Of the curve.
-    speed
-        By default the nominal one.
-    direction
-        By default that of the view that figures show.
-    """
+    """Points of one curve beyond the place where errors are zero, as the reading trims it, sorted by `since`."""
     points = data.across(data.points, "direction")
     return points.filter(
         pl.col("since") > 0,
@@ -202,19 +190,7 @@ def estimate(point: Point, coordinate: str) -> Estimate:
 
 
 def mean_chosen_among(data: ReportData, point: Point, coordinate: str, choices: int) -> Estimate:
-    """Mean error of a point in one of its coordinates, px, with an interval that allows for the choice of it.
-
-    Parameters
-    ----------
-    data
-        Of the run.
-    point
-        Of a curve of mean errors.
-    coordinate
-        u or v.
-    choices
-        Of how many coordinates this is one that stands out.
-    """
+    """Mean error of a point in one of its coordinates, px, with an interval that allows for the choice of it."""
     found = estimate(point, coordinate)
     if choices == 1 or found.low is None:
         return found
@@ -584,15 +560,7 @@ JUDGES: Mapping[str, Judge] = {
 
 
 def judge(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
-    """Verdict on a claim.
-
-    Parameters
-    ----------
-    claim
-        Of the paper.
-    runs
-        By experiment of the paper, all of one reading of its trimming.
-    """
+    """Verdict on a claim."""
     if claim.experiment not in runs:
         return Judgement(Agreement.open, reason="the experiment was not repeated")
     for kind in _trackers(claim):

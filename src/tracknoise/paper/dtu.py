@@ -61,11 +61,6 @@ def read_mat(path: Path, names: list[str]) -> dict[str, Variable]:
 
     SciPy reads it in the child process, which it ends at some damaged files. Of objects, function handles, cells and
     structures only the headers are read.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, damaged, or of version 7.3.
     """
     size = require_regular(path, _EXPECTED, most=_MAX_BYTES)
     try:
@@ -99,24 +94,7 @@ def _read(path: Path, names: list[str]) -> dict[str, Variable]:
 def numbers(
     path: Path, variables: Mapping[str, Variable], name: str, *, count: int | None = None
 ) -> NDArray[np.float64]:
-    """One variable as float64, with the shape that it has in MATLAB.
-
-    Parameters
-    ----------
-    path
-        Of the file, for errors.
-    variables
-        From `read_mat`.
-    name
-        Which one.
-    count
-        How many finite numbers it must have; None for any count and any numbers.
-
-    Raises
-    ------
-    DataError
-        If it is missing, or something else.
-    """
+    """One variable as float64, with the shape that it has in MATLAB. `count`: None for any count and any numbers."""
     expected = "numbers" if count is None else counted(count, "finite number")
     if name not in variables:
         raise DataError(path, f"no {name}", f"{name}: {expected}")
@@ -131,15 +109,7 @@ def numbers(
 
 
 def write_mat(path: Path, variables: Mapping[str, ArrayLike]) -> None:
-    """Write a MATLAB file (version 5) that is the same whenever it is written: without the date.
-
-    Parameters
-    ----------
-    path
-        File to write.
-    variables
-        Arrays or numbers by name.
-    """
+    """Write a MATLAB file (version 5) that is the same whenever it is written: without the date."""
     from scipy.io import savemat
 
     buffer = BytesIO()
@@ -170,18 +140,9 @@ def weights(leds_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
     In diffuse light all have the same. Directional light comes from a place in the plane of x and y that moves in equal
     steps through the middle of the LEDs, from the one at the very back to the one in front, or from left to right; the
-    shares fall with the distance d from there as exp(-d^2 / (2 sigma^2)).
-
-    Parameters
-    ----------
-    leds_m
-        (19, 3) float64, metres: x from left to right and y from front to back as the key frame sees it, z up.
-
-    Returns
-    -------
-    (19 lightings, 19 LEDs) float64
-        Not negative; the sum of each row is 1, so that all lightings are about as bright. Multiples of
-        1 / `WEIGHT_STEPS`, for which a share is changed by less than one step.
+    shares fall with the distance d from there as exp(-d^2 / (2 sigma^2)). Shapes: leds_m (19, 3); returns
+    (19 lightings, 19 LEDs). Not negative. The sum of each row is 1, so that all lightings are about as bright.
+    Multiples of 1 / `WEIGHT_STEPS`, for which a share is changed by less than one step.
     """
     (left, front), (right, back) = leds_m[:, :2].min(axis=0), leds_m[:, :2].max(axis=0)
     centre_x, centre_y = (left + right) / 2.0, (front + back) / 2.0
@@ -196,14 +157,7 @@ def weights(leds_m: NDArray[np.float64]) -> NDArray[np.float64]:
 def read_leds(path: Path) -> NDArray[np.float64]:
     """Read the positions of the LEDs from a CSV file: one row per LED of x, y, z in metres, with a header or without.
 
-    Returns
-    -------
-    (19, 3) float64
-
-    Raises
-    ------
-    DataError
-        If the file is missing, or has not 19 rows of three finite numbers, or they cannot be metres.
+    Returns (19, 3).
     """
     expected = f"{LED_COUNT} rows of x,y,z in metres"
     lines = read_text(path, expected).splitlines()
@@ -304,13 +258,7 @@ CONDENSED = Release(
 
 
 def dtu_scenes(root: Path) -> dict[str, Path]:
-    """Folder of each scene, by its path below the root, sorted.
-
-    Raises
-    ------
-    DataError
-        If there is none.
-    """
+    """Folder of each scene, by its path below the root, sorted."""
     return find_scenes(
         root,
         lambda _, files: _release(files) is not None,
@@ -326,13 +274,7 @@ def release_of(folder: Path) -> Release:
 
 
 def image_files(folder: Path, release: Release) -> dict[tuple[int, int], Path]:
-    """The images of arc 1 that a scene needs, by position and number.
-
-    Raises
-    ------
-    DataError
-        Naming the first that is missing, or that is there in two formats.
-    """
+    """The images of arc 1 that a scene needs, by position and number."""
     found: dict[tuple[int, int], Path] = {}
     for path in sorted(folder.iterdir()):
         if match := release.pattern.fullmatch(path.name):
@@ -352,13 +294,7 @@ def image_files(folder: Path, release: Release) -> dict[tuple[int, int], Path]:
 
 
 def scan_name(scene: Path) -> str:
-    """Name of the file with a scene's scan, from the number at the end of the name of the scene's folder.
-
-    Raises
-    ------
-    DataError
-        If there is no number.
-    """
+    """Name of the file with a scene's scan, from the number at the end of the name of the scene's folder."""
     match = re.search(r"(\d+)$", scene.resolve().name)
     if match is None:
         raise DataError(scene, "a folder without a number", "one such as SET001, whose number is that of its scan")
@@ -366,13 +302,7 @@ def scan_name(scene: Path) -> str:
 
 
 def find_beside(root: Path, name: str) -> Path:
-    """Find what belongs to all scenes: in the data set's folder or one within it, or up to two folders above.
-
-    Raises
-    ------
-    DataError
-        If it is in none of them.
-    """
+    """Find what belongs to all scenes: in the data set's folder or one within it, or up to two folders above."""
     above = root.resolve().parents[:_FOLDERS_ABOVE]
     within = sorted(path for path in root.iterdir() if path.is_dir())
     for folder in (root, *within, *above):
@@ -417,12 +347,6 @@ def read_calibration(path: Path) -> Calibration:
 
     ``kc`` is k1, k2, p1, p2, k3 in OpenCV's order. ``nx``, ``ny``, the size of the images, is 1600x1200 unless the file
     has another. ``alpha_c``, the skew, may be missing, but must be 0.
-
-    Raises
-    ------
-    DataError
-        If the file or one of these is missing or has other numbers; if a rotation is none, the principal point lies
-        outside the image, or the distortion cannot be inverted.
     """
     poses = [f"{kind}_{position}" for kind in ("Rc", "Tc") for position in POSITIONS]
     variables = read_mat(path, [*_INTRINSICS, "nx", "ny", "alpha_c", *poses])
@@ -471,17 +395,7 @@ _PARTS = ("pts3D_near", "pts3D_far")
 def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
     """Read ``pts3D_near`` and ``pts3D_far``: each column is a point, its first three rows are x, y, z in metres.
 
-    Returns
-    -------
-    scan
-        Of both together; its key frame is the index of position 25.
-    notes
-        A sentence if points with NaN or infinity are ignored.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or damaged, one of the two arrays is missing or malformed, or no point is finite.
+    `notes`: a sentence if points with NaN or infinity are ignored.
     """
     variables = read_mat(path, list(_PARTS))
     with np.errstate(invalid="ignore"):  # a signalling NaN becomes a quiet one
@@ -524,17 +438,7 @@ class Shots(Protocol):
 
 
 class Taken:
-    """Images that were taken, or relit, in each lighting: a file for each.
-
-    Parameters
-    ----------
-    paths
-        Files by frame and lighting.
-    camera
-        Whose size the files have.
-    halve
-        Whether images have half of that size, each pixel the mean of four.
-    """
+    """Images that were taken, or relit, in each lighting: a file for each."""
 
     def __init__(self, paths: list[list[Path]], camera: Camera, *, halve: bool) -> None:
         self._paths, self._camera, self._halve = paths, camera, halve
@@ -553,17 +457,8 @@ class Taken:
 class Relit:
     """Images in lightings that are mixed from those of the LEDs; all of the latest frame are kept.
 
-    Parameters
-    ----------
-    paths
-        Files by frame and LED.
-    weights
-        (lightings, LEDs) float64, not negative: the share of each LED in each lighting, multiples of 1/16384 whose sum
-        is 1 for each lighting. All sums are exact then, whatever the order of additions; images are rounded once.
-    camera
-        Whose size the files have.
-    halve
-        Whether images have half of that size, each pixel the mean of four.
+    Shapes: weights (lightings, LEDs). `weights`: not negative: the share of each LED in each lighting, multiples of
+    1/16384 whose sum is 1 for each lighting.
     """
 
     def __init__(self, paths: list[list[Path]], weights: NDArray[np.float64], camera: Camera, *, halve: bool) -> None:
@@ -600,16 +495,7 @@ class Relit:
 def mix(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Weighted sums of images, rounded to the nearest grey level.
 
-    Parameters
-    ----------
-    light
-        (LEDs, height, width) float32.
-    weights
-        (lightings, LEDs) float32.
-
-    Returns
-    -------
-    (lightings, height, width) uint8
+    Shapes: light (LEDs, height, width), weights (lightings, LEDs); returns (lightings, height, width).
     """
     pixels = light.reshape(len(light), -1)
     mixed = np.empty((len(weights), pixels.shape[1]), np.uint8)
@@ -620,15 +506,7 @@ def mix(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.
 
 
 def sums_of_four(image: NDArray[np.uint8], *, out: NDArray[np.float32]) -> None:
-    """Sums of 2x2 pixels.
-
-    Parameters
-    ----------
-    image
-        (height, width) uint8, both even.
-    out
-        (height / 2, width / 2) float32, where they go.
-    """
+    """Sums of 2x2 pixels. Shapes: out (height / 2, width / 2)."""
     pairs = np.ascontiguousarray(image).view(np.uint16)  # two neighbours in a row, whichever byte is the first
     for top in range(0, len(out), _ROWS_AT_ONCE):
         band = pairs[2 * top : 2 * (top + _ROWS_AT_ONCE)]

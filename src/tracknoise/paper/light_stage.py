@@ -1,6 +1,5 @@
 """A light stage: objects are photographed from an arc of positions, with one LED at a time.
 
-- Positions of the LEDs of the stage.
 - Surfaces of revolution: bottles, cups and cones.
 - The light stage: cameras, LEDs, images and the scan.
 
@@ -32,11 +31,8 @@ _HEIGHT_M = 0.9
 def led_positions() -> NDArray[np.float64]:
     """Nineteen LEDs in a level hexagon: rows of 3, 4, 5, 4 and 3, 0.25 m between neighbours, 0.9 m above the table.
 
-    Returns
-    -------
-    (19, 3) float64
-        Metres: x from left to right and y from front to back as the cameras see it, z up; the origin is the middle of
-        the table. Rows are ordered from the back to the front, and the LEDs in a row from left to right.
+    Returns (19, 3) m. x from left to right and y from front to back as the cameras see it, z up. The origin is the
+    middle of the table. Rows are ordered from the back to the front, and the LEDs in a row from left to right.
     """
     places = [
         (_PITCH_M * (column - (count - 1) / 2), _PITCH_M * np.sqrt(0.75) * (len(_ROWS) // 2 - row), _HEIGHT_M)
@@ -59,19 +55,7 @@ def revolved(
 ) -> World:
     """Revolve a profile about the vertical through a point.
 
-    Parameters
-    ----------
-    profile_m
-        (n, 2) float64, radius and height above the foot, metres, from the top down; radius 0 closes the surface.
-    foot
-        (3,) float64, metres, world frame.
-    texture
-        Index of its texture, which is upright.
-    textures
-        As in `tracknoise.simulation.world.World`.
-    repeat_m
-        Size of one repeat of the texture, metres. Around the surface it is adjusted, so that a whole number of repeats
-        fits around the widest place.
+    Shapes: profile_m (n, 2), foot (3,) m in the world frame.
     """
     turn = np.linspace(0.0, 1.0, _SEGMENTS + 1)
     radius, height = profile_m.T[:, :, None]
@@ -117,13 +101,7 @@ _RING_M = 0.095
 
 
 def tabletop(rng: np.random.Generator) -> World:
-    """Build a scene of about 0.3 m: boxes, leaning boards and bottles on a table that fills the view.
-
-    Parameters
-    ----------
-    rng
-        Random generator of everything that differs between scenes.
-    """
+    """Build a scene of about 0.3 m: boxes, leaning boards and bottles on a table that fills the view."""
     textures = tuple(paint(recipe, _TEXTURE_SIDE, rng) for recipe in _RECIPES)
     quads: list[Quad] = list(_table(rng))
     bottles: list[World] = []

@@ -61,22 +61,7 @@ class Beside:
 def write_figures(
     folder: Path, runs: Mapping[str, Mapping[Reading, ReportData]], titles: Mapping[Reading, str]
 ) -> Path:
-    """Draw the figures and write the page ``figures.html``.
-
-    Parameters
-    ----------
-    folder
-        Of the page. The images are written into its folder ``figures``.
-    runs
-        By title of the experiment and by reading.
-    titles
-        Of the readings.
-
-    Raises
-    ------
-    StoreError
-        If the folder cannot be written.
-    """
+    """Draw the figures and write the page ``figures.html``."""
     chapters = {title: _drawn(folder, f"figures/{number}", data) for number, (title, data) in enumerate(runs.items())}
     page = template("side_by_side.html.j2").render(chapters=chapters, titles=titles)
     write_atomically(folder / PAGE, page.encode())

@@ -172,19 +172,7 @@ def _of_trackers(
 def rms(
     intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str, trimming: str
 ) -> Estimate:
-    """Root mean square error of a condition at its reference age, features pooled.
-
-    Parameters
-    ----------
-    intervals
-        Rows of one condition.
-    conditions
-        Say which population and axis.
-    row
-        Its row of the summary.
-    coordinate, trimming
-        As in the table.
-    """
+    """Root mean square error of a condition at its reference age, features pooled."""
     bounds = curve_bounds(intervals, conditions, "second", row["at"], coordinate, trimming=trimming)
     return Estimate.of(row[f"{trimming}_rms_{coordinate}_px"], bounds, "px")
 

@@ -111,19 +111,7 @@ def by_tracker(
     figure: str,
     table: str,
 ) -> Headline | None:
-    """A headline with a part for each tracker; None where there is no part.
-
-    Parameters
-    ----------
-    trackers
-        Names, in the order in which they are reported.
-    describe
-        Makes the part of one tracker, or none.
-    opening, closing
-        Sentences before and after the parts.
-    topic, figure, table
-        Of the headline.
-    """
+    """A headline with a part for each tracker; None where there is no part."""
     described = {tracker: part for tracker in trackers if (part := describe(tracker))}
     if not described:
         return None
@@ -147,10 +135,7 @@ def leading(estimates: Sequence[Estimate]) -> Estimate | None:
 def in_brackets(rows: pl.DataFrame) -> str:
     """How the intervals in brackets were made, as the last sentence; empty where there are none.
 
-    Parameters
-    ----------
-    rows
-        Those reported, with columns low, high, level, resampled and n_scenes.
+    `rows`: those reported, with columns low, high, level, resampled and n_scenes.
     """
     made = rows.drop_nulls(["low", "high"])
     if made.is_empty():
@@ -324,15 +309,7 @@ def curve_scenes(
     weighting: str,
     of: str = "Of this number",
 ) -> str:
-    """Write how much scenes differ at a point of a curve, and where the next one is expected; empty where unknown.
-
-    Parameters
-    ----------
-    intervals, conditions, role, at, coordinate, weighting
-        As in `curve_bounds`; no role whose root is given.
-    of
-        What the sentence is about, as its start.
-    """
+    """Write how much scenes differ at a point of a curve, and where the next one is expected; empty where unknown."""
     row = curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)
     return _scenes(row, of, is_scale=role != "mean")
 

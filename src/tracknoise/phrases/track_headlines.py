@@ -1,6 +1,5 @@
 """Headlines about outliers and lifetimes, and about factors.
 
-- Headlines about outliers and lifetimes.
 - The headline about factors: which have an effect, which have none, and which are undecided.
 """
 
@@ -143,18 +142,8 @@ _MOST_NAMED = 3
 def asked(dependence: pl.DataFrame, conditions: ReportedConditions) -> pl.DataFrame:
     """The questions that the headline is about: of each factor that was varied, at the lowest speed.
 
-    Parameters
-    ----------
-    dependence
-        Table of the run.
-    conditions
-        Say which speed is the lowest.
-
-    Returns
-    -------
-    polars.DataFrame
-        Rows of `dependence` with a column `role`, in the order of the factors, trackers and statistics. Options of
-        trackers follow the other factors. Trackers that differ in one option alone are compared by that option only.
+    Returns rows of `dependence` with a column `role`, in the order of the factors, trackers and statistics. Options of
+    trackers follow the other factors. Trackers that differ in one option alone are compared by that option only.
     """
     nominal = pl.col("speed").is_null() | (pl.col("speed") == conditions.reference.speed)
     known = pl.col("statistic").is_in(list(ROLES))

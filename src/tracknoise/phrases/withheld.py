@@ -98,12 +98,7 @@ def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:
 def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
     """A sentence where the truth floor is larger than the whole error, which has it as a part; else empty.
 
-    Parameters
-    ----------
-    summary
-        Row of a condition, schema `SUMMARY`.
-    trimming
-        Of the errors.
+    `summary`: row of a condition, schema `SUMMARY`.
     """
     pairs = {axis: (summary[f"floor_{axis}_px"], summary[f"{trimming}_rms_{axis}_px"]) for axis in "uv"}
     larger = {axis: pair for axis, pair in pairs.items() if None not in pair and pair[0] > pair[1]}

@@ -2,7 +2,6 @@
 
 - Findings as short sentences, each with a link to its evidence; the whole finding is kept as details.
 - How far the numbers of a run can be trusted: how sure they are, and whether the truth is right.
-- The summary of a run, made from its tables.
 - A run as a notebook shows it: the cards of its trackers.
 """
 
@@ -43,17 +42,7 @@ _MEASURES = {
 
 
 def findings(data: ReportData, cards: Sequence[Card], accuracy: Judgement) -> tuple[Finding, ...]:
-    """Every finding of the run in short sentences, by rank.
-
-    Parameters
-    ----------
-    data
-        The run.
-    cards
-        Its trackers.
-    accuracy
-        Which tracker is more accurate.
-    """
+    """Every finding of the run in short sentences, by rank."""
     rows = data.findings.sort("rank").to_dicts()
     return tuple(_finding(data, row, cards, accuracy) for row in rows)
 

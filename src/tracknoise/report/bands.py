@@ -84,17 +84,8 @@ _CURVE = ["population", "trimming", "weighting", "statistic", "axis", "at"]
 def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
     """Curves with the bounds of their values in u and v.
 
-    Parameters
-    ----------
-    curves
-        Columns of `CURVES`, or of `ASPECT_CURVES`.
-    intervals
-        Columns of `INTERVALS`.
-
-    Returns
-    -------
-    polars.DataFrame
-        The same rows with columns `BOUNDS`, in the unit of the curve, and `KIND`. Null where there is no interval.
+    Returns: the same rows with columns `BOUNDS`, in the unit of the curve, and `KIND`. Null where there is no interval.
+    `curves`: columns of `CURVES`, or of `ASPECT_CURVES`. `intervals`: columns of `INTERVALS`.
     """
     aspect = ["aspect", "at_least"] if "aspect" in curves.columns else []
     keys = [*aspect, *POOLED, *_CURVE]
@@ -109,15 +100,7 @@ def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
 
 
 def side_by_side(intervals: pl.DataFrame, keys: Sequence[str]) -> pl.DataFrame:
-    """Bounds in u and v in one row: the keys, `BOUNDS` and `KIND`.
-
-    Parameters
-    ----------
-    intervals
-        The keys, and coordinate, low, high, level, resampled and n_scenes: one row per coordinate.
-    keys
-        Columns that identify a value; nulls are equal to one another.
-    """
+    """Bounds in u and v in one row: the keys, `BOUNDS` and `KIND`. `keys`: columns that identify a value."""
     u, v = (
         intervals.filter(coordinate=axis).select(*keys, pl.col("low", "high").name.prefix(f"{axis}_")) for axis in "uv"
     )
@@ -157,14 +140,7 @@ def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
 def describe_intervals(points: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:
     """Describe the bands, or other `marks`, that show intervals, or say that there are none.
 
-    Parameters
-    ----------
-    points
-        Columns `KIND`.
-    of
-        What has the intervals.
-    marks
-        What shows the intervals.
+    `points`: columns `KIND`.
     """
     known = points.drop_nulls(list(KIND))
     groups = known.group_by("level", "resampled").agg(pl.col("n_resampled").unique()).sort("level", "resampled")

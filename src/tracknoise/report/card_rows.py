@@ -134,17 +134,7 @@ def size_name(subjects: Sequence[Subject]) -> str:
 
 
 def error(subject: Subject, smallest: Answer | None, *, name: str) -> Measure | None:
-    """Size of the error at the reference age, in the coordinate where it is larger.
-
-    Parameters
-    ----------
-    subject
-        Which tracker.
-    smallest
-        Whether it has the smallest core.
-    name
-        From `size_name`.
-    """
+    """Size of the error at the reference age, in the coordinate where it is larger."""
     if subject.data.truth_is_fitted:
         return _fitted(subject, smallest)
     found = _sizes(subject, name)
@@ -355,15 +345,7 @@ _QUESTION = "shown"
 
 
 def compared(data: ReportData, role: str) -> dict[str, Any] | None:
-    """Row of the comparison of trackers at the lowest speed by one statistic; None where there is none.
-
-    Parameters
-    ----------
-    data
-        The run.
-    role
-        Of the statistic, as in `tracknoise.words.STATISTICS`.
-    """
+    """Row of the comparison of trackers at the lowest speed by one statistic; None where there is none."""
     names = [name for name, of in ROLES.items() if of == role]
     rows = data.dependence.filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor="tracker")
     rows = rows.filter(pl.col("speed").is_null() | (pl.col("speed") == data.slowest))
@@ -375,17 +357,6 @@ def best(data: ReportData, tracker: str, role: str, question: str) -> Answer | N
 
     The comparison is of the two trackers that differ most. Of others it is not known. Nor is it where they differ at a
     single age (or frame) only.
-
-    Parameters
-    ----------
-    data
-        The run.
-    tracker
-        Its name.
-    role
-        Of the statistic.
-    question
-        A word, such as ``smallest``.
     """
     row = compared(data, role)
     if row is None:
@@ -400,15 +371,7 @@ def best(data: ReportData, tracker: str, role: str, question: str) -> Answer | N
 
 
 def accuracy(data: ReportData, errors: dict[str, Measure | None]) -> Judgement:
-    """Which tracker is more accurate, and by how much.
-
-    Parameters
-    ----------
-    data
-        The run.
-    errors
-        Size of the errors of every tracker.
-    """
+    """Which tracker is more accurate, and by how much."""
     row = compared(data, "core")
     if len(data.trackers) < 2:
         return _alone(errors)

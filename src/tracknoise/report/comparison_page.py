@@ -1,7 +1,6 @@
 """A comparison of runs for readers: words, tables, Markdown and a page.
 
 - Effects, conditions and answers of a comparison in words.
-- Tables of a comparison.
 - Effect and interval of a row as places on a line, in margins: what is worse lies to the right.
 - A comparison in Markdown, for a pull request.
 - A comparison as one HTML page that needs no network.

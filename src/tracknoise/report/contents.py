@@ -40,25 +40,7 @@ class Section:
 
 
 def contents_json(experiment: str, sections: Sequence[Section], formats: Sequence[str]) -> str:
-    """Write the table of contents.
-
-    Parameters
-    ----------
-    experiment
-        Its name.
-    sections
-        In the order of the page.
-    formats
-        Kinds of figure files.
-
-    Returns
-    -------
-    str
-        An object with `format`, `title`, `experiment`, `tracknoise` (its version), `page` and `sections`. A section has
-        `id`, `title`, `figures`, `tables` and `absences`. A figure or a table has `id`, `title` and `files`, which are
-        paths within the report. A figure that shows something established has a `message`. An absence has `id`, `title`
-        and `why`.
-    """
+    """Write the table of contents."""
     document = {
         "format": FORMAT,
         "title": f"{experiment} \N{EN DASH} tracknoise report",
@@ -161,12 +143,6 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 
 
 def parts(sections: Mapping[str, Section]) -> list[Part]:
-    """The parts that have sections.
-
-    Parameters
-    ----------
-    sections
-        Those of the page, by id.
-    """
+    """The parts that have sections."""
     made = (Part(title, [sections[name] for name in names if name in sections]) for title, names in PARTS.items())
     return [part for part in made if part.sections]

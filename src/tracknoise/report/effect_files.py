@@ -130,13 +130,7 @@ _LINEAR_PART = {
 
 
 def effect_sizes(changes: pl.DataFrame) -> Figure:
-    """The figure of `tracknoise effects`.
-
-    Parameters
-    ----------
-    changes
-        Schema `EFFECT_CHANGES`, of one age.
-    """
+    """The figure of `tracknoise effects`. `changes`: schema `EFFECT_CHANGES`, of one age."""
     trackers = changes["tracker"].unique(maintain_order=True).to_list()
     colours = dict(zip(trackers, style.colours(trackers), strict=True))
     effects = changes["effect"].unique(maintain_order=True).to_list()

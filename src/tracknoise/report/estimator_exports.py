@@ -54,13 +54,7 @@ class Exports:
 
 
 def exports(models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], paths: Mapping[str, str]) -> Exports:
-    """Exports of all models of a run, for every estimator.
-
-    Parameters
-    ----------
-    models, missing, paths
-        As in `tracknoise.estimators.run_models.RunModels`.
-    """
+    """Exports of all models of a run, for every estimator."""
     content = {tracker: exported(model, paths[tracker]) for tracker, model in models.items()}
     return Exports(trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content))
 
@@ -74,18 +68,8 @@ def _choices() -> Iterator[Choice]:
 def exported(model: NoiseModel, path: str) -> dict[str, dict[str, Any]]:
     """What is written for each estimator.
 
-    Parameters
-    ----------
-    model
-        The model of a tracker.
-    path
-        Where it is, for the command line.
-
-    Returns
-    -------
-    dict
-        By estimator: `files`, pairs of names and contents, the patch last; `text`, what they are; or, where nothing can
-        be written, `why` and, if options of the command line can state what is missing, `command`.
+    Returns by estimator: `files`, pairs of names and contents, the patch last; `text`, what they are; or, where nothing
+    can be written, `why` and, if options of the command line can state what is missing, `command`.
     """
     known = {name: _export(model, name, path) for name in estimators()}
     return known | {name: {"why": about.why} for name, about in refused().items()}

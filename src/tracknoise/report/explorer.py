@@ -63,18 +63,9 @@ def charts(data: ReportData) -> Sequence[Chart]:
 def explored(data: ReportData) -> dict[str, Any]:
     """Curves and choices, as the script of the page reads them.
 
-    Parameters
-    ----------
-    data
-        The run. Of many conditions, only the errors that the run is about are included, and of single scenes only those
-        of the view at the lowest speed.
-
-    Returns
-    -------
-    dict
-        `axis` and `title` of the axis; `colours` of trackers; `choices`, lists by the name of a control; `start`, the
-        first choice. `errors`, `scenes` and `survival` are lists of curves. A curve has its condition, `at` and, by
-        role, values in `u` and `v` with bounds.
+    Returns: `axis` and `title` of the axis; `colours` of trackers; `choices`, lists by the name of a control; `start`,
+    the first choice. `errors`, `scenes` and `survival` are lists of curves. A curve has its condition, `at` and, by
+    role, values in `u` and `v` with bounds.
     """
     return {
         "axis": data.axis.name,

@@ -35,12 +35,7 @@ def side_by_side(table: pl.DataFrame) -> pl.DataFrame:
     """Paired verdicts of every factor and tracker, one row per statistic: columns ``FACTOR, TRACKER: HEADING``.
 
     Where the paper has verdicts, they stand before those of the run, by the paper's yardstick and paired. These have a
-    mark for their agreement with the paper.
-
-    Parameters
-    ----------
-    table
-        Schema `tracknoise.report.paper.COMPARISON`.
+    mark for their agreement with the paper. `table`: schema `tracknoise.report.paper.COMPARISON`.
     """
     columns: dict[str, list[str]] = {"statistic": [_unbroken(name) for name in STATISTICS.values()]}
     for asked, group in table.group_by("factor", "tracker", maintain_order=True):

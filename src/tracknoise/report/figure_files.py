@@ -27,20 +27,7 @@ _COMPRESSION = 6
 
 
 def png_of(svg: str, *, scale: float) -> bytes:
-    """Draw a figure.
-
-    Parameters
-    ----------
-    svg
-        The figure.
-    scale
-        Pixels per pixel of the figure on the page.
-
-    Returns
-    -------
-    bytes
-        A PNG file, RGB.
-    """
+    """Draw a figure."""
     with pdfium.PdfDocument(vlc.svg_to_pdf(svg)) as document:
         image = document[0].render(scale=scale).to_pil()
     written = io.BytesIO()

@@ -43,18 +43,8 @@ _GROWING = (Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 def growth_verdict(data: ReportData, conditions: ReportedConditions, row: Mapping[str, Any], at: int | None) -> Verdict:
     """Whether the error of one coordinate grows; undecided where the errors of the truth can grow as much.
 
-    An error that is mostly constant grows where a part of it does, by its interval.
-
-    Parameters
-    ----------
-    data
-        The run.
-    conditions
-        Which errors.
-    row
-        Of the table of fitted growth.
-    at
-        Age or frame up to which it may grow; None where no age has enough features.
+    An error that is mostly constant grows where a part of it does, by its interval. `at`: None where no age has enough
+    features.
     """
     if row["verdict"] in (Behaviour.undecided, Behaviour.none):
         return Verdict.undecided

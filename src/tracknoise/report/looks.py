@@ -21,18 +21,8 @@ _NOT_RECORDED = "not recorded"
 def looks(data: ReportData) -> dict[str, Any]:
     """Patches and tracks as the script of the page reads them.
 
-    Parameters
-    ----------
-    data
-        The run. Runs that keep no patches have none.
-
-    Returns
-    -------
-    dict
-        `patch_px`; `kinds`, names in the order of the tracks; `groups`, one for each scene, tracker and age: `scene`,
-        `tracker`, `at`, `sheet` and `strip` (WebP, base64), `strip_frames` and `tracks`. A track has its `kind`, `row`
-        in the sheet, number, frames, position within its pixel, error, reason of end, truth status, and the `path` of
-        its error; also its `lifetime` and its `largest` error, px.
+    Returns: `patch_px`; `kinds`, names in the order of the tracks; `groups`, one for each scene, tracker and age:
+    `scene`, `tracker`, `at`, `sheet` and `strip` (WebP, base64), `strip_frames` and `tracks`.
     """
     groups: list[dict[str, Any]] = []
     size = 0

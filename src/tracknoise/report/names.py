@@ -30,13 +30,7 @@ def together(names: Sequence[str]) -> str:
 
 
 def condition_name(names: Mapping[str, Any]) -> str:
-    """Name a condition.
-
-    Parameters
-    ----------
-    names
-        Its values of `ReportData.condition_columns`.
-    """
+    """Name a condition."""
     lighting = f" under lighting {names['lighting']}" if "lighting" in names else ""
     rotation = f" at rotation {names['rotation']}°" if "rotation" in names else ""
     direction = f" played {names['direction']}" if "direction" in names else ""

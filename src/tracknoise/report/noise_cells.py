@@ -1,7 +1,6 @@
 """Noise models, their calibration and tables of noise as sentences and tables.
 
 - How many claimed intervals of depths hold the true one: the rows that the page shows.
-- Noise models as sentences and tables.
 - The calibration of predicted covariances, as sentences and tables.
 - Tables of noise by tracker, speed and motion, as sentences and tables.
 """
@@ -30,11 +29,8 @@ _LONGEST, _LEAST_WINDOWS = 15, 100
 def depth_shares(data: ReportData) -> pl.DataFrame:
     """Shares at the lowest speed, of the longest window of each tracker that has enough tracks.
 
-    Returns
-    -------
-    polars.DataFrame
-        Columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at (the level
-        of the claimed interval, %).
+    Returns: columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at
+    (the level of the claimed interval, %).
     """
     wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= _LONGEST)
     rows = data.nominal(data.depth_intervals).filter(wanted, trimming=data.trimming)

@@ -59,16 +59,7 @@ def title(experiment: str) -> str:
 def finding(experiment: str | None, factor: str, role: str, kind: str | None) -> str | None:
     """What the paper says: ``yes``, ``no``, or None where it says nothing.
 
-    Parameters
-    ----------
-    experiment
-        Of the paper. None where a run repeats none.
-    factor
-        Name in `tracknoise.statistics.yardstick.FACTORS`.
-    role
-        Name in `STATISTICS`.
-    kind
-        Of the tracker in question. None where the factor is the tracker.
+    `experiment`: None where a run repeats none. `kind`: None where the factor is the tracker.
     """
     cell = findings().get(experiment or "", {}).get(factor, {}).get(role)
     return cell.get(kind) if isinstance(cell, dict) else cell
@@ -96,20 +87,9 @@ class Asked:
 def compare(effects: pl.DataFrame, dependence: pl.DataFrame, asked: Asked) -> pl.DataFrame:
     """The questions that the paper's tables ask, and those of other factors that the run varies.
 
-    Parameters
-    ----------
-    effects, dependence
-        Tables of the run.
-    asked
-        The paper's experiment, and the trackers.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `COMPARISON`, sorted by factor, tracker and statistic. The columns of `DEPENDENCE` are of the comparison
-        paired by scene; those of the paper's yardstick begin with `yardstick_` and are null for the core. `paper`
-        and the agreements are null where the paper says nothing. Otherwise an agreement is one of `AGREEMENTS`:
-        `agreement` that of the paired verdict, `yardstick_agreement` that of the paper's yardstick.
+    Returns schema `COMPARISON`, sorted by factor, tracker and statistic. The columns of `DEPENDENCE` are of the
+    comparison paired by scene; those of the paper's yardstick begin with `yardstick_` and are null for the core.
+    `paper` and the agreements are null where the paper says nothing.
     """
     rows = []
     nominal = pl.col("speed").is_null() | (pl.col("speed") == asked.speed)

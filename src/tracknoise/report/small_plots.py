@@ -1,7 +1,6 @@
 """Small drawings that stand in the page as SVG: errors by age, and values with their intervals.
 
 - Error by age on the first screen: RMS of every tracker in u and v, as SVG that stands in the page.
-- Small drawings of values with their intervals, as SVG that stands in the page.
 """
 
 import math
@@ -169,17 +168,7 @@ def scales(cards: Sequence[Card]) -> dict[str, Scale]:
 
 
 def draw(measure: Measure, axis: Scale, colour: str) -> Markup:
-    """Draw the values of a measure as points, their intervals as bars, and the reference as a line.
-
-    Parameters
-    ----------
-    measure
-        What to draw.
-    axis
-        Of this measure.
-    colour
-        Of the tracker.
-    """
+    """Draw the values of a measure as points, their intervals as bars, and the reference as a line."""
     marks = [] if measure.reference is None else [_reference(axis.place(measure.reference))]
     if measure.first is not None:
         marks += _mark(measure.first, axis, colour, filled=False)

@@ -92,20 +92,7 @@ def checked_camera(
     intrinsics: Sequence[float],
     coefficients: tuple[float, ...],
 ) -> KnownCamera:
-    """Make a camera that sees something in at least half of its image.
-
-    Parameters
-    ----------
-    place
-        The file, for messages.
-    model, size, intrinsics, coefficients
-        As `tracknoise.geometry.cameras.make_camera` takes them.
-
-    Raises
-    ------
-    DataError
-        If a value is impossible, or more than half of the image has no ray.
-    """
+    """Make a camera that sees something in at least half of its image."""
     try:
         camera = make_camera(model, size, intrinsics, coefficients)
     except ValueError as error:
@@ -142,13 +129,7 @@ class Entries:
         return next((name for name in names if name in self.values), None)
 
     def required(self, *names: str) -> str:
-        """The first of several names that is a key here.
-
-        Raises
-        ------
-        DataError
-            If none is.
-        """
+        """The first of several names that is a key here."""
         found = self.name(*names)
         if found is None:
             raise DataError(self.place, f"no {names[0]}", "it")
@@ -257,13 +238,7 @@ _MOST_RADTAN = 8
 
 
 def lens_at(entries: Entries, name: str) -> str:
-    """Model of the lens that a key names, as `tracknoise.geometry.cameras.COEFFICIENTS` has it.
-
-    Raises
-    ------
-    DataError
-        If it is a model that tracknoise does not have.
-    """
+    """Model of the lens that a key names, as `tracknoise.geometry.cameras.COEFFICIENTS` has it."""
     model = _NAMES.get(entries.text(name))
     if model is None:
         raise entries.error(name, f"one of {', '.join(filter(None, _NAMES))}")
@@ -271,13 +246,7 @@ def lens_at(entries: Entries, name: str) -> str:
 
 
 def coefficients_at(entries: Entries, name: str | None, model: str) -> tuple[float, ...]:
-    """Coefficients of the lens; none where there is no key, or where all of radial-tangential distortion are 0.
-
-    Raises
-    ------
-    DataError
-        If they are no list of numbers, or are of thin prisms or a tilted sensor.
-    """
+    """Coefficients of the lens; none where there is no key, or where all of radial-tangential distortion are 0."""
     coefficients = () if name is None else entries.numbers(name)
     if model == "equidistant":
         return coefficients
@@ -292,13 +261,7 @@ READOUT = "readout_s"
 
 
 def shutter_at(entries: Entries) -> RollingShutter | None:
-    """The rolling shutter of a camera; None where the file states none.
-
-    Raises
-    ------
-    DataError
-        If the readout is impossible.
-    """
+    """The rolling shutter of a camera; None where the file states none."""
     readout_s = entries.number(READOUT) if entries.name(READOUT) else 0.0
     try:
         return RollingShutter(readout_s) if readout_s else None
@@ -328,20 +291,7 @@ _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
 def read_yaml(path: Path) -> dict[str, Any]:
     """Read the first document of a YAML file, or of one that OpenCV's FileStorage wrote.
 
-    Parameters
-    ----------
-    path
-        The file, of at most 256 KiB; lists and mappings may nest 16 deep and have 20 000 values, aliases resolved.
-
-    Returns
-    -------
-    dict
-        The document's keys and values: plain lists, mappings, numbers and texts.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, unreadable, no YAML, or its document is no mapping; the message names the line.
+    Returns: the document's keys and values: plain lists, mappings, numbers and texts.
     """
     return parse_yaml(path, read_text(path, _EXPECTED_YAML, most=_MOST_BYTES))
 
@@ -399,13 +349,7 @@ _MOST_XML_VALUES = 100_000
 
 
 def read_opencv_xml(path: Path) -> dict[str, Any]:
-    """Keys and values of such a file: numbers, texts, lists of numbers, and matrices as rows, columns and data.
-
-    Raises
-    ------
-    DataError
-        If it cannot be read, or is other XML.
-    """
+    """Keys and values of such a file: numbers, texts, lists of numbers, and matrices as rows, columns and data."""
     root = read_xml(path)
     if root.tag != _ROOT:
         raise DataError(path, f"XML of <{root.tag}>", f"<{_ROOT}>, as OpenCV writes it")
@@ -442,14 +386,7 @@ _SYMMETRIC = ("equidistant", "double_sphere")
 
 
 def read_plain(entries: Entries) -> CameraFile:
-    """Camera, depth unit and readout of a file with the keys `REQUIRED`.
-
-    Raises
-    ------
-    DataError
-        If a key is missing or unknown, a value is impossible, or a camera with radial-tangential distortion cannot be
-        inverted over the whole image.
-    """
+    """Camera, depth unit and readout of a file with the keys `REQUIRED`."""
     _require_keys(entries)
     return CameraFile(_camera(entries), depth_unit_m=_depth_unit_m(entries), shutter=shutter_at(entries))
 
@@ -537,22 +474,7 @@ def has_matrix(entries: Entries, camera: str | None) -> bool:
 
 
 def read_matrices(entries: Entries, camera: str | None, size: tuple[int, int] | None) -> CameraFile:
-    """The camera of a file that `has_matrix`; where OpenCV calibrated a pair, the one named, by default ``1``.
-
-    Parameters
-    ----------
-    entries
-        Of the file.
-    camera
-        ``1`` or ``2`` of a pair, otherwise None.
-    size
-        Width and height of the images where the file does not say, px.
-
-    Raises
-    ------
-    DataError
-        If something is missing or impossible, or the model of the lens is not supported.
-    """
+    """The camera of a file that `has_matrix`; where OpenCV calibrated a pair, the one named, by default ``1``."""
     name = entries.required(*_numbered(_MATRIX, camera))
     matrix = entries.matrix(name, 3, 3)
     (fx, skew, cx), (below, fy, cy), last = matrix
@@ -601,15 +523,7 @@ def cameras_of(entries: Entries) -> list[str]:
 
 
 def read_chain(entries: Entries, camera: str | None) -> CameraFile:
-    """One camera of a chain of Kalibr's, by default the first.
-
-    Raises
-    ------
-    DataError
-        If something is missing or impossible, or a model is not supported.
-    UnknownNameError
-        If there is no camera of that name.
-    """
+    """One camera of a chain of Kalibr's, by default the first."""
     names = cameras_of(entries)
     if camera not in (None, *names):
         raise UnknownNameError("camera", str(camera), names)
@@ -623,19 +537,7 @@ def read_calibrated(
 ) -> CameraFile:
     """A camera with the keys ``camera_model``, ``intrinsics``, ``distortion_model`` and ``resolution``.
 
-    Parameters
-    ----------
-    entries
-        Of the camera.
-    size
-        Width and height of the images where the file does not say, px.
-    body_from_camera
-        (4, 4) float64 from elsewhere; by default from the entries.
-
-    Raises
-    ------
-    DataError
-        If something is missing or impossible, or a model is not supported.
+    Shapes: body_from_camera (4, 4).
     """
     model, intrinsics, coefficients = _lens(entries)
     if size is None or entries.name("resolution"):

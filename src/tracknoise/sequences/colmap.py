@@ -144,13 +144,7 @@ class Reconstruction:
 
 
 def reconstruction(path: Path, cameras: dict[int, ColmapCamera], images: list[ColmapImage]) -> Reconstruction:
-    """A reconstruction whose images all have a camera, and names of their own that lead to no other folder.
-
-    Raises
-    ------
-    DataError
-        If there is no image, or naming the first that is wrong.
-    """
+    """A reconstruction whose images all have a camera, and names of their own that lead to no other folder."""
     if not images:
         raise DataError(path, "no registered images", "at least one")
     by_name: dict[str, ColmapImage] = {}
@@ -166,13 +160,7 @@ def reconstruction(path: Path, cameras: dict[int, ColmapCamera], images: list[Co
 
 
 def camera_of(camera: ColmapCamera) -> CameraModel:
-    """The camera with (0, 0) at the centre of the first pixel.
-
-    Raises
-    ------
-    DataError
-        If the model is not supported, or a value is impossible.
-    """
+    """The camera with (0, 0) at the centre of the first pixel."""
     if camera.model not in _LENSES:
         raise DataError(camera.place, f"camera model {camera.model}", f"one of {', '.join(_LENSES)}")
     f, fy, *rest = camera.parameters
@@ -186,13 +174,7 @@ def camera_of(camera: ColmapCamera) -> CameraModel:
 
 
 def poses_of(images: list[ColmapImage]) -> NDArray[np.float64]:
-    """(n, 4, 4) float64: world_from_camera of images.
-
-    Raises
-    ------
-    DataError
-        If a pose is not finite, or a quaternion has not the norm 1.
-    """
+    """(n, 4, 4) float64: world_from_camera of images."""
     rows = np.array([image.pose for image in images], np.float64).reshape(-1, 7)
     return invert(quaternion_poses(rows[:, 4:], rows[:, [1, 2, 3, 0]], [image.place for image in images]))
 
@@ -206,13 +188,7 @@ _LONGEST_SHOWN = 80
 
 
 def read_text_cameras(path: Path) -> dict[int, ColmapCamera]:
-    """Cameras by their numbers.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, or naming the first line that is damaged.
-    """
+    """Cameras by their numbers."""
     cameras = {}
     for place, line in _lines(path, _TEXT_CAMERA):
         if not line:
@@ -232,13 +208,7 @@ def read_text_cameras(path: Path) -> dict[int, ColmapCamera]:
 
 
 def read_text_images(path: Path) -> list[ColmapImage]:
-    """Registered images. Each has two lines, of which the second lists its points and may be empty.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, or naming the first line that is damaged or no list of points.
-    """
+    """Registered images. Each has two lines, of which the second lists its points and may be empty."""
     images: list[ColmapImage] = []
     lines = _lines(path, _TEXT_IMAGE)
     for place, line in lines:
@@ -321,13 +291,7 @@ class _Cursor:
 
 
 def read_binary_cameras(path: Path) -> dict[int, ColmapCamera]:
-    """Cameras by their numbers.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or damaged.
-    """
+    """Cameras by their numbers."""
     cursor = _Cursor(read_bytes(path, "cameras of COLMAP", most=_MOST_BYTES))
     with damage_reported(path, "a damaged or truncated file", "cameras of COLMAP", with_reason=True):
         (count,) = cursor.take(_COUNT)
@@ -335,13 +299,7 @@ def read_binary_cameras(path: Path) -> dict[int, ColmapCamera]:
 
 
 def read_binary_images(path: Path) -> list[ColmapImage]:
-    """Registered images.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or damaged.
-    """
+    """Registered images."""
     cursor = _Cursor(read_bytes(path, "images of COLMAP", most=_MOST_BYTES))
     with damage_reported(path, "a damaged or truncated file", "images of COLMAP", with_reason=True):
         (count,) = cursor.take(_COUNT)
@@ -372,20 +330,7 @@ _EXPECTED = "a depth map of COLMAP"
 
 
 def read_depth_map(path: Path, camera: CameraModel) -> DepthMap:
-    """Read a depth map. Depths are in the unit of the reconstruction; those that are not positive are invalid.
-
-    Parameters
-    ----------
-    path
-        The file.
-    camera
-        Whose size the depth map must have.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, damaged or of another size.
-    """
+    """Read a depth map. Depths are in the unit of the reconstruction; those that are not positive are invalid."""
     content = read_bytes(path, _EXPECTED)
     header = _HEADER.match(content)
     if header is None:
@@ -541,13 +486,7 @@ def _read(folder: Path) -> Reconstruction:
 
 
 def _cameras(folder: Path, names: list[str], model: Reconstruction) -> tuple[CameraModel, ...]:
-    """Camera of each image; one that is not registered has that of the image before it.
-
-    Raises
-    ------
-    DataError
-        If they have several sizes.
-    """
+    """Camera of each image; one that is not registered has that of the image before it."""
     used = {model.images[name].camera_id: name for name in reversed(names) if name in model.images}
     made = {number: camera_of(model.cameras[number]) for number in used}
     sizes = {(made[number].width, made[number].height): name for number, name in sorted(used.items())}

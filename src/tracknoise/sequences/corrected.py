@@ -37,22 +37,7 @@ def corrected(sequence: Sequence, corrections: Corrections) -> Sequence:
 
 
 def corrected_camera(camera: CameraModel, corrections: Corrections, source: str) -> CameraModel:
-    """A camera with corrected focal lengths, principal point and distortion.
-
-    Parameters
-    ----------
-    camera
-        As stated.
-    corrections
-        What to change.
-    source
-        Origin of the camera, for messages.
-
-    Raises
-    ------
-    DataError
-        If its model has no such parameter.
-    """
+    """A camera with corrected focal lengths, principal point and distortion."""
     scale, (du, dv) = corrections.focal_scale, corrections.principal_point_px
     if scale == 1.0 and du == dv == corrections.k1 == 0.0:
         return camera

@@ -60,13 +60,7 @@ class Files:
         return self.folder / _DEVICE if (self.folder / _DEVICE).exists() else self.folder
 
     def list_of_images(self, camera: str) -> Path:
-        """The list of a camera's images.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is no such camera.
-        """
+        """The list of a camera's images."""
         if not (self.device / camera).exists():
             raise UnknownNameError("camera", camera, self.cameras())
         return self.device / camera / _DATA
@@ -80,13 +74,7 @@ class Files:
         return self.device / camera / "data" / name.removeprefix("data/")
 
     def calibration(self, camera: str) -> Path:
-        """The file with a camera's intrinsics: its own, or a Kalibr chain of all cameras.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
+        """The file with a camera's intrinsics: its own, or a Kalibr chain of all cameras."""
         own = self.device / camera / _SENSOR
         return own if own.exists() else self._camera_chain(own)
 
@@ -105,15 +93,7 @@ class Files:
         raise DataError(missing, "no such file", f"it, {_CAMERA_CHAIN} in the recording, dso or mav0, or {named}")
 
     def pose_source(self, name: str | None) -> str:
-        """The folder of the poses: the one of this name, or the best that there is.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        UnknownNameError
-            If there is no such folder.
-        """
+        """The folder of the poses: the one of this name, or the best that there is."""
         sources = [source for source in POSE_SOURCES if (self.device / source / _DATA).exists()]
         if name is not None:
             if not (self.device / name / _DATA).exists():
@@ -135,13 +115,7 @@ class Files:
 
 
 def find_recordings(root: Path) -> dict[str, Path]:
-    """Find the recordings in or below a folder, by name, sorted.
-
-    Raises
-    ------
-    DataError
-        If there is none.
-    """
+    """Find the recordings in or below a folder, by name, sorted."""
 
     def is_recording(below: list[str], _files: list[str]) -> bool:
         return _DEVICE in below or ("cam0" in below and not {*POSE_SOURCES, "imu0"}.isdisjoint(below))
@@ -193,19 +167,9 @@ class Table:
 
 
 def read_table(path: Path, columns: str) -> Table:
-    """Read a file of comma-separated values. Blank lines and ``#`` comments are skipped; the first may be the header.
+    """Read a file of comma-separated values.
 
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        What its rows hold, for the error.
-
-    Raises
-    ------
-    DataError
-        If it is missing or has no rows, or a row does not begin with a whole number of nanoseconds.
+    Blank lines and ``#`` comments are skipped; the first may be the header.
     """
     header: list[str] = []
     rows: list[list[str]] = []
@@ -224,13 +188,7 @@ def read_table(path: Path, columns: str) -> Table:
 
 
 def file_names(table: Table) -> list[str]:
-    """The second column of a list of images.
-
-    Raises
-    ------
-    DataError
-        Naming the first row without it.
-    """
+    """The second column of a list of images."""
     for place, row in zip(table.places, table.rows, strict=True):
         if len(row) < 2 or not row[1]:
             raise DataError(place, "no name of a file", "a time and the name of an image")
@@ -238,14 +196,7 @@ def file_names(table: Table) -> list[str]:
 
 
 def pose_rows(table: Table) -> NDArray[np.float64]:
-    """Positions and quaternions, scalar last, (n, 7) float64: by the names of the columns, else ``p xyz, q wxyz``.
-
-    Raises
-    ------
-    DataError
-        If there are positions only, or names of a part of the columns that leave no room for the others, or naming the
-        first row with too few fields or one that is not a number.
-    """
+    """Positions and quaternions, scalar last, (n, 7) float64: by the names of the columns, else ``p xyz, q wxyz``."""
     columns = _pose_columns(table.header)
     if len({*columns}) < len(columns):
         raise DataError(table.path, "names of a part of the columns of the pose", f"{', '.join(_POSE)}, or no names")
@@ -293,13 +244,7 @@ _NAME = re.compile(r"cam[0-9]+")
 
 
 def read_camera(path: Path, camera: str) -> CameraFile:
-    """Read the intrinsics of a camera, and its place on the body.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or damaged, or does not state the camera's place.
-    """
+    """Read the intrinsics of a camera, and its place on the body."""
     read = read_camera_file(path, camera=camera if names_cameras(path) else None)
     if read.body_from_camera is None:
         raise DataError(path, f"no place of {camera} on the body", f"{_EXTRINSICS} or T_cam_imu")
@@ -309,17 +254,8 @@ def read_camera(path: Path, camera: str) -> CameraFile:
 def read_sensor_from_body(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Read where a sensor of poses is on the body.
 
-    Returns
-    -------
-    sensor_from_body : (4, 4) float64
-        The inverse of T_BS; the identity where there is no file, or it does not state it.
-    notes : tuple of str
-        A sentence in these cases.
-
-    Raises
-    ------
-    DataError
-        If the file is damaged.
+    Returns sensor_from_body (4, 4). `sensor_from_body`: the inverse of T_BS. The identity where there is no file, or it
+    does not state it.
     """
     values = read_yaml(path) if path.exists() else {}
     if _EXTRINSICS not in values:
@@ -353,27 +289,7 @@ def find_second(
 ) -> tuple[SecondCamera | None, tuple[str, ...]]:
     """Find the camera beside another one. It is not needed for other depth or truth, so its faults are no errors.
 
-    Parameters
-    ----------
-    files
-        Of the recording.
-    first
-        Name of the camera that is measured.
-    body_from_first
-        (4, 4) float64: where that is on the body.
-    times_ns
-        (n,) int64: times of its images.
-    camera_file
-        A file that is used in place of the recording's. If it does not name cameras, it is that of the first alone.
-    levels
-        Of 16-bit images.
-
-    Returns
-    -------
-    second : SecondCamera or None
-        None where there is none, or it cannot be used.
-    notes : tuple of str
-        Why it cannot be used, or how many frames it has no image of.
+    Shapes: body_from_first (4, 4), times_ns (n,). `second`: None where there is none, or it cannot be used.
     """
     name = next((name for name in files.cameras() if name != first), None)
     if name is None:

@@ -214,13 +214,7 @@ class DepthAtAnyTime(Protocol):
 
 
 def stated_camera(camera: CameraModel, faults: Faults) -> CameraModel:
-    """The camera with the wrong focal length, principal point and distortion.
-
-    Raises
-    ------
-    SettingsError
-        If the camera has no such parameter.
-    """
+    """The camera with the wrong focal length, principal point and distortion."""
     du, dv = faults.principal_point_px
     if not (faults.focal or faults.k1 or du or dv):
         return camera
@@ -243,22 +237,7 @@ def _distorted(camera: Intrinsics, k1: float) -> Intrinsics:
 
 
 def stated_poses(sequence: Sequence, faults: Faults, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(n, 4, 4) float64: poses with the wrong clock, of the wrong sensor, and with noise, in this order.
-
-    Parameters
-    ----------
-    sequence
-        With correct poses.
-    faults
-        What is wrong.
-    rng
-        Of the noise. The noise of a frame does not depend on the number of frames.
-
-    Raises
-    ------
-    SettingsError
-        If a clock offset is in seconds and the sequence has no times, or there is only one frame.
-    """
+    """(n, 4, 4) float64: poses with the wrong clock, of the wrong sensor, and with noise, in this order."""
     poses = _at_other_times(sequence, faults) @ _camera_from_sensor(faults.mounting)
     return poses @ _noise(len(sequence), faults.poses, rng)
 
@@ -295,13 +274,7 @@ def _noise(count: int, noise: PoseNoise, rng: np.random.Generator) -> NDArray[np
 
 
 def require_lag(sequence: Sequence, lag_frames: float) -> None:
-    """Check that a sequence has depth this many frames earlier.
-
-    Raises
-    ------
-    SettingsError
-        If that lies between frames and the sequence has depth of its frames only.
-    """
+    """Check that a sequence has depth this many frames earlier."""
     if lag_frames != int(lag_frames) and not isinstance(sequence, DepthAtAnyTime):
         raise SettingsError(f"faults.depth.lag_frames = {lag_frames}: expected a whole number of frames")
 

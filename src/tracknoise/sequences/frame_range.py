@@ -80,24 +80,7 @@ def _whole_numbers(frames: object) -> list[int]:
 
 
 def frame_range(frames: Items[int], count: int, place: str) -> range:
-    """Frames of a sequence that are chosen.
-
-    Parameters
-    ----------
-    frames
-        First, last and step; the step is 1 if it is missing. The last may lie beyond the end of the sequence.
-    count
-        Number of frames of the sequence.
-    place
-        Origin of the sequence, for messages.
-
-    Raises
-    ------
-    SettingsError
-        If `frames` is not a range.
-    DataError
-        If fewer than two frames of the sequence are in it.
-    """
+    """Frames of a sequence that are chosen. `frames`: the step is 1 if it is missing."""
     require_range(frames)
     first, last, step = [*frames, 1][:3]
     chosen = range(first, min(last + 1, count), step)

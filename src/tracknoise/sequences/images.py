@@ -95,19 +95,7 @@ def read_gray(
 
 
 def scaled(image: NDArray[np.uint16], levels: Levels) -> NDArray[np.uint8]:
-    """Scale an image of 16 bits linearly to 8 bits, rounded; values outside of the levels are clipped.
-
-    Parameters
-    ----------
-    image
-        (height, width) uint16.
-    levels
-        Values that become 0 and 255, the lower first.
-
-    Returns
-    -------
-    (height, width) uint8
-    """
+    """Scale an image of 16 bits linearly to 8 bits, rounded; values outside of the levels are clipped."""
     black, white = levels
     grey = (image.astype(np.float64) - black) * (255.0 / (white - black))
     return np.clip(np.rint(grey), 0.0, 255.0).astype(np.uint8)
@@ -148,12 +136,9 @@ def read_enlarged_depth_png16(path: Path, camera: CameraModel, *, metres_per_uni
 
 
 def enlarged_map(path: Path, depth_m: NDArray[np.floating], camera: CameraModel) -> DepthMap:
-    """The map (height, width) of a file; a smaller one of the same proportions is `tracknoise.geometry.depth.enlarged`.
+    """The map (height, width) of a file.
 
-    Raises
-    ------
-    DataError
-        If it is of another size or other proportions than the camera's images.
+    A smaller one of the same proportions is `tracknoise.geometry.depth.enlarged`.
     """
     height, width = depth_m.shape[:2]
     if width >= camera.width or width * camera.height != height * camera.width:
@@ -173,21 +158,8 @@ def _metres(path: Path, metres_per_unit: float) -> NDArray[np.float64]:
 def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:
     """Read depth in metres from an 8-bit PNG file whose four channels are the bytes of a little-endian float32.
 
-    The first byte is the channel that OpenCV gives first (blue), as TartanAir v2 writes it.
-
-    Parameters
-    ----------
-    path
-        The file.
-    camera
-        Whose size the depth map must have.
-    farthest_m
-        Depth beyond this is invalid (sky), metres; so are zero, negative, infinite and NaN depths.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, truncated, no 8-bit four-channel PNG, or of another size.
+    The first byte is the channel that OpenCV gives first (blue), as TartanAir v2 writes it. `farthest_m`: so are zero,
+    negative, infinite and NaN depths.
     """
     channels = _decode(path, cv2.IMREAD_UNCHANGED)
     if channels.dtype != np.uint8 or channels.ndim != 3 or channels.shape[2] != 4:
@@ -206,22 +178,7 @@ def is_readable(path: Path) -> bool:
 
 
 def decode_image(place: str | Path, data: bytes, flags: int) -> NDArray[Any]:
-    """Decode the content of a PNG, JPEG or BMP file that is complete.
-
-    Parameters
-    ----------
-    place
-        The file, or another origin, for the error.
-    data
-        The content.
-    flags
-        How OpenCV decodes it, such as ``cv2.IMREAD_GRAYSCALE``.
-
-    Raises
-    ------
-    DataError
-        If it is truncated or no image.
-    """
+    """Decode the content of a PNG, JPEG or BMP file that is complete."""
     require_whole_image(place, data)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
@@ -242,13 +199,7 @@ def _decode(path: Path, flags: int) -> NDArray[Any]:
 
 
 def depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, farthest_m: float = np.inf) -> DepthMap:
-    """The map (height, width), metres, of a file; depth beyond `farthest_m` is invalid.
-
-    Raises
-    ------
-    DataError
-        If it is of another size than the camera's images.
-    """
+    """The map (height, width), metres, of a file; depth beyond `farthest_m` is invalid."""
     require_size(path, depth.shape, camera)
     return DepthMap(depth, np.isfinite(depth) & (depth > 0) & (depth <= farthest_m))
 
@@ -305,19 +256,7 @@ class _Header(NamedTuple):
 def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:
     """Read depth in metres from a NumPy file of float32 or float64.
 
-    Parameters
-    ----------
-    path
-        The file.
-    camera
-        Whose size the depth map must have.
-    farthest_m
-        Depth beyond this is invalid (sky), metres; so are zero, negative, infinite and NaN depths.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, truncated, no NumPy array, or of another type or size.
+    `farthest_m`: so are zero, negative, infinite and NaN depths.
     """
     header = _header(path)
     if header.dtype not in _METRES:
@@ -329,21 +268,8 @@ def read_depth_npy(path: Path, camera: CameraModel, *, farthest_m: float = np.in
 def read_enlarged_depth_npy(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
     """Read depth from a NumPy file of numbers of any type, (height, width) or (height, width, 1).
 
-    A smaller map of the same proportions is enlarged: see `tracknoise.sequences.images.enlarged_map`.
-
-    Parameters
-    ----------
-    path
-        The file.
-    camera
-        Of the images.
-    metres_per_unit
-        Depth of the number 1, metres.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, truncated, no NumPy array, or of another type, size or other proportions.
+    A smaller map of the same proportions is enlarged: see `tracknoise.sequences.images.enlarged_map`. Units:
+    metres_per_unit in m.
     """
     header = _header(path)
     if header.dtype.kind not in _NUMBERS:
@@ -357,13 +283,7 @@ def read_enlarged_depth_npy(path: Path, camera: CameraModel, *, metres_per_unit:
 
 
 def numpy_size(path: Path) -> tuple[int, int]:
-    """(width, height) of the array of a NumPy file, from its header.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, no NumPy array, or has fewer than two dimensions.
-    """
+    """(width, height) of the array of a NumPy file, from its header."""
     shape = _header(path).shape
     if len(shape) < 2:
         raise DataError(path, f"an array of {counted(len(shape), 'dimension')}", _EXPECTED)

@@ -65,25 +65,7 @@ Trajectory = tuple[NDArray[np.float64], tuple[str, ...]]
 def read_trajectory(drive: Drive, numbers: range) -> Trajectory:
     """Read the poses of a drive's frames: world_from_camera = world_from_imu camera_from_imu^-1.
 
-    Parameters
-    ----------
-    drive
-        The drive.
-    numbers
-        Of its frames.
-
-    Returns
-    -------
-    poses : (n, 4, 4) float64
-        world_from_camera of the rectified camera 2. From OXTS, the world frame is east, north, up, with its origin at
-        the first position of the inertial navigation system; from a file of poses, it is that file's.
-    notes : tuple of str
-        What was corrected or assumed.
-
-    Raises
-    ------
-    DataError
-        If there are neither, or they or the calibration are damaged or incomplete.
+    Returns poses (n, 4, 4). From a file of poses, it is that file's.
     """
     if drive.has_oxts:
         world_from_imu = poses_of_records(read_records(map(drive.oxts, numbers)))
@@ -126,22 +108,7 @@ class OxtsAccuracy:
 
 
 def read_oxts_accuracy(drive: Drive, numbers: range, timestamps_s: NDArray[np.float64] | None) -> OxtsAccuracy:
-    """Read the accuracies that the OXTS files of a drive state.
-
-    Parameters
-    ----------
-    drive
-        The drive; without OXTS files nothing is stated.
-    numbers
-        Of its frames.
-    timestamps_s
-        (n,) float64, seconds; without them, frames are taken to be 0.1 s apart.
-
-    Raises
-    ------
-    DataError
-        If a file is damaged.
-    """
+    """Read the accuracies that the OXTS files of a drive state. Shapes: timestamps_s (n,)."""
     if not drive.has_oxts:
         return OxtsAccuracy()
     stated = read_accuracies(map(drive.oxts, numbers))
@@ -175,20 +142,7 @@ class StillRule:
 
 
 def still_stretch(world_from_camera: NDArray[np.float64], rule: StillRule) -> range | None:
-    """The longest still stretch, the first of several, or None.
-
-    Parameters
-    ----------
-    world_from_camera
-        (n, 4, 4) float64.
-    rule
-        What is still.
-
-    Returns
-    -------
-    range or None
-        Indices of the frames that are less than ``rule.step_m`` from the one before.
-    """
+    """The longest still stretch, the first of several, or None. Shapes: world_from_camera (n, 4, 4)."""
     steps_m = np.linalg.norm(np.diff(world_from_camera[:, :3, 3], axis=0), axis=1)
     still = np.concatenate([[False], steps_m < rule.step_m, [False]])
     starts, stops = np.flatnonzero(still[1:] & ~still[:-1]), np.flatnonzero(still[:-1] & ~still[1:])
@@ -222,13 +176,7 @@ class KittiDepth:
     camera_from_velodyne: NDArray[np.float64] | None
 
     def __call__(self, path: Path, camera: CameraModel) -> DepthMap:
-        """Sparse depth of one frame.
-
-        Raises
-        ------
-        DataError
-            If the file is missing or damaged, or of another size than the camera's.
-        """
+        """Sparse depth of one frame."""
         if path.suffix != SCAN_SUFFIX:
             depth = read_depth_png16(path, camera, metres_per_unit=1.0 / UNITS_PER_METRE)
             return replace(depth, radius_px=self.radius_px)

@@ -133,17 +133,7 @@ class DriveFrames:
 def find_drives(root: Path, depth_root: Path | None) -> dict[str, Drive]:
     """Find the drives in or below a folder, by name, sorted.
 
-    Parameters
-    ----------
-    root
-        The data set's folder, that of a date, or a single drive.
-    depth_root
-        Folder of the depth-completion release, or None where the maps lie in the drives' own folders.
-
-    Raises
-    ------
-    DataError
-        If there is no drive, two have one name, or `depth_root` has no maps for any of them.
+    `depth_root`: folder of the depth-completion release, or None where the maps lie in the drives' own folders.
     """
     expected = f"drives: folders with {IMAGES}/ and {OXTS}/ or {POSES}"
     folders = find_scenes(root, lambda below, files: len(_PARTS.intersection((*below, *files))) >= 2, expected=expected)
@@ -167,13 +157,7 @@ def recording_of(name: str) -> str | None:
 
 
 def find_frames(drive: Drive) -> DriveFrames:
-    """Find the frames of a drive.
-
-    Raises
-    ------
-    DataError
-        Naming the first image that is missing where there are others, poses or depths of its number.
-    """
+    """Find the frames of a drive."""
     images = numbered_files(drive.folder / IMAGES / "data", r"(\d+)\.(?:png|jpe?g)")
     maps = _numbered(drive.depth_folder, r"(\d+)\.png")
     scans = _numbered(drive.folder / VELODYNE / "data", r"(\d+)\.bin")
@@ -199,20 +183,7 @@ Values = dict[str, NDArray[np.float64]]
 
 
 def read_values(path: Path, counts: dict[str, int]) -> Values:
-    """Read the values of some keys of a file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    counts
-        How many numbers each key must have.
-
-    Raises
-    ------
-    DataError
-        If the file or a key is missing, or a value is not that many finite numbers.
-    """
+    """Read the values of some keys of a file."""
     lines = read_text(path, f"a calibration with {', '.join(counts)}").splitlines()
     values: Values = {}
     for number, line in enumerate(lines, start=1):
@@ -226,13 +197,7 @@ def read_values(path: Path, counts: dict[str, int]) -> Values:
 
 
 def projection(path: Path, values: Values, key: str) -> NDArray[np.float64]:
-    """A projection matrix, (3, 4) float64, after checking that it is that of a camera without skew.
-
-    Raises
-    ------
-    DataError
-        If it is not.
-    """
+    """A projection matrix, (3, 4) float64, after checking that it is that of a camera without skew."""
     P = values[key].reshape(3, 4)
     plain = P[0, 1] == P[1, 0] == P[2, 0] == P[2, 1] == 0.0 and P[2, 2] == 1.0
     if not (plain and P[0, 0] > 0.0 and P[1, 1] > 0.0):
@@ -251,13 +216,7 @@ def camera_from_reference(P: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def rigid(path: Path, rotation: NDArray[np.float64], translation_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A transform, (4, 4) float64, whose rotation, rounded in the file, is made exact.
-
-    Raises
-    ------
-    DataError
-        If it is no rigid transform.
-    """
+    """A transform, (4, 4) float64, whose rotation, rounded in the file, is made exact."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), translation_m
     poses, _ = checked_poses(pose[None], [path])
@@ -266,26 +225,7 @@ def rigid(path: Path, rotation: NDArray[np.float64], translation_m: NDArray[np.f
 
 
 def poses_of_rows(rows: NDArray[np.float64], places: Sequence[str]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Check poses of 12 numbers, the first three rows of a matrix.
-
-    Parameters
-    ----------
-    rows
-        (n, 12) float64.
-    places
-        n times ``file:line``.
-
-    Returns
-    -------
-    poses : (n, 4, 4) float64
-    notes : tuple of str
-        As `tracknoise.sequences.poses.checked_poses`.
-
-    Raises
-    ------
-    DataError
-        Naming the first row that is no rigid transform.
-    """
+    """Check poses of 12 numbers, the first three rows of a matrix. Shapes: rows (n, 12); returns poses (n, 4, 4)."""
     poses = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
     poses[:, :3] = rows.reshape(-1, 3, 4)
     return checked_poses(poses, places)
@@ -307,13 +247,7 @@ _SIZE, _RECTIFY, _PROJECT = "S_rect_02", "R_rect_00", "P_rect_02"
 
 
 def read_camera(day: Path) -> Camera:
-    """The rectified camera 2: fx, fy, cx, cy of P_rect_02 and the size S_rect_02.
-
-    Raises
-    ------
-    DataError
-        If the file or a key is missing, or its values cannot be.
-    """
+    """The rectified camera 2: fx, fy, cx, cy of P_rect_02 and the size S_rect_02."""
     path = day / CAM_TO_CAM
     values = read_values(path, {_SIZE: 2, _PROJECT: 12})
     width, height = values[_SIZE].tolist()
@@ -324,13 +258,7 @@ def read_camera(day: Path) -> Camera:
 
 
 def read_camera_from_velodyne(day: Path) -> NDArray[np.float64]:
-    """(4, 4) float64: from the Velodyne's frame to the rectified camera 2.
-
-    Raises
-    ------
-    DataError
-        If a file or key is missing, or its values cannot be.
-    """
+    """(4, 4) float64: from the Velodyne's frame to the rectified camera 2."""
     path = day / CAM_TO_CAM
     values = read_values(path, {_RECTIFY: 9, _PROJECT: 12})
     camera_from_rectified0 = camera_from_reference(projection(path, values, _PROJECT))
@@ -340,13 +268,7 @@ def read_camera_from_velodyne(day: Path) -> NDArray[np.float64]:
 
 
 def read_camera_from_imu(day: Path) -> NDArray[np.float64]:
-    """(4, 4) float64: from the inertial navigation system's frame to the rectified camera 2.
-
-    Raises
-    ------
-    DataError
-        If a file or key is missing, or its values cannot be.
-    """
+    """(4, 4) float64: from the inertial navigation system's frame to the rectified camera 2."""
     chain: NDArray[np.float64] = read_camera_from_velodyne(day) @ _read_rigid(day / IMU_TO_VELO)
     return chain
 
@@ -363,24 +285,7 @@ _FORMAT = "a time such as 2011-09-26 13:02:25.964389445"
 def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
     """Read the times of a drive's frames.
 
-    Parameters
-    ----------
-    path
-        The file; it may be missing.
-    numbers
-        Of the frames.
-
-    Returns
-    -------
-    timestamps_s : (n,) float64 or None
-        Seconds since the first frame; None where the file is missing or its times do not increase.
-    notes : tuple of str
-        A sentence in the latter case.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, or a frame has no time in it.
+    `timestamps_s`: seconds since the first frame. None where the file is missing or its times do not increase.
     """
     if not path.exists():
         return None, ()
@@ -392,15 +297,7 @@ def read_timestamps(path: Path, numbers: range) -> tuple[NDArray[np.float64] | N
 
 
 def pose_time_notes(images: Path, poses: Path, numbers: range) -> tuple[str, ...]:
-    """A sentence on how far the records of poses are from their images in time; none where a file cannot be used.
-
-    Parameters
-    ----------
-    images, poses
-        Files of the times of both.
-    numbers
-        Of the frames.
-    """
+    """A sentence on how far the records of poses are from their images in time; none where a file cannot be used."""
     try:
         apart_ms = np.abs(
             (_read_timestamps(poses, numbers) - _read_timestamps(images, numbers)) / np.timedelta64(1, "ms")
@@ -442,15 +339,7 @@ _REST = "0 " * 17 + "0 0 4 10 5 5 6"  # motion, which is not simulated; no accur
 def read_records(paths: Iterable[Path]) -> NDArray[np.float64]:
     """Read the positions and attitudes of a drive's frames, a file each.
 
-    Returns
-    -------
-    (n, 6) float64
-        Latitude and longitude, degrees; altitude, metres; roll, pitch and yaw, radians.
-
-    Raises
-    ------
-    DataError
-        If a file is missing, has not one row of 30 numbers, or its angles cannot be.
+    Returns (n, 6). Latitude and longitude, degrees. Altitude, metres. Roll, pitch and yaw, radians.
     """
     records = [_checked(path, _read_oxts(path)[:_USED]) for path in paths]
     return np.array(records).reshape(-1, _USED)
@@ -459,15 +348,7 @@ def read_records(paths: Iterable[Path]) -> NDArray[np.float64]:
 def read_accuracies(paths: Iterable[Path]) -> NDArray[np.float64]:
     """Read the standard deviations that the records of a drive's frames state, a file each.
 
-    Returns
-    -------
-    (n, 2) float64
-        Of the position, metres, and of the velocity, metres per second; 0 where none is stated.
-
-    Raises
-    ------
-    DataError
-        If a file is missing, or has not one row of 30 numbers.
+    Returns (n, 2). Of the position, metres, and of the velocity, metres per second. 0 where none is stated.
     """
     return np.array([_read_oxts(path)[_ACCURACIES] for path in paths]).reshape(-1, len(_ACCURACIES))
 
@@ -475,15 +356,8 @@ def read_accuracies(paths: Iterable[Path]) -> NDArray[np.float64]:
 def poses_of_records(records: NDArray[np.float64]) -> NDArray[np.float64]:
     """Poses of the inertial navigation system: world_from_imu.
 
-    Parameters
-    ----------
-    records
-        (n, 6) float64, see `read_records`.
-
-    Returns
-    -------
-    (n, 4, 4) float64
-        World frame: east, north, up, metres, with its origin at the first position.
+    Shapes: records (n, 6); returns (n, 4, 4) in the world frame. East, north, up, metres, with its origin at the first
+    position.
     """
     scale_m = EARTH_RADIUS_M * np.cos(np.deg2rad(records[:1, 0]))
     lat, lon = np.deg2rad(records[:, :2]).T
@@ -495,20 +369,7 @@ def poses_of_records(records: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def records_of_poses(world_from_imu: NDArray[np.float64], *, start: tuple[float, float, float]) -> NDArray[np.float64]:
-    """The inverse of `poses_of_records`.
-
-    Parameters
-    ----------
-    world_from_imu
-        (n, 4, 4) float64; world frame: east, north, up, metres.
-    start
-        Latitude, longitude (degrees) and altitude (metres) of the first pose.
-
-    Returns
-    -------
-    (n, 6) float64
-        See `read_records`.
-    """
+    """The inverse of `poses_of_records`. Shapes: world_from_imu (n, 4, 4); returns (n, 6). See `read_records`."""
     lat, lon = np.deg2rad(start[:2])
     scale_m = EARTH_RADIUS_M * np.cos(lat)
     place = world_from_imu[:, :3, 3] - world_from_imu[:1, :3, 3]
@@ -550,18 +411,7 @@ _MOST_BYTES = 64 * MIB  # a turn of the scanner has about 2 MiB
 
 
 def read_scan(path: Path) -> NDArray[np.float64]:
-    """Read the points of a scan.
-
-    Returns
-    -------
-    (n, 3) float64
-        Metres, the Velodyne's frame.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, empty or truncated, or has points that are not numbers.
-    """
+    """Read the points of a scan. Returns (n, 3) m. The Velodyne's frame."""
     data = read_bytes(path, "a Velodyne scan", most=_MOST_BYTES)
     if not data or len(data) % _POINT_BYTES:
         raise DataError(

@@ -1,7 +1,5 @@
 """The reader of the KITTI odometry benchmark: see docs/formats/kitti-odometry.md.
 
-- The reader of the KITTI odometry benchmark: see docs/formats/kitti-odometry.md.
-
 Where the files of the KITTI odometry benchmark lie, and of what is written like it.
 
 A sequence is a folder ``sequences/NN`` with ``calib.txt``, ``times.txt`` and ``image_0`` to ``image_3``. Its poses are
@@ -99,13 +97,7 @@ class CourseFrames:
 
 
 def find_courses(root: Path) -> dict[str, Course]:
-    """Find the sequences in or below a folder, by the names of their folders, sorted.
-
-    Raises
-    ------
-    DataError
-        If there is none, or two have one name.
-    """
+    """Find the sequences in or below a folder, by the names of their folders, sorted."""
     expected = f"sequences: folders with {CALIBRATION} and image_0 to image_3"
     folders = find_scenes(
         root,
@@ -122,13 +114,7 @@ def find_courses(root: Path) -> dict[str, Course]:
 
 
 def find_frames(course: Course, camera: int) -> CourseFrames:
-    """Find the frames of a sequence.
-
-    Raises
-    ------
-    DataError
-        Naming the first image that is missing where there are others around it, or the camera's folder.
-    """
+    """Find the frames of a sequence."""
     folder, scans = course.images(camera), course.folder / _VELODYNE
     images = numbered_files(folder, IMAGE_NAME)
     numbers = require_unbroken(images, (), lambda number: folder / f"{number:06d}.png")
@@ -140,25 +126,13 @@ _VELODYNE_KEY = "Tr"
 
 
 def read_projection(path: Path, camera: int) -> NDArray[np.float64]:
-    """Read the projection matrix of a camera, (3, 4) float64.
-
-    Raises
-    ------
-    DataError
-        If the file or its key is missing, or it is no projection of a rectified camera.
-    """
+    """Read the projection matrix of a camera, (3, 4) float64."""
     key = f"P{camera}"
     return projection(path, read_values(path, {key: 12}), key)
 
 
 def read_camera_from_velodyne(path: Path, camera: int) -> NDArray[np.float64]:
-    """Read the transform from the Velodyne's frame to that of a camera, (4, 4) float64.
-
-    Raises
-    ------
-    DataError
-        If the file or a key is missing, or holds no rigid transform.
-    """
+    """Read the transform from the Velodyne's frame to that of a camera, (4, 4) float64."""
     rows = read_values(path, {_VELODYNE_KEY: 12})[_VELODYNE_KEY].reshape(3, 4)
     reference_from_velodyne = rigid(path, rows[:, :3], rows[:, 3])
     chain: NDArray[np.float64] = camera_from_reference(read_projection(path, camera)) @ reference_from_velodyne
@@ -168,17 +142,8 @@ def read_camera_from_velodyne(path: Path, camera: int) -> NDArray[np.float64]:
 def read_reference_poses(path: Path, numbers: range) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Read the poses of camera 0. Row i belongs to image i; there may be more rows than images.
 
-    Returns
-    -------
-    poses : (n, 4, 4) float64
-        world_from_camera of camera 0, of the numbered frames.
-    notes : tuple of str
-        What was corrected, and how many rows have no image.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or damaged, or a frame has no row.
+    Returns poses (n, 4, 4). `poses`: world_from_camera of camera 0, of the numbered frames. `notes`: what was
+    corrected, and how many rows have no image.
     """
     rows, places = read_rows(path, POSE_COLUMNS)
     require_poses(path, poses=len(rows), images=numbers.stop)
@@ -189,17 +154,8 @@ def read_reference_poses(path: Path, numbers: range) -> tuple[NDArray[np.float64
 def read_times(path: Path, numbers: range) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
     """Read the times of images. Row i belongs to image i.
 
-    Returns
-    -------
-    timestamps_s : (n,) float64 or None
-        Seconds after the first of the numbered frames; None where the file is missing or its times do not increase.
-    notes : tuple of str
-        A sentence in these cases.
-
-    Raises
-    ------
-    DataError
-        If the file is damaged, or a frame has no row.
+    `timestamps_s`: seconds after the first of the numbered frames. None where the file is missing or its times do not
+    increase.
     """
     if not path.exists():
         return None, (f"{path}: no such file, so times are unknown",)

@@ -47,21 +47,8 @@ def lidar_sweep(
 ) -> NDArray[np.float64]:
     """Positions in the image through which the lasers shine in one turn, or the half of it that looks ahead.
 
-    The lasers are taken to start where the camera is: so they measure nothing that the camera does not see.
-
-    Parameters
-    ----------
-    camera
-        That sees the points.
-    camera_from_velodyne
-        (4, 4) float64. Only the rotation is used.
-    rng
-        Decides by how little the scanner is turned and tilted, so that no two turns hit the same points.
-
-    Returns
-    -------
-    (n, 2) float64
-        px, inside the image.
+    The lasers are taken to start where the camera is: so they measure nothing that the camera does not see. Shapes:
+    camera_from_velodyne (4, 4); returns (n, 2) px. Inside the image.
     """
     tilt = np.deg2rad(rng.uniform(-_SWAY_DEG, _SWAY_DEG))
     azimuth = np.deg2rad(np.arange(-90.0, 90.0, _STEP_DEG) + rng.uniform(0.0, _STEP_DEG))
@@ -96,15 +83,7 @@ CAMERA_FROM_IMU: Pose = CAMERA_FROM_VELODYNE @ _VELODYNE_FROM_IMU
 
 
 def write_calibration(day: Path, camera: Camera) -> None:
-    """Write the calibration files of a day on which the rectified camera 2 is the given one.
-
-    Parameters
-    ----------
-    day
-        Folder of the date.
-    camera
-        Without distortion.
-    """
+    """Write the calibration files of a day on which the rectified camera 2 is the given one."""
     time = "calib_time: 26-Sep-2011 12:00:00"
     (day / IMU_TO_VELO).write_text(_lines(time, _rigid(_VELODYNE_FROM_IMU)), encoding="utf-8")
     (day / VELO_TO_CAM).write_text(_lines(time, _rigid(_CAMERA0_FROM_VELODYNE)), encoding="utf-8")

@@ -1,7 +1,6 @@
 """The reader of data sets of nerfstudio: see docs/formats/nerfstudio.md.
 
 - Cameras in ``transforms.json``: of all frames, or of one.
-- The reader of data sets of nerfstudio: see docs/formats/nerfstudio.md.
 """
 
 import json
@@ -59,20 +58,7 @@ def intrinsics_in(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def camera_of(entries: Entries, size: tuple[int, int]) -> CameraModel:
-    """The camera of a frame.
-
-    Parameters
-    ----------
-    entries
-        What the file says of it.
-    size
-        Width and height of the image, px, where the file does not say.
-
-    Raises
-    ------
-    DataError
-        If something is missing or impossible, or the camera model is not supported.
-    """
+    """The camera of a frame."""
     width, height = _stated_size(entries, size)
     fl_x, fl_y = _focal_lengths(entries, width, height)
     cx = entries.number("cx") if entries.name("cx") else width / 2

@@ -35,26 +35,7 @@ Place = str | Path
 def read_rows(path: Path, columns: str, *, separator: str = " ") -> tuple[NDArray[np.float64], list[str]]:
     """Read a text file of numbers, the same number in each row. Blank lines and ``#`` comments are skipped.
 
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        Names of the columns, separated by spaces: each row has this many fields.
-    separator
-        What separates fields besides white space.
-
-    Returns
-    -------
-    rows : (n, columns) float64
-    places : list of n str
-        ``file:line`` of each row.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or unreadable, or a row has a different number of fields or a field that is not a number.
-        ``nan``, ``inf`` and what Microsoft's compiler writes for them, such as ``-1.#IND``, count as numbers.
+    Returns rows (n, columns). `places`: ``file:line`` of each row.
     """
     rows, places = [], []
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
@@ -65,17 +46,7 @@ def read_rows(path: Path, columns: str, *, separator: str = " ") -> tuple[NDArra
 
 
 def read_matrix(path: Path, *, size: int) -> NDArray[np.float64]:
-    """Read a text file of one square matrix.
-
-    Returns
-    -------
-    (size, size) float64
-
-    Raises
-    ------
-    DataError
-        If the file is missing, has a different number of rows or fields, or a field that is not a number.
-    """
+    """Read a text file of one square matrix. Returns (size, size)."""
     rows, _ = read_rows(path, " ".join(f"column{column}" for column in range(1, size + 1)))
     if len(rows) != size:
         raise DataError(path, counted(len(rows), "row"), f"a {size}x{size} matrix")
@@ -87,23 +58,7 @@ def quaternion_poses(
 ) -> NDArray[np.float64]:
     """Poses from translations and quaternions that were read from a file.
 
-    Parameters
-    ----------
-    translation_m
-        (n, 3) float64, metres.
-    xyzw
-        (n, 4) float64, scalar last; of norm 1 to within `RIGID_TOLERANCE`, and normalised here.
-    places
-        n names of files, or ``file:line``.
-
-    Returns
-    -------
-    (n, 4, 4) float64
-
-    Raises
-    ------
-    DataError
-        Naming the first place with NaN, infinity, or a quaternion of another norm.
+    Shapes: translation_m (n, 3), xyzw (n, 4); returns (n, 4, 4).
     """
     _require_finite(np.concatenate([translation_m, xyzw], axis=1), places)
     require_near(translation_m, places)
@@ -197,25 +152,13 @@ def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> 
 
 
 def require_poses(place: Place, *, poses: int, images: int) -> None:
-    """Check that there is a pose for every image; there may be more.
-
-    Raises
-    ------
-    DataError
-        If there are fewer.
-    """
+    """Check that there is a pose for every image; there may be more."""
     if poses < images:
         raise DataError(place, counted(poses, "pose"), f"at least {images}, one for each image")
 
 
 def numbers(fields: list[str], columns: str, place: str) -> list[float]:
-    """Numbers of one row of a text file.
-
-    Raises
-    ------
-    DataError
-        If there are more or fewer fields than `columns` has names, or a field is not a number: see `read_rows`.
-    """
+    """Numbers of one row of a text file."""
     expected = len(columns.split())
     if len(fields) != expected:
         raise DataError(place, counted(len(fields), "field"), f"{expected} ({columns})")
@@ -242,13 +185,7 @@ def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> Non
 
 
 def require_near(translation_m: NDArray[np.float64], places: Sequence[Place]) -> None:
-    """Check that positions, (n, any) float64, are not so far away that arithmetic with them overflows.
-
-    Raises
-    ------
-    DataError
-        Naming the first place, of n, that is farther away than 1e9 m, or NaN.
-    """
+    """Check that positions, (n, any) float64, are not so far away that arithmetic with them overflows."""
     for index in np.flatnonzero(~(np.abs(translation_m).max(axis=1, initial=0.0) <= _FARTHEST_M))[:1]:
         found = f"a position of {' '.join(f'{value:g}' for value in translation_m[index])}"
         raise DataError(places[index], found, f"metres, up to {_FARTHEST_M:g}")

@@ -61,13 +61,7 @@ def reader_defaults(name: str) -> str:
 
 
 def select(reader: Reader, scene: str | None = None, lighting: str | None = None) -> SequenceId:
-    """The first sequence of a reader that has the given scene and lighting; None means any.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such scene or lighting.
-    """
+    """The first sequence of a reader that has the given scene and lighting; None means any."""
     listed = reader.sequences()
     matching = [item for item in listed if scene in (None, item.scene)]
     if not matching:

@@ -235,13 +235,7 @@ class DepthFiles:
         return len(self.paths)
 
     def __call__(self, index: int) -> DepthMap | None:
-        """Depth of one frame, or None where it has none.
-
-        Raises
-        ------
-        DataError
-            If the file is missing, damaged or of another size than the camera's.
-        """
+        """Depth of one frame, or None where it has none."""
         path = self.paths[index]
         return None if path is None else self.read(path, self.camera)
 
@@ -267,12 +261,6 @@ def folders_of(names: Iterable[str]) -> list[str]:
 
 
 def image_names(root: Path, folder: str) -> list[str]:
-    """Names of the image files in a folder below another, without those in deeper folders and hidden ones.
-
-    Raises
-    ------
-    DataError
-        If there is no such folder.
-    """
+    """Names of the image files in a folder below another, without those in deeper folders and hidden ones."""
     files = (path for path in require_directory(root / folder).iterdir() if path.suffix.lower() in _SUFFIXES)
     return [path.relative_to(root).as_posix() for path in files if not path.name.startswith(".")]

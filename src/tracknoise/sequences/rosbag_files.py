@@ -54,20 +54,8 @@ _MOST_BYTES, _MOST_METADATA_BYTES = 1 << 50, 64 * MIB
 def find_bags(root: Path) -> dict[str, Path]:
     """Find all bags below a folder. Links are followed; each folder is visited once.
 
-    Parameters
-    ----------
-    root
-        A folder, or a bag.
-
-    Returns
-    -------
-    dict of str to Path
-        File or folder of each bag by its path below the root, with ``/``, sorted; its own name if the root is the bag.
-
-    Raises
-    ------
-    DataError
-        If the root does not exist, or there is no bag.
+    Returns: file or folder of each bag by its path below the root, with ``/``, sorted; its own name if the root is the
+    bag.
     """
     if (is_regular_file(root) and root.name.endswith(_SUFFIXES)) or _is_ros2_folder(root):
         return {root.resolve().name: root}
@@ -86,13 +74,7 @@ def find_bags(root: Path) -> dict[str, Path]:
 
 
 def bag_size(path: Path) -> int:
-    """Size of all files of a bag, bytes.
-
-    Raises
-    ------
-    DataError
-        If one is missing or is not a regular file.
-    """
+    """Size of all files of a bag, bytes."""
     if not is_folder(path):
         return require_regular(path, _BAG, most=_MOST_BYTES)
     files = (file for file in path.iterdir() if file.name.endswith(_ROS2_SUFFIXES))
@@ -131,13 +113,7 @@ _NAMES = re.compile(rf"(\.(?:db3|mcap)){re.escape(COMPRESSED_SUFFIX)}\b")
 
 
 def plain_message(data: bytes) -> bytes:
-    """The content of a message of ROS 2, which may be compressed.
-
-    Raises
-    ------
-    ValueError
-        If it is damaged, or becomes larger than 1 GiB.
-    """
+    """The content of a message of ROS 2, which may be compressed."""
     if not data.startswith(_COMPRESSED_MAGIC):
         return data
     decompressor = zstd.ZstdDecompressor()
@@ -149,18 +125,7 @@ def plain_message(data: bytes) -> bytes:
 
 @contextmanager
 def plain_files(path: Path) -> Iterator[Path]:
-    """A bag whose files are not compressed: the bag itself, or a copy in a temporary folder.
-
-    Parameters
-    ----------
-    path
-        A file, or a folder with metadata.
-
-    Raises
-    ------
-    ValueError, OSError
-        If a file is damaged, becomes too large, or cannot be written.
-    """
+    """A bag whose files are not compressed: the bag itself, or a copy in a temporary folder."""
     if path.suffix != COMPRESSED_SUFFIX and not _has_compressed_files(path):
         yield path
         return
@@ -255,13 +220,7 @@ def is_of_other_program(path: Path) -> bool:
 
 
 class McapReader:
-    """Reads a file with the methods of the readers of `rosbags`.
-
-    Parameters
-    ----------
-    path
-        The file.
-    """
+    """Reads a file with the methods of the readers of `rosbags`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -277,13 +236,7 @@ class McapReader:
         return list(self._channels.values())
 
     def open(self) -> None:
-        """Go through the file once, to find its channels and chunks.
-
-        Raises
-        ------
-        ValueError
-            If it is damaged.
-        """
+        """Go through the file once, to find its channels and chunks."""
         self._file = self.path.open("rb")
         if self._file.read(len(_MCAP_MAGIC)) != _MCAP_MAGIC:
             raise ValueError("the file does not begin as MCAP does")
@@ -310,12 +263,7 @@ class McapReader:
     ) -> Iterator[tuple[McapConnection, int, bytes]]:
         """Channel, time of receipt in nanoseconds and content of messages, in the order of these times.
 
-        Parameters
-        ----------
-        connections
-            Channels that are read.
-        start, stop
-            First time, and the time before which messages are read; None for no limit.
+        `start, stop`: None for no limit.
         """
         first, end = start or 0, _LONGEST_NS if stop is None else stop
         wanted = {number: channel for number, channel in self._channels.items() if channel in connections}
@@ -433,18 +381,7 @@ class Topic:
 
 
 class Bag:
-    """An open bag. Damage is reported with the bag's name, and with the topic where it is known.
-
-    Parameters
-    ----------
-    path
-        File or folder of the bag.
-
-    Raises
-    ------
-    DataError
-        If it is missing or damaged.
-    """
+    """An open bag. Damage is reported with the bag's name, and with the topic where it is known."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -460,23 +397,11 @@ class Bag:
         self._lock = threading.Lock()
 
     def messages(self, topic: str) -> Iterator[tuple[Position, Any]]:
-        """All messages of a topic, in the order in which they were received.
-
-        Raises
-        ------
-        DataError
-            If one is damaged.
-        """
+        """All messages of a topic, in the order in which they were received."""
         yield from self._between(topic, None, None)
 
     def message(self, topic: str, position: Position) -> Any:
-        """One message. Several threads can call this.
-
-        Raises
-        ------
-        DataError
-            If it is damaged or missing.
-        """
+        """One message. Several threads can call this."""
         with self._lock, _damage(f"{self.path} {topic}"):
             found = self._between(topic, position.received_ns, position.received_ns + 1)
             return next(message for at, message in found if at == position)

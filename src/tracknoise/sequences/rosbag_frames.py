@@ -90,20 +90,7 @@ class Scan:
 
 
 def scan_bag(path: Path, wanted: Wanted) -> Scan:
-    """Go through a bag once, in a process of its own, because a damaged bag may take all memory.
-
-    Parameters
-    ----------
-    path
-        File or folder of the bag.
-    wanted
-        The topics that the user names.
-
-    Raises
-    ------
-    DataError
-        If the bag is damaged, or a topic is missing or cannot be chosen.
-    """
+    """Go through a bag once, in a process of its own, because a damaged bag may take all memory."""
     try:
         return call_in_child(_scan, path, wanted, size=bag_size(path))
     except LostError as error:
@@ -243,25 +230,7 @@ def times_ns(messages: Messages | Link, clock: Clock) -> NDArray[np.int64]:
 def in_order(place: str, messages: Messages, clock: Clock) -> tuple[NDArray[np.int64], tuple[Position, ...]]:
     """Times and positions of messages, sorted by time. Of messages with the same time, the first counts.
 
-    Parameters
-    ----------
-    place
-        The bag, for the error.
-    messages
-        In the order of the bag.
-    clock
-        Which time counts.
-
-    Returns
-    -------
-    times_ns : (k,) int64
-        Nanoseconds, increasing.
-    positions : tuple of k positions
-
-    Raises
-    ------
-    DataError
-        If the headers hold no times.
+    Returns times_ns (k,). `times_ns`: increasing.
     """
     times = times_ns(messages, clock)
     if clock is Clock.header and not times.any():
@@ -330,25 +299,13 @@ class Tree:
         return cls(place, by_child, {child: found for child, found in parents.items() if len(found) > 1})
 
     def root_of(self, frame: str) -> str:
-        """The frame at the root of the tree that a frame is in.
-
-        Raises
-        ------
-        DataError
-            If a frame on the way has several parents, or the transforms go in a circle.
-        """
+        """The frame at the root of the tree that a frame is in."""
         root = self._above(frame)[-1]
         self._require_one_parent(root)
         return root
 
     def chain(self, target: str, source: str) -> list[Step]:
-        """The steps from a source frame to a target frame, in this order.
-
-        Raises
-        ------
-        DataError
-            If there is no chain of transforms between them.
-        """
+        """The steps from a source frame to a target frame, in this order."""
         above_source, above_target = self._above(source), self._above(target)
         common = next((frame for frame in above_source if frame in above_target), None)
         if common is None:
@@ -392,21 +349,7 @@ def poses_along(
 ) -> NDArray[np.float64]:
     """Transforms of the source frame of a chain to its target frame: each is interpolated, then they are combined.
 
-    Parameters
-    ----------
-    steps
-        From `Tree.chain`.
-    times_of
-        Times of the samples of a link, (k,) float64, seconds.
-    at_s
-        (n,) float64, seconds.
-    max_gap_s
-        Longest time between two samples that are interpolated, seconds.
-
-    Returns
-    -------
-    (n, 4, 4) float64
-        ``target_from_source``; NaN where a transform is not known.
+    Shapes: at_s (n,); returns (n, 4, 4). ``target_from_source``. NaN where a transform is not known.
     """
     poses = np.broadcast_to(np.eye(4), (len(at_s), 4, 4))
     for step in steps:
@@ -457,34 +400,7 @@ def camera_poses(
 ) -> tuple[NDArray[np.float64], PosePath, tuple[str, ...]]:
     """Poses of the camera at given times, and between them.
 
-    Parameters
-    ----------
-    path
-        The bag, for errors.
-    scan
-        What it holds.
-    frames
-        Which frames are connected.
-    at_ns
-        (n,) int64, nanoseconds, increasing.
-    clock
-        Which time of the transforms counts.
-    max_gap_s
-        Longest time between two transforms that are interpolated, seconds.
-
-    Returns
-    -------
-    world_from_camera : (n, 4, 4) float64
-        NaN where the pose is not known.
-    path : PosePath
-        At these times, in seconds after the first, and at all times of transforms.
-    notes : tuple of str
-        Where the poses come from, and what was assumed.
-
-    Raises
-    ------
-    DataError
-        If no chain of transforms connects the frames, or fewer than two images have a pose.
+    Shapes: at_ns (n,); returns world_from_camera (n, 4, 4). `world_from_camera`: NaN where the pose is not known.
     """
 
     def seconds(link: Link) -> NDArray[np.float64]:

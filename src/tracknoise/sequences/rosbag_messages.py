@@ -1,6 +1,5 @@
 """Messages of bags: images and depth maps, cameras, transforms, and which topics hold them.
 
-- Images and depth maps in messages.
 - The camera that a CameraInfo message describes.
 - Which topics of a bag hold the images, the depths, the intrinsics and the poses.
 - Transforms between frames in a bag: those of a topic of poses, and those of tf.
@@ -49,26 +48,7 @@ _COMPRESSED_DEPTH = struct.Struct("<iff")
 
 
 def gray_image(place: str, message: Any, levels: Levels | None) -> NDArray[np.uint8]:
-    """The image of an Image or CompressedImage message in 8-bit grayscale.
-
-    Parameters
-    ----------
-    place
-        Bag and topic, for errors.
-    message
-        The message.
-    levels
-        16-bit values that become 0 and 255; None if the images have 8 bits.
-
-    Returns
-    -------
-    (height, width) uint8
-
-    Raises
-    ------
-    DataError
-        If it is damaged, has an unknown encoding, or has 16 bits and there are no levels.
-    """
+    """The image of an Image or CompressedImage message in 8-bit grayscale. `levels`: None if the images have 8 bits."""
     if hasattr(message, "format"):
         return _compressed_gray(place, message, levels)
     encoding = message.encoding.lower()
@@ -82,22 +62,7 @@ def gray_image(place: str, message: Any, levels: Levels | None) -> NDArray[np.ui
 
 
 def depth_map(place: str, message: Any, metres_per_unit: float) -> DepthMap:
-    """The depth map of an Image message (16UC1 or 32FC1), or of a CompressedImage message in PNG.
-
-    Parameters
-    ----------
-    place
-        Bag and topic, for errors.
-    message
-        The message.
-    metres_per_unit
-        Depth of the integer 1, metres; floating-point depths are in metres.
-
-    Raises
-    ------
-    DataError
-        If it is damaged or has another encoding.
-    """
+    """The depth map of an Image message (16UC1 or 32FC1), or of a CompressedImage message in PNG."""
     depth_m = _depths(place, message, metres_per_unit)
     return DepthMap(depth_m, np.isfinite(depth_m) & (depth_m > 0.0))
 
@@ -235,28 +200,7 @@ def camera_info(message: Any) -> CameraInfo:
 
 
 def camera_of(place: str, info: CameraInfo, *, rectified: bool) -> tuple[CameraFile, tuple[str, ...]]:
-    """The camera of the images.
-
-    Parameters
-    ----------
-    place
-        Bag and topic, for errors.
-    info
-        What the message says.
-    rectified
-        Whether the images are rectified: they have the intrinsics of the projection P, and no distortion.
-
-    Returns
-    -------
-    camera : CameraFile
-    notes : tuple of str
-        What was assumed.
-
-    Raises
-    ------
-    DataError
-        If the message is not filled in, or the distortion model is unknown.
-    """
+    """The camera of the images."""
     fx, fy, cx, cy = _intrinsics(place, info, rectified=rectified)
     (along_x, along_y), (left, top, width, height) = info.binning, info.roi
     size = ((width or info.width) // along_x, (height or info.height) // along_y)
@@ -377,13 +321,7 @@ class Chosen:
 
 
 def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
-    """Find the topic of each kind: the one that the user names, or the only one.
-
-    Raises
-    ------
-    DataError
-        If there is none, or several, listing all topics with their types and counts.
-    """
+    """Find the topic of each kind: the one that the user names, or the only one."""
     filled = [topic for topic in bag.topics.values() if topic.count]
     deep = {topic.name for topic in _of_kinds(filled, _IMAGE_KINDS) if _is_depth(bag, topic)}
     moving = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if not topic.name.endswith(_STATIC))
@@ -517,13 +455,7 @@ class _Sample:
 
 
 def pose_link(bag: Bag, topic: Topic) -> Link:
-    """The poses of a topic.
-
-    Raises
-    ------
-    DataError
-        If the messages have several frames, or a pose is no rigid transform.
-    """
+    """The poses of a topic."""
     links = _links(bag, topic, moving=True)
     if len(links) != 1:
         pairs = ", ".join(f"{one.child or '(no name)'} in {one.parent}" for one in links)
@@ -532,13 +464,7 @@ def pose_link(bag: Bag, topic: Topic) -> Link:
 
 
 def transform_links(bag: Bag, topic: Topic, *, moving: bool) -> list[Link]:
-    """The transforms of a tf topic. One that never changes is static, whatever its topic.
-
-    Raises
-    ------
-    DataError
-        If a transform is not rigid.
-    """
+    """The transforms of a tf topic. One that never changes is static, whatever its topic."""
     return _links(bag, topic, moving=moving)
 
 

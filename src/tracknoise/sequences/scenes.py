@@ -53,26 +53,12 @@ def find_scenes(root: Path, is_scene: Callable[[list[str], list[str]], bool], *,
 
 
 def parent_of(scene: str, *, levels: int = 1) -> str | None:
-    """Name of the folder that a scene shares with others, such as a place; None where it is the data set's folder.
-
-    Parameters
-    ----------
-    scene
-        Name from `find_scenes`.
-    levels
-        How many levels above the scene the folder is.
-    """
+    """Name of the folder that a scene shares with others, such as a place; None where it is the data set's folder."""
     return "/".join(scene.split("/")[:-levels]) or None
 
 
 def scene_folder(scenes: Mapping[str, Path], sequence: SequenceId) -> Path:
-    """Folder of a sequence, in a data set without lightings.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such scene or lighting.
-    """
+    """Folder of a sequence, in a data set without lightings."""
     if sequence.scene not in scenes:
         raise UnknownNameError("scene", sequence.scene, scenes)
     if sequence.lighting != DEFAULT_LIGHTING:
@@ -81,13 +67,7 @@ def scene_folder(scenes: Mapping[str, Path], sequence: SequenceId) -> Path:
 
 
 def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
-    """Files of a folder whose whole name matches a pattern, by the frame number in its first group, sorted.
-
-    Raises
-    ------
-    DataError
-        If there is no such folder, or two files have one number.
-    """
+    """Files of a folder whose whole name matches a pattern, by the frame number in its first group, sorted."""
     matches = ((re.fullmatch(pattern, path.name), path) for path in require_directory(folder).iterdir())
     files: dict[int, Path] = {}
     for number, path in sorted((int(match[1]), path) for match, path in matches if match):
@@ -98,27 +78,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
 
 
 def require_unbroken(images: Collection[int], others: Collection[int], path_of: Callable[[int], Path]) -> range:
-    """Check that every frame from the first to the last has an image. A gap would silently change the speed.
-
-    Parameters
-    ----------
-    images
-        Frame numbers of the images.
-    others
-        Frame numbers of depths, and of poses that belong to images one to one. Each must have an image.
-    path_of
-        Where the image of a frame should be, for the error.
-
-    Returns
-    -------
-    range
-        The frame numbers, not empty.
-
-    Raises
-    ------
-    DataError
-        If there is no image, or naming the first that is missing.
-    """
+    """Check that every frame from the first to the last has an image. A gap would silently change the speed."""
     if not images:
         folder = path_of(0).parent
         raise DataError(folder, f"no images{_instead(folder)}", f"files such as {path_of(0).name}")

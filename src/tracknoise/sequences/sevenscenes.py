@@ -101,22 +101,6 @@ def find_cameras(
 
     A file with the depth camera's focal length describes the depth camera. Any other file describes one camera of
     colour and depth, and nothing is registered.
-
-    Parameters
-    ----------
-    folders
-        Where the file may be, the nearest first.
-    image, size
-        An image and its width and height, px.
-    calibration
-        Whether depth and poses are registered to the colour camera.
-    colour_focal_px
-        Focal length of the colour camera where it is registered, px.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be used, or there is none for images that are not the Kinect's.
     """
     file = next((folder / INTRINSICS for folder in folders if (folder / INTRINSICS).exists()), None)
     if file is None and size != _SIZE:
@@ -189,13 +173,7 @@ class RegisteredDepths:
         return len(self.files)
 
     def __call__(self, index: int) -> DepthMap | None:
-        """Depth of one frame, or None where it has none: see `reproject_depth`.
-
-        Raises
-        ------
-        DataError
-            If the file is missing, damaged or of another size than the depth camera's.
-        """
+        """Depth of one frame, or None where it has none: see `reproject_depth`."""
         depth = self.files(index)
         return None if depth is None else reproject_depth(depth, self.depth, self.colour, self.colour_from_depth)
 
@@ -228,20 +206,7 @@ class SfmPoses:
 
 
 def read_sfm_poses(path: Path, images: tuple[Path, ...]) -> SfmPoses:
-    """Find the poses of the images of one recording.
-
-    Parameters
-    ----------
-    path
-        A file, or a folder of files whose names start with the name of the place: ``chess_*.txt``.
-    images
-        Of one recording, in the order of its frames.
-
-    Raises
-    ------
-    DataError
-        If there is no such file, a row is damaged, an image has two rows, or fewer than two images have a pose.
-    """
+    """Find the poses of the images of one recording."""
     rows: dict[str, tuple[str, NDArray[np.float64]]] = {}
     for file in _files(path, images[0].parent):
         _add_rows(rows, file)

@@ -1,8 +1,4 @@
-"""Sequences of rendered images, with exact poses, depth and surface.
-
-- A sequence of rendered images, with exact poses, depth and surface.
-- Sequences of rendered images, with exact poses, depth and surface.
-"""
+"""Sequences of rendered images, with exact poses, depth and surface."""
 
 import math
 from collections.abc import Collection
@@ -152,18 +148,8 @@ class SimulatedSequence:
     def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """First surface points on the rays through pixels of one frame (truth.raycast), at the time of each row.
 
-        Parameters
-        ----------
-        index
-            Frame.
-        uv
-            (n, 2) float64, px.
-
-        Returns
-        -------
-        points_world : (n, 3) float64
-            Metres, world frame; the camera's position where nothing is hit.
-        hit : (n,) bool
+        Shapes: uv (n, 2) px; returns points_world (n, 3) m in the world frame, hit (n,). `points_world`: the camera's
+        position where nothing is hit.
         """
         return self.world.cast(self.camera, self._path.of_pixels(index, self.camera, uv), uv)
 

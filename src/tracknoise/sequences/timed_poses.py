@@ -21,20 +21,7 @@ _LATEST_S = 1e11
 
 
 def require_seconds(times_s: NDArray[np.float64], places: Sequence[str]) -> None:
-    """Check that times can be seconds.
-
-    Parameters
-    ----------
-    times_s
-        (n,) float64.
-    places
-        n times ``file:line``.
-
-    Raises
-    ------
-    DataError
-        Naming the first place with NaN, infinity or a number that only a finer unit can have.
-    """
+    """Check that times can be seconds."""
     for index in np.flatnonzero(~(np.abs(times_s) <= _LATEST_S))[:1]:
         expected = f"seconds, up to {_LATEST_S:g} (milliseconds and nanoseconds must be converted)"
         raise DataError(places[index], f"a timestamp of {times_s[index]:g}", expected)
@@ -47,15 +34,7 @@ def in_order(times: NDArray[np.float64] | NDArray[np.int64]) -> NDArray[np.intp]
 
 
 def order_notes(path: Path, times: NDArray[np.float64] | NDArray[np.int64]) -> tuple[str, ...]:
-    """Sentences on rows that `in_order` moves or leaves out.
-
-    Parameters
-    ----------
-    path
-        File of the rows.
-    times
-        (n,) in the order of the file.
-    """
+    """Sentences on rows that `in_order` moves or leaves out."""
     repeated = len(times) - len(np.unique(times))
     notes = []
     if np.any(np.diff(times) < 0):
@@ -98,21 +77,7 @@ def trajectory(
 ) -> Trajectory:
     """Make a trajectory from the rows of a file. Rows whose pose is all NaN, or whose quaternion is 0, hold no pose.
 
-    Parameters
-    ----------
-    path
-        The file.
-    times_s
-        (n,) float64, seconds, in any order.
-    pose_rows
-        (n, 7) float64: position, metres, and quaternion, scalar last.
-    places
-        n times ``file:line``.
-
-    Raises
-    ------
-    DataError
-        Naming the first row that is no pose; or if there is none.
+    Shapes: times_s (n,), pose_rows (n, 7).
     """
     known = np.flatnonzero(~(np.isnan(pose_rows).all(axis=1) | (pose_rows[:, 3:] == 0.0).all(axis=1)))
     if not len(known):
@@ -131,26 +96,8 @@ def poses_at(
 ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Poses at the times of images.
 
-    Parameters
-    ----------
-    recorded
-        In the same clock.
-    at_s
-        (m,) float64, seconds.
-    max_gap_s
-        See `tracknoise.geometry.pose.interpolate_poses`.
-
-    Returns
-    -------
-    poses : (m, 4, 4) float64
-        NaN where there is no pose.
-    notes : tuple of str
-        Those of the trajectory, and a sentence if some images have no pose.
-
-    Raises
-    ------
-    DataError
-        If no image has a pose.
+    Shapes: at_s (m,); returns poses (m, 4, 4). `poses`: NaN where there is no pose. `notes`: those of the trajectory,
+    and a sentence if some images have no pose.
     """
     poses = interpolate_poses(recorded.times_s, recorded.poses, at_s, max_gap_s=max_gap_s)
     missing = int(np.isnan(poses[:, 0, 0]).sum())
@@ -166,16 +113,7 @@ def path_through(
 ) -> PosePath:
     """Camera poses at any time: those of the frames, and between them those that were recorded.
 
-    Parameters
-    ----------
-    times_s
-        (n,) float64, seconds, increasing: the times of the frames.
-    poses
-        (n, 4, 4) float64: what `poses_at` found at these times.
-    recorded
-        The recorded poses as those of the camera, in the clock of the frames.
-    max_gap_s
-        See `poses_at`. In longer gaps, before the first pose and after the last, the path has no poses.
+    Shapes: times_s (n,), poses (n, 4, 4).
     """
     gaps = np.flatnonzero(np.diff(recorded.times) > max_gap_s)
     between_s = (recorded.times[gaps] + recorded.times[gaps + 1]) / 2

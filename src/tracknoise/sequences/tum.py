@@ -2,7 +2,6 @@
 
 - Lists of image files with their times: ``rgb.txt``, ``depth.txt``, or a list of pairs.
 - The camera of a recording: from a file, or known for its name; and how it lies to what the poses are poses of.
-- The reader of recordings in the format of the TUM RGB-D benchmark: see docs/formats/tum.md.
 
 Published facts of recordings in this format: cameras, places, and what their poses are poses of.
 
@@ -136,13 +135,7 @@ RECORDINGS = (
 
 
 def find_recording(names: list[str]) -> Recording | None:
-    """The known recording that a folder's name fits; None if it fits none.
-
-    Parameters
-    ----------
-    names
-        Of the folder and of those above, nearest first.
-    """
+    """The known recording that a folder's name fits; None if it fits none."""
     pairs = ((name, recording) for name in names for recording in RECORDINGS)
     return next((recording for name, recording in pairs if re.search(recording.pattern, name.lower())), None)
 
@@ -179,18 +172,7 @@ NO_FILES = FileList(np.empty(0), ())
 
 
 def read_lists(folder: Path) -> tuple[FileList, FileList]:
-    """Read which images and depth maps a recording has.
-
-    Returns
-    -------
-    images, depths : FileList
-        There is at least one image; there may be no depth.
-
-    Raises
-    ------
-    DataError
-        If a list is missing or damaged, or holds no image.
-    """
+    """Read which images and depth maps a recording has."""
     if not (folder / COLOUR).exists():
         pairs = next((folder / name for name in PAIRS if (folder / name).exists()), folder / COLOUR)
         return _read_pairs(pairs)
@@ -308,26 +290,7 @@ def find_calibration(
     camera_file: Path | None,
     poses_of: PosesOf,
 ) -> Calibration:
-    """Find the camera: in the given file, in one of the recording's folder, or the published one.
-
-    Parameters
-    ----------
-    folder
-        Of the recording.
-    images
-        Its images; their size is read where the calibration does not state it.
-    known
-        What is published about the recording.
-    camera_file
-        Used before all others.
-    poses_of
-        With `PosesOf.body`, the file must state how the camera lies to the body.
-
-    Raises
-    ------
-    DataError
-        If there is none, or it cannot be used.
-    """
+    """Find the camera: in the given file, in one of the recording's folder, or the published one."""
     candidates = (camera_file, *(folder / name for name in CAMERA_FILES))
     file = next((path for path in candidates if path is not None and (path == camera_file or path.exists())), None)
     if file is not None:

@@ -287,13 +287,7 @@ class ChosenFrames(View):
 
     @property
     def scan(self) -> Scan | None:
-        """That of the sequence shown, with its key frame counted among the chosen frames.
-
-        Raises
-        ------
-        DataError
-            If the key frame lies before the chosen frames or between two of them.
-        """
+        """That of the sequence shown, with its key frame counted among the chosen frames."""
         scan = self.sequence.scan
         if scan is None:
             return None

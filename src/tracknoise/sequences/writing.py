@@ -44,13 +44,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 
 def pinhole_of(sequence: Sequence) -> Camera:
-    """The pinhole camera of all frames.
-
-    Raises
-    ------
-    DataError
-        If the camera is of another model, or changes from frame to frame.
-    """
+    """The pinhole camera of all frames."""
     camera = sequence.camera
     if not isinstance(camera, Camera):
         raise DataError(sequence.source, f"a camera of the model {type(camera).__name__}", "a pinhole camera")
@@ -59,13 +53,7 @@ def pinhole_of(sequence: Sequence) -> Camera:
 
 
 def only_camera(sequence: Sequence) -> CameraModel:
-    """The camera of all frames.
-
-    Raises
-    ------
-    DataError
-        If it changes from frame to frame.
-    """
+    """The camera of all frames."""
     camera = sequence.camera
     if any(camera_at(sequence, index) != camera for index in range(len(sequence))):
         raise DataError(sequence.source, "a camera that changes from frame to frame", "one camera for all frames")

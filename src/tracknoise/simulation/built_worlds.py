@@ -94,13 +94,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def procedural_world(rng: np.random.Generator) -> World:
-    """Build a world.
-
-    Parameters
-    ----------
-    rng
-        Random generator of everything that differs between worlds.
-    """
+    """Build a world."""
     textures = paint_textures(rng)
     slabs = ground(rng, (_WEST - 14.0, _EAST + 14.0), (_SOUTH - 14.0, _NORTH + 14.0))
     quads = [*sky(), *slabs, *_fence(rng), *_street(rng), *_centre(rng), *_surroundings(rng)]
@@ -217,25 +211,7 @@ def plain_world(rng: np.random.Generator, models: Path | None = None) -> Scenery
 
 
 def objects_world(rng: np.random.Generator, models: Path | None = None) -> Scenery:
-    """Build a world.
-
-    Parameters
-    ----------
-    rng
-        Random generator of everything that differs between worlds.
-    models
-        Folder of Gazebo models to choose the objects from; objects made of boxes if None.
-
-    Returns
-    -------
-    Scenery
-        The notes name the models in it, and the differences from Gazebo's rendering.
-
-    Raises
-    ------
-    DataError
-        If no model in the folder can be used.
-    """
+    """Build a world."""
     return _world(rng, models, paint_textures(rng))
 
 
@@ -272,15 +248,7 @@ def _rows(supply: Callable[[], Iterable[_Object]], rng: np.random.Generator) -> 
 
 
 class _Shelf:
-    """Models of a folder, each read on first use.
-
-    Parameters
-    ----------
-    folder
-        Gazebo models, each in its own folder.
-    rng
-        Random generator of the order.
-    """
+    """Models of a folder, each read on first use."""
 
     def __init__(self, folder: Path, rng: np.random.Generator) -> None:
         self.folder, self._rng, self._names = folder, rng, model_names(folder)

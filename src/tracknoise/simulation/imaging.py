@@ -249,14 +249,7 @@ class Sensor:
 def photon_noise(irradiance: NDArray[np.float32], gain: float, rng: np.random.Generator) -> NDArray[np.float32]:
     """Irradiance with photon noise: its variance at grey level I is gain I, grey levels squared.
 
-    Parameters
-    ----------
-    irradiance
-        (height, width) float32, not negative, 1 is the sensor's full range.
-    gain
-        Grey levels per electron; 0 for no noise.
-    rng
-        Random generator.
+    `gain`: 0 for no noise.
     """
     if gain == 0.0:
         return irradiance
@@ -289,15 +282,7 @@ def expose(irradiance: NDArray[np.float32], noise_sigma: float, rng: np.random.G
 
 
 def compressed(image: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """An image after JPEG compression and decompression.
-
-    Parameters
-    ----------
-    image
-        (height, width) uint8.
-    quality
-        1 to 100.
-    """
+    """An image after JPEG compression and decompression."""
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 

@@ -42,17 +42,8 @@ class Raycaster:
     def first_triangle(self, origin: NDArray[np.float64], directions: NDArray[np.float32]) -> NDArray[np.int32]:
         """First triangle that each ray hits.
 
-        Parameters
-        ----------
-        origin
-            (3,) or (n, 3) float64, metres, world frame: one for all rays, or one for each.
-        directions
-            (n, 3) float32, world frame, of any length.
-
-        Returns
-        -------
-        (n,) int32
-            Index of the triangle; `MISS` if a ray hits nothing.
+        Shapes: origin (3,) or (n, 3) m in the world frame, directions (n, 3) in the world frame; returns (n,). Index of
+        the triangle. `MISS` if a ray hits nothing.
         """
         start = np.broadcast_to(origin.astype(np.float32), directions.shape)
         triangles: NDArray[np.int32] = self._scene.run(start, directions, query="INTERSECT")
@@ -140,17 +131,7 @@ def surface_points(
 
 
 def depth_map(raycaster: Raycaster, camera: CameraModel, world_from_camera: NDArray[np.float64]) -> DepthMap:
-    """Exact depth at the pixel centres, float64.
-
-    Parameters
-    ----------
-    raycaster
-        Ray caster of the world.
-    camera
-        The camera.
-    world_from_camera
-        (4, 4) float64, or (height, 4, 4) with a pose for each row. A depth is along z of the camera in its own pose.
-    """
+    """Exact depth at the pixel centres, float64. Shapes: world_from_camera (4, 4)."""
     shape = (camera.height, camera.width)
     v, u = np.indices(shape, dtype=np.float64)
     uv = np.stack([u.ravel(), v.ravel()], axis=-1)
@@ -217,12 +198,7 @@ class ImageRays(Protocol):
 class PinholeRays:
     """Rays of a camera without distortion: columns and rows are independent of each other.
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    offsets
-        (samples, 2) float64, positions of the rays in a pixel, from its centre, px.
+    Shapes: offsets (samples, 2) px.
     """
 
     def __init__(self, camera: Camera, offsets: _Floats) -> None:

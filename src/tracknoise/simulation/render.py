@@ -1,6 +1,5 @@
 """Images of a world through a camera of any model.
 
-- Images of a world through a camera of any model.
 - A world that is built when it is first rendered, and its renderers.
 """
 
@@ -259,17 +258,8 @@ def sample_offsets(supersampling: int) -> NDArray[np.float64]:
     """Positions of the rays within a pixel.
 
     One ray per cell of an n x n grid, shifted so that no two rays share a row or column. An edge along the image axes
-    then has n^2 shades instead of n. The pattern is point-symmetric about the centre of the pixel.
-
-    Parameters
-    ----------
-    supersampling
-        n, at least 1.
-
-    Returns
-    -------
-    (n * n, 2) float64
-        Right and down from the centre of the pixel, px.
+    then has n^2 shades instead of n. The pattern is point-symmetric about the centre of the pixel. Returns (n * n, 2)
+    px. Right and down from the centre of the pixel, px.
     """
     n = supersampling
     column, row = np.indices((n, n)).reshape(2, -1)

@@ -27,15 +27,7 @@ class Remarks:
         self._lines: dict[str, None] = {}
 
     def add(self, place: str | Path, what: str) -> None:
-        """Add a remark.
-
-        Parameters
-        ----------
-        place
-            The file that contains it.
-        what
-            What was found, and what is done instead.
-        """
+        """Add a remark."""
         self.add_line(f"{place}: {what}")
 
     def add_line(self, line: str) -> None:
@@ -66,22 +58,7 @@ class Library:
     roots: tuple[Path, ...]
 
     def find(self, uri: str, beside: Path) -> Path | None:
-        """File or folder of a URI.
-
-        Parameters
-        ----------
-        uri
-            ``model://name/path``, ``file://path`` or a path. Relative paths start in `beside`.
-        beside
-            Folder of the file that contains the URI.
-
-        Returns
-        -------
-        Path or None
-            None if there is no regular file or folder. A ``model://`` URI cannot leave its root, and other paths cannot
-            leave `beside` and the roots, not by links either. Upper and lower case in the last name are not
-            distinguished.
-        """
+        """File or folder of a URI. Returns: None if there is no regular file or folder."""
         if uri.startswith(_MODEL):
             found = (_existing(root / uri.removeprefix(_MODEL), (root,)) for root in self.roots)
             return next((path for path in found if path), None)
@@ -89,16 +66,7 @@ class Library:
         return None if "://" in path else _existing(beside / path, (beside, *self.roots))
 
     def find_texture(self, name: str, beside: Path) -> Path | None:
-        """Image file that a mesh or a material script names.
-
-        Parameters
-        ----------
-        name
-            Path or URI as in the file, with slashes or backslashes.
-        beside
-            Folder of the mesh or the script. If the path does not exist, its last part is searched for in this folder
-            and in ``../materials/textures``, ``../textures`` and ``textures``.
-        """
+        """Image file that a mesh or a material script names."""
         name = unquote(name).replace("\\", "/")
         last = name.rsplit("/", 1)[-1]
         folders = [beside / folder for folder in ("", "../materials/textures", "../textures", "textures")]
@@ -108,13 +76,7 @@ class Library:
 
 
 def model_file(folder: Path) -> Path:
-    """The SDF file of a model: the latest version that its ``model.config`` names.
-
-    Raises
-    ------
-    DataError
-        If ``model.config`` is malformed or names none, or there is no such file.
-    """
+    """The SDF file of a model: the latest version that its ``model.config`` names."""
     config = folder / MODEL_CONFIG
     if not is_regular_file(config):
         path = folder / "model.sdf"
@@ -187,13 +149,7 @@ def text_of(element: Element | None, tag: str) -> str | None:
 
 
 def numbers(element: Element, count: int, place: str | Path) -> NDArray[np.float64]:
-    """(count,) float64: the numbers in an element.
-
-    Raises
-    ------
-    DataError
-        If the number of values is wrong, or one is not finite.
-    """
+    """(count,) float64: the numbers in an element."""
     text = (element.text or "").strip()
     words = text.split()
     try:
@@ -219,11 +175,6 @@ def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
     The six numbers are x, y, z (metres) and roll, pitch, yaw (radians; degrees if ``degrees="true"``) about the
     parent's fixed axes in this order: R = Rz(yaw) Ry(pitch) Rx(roll). With ``rotation_format="quat_xyzw"`` the last
     three are a quaternion instead.
-
-    Raises
-    ------
-    DataError
-        If the number of values is wrong, one is not finite, or they are not a rotation.
     """
     pose = np.eye(4)
     if element is None or not (element.text or "").strip():
@@ -271,22 +222,7 @@ class Visual:
 
 
 def read_visuals(path: Path, library: Library, remarks: Remarks) -> list[Visual]:
-    """Everything visible in an SDF file and the models that it includes, in order.
-
-    Parameters
-    ----------
-    path
-        File of a world or a model.
-    library
-        Where to search for included models.
-    remarks
-        Collects what is not supported.
-
-    Raises
-    ------
-    DataError
-        If a file is missing or malformed, or has neither world nor model.
-    """
+    """Everything visible in an SDF file and the models that it includes, in order."""
     return _Walk(library, remarks).file(_Scope((path,), np.eye(4)), None)
 
 

@@ -107,15 +107,7 @@ _SAME_M = 1e-5
 def set_apart(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Move triangles that share all three corners with another one to the side that they face.
 
-    Parameters
-    ----------
-    corners
-        (t, 3, 3) float64, metres, each with an area; counter-clockwise seen from its front.
-
-    Returns
-    -------
-    (t, 3, 3) float64
-        All other triangles are unchanged.
+    Shapes: corners (t, 3, 3) m; returns (t, 3, 3). All other triangles are unchanged.
     """
     places = np.rint(corners.reshape(-1, 3) / _SAME_M).astype(np.int64)
     _, vertex = np.unique(places, axis=0, return_inverse=True)
@@ -210,17 +202,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 
 def read_stl(path: Path, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of an STL file, which has no textures.
-
-    Parameters
-    ----------
-    path
-        The file.
-    library
-        Not used.
-    remarks
-        Collects what cannot be read.
-    """
+    """Triangles of an STL file, which has no textures."""
     try:
         corners = _corners(path, read_bytes(path, "an STL file"))
     except DataError as error:
@@ -298,17 +280,7 @@ class _Mesh:
 
 
 def read_wavefront(path: Path, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of an OBJ file, one part per material.
-
-    Parameters
-    ----------
-    path
-        The file.
-    library
-        Where to search for its textures.
-    remarks
-        Collects what is not supported.
-    """
+    """Triangles of an OBJ file, one part per material."""
     mesh = _Mesh()
     looks: dict[str, Look] = {}
     for number, line in enumerate(read_any_text(path, "an OBJ file").splitlines(), start=1):
@@ -374,15 +346,6 @@ def read_collada(path: Path, library: Library, remarks: Remarks) -> list[Part]:
 
     A child process reads it, because parts that contain each other take exponential time, and numbers in it determine
     the sizes of arrays. As in Gazebo, ``<unit>`` is applied, and ``<up_axis>`` is not.
-
-    Parameters
-    ----------
-    path
-        The file.
-    library
-        Where to search for its textures.
-    remarks
-        Collects what is not supported.
     """
     try:
         size = require_regular(path, "a COLLADA file")
@@ -460,22 +423,7 @@ MeshReader = Callable[[Path, Library, Remarks], list[Part]]
 
 
 def read_mesh(path: Path, library: Library, remarks: Remarks) -> list[Part]:
-    """Triangles of a mesh file; none if it cannot be used.
-
-    Parameters
-    ----------
-    path
-        A .dae, .obj or .stl file.
-    library
-        Where to search for its textures.
-    remarks
-        Collects what is not supported.
-
-    Returns
-    -------
-    list of Part
-        In the unit of the file; for COLLADA, which states its unit, in metres.
-    """
+    """Triangles of a mesh file; none if it cannot be used."""
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         remarks.add(path, f"mesh format {path.suffix!r} is not supported ({', '.join(_READERS)} are); it is left out")
@@ -487,24 +435,7 @@ _READERS: Mapping[str, MeshReader] = MappingProxyType({".dae": read_collada, ".o
 
 
 def own_look(material: Element | None, file: Path, library: Library, remarks: Remarks) -> Look | None:
-    """Material of a whole visual.
-
-    Parameters
-    ----------
-    material
-        The ``<material>`` of a visual.
-    file
-        The SDF file that contains it.
-    library
-        Where to search for scripts and textures.
-    remarks
-        Collects what is not supported or not found.
-
-    Returns
-    -------
-    Look or None
-        None if it defines nothing, so that the materials of the mesh are used.
-    """
+    """Material of a whole visual. Returns: None if it defines nothing, so that the materials of the mesh are used."""
     if material is None:
         return None
     script = material.find("script")

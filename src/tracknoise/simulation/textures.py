@@ -19,10 +19,7 @@ from numpy.typing import NDArray
 class Atlas:
     """The mip pyramids of several textures in one flat array, so that one lookup can read several textures.
 
-    Parameters
-    ----------
-    textures
-        (side, side) float32 each, side a power of two. They repeat infinitely.
+    Shapes: textures (side, side).
     """
 
     def __init__(self, textures: tuple[NDArray[np.float32], ...]) -> None:
@@ -45,19 +42,7 @@ class Atlas:
     ) -> NDArray[np.float32]:
         """Texture values at positions, each averaged approximately over its footprint.
 
-        Parameters
-        ----------
-        texture
-            (n,) int64, index of the texture.
-        s, t
-            (n,) float64, column and row in repeats of the texture.
-        footprint
-            (n,) float32, width of the visible area, texels of the finest level.
-
-        Returns
-        -------
-        (n,) float32
-            In the unit of the textures.
+        Returns: in the unit of the textures. `s, t`: column and row in repeats of the texture.
         """
         coarsest = self._depth[texture]
         level = np.minimum(np.log2(np.maximum(footprint, np.float32(1.0))), coarsest.astype(np.float32))
@@ -144,33 +129,14 @@ CLOUDS = Recipe(exponent=1.4, mean=0.75, contrast=0.1, shapes=0)
 
 
 def plain(side: int, rng: np.random.Generator) -> NDArray[np.float32]:
-    """A texture of one random tone.
-
-    Parameters
-    ----------
-    side, rng
-        As in `paint`.
-
-    Returns
-    -------
-    (side, side) float32
-        Reflectance.
-    """
+    """A texture of one random tone. Returns (side, side). Reflectance."""
     return np.full((side, side), rng.uniform(*_TONES), np.float32)
 
 
 def facade(side: int, rng: np.random.Generator) -> NDArray[np.float32]:
     """A wall of one tone with a grid of windows, whose frames and panes differ in tone.
 
-    Parameters
-    ----------
-    side, rng
-        As in `paint`.
-
-    Returns
-    -------
-    (side, side) float32
-        Reflectance.
+    Returns (side, side). Reflectance.
     """
     texture = plain(side, rng)
     columns, rows = rng.integers(2, 5, 2)

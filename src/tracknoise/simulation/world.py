@@ -83,12 +83,7 @@ class World:
 def texture_gradients(world: World) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Affine map from points to texture coordinates: ``uv = gradient @ p_world + offset`` on each triangle.
 
-    Returns
-    -------
-    gradient : (t, 2, 3) float64
-        Repeats per metre, along the triangle's plane.
-    offset : (t, 2) float64
-        Repeats.
+    Returns gradient (t, 2, 3), offset (t, 2). `gradient`: repeats per metre, along the triangle's plane.
     """
     first = world.corners[:, 0]
     edges = world.corners[:, 1:] - first[:, None]  # (t, 2, 3)
@@ -230,26 +225,12 @@ class Scenery:
 
 
 def moved(world: World, pose: NDArray[np.float64]) -> World:
-    """Move a world.
-
-    Parameters
-    ----------
-    world
-        The world to move.
-    pose
-        (4, 4) float64, rigid, from the old to the new position.
-    """
+    """Move a world. Shapes: pose (4, 4)."""
     return replace(world, vertices=transform(pose, world.vertices))
 
 
 def joined(worlds: Sequence[World]) -> World:
-    """Merge worlds. Textures that they share are kept once.
-
-    Parameters
-    ----------
-    worlds
-        At least one.
-    """
+    """Merge worlds. Textures that they share are kept once."""
     textures = {id(texture): texture for world in worlds for texture in world.textures}
     index = {key: position for position, key in enumerate(textures)}
     starts = np.cumsum([0, *(len(world.vertices) for world in worlds[:-1])])

@@ -69,17 +69,8 @@ class _Keys:
 def aspects(sequence: PreparedSequence) -> pl.DataFrame:
     """Moments of visible errors along and across motion and gradient, and of long-lived tracks.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `ASPECTS`, sorted by its columns before `n`, with one row for each combination that has an observation.
-        `motion` has the observations whose true position in the previous frame of the tracker is known and at least
-        `LEAST_MOTION_PX` away, and therefore none at age 0. `gradient` has those of tracks with a dominant gradient.
+    Returns schema `ASPECTS`, sorted by its columns before `n`, with one row for each combination that has an
+    observation.
     """
     keys = _Keys({"at": sequence.seen.at}, sequence.seen.axis, FOURTH)
     parts = _of_errors(sequence, keys, np.ones(sequence.observations.height, dtype=bool))
@@ -89,16 +80,8 @@ def aspects(sequence: PreparedSequence) -> pl.DataFrame:
 def aspect_blocks(sequence: PreparedSequence) -> pl.DataFrame:
     """Moments of every aspect and of the changes of errors, by scene, condition, block, trimming, and age or frame.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed. Only observations at its speed `slowest` count. Changes are by age, for both axes.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `ASPECT_BLOCKS`, sorted by its columns before `n`, with one row for each combination that has an error.
-        Pooled over the blocks of a scene they are the scene's moments.
+    Returns schema `ASPECT_BLOCKS`, sorted by its columns before `n`, with one row for each combination that has an
+    error. Pooled over the blocks of a scene they are the scene's moments.
     """
     seen, block = sequence.seen, sequence.block
     by_age = _Keys({"block": block, "at": seen.age}, Axis.age, SECOND)

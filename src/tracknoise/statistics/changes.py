@@ -2,8 +2,6 @@
 
 - Pairs of observations of one track that lie a number of steps of its tracker apart. Arrays only.
 
-Changes of errors from one frame of the tracker to the next, and their autocorrelation.
-
 At speed s, d_k = e_k - e_(k - s) is the change of a track's error that ends at age k. Over the pairs of changes of one
 track that are l steps apart:
 
@@ -38,12 +36,7 @@ def followers(
 ) -> NDArray[np.intp]:
     """Rows for which the row `steps` places above is of the same track, as many frames of the tracker earlier.
 
-    Parameters
-    ----------
-    track, frame, speed : (rows,)
-        Sorted by track, which is a different number in each sequence and condition, and by frame.
-    steps
-        Number of rows, and of frames that the tracker saw.
+    `track, frame, speed`: sorted by track, which is a different number in each sequence and condition, and by frame.
     """
     late, early = slice(steps, None), slice(None, max(len(frame) - steps, 0))
     return np.flatnonzero((track[late] == track[early]) & (frame[late] - frame[early] == steps * speed[late])) + steps
@@ -54,18 +47,7 @@ def changes(
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Rows that follow on another, and how much their error changed since then.
 
-    Parameters
-    ----------
-    error_px
-        (rows, 2) float64.
-    track, frame, speed
-        As in `followers`.
-
-    Returns
-    -------
-    late : (changes,) intp
-        Row at the end of each change.
-    change_px : (changes, 2) float64
+    Shapes: error_px (rows, 2); returns late (changes,), change_px (changes, 2). `late`: row at the end of each change.
     """
     late = followers(track, frame, speed, 1)
     return late, error_px[late] - error_px[late - 1]
@@ -93,15 +75,7 @@ class _Changes:
 def increments(sequence: PreparedSequence) -> pl.DataFrame:
     """Moments of the changes of errors by age, and the sums that (autocorrelation) is made of.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed. Only visible observations count. Where one is missing in between, there is no change across the gap.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `INCREMENTS`, sorted by its columns before `n`: lags 0 to `LAGS`, where there are such pairs.
+    Returns schema `INCREMENTS`, sorted by its columns before `n`: lags 0 to `LAGS`, where there are such pairs.
     """
     seen = sequence.seen
     rows = sequence.ordered_where(seen.visible)

@@ -1,7 +1,5 @@
 """Rows of a table in numbered groups, so that NumPy can sum them in a fixed order, and tables by condition.
 
-- Rows of a table in numbered groups, so that NumPy can sum them in a fixed order.
-
 Tables of all scenes, one per condition.
 
 Work on one condition then copies the rows of that condition only. Names that all rows of a condition share are stored
@@ -124,19 +122,8 @@ def _first_rows(index: NDArray[np.intp]) -> NDArray[np.intp]:
 def group_runs(tables: Sequence[pl.DataFrame], by: Sequence[str]) -> list[Groups]:
     """Group the rows of several tables that agree in all columns of `by`, with the same groups for every table.
 
-    Only the first row of each run of equal rows is grouped. This is fast where equal rows are adjacent.
-
-    Parameters
-    ----------
-    tables
-        With the columns `by`, of the same types.
-    by
-        Key columns, at least one.
-
-    Returns
-    -------
-    list of Groups
-        One per table. All have the same `keys`.
+    Only the first row of each run of equal rows is grouped. This is fast where equal rows are adjacent. `tables`: with
+    the columns `by`, of the same types.
     """
     starts = [_run_starts(table.select(by)) for table in tables]
     heads = pl.concat([table.select(by)[rows] for table, rows in zip(tables, starts, strict=True)])
@@ -246,20 +233,7 @@ def in_chunks(
 
 
 def add_up(tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str) -> pl.DataFrame:
-    """Counts `n` of rows that agree in all other columns, added up; in no particular order.
-
-    Parameters
-    ----------
-    tables
-        One table of counts, or any number of them, read one at a time.
-    schema, name
-        Expected columns, and the name of the table for the error message.
-
-    Raises
-    ------
-    SchemaError
-        If a table does not have the columns of `schema`.
-    """
+    """Counts `n` of rows that agree in all other columns, added up; in no particular order."""
     keys = [column for column in schema if column != "n"]
     total = empty(schema)
     for chunk in in_chunks(tables, schema, name):

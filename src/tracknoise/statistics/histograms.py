@@ -2,7 +2,6 @@
 
 - Histogram of the tracks' largest errors in fixed bins, so that histograms can be added.
 - Histograms of positive numbers in logarithmic bins, fine enough for quantiles, that can be added up.
-- Definition of what box plots show.
 """
 
 from collections.abc import Iterable
@@ -31,22 +30,8 @@ HISTOGRAM_BINS = pl.DataFrame(
 def error_histogram(tracks: pl.DataFrame) -> pl.DataFrame:
     """Histogram of the largest L2 error of every track, before trimming, of every condition.
 
-    Parameters
-    ----------
-    tracks
-        A tracks table with `max_error_px` filled in (`tracknoise.statistics.trimming`). Tracks without a measured error
-        are not counted.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `ERRORS`, sorted by condition and bin: every bin of `BINS` for every condition that has tracks. A bin
-        includes its lower bound but not its upper one.
-
-    Raises
-    ------
-    SchemaError
-        If the table has other columns.
+    Returns schema `ERRORS`, sorted by condition and bin: every bin of `BINS` for every condition that has tracks. A bin
+    includes its lower bound but not its upper one.
     """
     (groups,) = group_runs([check(tracks, TRACKS, "tracks")], POOLED)
     measured = tracks["max_error_px"].is_not_null().to_numpy()

@@ -148,23 +148,9 @@ def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFra
 def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
     """Mean lifetime of every condition, in frames that its tracker saw.
 
-    Parameters
-    ----------
-    lifetimes
-        What `lifetimes` returned.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `MEAN_LIFETIMES`, sorted by condition. `mean_lifetime` is the paper's: frames found over tracks. A
-        censored track counts as if it had ended, so that the value is too low where many are censored.
-        `frames_per_end` is the number of searches per track that ended: (sum of lifetimes - n_censored) / n_ended, null
-        where none did. It is the mean lifetime only if all tracks end with the same probability at any age. If tracks
-        differ in this probability, it depends on the length of sequences.
-
-        `restricted_mean_lifetime` is the Kaplan-Meier estimate of the mean of min(lifetime, restricted_to). It is
-        `restricted_mean_until_failure` for the lifetime until a track is lost or rejected as an outlier. The horizon
-        `restricted_to` is common to all conditions of a data set and speed (`horizons`).
+    Returns schema `MEAN_LIFETIMES`, sorted by condition. `mean_lifetime` is the paper's: frames found over tracks. A
+    censored track counts as if it had ended, so that the value is too low where many are censored. It is the mean
+    lifetime only if all tracks end with the same probability at any age.
     """
     ordered = check(lifetimes, LIFETIMES, "lifetimes").sort(*POOLED, "lifetime")
     ordered = ordered.join(horizons(ordered), on=_SHARED, maintain_order="left")

@@ -73,16 +73,7 @@ def measure_moments(
 ) -> JointMoments:
     """Moments of each group of pairs, in two passes: means first, then powers of what differs from them.
 
-    Parameters
-    ----------
-    pairs
-        (rows, 2) float64.
-    group
-        (rows,) intp, under `count`.
-    count
-        Number of groups; some may be empty.
-    orders
-        Which central power sums.
+    Shapes: pairs (rows, 2), group (rows,). `count`: some may be empty.
     """
     n = np.bincount(group, minlength=count)
     means, deviations = _centre(pairs, group, n)
@@ -97,15 +88,6 @@ def pool_moments(parts: JointMoments, group: NDArray[np.intp], count: int) -> Jo
 
     Shifting a sample's central power sums to the pooled mean is a binomial expansion, which is exact (Chan, Golub and
     LeVeque 1979 for order 2, Pebay 2008 for higher and joint orders); the shifted sums then add up.
-
-    Parameters
-    ----------
-    parts
-        Moments of the samples; those with n = 0 change nothing.
-    group
-        (samples,) intp, under `count`.
-    count
-        Number of groups.
     """
     n = np.bincount(group, parts.n, count).astype(np.int64)
     means, shifts = _centre(parts.mean, group, n, weight=parts.n)
@@ -194,15 +176,7 @@ class MomentCells:
     absolute: JointMoments
 
     def union(self, chosen: NDArray[np.bool_], *, by: int) -> "MomentCells":
-        """Moments of all chosen cells that agree in the first keys.
-
-        Parameters
-        ----------
-        chosen : (cells,) bool
-            Which cells.
-        by
-            Number of keys to keep.
-        """
+        """Moments of all chosen cells that agree in the first keys."""
         keys, index = number_combinations([key[chosen] for key in self.keys[:by]])
         signed, absolute = (
             pool_moments(moments.of(chosen), index, len(keys[0])) for moments in (self.signed, self.absolute)
@@ -213,19 +187,7 @@ class MomentCells:
 def by_trimming(
     cells: MomentCells, population: str, *, by: int, chosen: NDArray[np.bool_], kept: NDArray[np.bool_]
 ) -> dict[tuple[str, str], MomentCells]:
-    """Moments of the chosen cells, and of those of them that trimming kept: what `tabulate` needs.
-
-    Parameters
-    ----------
-    cells
-        Moments of the errors of a population.
-    population
-        Its name.
-    by
-        Number of keys to keep.
-    chosen, kept : (cells,) bool
-        Which cells.
-    """
+    """Moments of the chosen cells, and of those of them that trimming kept: what `tabulate` needs."""
     selections = {Trimming.untrimmed: chosen, Trimming.trimmed: chosen & kept}
     return {(population, trimming): cells.union(selected, by=by) for trimming, selected in selections.items()}
 
@@ -235,14 +197,7 @@ def measure_cells(
 ) -> MomentCells:
     """Moments of the errors of each cell, added up in the order of rows.
 
-    Parameters
-    ----------
-    error_px
-        (rows, 2) float64.
-    keys
-        Arrays of (rows,) integers from 0 on.
-    orders
-        Which central power sums of signed errors. Those of absolute errors are made with the orders above 2 only.
+    Shapes: error_px (rows, 2), keys arrays of (rows,).
     """
     found, index = number_combinations(keys)
     signed = measure_moments(error_px, index, len(found[0]), orders=orders)
@@ -255,23 +210,8 @@ def tabulate(
 ) -> pl.DataFrame:
     """Moments of selections of observations as a table.
 
-    Parameters
-    ----------
-    selections
-        Moments of each population and trimming, in the order of these enumerations. The first key is the row of
-        `conditions`.
-    conditions
-        Columns of `ORIGIN`.
-    names
-        Of the keys after the first; the last is ``at``.
-    axis
-        What ``at`` is: ``age`` or ``frame``.
-
-    Returns
-    -------
-    polars.DataFrame
-        Columns of `ORIGIN`, `names`, population, trimming, axis and moments. Sorted by the columns of `ORIGIN`, block
-        if there is one, population, trimming and at.
+    Returns: columns of `ORIGIN`, `names`, population, trimming, axis and moments. Sorted by the columns of `ORIGIN`,
+    block if there is one, population, trimming and at. `conditions`: columns of `ORIGIN`.
     """
     cells = _stacked(list(selections.values()))
     condition, *keys = cells.keys
@@ -317,17 +257,7 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str], orders: Sequence[Order] =
 def merge_groups(moments: pl.DataFrame, groups: Groups, *, orders: Sequence[Order] = FOURTH) -> pl.DataFrame:
     """Pool the rows of each group, as `merge` does, in the order of the rows.
 
-    Parameters
-    ----------
-    moments, orders
-        As in `merge`.
-    groups
-        Of the rows of `moments`.
-
-    Returns
-    -------
-    polars.DataFrame
-        The keys of the groups, then as `merge`.
+    Returns: the keys of the groups, then as `merge`.
     """
     signed, absolute = (
         pool_moments(_joint(moments, powers, means, prefix), groups.index, groups.count)
@@ -399,16 +329,8 @@ def scene_moments(seen: PreparedObservations) -> pl.DataFrame:
 def block_moments(sequence: PreparedSequence) -> pl.DataFrame:
     """Moments of the errors of every scene, condition and block of tracks, by trimming, and age or frame.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed. Its `populations` are those that the table has.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `BLOCKS`, sorted by its columns before `n`, with one row for each combination that has an observation.
-        Pooled over the blocks of a scene they are the scene's moments.
+    Returns schema `BLOCKS`, sorted by its columns before `n`, with one row for each combination that has an
+    observation. Pooled over the blocks of a scene they are the scene's moments.
     """
     selections: dict[tuple[str, str], MomentCells] = {}
     for population in sequence.populations:

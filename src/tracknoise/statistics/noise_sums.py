@@ -71,17 +71,7 @@ from tracknoise.tables.schema import (
 
 
 def true_points(sequence: PreparedSequence, geometry: FrameGeometry, born: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Points of tracks in the world, (tracks, 3) float64, metres; NaN where the depth is unknown.
-
-    Parameters
-    ----------
-    sequence
-        Their observations, and the depths of the tracks.
-    geometry
-        Poses and cameras of its frames.
-    born
-        (tracks,) rows of their first observations.
-    """
+    """Points of tracks in the world, (tracks, 3) float64, metres; NaN where the depth is unknown."""
     true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[born]
     depth_m = sequence.tracks["depth_m"].to_numpy()[sequence.track_row[born]]
     return geometry.unproject(sequence.seen.frame[born], true_uv, depth_m)
@@ -143,15 +133,7 @@ _MEDIAN_LENGTH = float(np.sqrt(2.0 * np.log(2.0)))
 
 
 def error_tracks(sequence: PreparedSequence, geometry: FrameGeometry) -> ErrorTracks:
-    """Errors of all tracks of a sequence; visible ones only.
-
-    Parameters
-    ----------
-    sequence
-        With errors about the first position of each track.
-    geometry
-        Poses and cameras of its frames.
-    """
+    """Errors of all tracks of a sequence; visible ones only."""
     seen = sequence.seen
     rows = sequence.ordered[(seen.age <= STEPS * seen.speed)[sequence.ordered]]
     track, frame, age = sequence.track_row[rows], seen.frame[rows], seen.age[rows].astype(np.float64)
@@ -280,22 +262,7 @@ _MEANS = ("sum_u", "sum_v", "along", "motion")
 
 
 def noise_sums(sequence: PreparedSequence, tracks: ErrorTracks, found: Mapping[Product, Products]) -> pl.DataFrame:
-    """Sums of every condition, block, product and age.
-
-    Parameters
-    ----------
-    sequence
-        Whose blocks they are of.
-    tracks
-        Its errors.
-    found
-        What `products` made of them.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `NOISE_SUMS`, sorted.
-    """
+    """Sums of every condition, block, product and age. Returns schema `NOISE_SUMS`, sorted."""
     parts = [_summed_products(sequence, tracks, kind, each) for kind, each in found.items()]
     return check(pl.concat([empty(NOISE_SUMS), *parts]).sort(_KEYS), NOISE_SUMS, "noise sums")
 
@@ -370,19 +337,7 @@ def log_centre(classes: NDArray[np.int64], per_octave: int = PER_OCTAVE) -> NDAr
 def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> pl.DataFrame:
     """Sums over changes by the classes of each covariate at both of their ends.
 
-    Parameters
-    ----------
-    sequence
-        Whose observations may have columns ``quality_<name>``.
-    tracks
-        Its errors.
-    changes
-        Products of changes, as `tracknoise.statistics.noise_sums.products` makes them.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `NOISE_COVARIATES`, sorted.
+    Returns schema `NOISE_COVARIATES`, sorted. `sequence`: whose observations may have columns ``quality_<name>``.
     """
     parts = [
         _summed_covariates(sequence, tracks, changes, name, values) for name, values in covariates_of(sequence, tracks)
@@ -405,17 +360,7 @@ def sums_by_class(
 ) -> pl.DataFrame:
     """Sums of every condition and combination of classes.
 
-    Parameters
-    ----------
-    sequence, tracks, changes
-        As in `noise_covariates`.
-    classes
-        (changes,) by the name of a column; NaN where a covariate is unknown. Such changes do not count.
-
-    Returns
-    -------
-    polars.DataFrame
-        The columns of the conditions, of the classes, n and `TERMS`.
+    Returns: the columns of the conditions, of the classes, n and `TERMS`. `classes`: NaN where a covariate is unknown.
     """
     known = np.flatnonzero(~np.isnan(np.stack(list(classes.values()))).any(axis=0))
     condition = sequence.seen.condition[tracks.rows[changes.rows[known]]]
@@ -459,15 +404,7 @@ MOST = 5
 def noise_pairs(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> pl.DataFrame:
     """Sums over changes by the classes of two covariates at both of their ends.
 
-    Parameters
-    ----------
-    sequence, tracks, changes
-        As in `tracknoise.statistics.noise_sums.noise_covariates`.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `NOISE_PAIRS`, sorted.
+    Returns schema `NOISE_PAIRS`, sorted.
     """
     keys = [name for name in NOISE_PAIRS if name not in ("n", *TERMS)]
     table = pl.concat([empty(NOISE_PAIRS), *_parts(sequence, tracks, changes)])

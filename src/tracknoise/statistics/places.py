@@ -113,21 +113,7 @@ def summed(
 ) -> pl.DataFrame:
     """Sums of values over the rows that agree in scene, condition, block, age and keys.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed.
-    rows : (n,) intp
-        Rows of the observations.
-    keys
-        Name and values of each key, (n,) from 0.
-    values
-        Name and values of what is summed, (n,).
-
-    Returns
-    -------
-    polars.DataFrame
-        Columns of `ORIGIN`, block, axis, at, the keys, n, and the sums; sorted by the columns before n.
+    Returns: columns of `ORIGIN`, block, axis, at, the keys, n, and the sums; sorted by the columns before n.
     """
     seen, block = sequence.seen, sequence.block[rows] // _BLOCKS_TOGETHER
     found, index = number_combinations([seen.condition[rows], block, seen.at[rows], *keys.values()])
@@ -180,15 +166,7 @@ _LOWEST = -40
 def image_speeds(sequence: PreparedSequence) -> pl.DataFrame:
     """Sums of visible errors by speed of the image, at the lowest speed of play and a few ages.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `IMAGE_SPEEDS`, sorted by its columns before n, with one row for each combination that has an error.
+    Returns schema `IMAGE_SPEEDS`, sorted by its columns before n, with one row for each combination that has an error.
     """
     moved = image_motion(sequence, sequence.at_slowest)
     chosen = at_place_ages(sequence)[moved.rows]
@@ -212,17 +190,7 @@ _KEYS = ["condition", "frame"]
 def parallax_px(sequence: PreparedSequence, rows: NDArray[np.intp]) -> NDArray[np.float64]:
     """Motion of true positions since errors were zero, less the median of all features over the same frames.
 
-    Parameters
-    ----------
-    sequence
-        Any.
-    rows : (n,) intp
-        Rows of the observations.
-
-    Returns
-    -------
-    (n,) float64
-        Lengths, px. NaN where the true position in either frame is unknown, or too few others are known.
+    Returns (n,) px. Lengths, px. NaN where the true position in either frame is unknown, or too few others are known.
     """
     seen = sequence.seen
     since = seen.at[rows] - (sequence.key_frame or 0)
@@ -281,16 +249,8 @@ class _Classes:
 def surroundings(sequence: PreparedSequence) -> pl.DataFrame:
     """Sums of errors by class of each property, at the lowest speed and a few ages.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `SURROUNDINGS`, sorted by its columns before n, with one row for each combination that has an error. A
-        property that is unknown of all tracks has no rows.
+    Returns schema `SURROUNDINGS`, sorted by its columns before n, with one row for each combination that has an error.
+    A property that is unknown of all tracks has no rows.
     """
     occlusion = _occlusion(sequence)
     rows = np.flatnonzero(at_place_ages(sequence) & (occlusion >= 0))

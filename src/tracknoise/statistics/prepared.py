@@ -1,7 +1,6 @@
 """The observations and tracks of a sequence, checked and grouped once for all of its statistics.
 
 - Which observations a statistic is about.
-- The observations and tracks of a sequence, checked and grouped once for all of its statistics.
 
 Blocks of tracks that were born next to each other in time, to be resampled where there are too few scenes.
 
@@ -38,15 +37,7 @@ def block_of(track: pl.Expr, n_tracks: pl.Expr) -> pl.Expr:
 
 
 def blocks_of(tracks: pl.DataFrame, condition: pl.Series) -> pl.Series:
-    """Block of each track, UInt8.
-
-    Parameters
-    ----------
-    tracks
-        All tracks of some sequences and conditions; only the column `track` is read.
-    condition
-        Number of the sequence and condition of each track.
-    """
+    """Block of each track, UInt8. `tracks`: only the column `track` is read."""
     n_tracks = (pl.col("track").max().cast(pl.UInt64) + 1).over("condition")
     numbered = tracks.select("track", condition=condition)
     return numbered.select(block=block_of(pl.col("track"), n_tracks)).to_series()
@@ -64,13 +55,7 @@ what the paper uses.
 
 
 def check_population(population: str) -> str:
-    """Return the name of a population.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such population.
-    """
+    """Return the name of a population."""
     if population not in POPULATIONS:
         raise UnknownNameError("population", population, POPULATIONS)
     return population
@@ -210,13 +195,7 @@ class PreparedSequence:
 
 
 def prepare_observations(observations: pl.DataFrame, *, axis: Axis = Axis.age) -> PreparedObservations:
-    """Check an observations table and convert it to arrays.
-
-    Raises
-    ------
-    SchemaError
-        If the table has other columns, or an error is missing where the true position is known.
-    """
+    """Check an observations table and convert it to arrays."""
     check(observations, OBSERVATIONS, "observations")
     return _as_arrays(observations, group_runs([observations], list(ORIGIN))[0], axis)
 
@@ -228,23 +207,7 @@ def prepare_sequence(
     key_frame: int | None = None,
     axis: Axis | None = None,
 ) -> PreparedSequence:
-    """Check the tables of any number of sequences and group their rows.
-
-    Parameters
-    ----------
-    observations, tracks
-        The observations, and all tracks of the same sequences and conditions.
-    key_frame
-        Frame in which a scan makes errors zero.
-    axis
-        By default ``frame`` with a key frame and ``age`` without.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns, an error is missing where the true position is known, or an observation does not
-        belong to exactly one track.
-    """
+    """Check the tables of any number of sequences and group their rows."""
     check(observations, OBSERVATIONS, "observations")
     check(tracks, TRACKS, "tracks")
     of_observations, of_tracks = group_runs([observations, tracks], list(ORIGIN))

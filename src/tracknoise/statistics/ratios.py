@@ -31,13 +31,7 @@ NUMERATORS: Mapping[str, Callable[[PreparedSequence, NDArray[np.intp]], NDArray[
 
 
 def ratio_sums(sequence: PreparedSequence) -> pl.DataFrame:
-    """Sums of every ratio, before and after trimming.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `RATIOS`, sorted by its columns before n.
-    """
+    """Sums of every ratio, before and after trimming. Returns schema `RATIOS`, sorted by its columns before n."""
     seen = sequence.seen
     steps = np.abs(seen.at - (sequence.key_frame or 0)) / seen.speed
     chosen = seen.visible & np.isin(steps, STEPS)

@@ -36,19 +36,9 @@ _KEYS = [*ORIGIN, "age_low", "track"]
 def samples(sequence: PreparedSequence, *, max_tracks: int = MAX_TRACKS) -> pl.DataFrame:
     """Single visible errors of every scene and condition, in bands of ages.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed. With a key frame, bands are of distances from it, before or after. Otherwise they are of ages.
-    max_tracks
-        Largest number of tracks of a band, of each sequence and condition.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `SAMPLES`, sorted by condition, band and track. Each track has one error in each band in which it was
-        seen. `at` is its age, or the frame where there is a key frame. Errors that are zero by construction are in no
-        band, nor are those older than the last.
+    Returns schema `SAMPLES`, sorted by condition, band and track. Each track has one error in each band in which it was
+    seen. `at` is its age, or the frame where there is a key frame. Errors that are zero by construction are in no band,
+    nor are those older than the last.
     """
     seen, key_frame = sequence.seen, sequence.key_frame
     distance = seen.age if key_frame is None else np.abs(seen.frame - key_frame)

@@ -64,15 +64,7 @@ def scales(sequence: PreparedSequence) -> pl.DataFrame:
 def scale_blocks(sequence: PreparedSequence) -> pl.DataFrame:
     """The same by block of tracks, for the populations of the sequence.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed. Its `populations` are those that the table has.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `SCALE_BLOCKS`, sorted in the same way, and by block.
+    Returns schema `SCALE_BLOCKS`, sorted in the same way, and by block.
     """
     table = _table(sequence, sequence.populations, {"block": sequence.block})
     return check(table.with_columns(pl.col("block").cast(pl.UInt8)), SCALE_BLOCKS, "blocks of scales")
@@ -114,15 +106,7 @@ def _scales(error_px: NDArray[np.float64], keys: Mapping[str, IntegerArray]) -> 
 
 
 def grouped_medians(values: NDArray[np.float64], index: NDArray[np.intp], n: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Median of the values of each group, (groups,).
-
-    Parameters
-    ----------
-    values, index : (rows,)
-        Values, and the group of each.
-    n : (groups,)
-        Number of values of each group, at least one.
-    """
+    """Median of the values of each group, (groups,). Shapes: values, index (rows,), n (groups,)."""
     ordered = values[np.lexsort((values, index))]
     start = np.cumsum(n) - n
     middle: NDArray[np.float64] = (ordered[start + (n - 1) // 2] + ordered[start + n // 2]) / 2

@@ -23,12 +23,9 @@ _SORTED = [column for column in COUNTS if column != "n"]
 def counts(sequence: PreparedSequence) -> pl.DataFrame:
     """Count truth statuses and track ends of every condition, trimmed tracks included.
 
-    Returns
-    -------
-    polars.DataFrame
-        Schema `COUNTS`, sorted by all columns but `n`: every name of a kind, with 0 where there is none, for each
-        condition that the table has. Counts of ends are null, but for those of tracks that were alive at the end, in
-        conditions whose tracker does not report causes.
+    Returns schema `COUNTS`, sorted by all columns but `n`: every name of a kind, with 0 where there is none, for each
+    condition that the table has. Counts of ends are null, but for those of tracks that were alive at the end, in
+    conditions whose tracker does not report causes.
     """
     seen, tracks = sequence.seen, sequence.tracks
     statuses = _count(seen.conditions, seen.condition, sequence.observations["truth"], TruthStatus, "truth")

@@ -188,17 +188,8 @@ _KEYS = [name for name in BETWEEN_TRACKERS if name not in _DIFFERENCE_MOMENTS]
 def between_trackers(sequence: PreparedSequence) -> pl.DataFrame:
     """Moments of the differences of every two trackers, by (between).
 
-    Parameters
-    ----------
-    sequence
-        All of its tracks count, whether or not trimming kept them. Trackers are compared at the speed `slowest`, or at
-        every speed.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `BETWEEN_TRACKERS`, sorted by its columns before `n`, at ages of `STEPS`. Without rows where no two
-        trackers have tracks of the same corner. `block` is that of the track of `tracker`.
+    Returns schema `BETWEEN_TRACKERS`, sorted by its columns before `n`, at ages of `STEPS`. Without rows where no two
+    trackers have tracks of the same corner. `block` is that of the track of `tracker`.
     """
     conditions = sequence.seen.conditions.with_row_index("row")
     compared = conditions if sequence.slowest is None else conditions.filter(speed=sequence.slowest)
@@ -356,16 +347,7 @@ _SUMS = ("n", "u", "v", "uu", "uv", "vv")
 def truth_differences(sequence: PreparedSequence) -> pl.DataFrame:
     """Sums of the disagreement of two truths and of the errors by each, by age.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed. Only observations at its speed `slowest` count, which the first truth says are visible, and whose true
-        position the second knows.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `TRUTH_DIFFERENCES`, sorted by its columns before `n`. Without rows unless there is a second truth.
+    Returns schema `TRUTH_DIFFERENCES`, sorted by its columns before `n`. Without rows unless there is a second truth.
     """
     if not set(SECOND_TRUTH) <= set(sequence.observations.columns):
         return empty(TRUTH_DIFFERENCES)

@@ -102,14 +102,7 @@ def fit_windows(
 ) -> FittedWindows:
     """Fit a point to each window, (window.residual) and (window.depth).
 
-    Parameters
-    ----------
-    errors_px
-        (windows, N, 2) float64: observed minus true positions, px.
-    jacobian
-        (windows, N, 2, 3) float64, px per metre: derivatives of the true positions by the true point.
-    ray_m
-        (windows, 3) float64, metres: from the camera of the first observation to the true point, not of length 0.
+    Shapes: errors_px (windows, N, 2), jacobian (windows, N, 2, 3) px per metre, ray_m (windows, 3).
     """
     across, along = directions(ray_m)
     lateral = np.linalg.qr((jacobian @ across[:, None]).reshape(len(ray_m), -1, 2))[0]
@@ -155,13 +148,7 @@ def window_runs(
     """Observations of windows, track by track in order of frames, where each track begins, and how many it has.
 
     Only tracks whose first observation belongs to the population, and as many observations as a window can have.
-
-    Returns
-    -------
-    rows : (n,) intp
-        Of the observations table.
-    start, length : (tracks,) intp
-        Of each track in `rows`.
+    Returns rows (n,), start, length (tracks,). `rows`: of the observations table.
     """
     rows = sequence.ordered
     new = np.flatnonzero(np.diff(sequence.track_row[rows], prepend=-1))
@@ -186,19 +173,8 @@ def window_derivatives(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Derivatives of the true positions of tracks by their points, and the rays to these.
 
-    Parameters
-    ----------
-    sequence, geometry
-        The tracks, and poses and cameras of their frames.
-    rows, start, length
-        As `window_runs` returns them.
-
-    Returns
-    -------
-    jacobian : (n, 2, 3) float64
-        px per metre; NaN where the depth is unknown.
-    ray_m : (tracks, 3) float64
-        From the camera of the first observation to the point, metres.
+    Returns jacobian (n, 2, 3) px per metre, ray_m (tracks, 3). `jacobian`: NaN where the depth is unknown. `ray_m`:
+    from the camera of the first observation to the point, metres.
     """
     frame, born = sequence.seen.frame[rows], rows[start]
     birth = sequence.seen.frame[born]
@@ -438,16 +414,8 @@ _FITTED_NOISE_SUMS = ("n", "squares_u", "freedom_u", "squares_v", "freedom_v", "
 def fitted_noise(sequence: PreparedSequence) -> pl.DataFrame:
     """Sums of squared errors and distances, and their degrees of freedom.
 
-    Parameters
-    ----------
-    sequence
-        Trimmed.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `FITTED_NOISE`, sorted by its columns before `n`, with one row for each combination that has an
-        observation. Without rows unless true positions are triangulated.
+    Returns schema `FITTED_NOISE`, sorted by its columns before `n`, with one row for each combination that has an
+    observation. Without rows unless true positions are triangulated.
     """
     if not {*EPIPOLAR, *LEVERAGE} <= set(sequence.observations.columns):
         return empty(FITTED_NOISE)

@@ -65,13 +65,7 @@ def read_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: 
 
 
 def read_text_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: str = REMEDY) -> str:
-    """As `read_checked`, for a file of text.
-
-    Raises
-    ------
-    StoreError
-        As `read_checked`, and if the file is not UTF-8.
-    """
+    """As `read_checked`, for a file of text."""
     try:
         return read_checked(path, sha256, expected=expected, remedy=remedy).decode()
     except UnicodeDecodeError as error:
@@ -84,13 +78,7 @@ def digest(content: bytes) -> str:
 
 
 def read_parquet(path: Path, columns: schema.Schema, sha256: str | None) -> pl.DataFrame:
-    """Read a table of known columns, and check its hash if that is known.
-
-    Raises
-    ------
-    StoreError, SchemaError
-        If the file is missing or damaged, or has other columns, or numbers that are not finite.
-    """
+    """Read a table of known columns, and check its hash if that is known."""
     return _parsed(path, _content(path, sha256), columns)
 
 
@@ -99,21 +87,8 @@ def read_stacked(
 ) -> pl.DataFrame:
     """Read several tables of the same columns as one, in their order. This takes half the time of one by one.
 
-    If all files are equal, one is parsed. Such files are mostly empty tables, of which a run has many.
-
-    Parameters
-    ----------
-    files
-        Their hashes, None where that is not known.
-    columns
-        Of all tables.
-    only
-        Names of those that are wanted, in their order; by default all. Others are not decoded.
-
-    Raises
-    ------
-    StoreError, SchemaError
-        As `read_parquet`.
+    If all files are equal, one is parsed. Such files are mostly empty tables, of which a run has many. `files`: their
+    hashes, None where that is not known.
     """
     wanted = columns if only is None else {name: kind for name, kind in columns.items() if name in only}
     contents = {path: _content(path, sha256) for path, sha256 in files.items()}
@@ -153,13 +128,7 @@ def is_intact(path: Path, sha256: str) -> bool:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a folder with its contents, if it exists.
-
-    Raises
-    ------
-    StoreError
-        If it cannot be removed.
-    """
+    """Remove a file, or a folder with its contents, if it exists."""
     try:
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)

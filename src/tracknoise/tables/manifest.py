@@ -162,13 +162,7 @@ class Manifest:
 
     @classmethod
     def from_json(cls, text: str, *, place: str) -> Self:
-        """Read the text that `to_json` returned; `place` is its name in errors.
-
-        Raises
-        ------
-        StoreError
-            If it is damaged or of another format.
-        """
+        """Read the text that `to_json` returned; `place` is its name in errors."""
         try:
             raw: dict[str, Any] = json.loads(text)
             found = raw.pop("format")
@@ -198,13 +192,7 @@ def damaged(place: str, why: str) -> str:
 
 
 def _require_types(raw: dict[str, Any]) -> None:
-    """Check the types of all values.
-
-    Raises
-    ------
-    ValueError
-        Naming the first that is wrong, in one line.
-    """
+    """Check the types of all values."""
     from pydantic import ValidationError
 
     try:
@@ -291,13 +279,7 @@ class _Settings:
 
 
 def parse_run_settings(text: str) -> dict[str, Any]:
-    """What the resolved settings of a run are, by their keys.
-
-    Raises
-    ------
-    ValueError
-        If a setting that every experiment has is missing, or one has a wrong type. The message is one line.
-    """
+    """What the resolved settings of a run are, by their keys."""
     from pydantic import ValidationError
 
     settings = parse_toml(text)

@@ -107,14 +107,8 @@ def results_of(tables: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
 def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame:
     """A table from the rows of results.
 
-    Parameters
-    ----------
-    results
-        Schema `RESULTS`.
-    name
-        One of `VIEWS`.
-    ids
-        Whether to add a column `ids`: a structure that has the id of the row of results of each column of numbers.
+    `results`: schema `RESULTS`. `ids`: whether to add a column `ids`: a structure that has the id of the row of results
+    of each column of numbers.
     """
     chosen = VIEWS[name]
     mine = results.filter(

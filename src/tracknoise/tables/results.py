@@ -109,11 +109,7 @@ _BYTES = 6
 def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
     """One table of results from parts of it: rows of one identity become one, and every row gets its id and caveats.
 
-    Parameters
-    ----------
-    rows
-        With columns of `RESULTS`, of which any but the quantity, the topic and `cut` may be missing. Where two have a
-        value for the same cell, that of the first is taken.
+    `rows`: with columns of `RESULTS`, of which any but the quantity, the topic and `cut` may be missing.
     """
     kinds = {name: kind for name, kind in RESULTS.items() if name not in ("id", "caveats")} | {"cut": pl.Boolean}
     parts = []

@@ -2,7 +2,6 @@
 
 - Descriptors of a frame's keypoints, shared by all trackers that see the frame.
 - Mutual nearest neighbours among descriptors, by one matrix product.
-- Correspondence: features are matched from frame to frame by their descriptors.
 """
 
 from dataclasses import dataclass, field
@@ -129,14 +128,7 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Ma
     The matches are those of ``cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)``: among equally near ones the first
     counts. The squared distance |q|^2 + |t|^2 - 2 q.t is one product of the descriptors with their squared lengths
     appended. All terms are whole numbers below 2^24, which float32 represents exactly, so that neither the order of
-    summation nor the number of threads can change a match.
-
-    Parameters
-    ----------
-    query
-        (m, d) float32, whole numbers, of squared length below 2^22. (SIFT's is about 2^18.)
-    train
-        (n, d) float32, likewise.
+    summation nor the number of threads can change a match. Shapes: query (m, d), train (n, d).
     """
     if not (len(query) and len(train)):
         no_rows, no_values = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.float32)
@@ -229,13 +221,6 @@ class CorrespondenceTracker:
     The quality of an observation is the distance between the descriptors of feature and keypoint
     (``descriptor_distance``; of bits, the root of how many differ), and that distance over the distance of the second
     best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.correspondence.Matches`.
-
-    Parameters
-    ----------
-    settings
-        The settings.
-    inliers
-        The outlier rejection.
     """
 
     def __init__(self, settings: Correspondence, inliers: Inliers) -> None:

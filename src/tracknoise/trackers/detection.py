@@ -195,14 +195,8 @@ class Mask:
     pixel nearest to it (halves round up). For keypoints, which lie on pixel centres, the two are the same.
 
     This is XIVO's convention, and it affects results: with the nearest pixel instead, the mean lifetime on the
-    7-Scenes sample would be 9.5 frames instead of 8.8 (Lucas-Kanade, OpenCV 4.11's rejection).
-
-    Parameters
-    ----------
-    size
-        (width, height) of the image, px.
-    detection
-        The width of the margin and the side of the squares.
+    7-Scenes sample would be 9.5 frames instead of 8.8 (Lucas-Kanade, OpenCV 4.11's rejection). Shapes: size
+    (width, height).
     """
 
     __slots__ = ("_blocked", "_margin_px", "_reach", "_size", "_squares")
@@ -219,17 +213,8 @@ class Mask:
     def claim(self, uv: NDArray[np.float64], *, limit: int | None = None) -> NDArray[np.intp]:
         """Accept features in the given order if their pixel is free; each accepted feature blocks its square.
 
-        Parameters
-        ----------
-        uv
-            (n, 2) float64, px; NaN and positions outside the image are never free.
-        limit
-            Accept at most this many.
-
-        Returns
-        -------
-        (m,) intp
-            Indices of the accepted features, ascending.
+        Shapes: uv (n, 2) px; returns (m,). Indices of the accepted features, ascending. `uv`: NaN and positions outside
+        the image are never free.
         """
         inside = (uv >= self._margin_px) & (uv < np.array(self._size) - self._margin_px)
         rows = np.flatnonzero(inside[:, 0] & inside[:, 1])

@@ -68,25 +68,7 @@ def report(
     missed: int = 0,
     quality: Mapping[str, NDArray[np.float32]] | None = None,
 ) -> Step:
-    """The report of a step: features found, then new ones.
-
-    Parameters
-    ----------
-    offered
-        (n,) ids of the features that were alive before the step.
-    end
-        (n,) the outcome of each: a `TrackEnd`, or `ALIVE`.
-    matched
-        How many of them were found again.
-    found, new
-        The features found in this frame, and those that begin in it.
-    response
-        (len(new),) of the detector.
-    missed
-        How many stay alive without having been found.
-    quality
-        By name, see `Step.quality`: float32 of the features found, or of these and the new ones.
-    """
+    """The report of a step: features found, then new ones."""
     over = end != ALIVE
     shown = found.joined(new)
     born = np.zeros(len(shown), dtype=np.bool_)

@@ -46,17 +46,8 @@ def dominant_gradient(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float
 def min_eigenvalue(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float32]:
     """Smaller eigenvalue of the mean structure tensor at positions in an image: how strong its texture is there.
 
-    Parameters
-    ----------
-    frame
-        The image.
-    uv
-        (n, 2) float64, px.
-
-    Returns
-    -------
-    (n,) float32
-        (Gray values / px)^2; NaN where the window of `dominant_gradient` does not lie in the image.
+    Shapes: uv (n, 2) px; returns (n,). (Gray values / px)^2. NaN where the window of `dominant_gradient` does not lie
+    in the image.
     """
     return _where_inside(frame, uv, _smaller_eigenvalue)
 

@@ -2,7 +2,6 @@
 
 - Imported tracks, reported frame by frame as a tracker does.
 - Imported tracks that are in memory.
-- Imported tracks: what any other front end wrote to a file, or holds in memory.
 """
 
 from collections.abc import Mapping
@@ -26,15 +25,7 @@ from tracknoise.trackers.tracker import Frame, SequenceContext, Step, is_quality
 
 
 def subsampled(context: SequenceContext, *, every_speed: bool) -> tuple[str, ...]:
-    """A note if the tracks were not made at the speed at which they are measured.
-
-    Parameters
-    ----------
-    context
-        The sequence and speed.
-    every_speed
-        Whether each speed has its own tracks.
-    """
+    """A note if the tracks were not made at the speed at which they are measured."""
     if context.speed == 1 or every_speed:
         return ()
     note = "imported tracks are those of speed 1, subsampled: what a tracker does at this speed is not measured"
@@ -46,13 +37,6 @@ class ImportedTracker:
 
     A track begins with its first row among the frames that the tracker sees. It ends as ``lost`` in the first frame
     without a row; later rows are a new track, since a lifetime counts consecutive frames.
-
-    Parameters
-    ----------
-    tracks
-        All rows.
-    notes
-        What should be known about them, one sentence each.
     """
 
     def __init__(self, tracks: Tracks, notes: tuple[str, ...] = ()) -> None:

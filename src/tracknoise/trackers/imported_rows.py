@@ -84,13 +84,7 @@ class Rows:
         )
 
     def refuse(self, bad: NDArray[np.bool_], name: str, values: NDArray[np.generic], expected: str) -> None:
-        """Raise an error that shows the first bad value.
-
-        Raises
-        ------
-        DataError
-            Unless no row is bad.
-        """
+        """Raise an error that shows the first bad value."""
         rows = np.flatnonzero(bad)
         if len(rows):
             row = int(rows[0])
@@ -196,19 +190,7 @@ class Raster:
 def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> None:
     """Refuse positions that are normalised, whose columns are swapped, or of which none is in the image.
 
-    Parameters
-    ----------
-    rows
-        Positions as the file states them.
-    raster
-        Their coordinates.
-    image
-        (width, height), px.
-
-    Raises
-    ------
-    DataError
-        Naming the mistake and what to do.
+    Shapes: image (width, height).
     """
     if raster.size is None and _are_normalised(rows.uv, image):
         low, high = rows.uv.min(), rows.uv.max()
@@ -258,15 +240,7 @@ class Normalised:
     """
 
     def check(self, rows: Rows, context: SequenceContext) -> None:
-        """Refuse positions that are pixels, whose columns are swapped, or of which none is in the image.
-
-        Raises
-        ------
-        DataError
-            Naming the mistake and what to do.
-        SettingsError
-            If the camera is unknown.
-        """
+        """Refuse positions that are pixels, whose columns are swapped, or of which none is in the image."""
         camera, size = _camera_at(context, 0), context.size
         stated = inside(_projected(camera, rows.uv), size).mean()
         if stated >= _NORMALISED_INSIDE_AS_STATED:
@@ -350,28 +324,8 @@ def in_seconds(rows: Rows, offset_s: float) -> Rows:
 def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
     """Assign each row to the frame that is nearest in time.
 
-    Of several rows of a track that are nearest to the same frame, the nearest is kept.
-
-    Parameters
-    ----------
-    rows
-        With times in seconds.
-    frames_s
-        (n,) float64, increasing: the time of each frame.
-    max_gap_s
-        Rows that are farther from every frame are left out.
-
-    Returns
-    -------
-    rows
-        With frames.
-    left_out
-        Number of rows that are too far from every frame.
-
-    Raises
-    ------
-    DataError
-        If all rows are.
+    Of several rows of a track that are nearest to the same frame, the nearest is kept. `left_out`: number of rows that
+    are too far from every frame.
     """
     time_s = _times(rows)
     frame = nearest(time_s, frames_s, max_gap_s=max_gap_s)
@@ -386,29 +340,7 @@ def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) 
 
 
 def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
-    """Positions of each track at the times of frames, linear between the observations before and after.
-
-    Parameters
-    ----------
-    rows
-        With times in seconds.
-    frames_s
-        (n,) float64, increasing: the time of each frame.
-    max_gap_s
-        A track has no position in a frame between two observations that are farther apart.
-
-    Returns
-    -------
-    rows
-        With frames, one for each track and frame; response and quality are those of the observation before.
-    left_out
-        0: observations between frames are used.
-
-    Raises
-    ------
-    DataError
-        If no track has a position in any frame, or a track has two observations at one time.
-    """
+    """Positions of each track at the times of frames, linear between the observations before and after."""
     time_s = _times(rows)
     order = np.lexsort([time_s, rows.track])
     track, time_s, uv = rows.track[order], time_s[order], rows.uv[order]
@@ -485,14 +417,7 @@ class Assignment:
     asynchronous: bool = False
 
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
-        """Tracks in the frames of a sequence, and what should be known about them, one sentence each.
-
-        Raises
-        ------
-        DataError
-            If coordinates are normalised or swapped, a frame is not in the sequence, the frames are only every k-th of
-            those that the tracker sees, no time is that of a frame, or a track has two rows in a frame.
-        """
+        """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
         self.raster.check(rows, context)
         framed, left_out = self._framed(rows, context)
         framed, unseen = self._in_pixels(framed, context)

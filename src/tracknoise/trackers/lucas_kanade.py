@@ -92,13 +92,6 @@ class LucasKanadeTracker:
     the current image (``lk_residual``, gray values), and the smallest eigenvalue of the mean structure tensor of the
     patch in the previous image, from Scharr derivatives (``lk_min_eigenvalue``, (gray values / px)^2). Both are
     OpenCV's; the eigenvalue is scaled so that a derivative has its unit.
-
-    Parameters
-    ----------
-    settings
-        The settings.
-    inliers
-        The outlier rejection.
     """
 
     def __init__(self, settings: LucasKanade, inliers: Inliers) -> None:

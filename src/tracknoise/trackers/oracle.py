@@ -2,7 +2,6 @@
 
 - Random vectors of the oracle: a stream for each kind of error, so that one kind does not change another.
 - How the noise of the oracle depends on conditions that a tracker knows: texture and motion.
-- The oracle: true positions plus errors of known size. It tests the measurement, not a front end.
 """
 
 import math
@@ -34,15 +33,7 @@ class Stream(IntEnum):
 
 
 class RandomErrors:
-    """Streams of random vectors.
-
-    Parameters
-    ----------
-    key
-        Whole numbers. Equal keys give equal streams, in every process.
-    nu
-        Degrees of freedom of Student's t, above 2; None for Gaussian errors.
-    """
+    """Streams of random vectors. `nu`: degrees of freedom of Student's t, above 2; None for Gaussian errors."""
 
     __slots__ = ("_nu", "_streams")
 
@@ -66,15 +57,7 @@ class RandomErrors:
 
 
 def random_key(seed: int, context: SequenceContext) -> list[int]:
-    """Key of random numbers: different for every sequence and speed, and the same in every process, unlike `hash`.
-
-    Parameters
-    ----------
-    seed
-        Of the tracker. The experiment's seed and the number of the repetition are those of the context.
-    context
-        The sequence and condition.
-    """
+    """Key of random numbers: different for every sequence and speed, and the same in every process, unlike `hash`."""
     sequence = context.sequence
     cameras = [sequence.camera] if sequence.camera else []
     names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction, *cameras))
@@ -90,38 +73,12 @@ _WEAKEST_TEXTURE, _LEAST_MOTION_PX = 1.0, 0.1
 
 
 def texture_factor(strength: NDArray[np.float32], exponent: float) -> NDArray[np.float64]:
-    """What noise is multiplied by at texture of some strength.
-
-    Parameters
-    ----------
-    strength
-        (n,) float32: `tracknoise.trackers.gradient.min_eigenvalue`. Below 1 it counts as 1.
-    exponent
-        The factor is (strength / `USUAL_TEXTURE`) to the power of minus this number.
-
-    Returns
-    -------
-    (n,) float64
-        1 where the strength is NaN.
-    """
+    """What noise is multiplied by at texture of some strength. Returns: 1 where the strength is NaN."""
     return _power(strength.astype(np.float64), _WEAKEST_TEXTURE, USUAL_TEXTURE, -exponent)
 
 
 def motion_factor(motion_px: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
-    """What noise is multiplied by at some motion.
-
-    Parameters
-    ----------
-    motion_px
-        (n,) float64, px per frame of the nominal sequence. Below 0.1 it counts as 0.1.
-    exponent
-        The factor is (motion / `USUAL_MOTION_PX`) to the power of this number.
-
-    Returns
-    -------
-    (n,) float64
-        1 where the motion is NaN.
-    """
+    """What noise is multiplied by at some motion. Returns: 1 where the motion is NaN."""
     return _power(motion_px, _LEAST_MOTION_PX, USUAL_MOTION_PX, exponent)
 
 
@@ -241,15 +198,6 @@ class OracleTracker:
     relative to the features offered. A feature that is neither ends as ``masked`` if the point that it follows has left
     the image. In a frame without a pose, positions of points are unknown. Features then stay at the last one, and none
     begin.
-
-    Parameters
-    ----------
-    settings
-        The settings.
-    context
-        The sequence and condition.
-    truth
-        True positions; a `DisplacingTruth` if features leave their points.
     """
 
     def __init__(self, settings: Oracle, context: SequenceContext, truth: OracleTruth) -> None:

@@ -3,7 +3,6 @@
 - Random sample consensus: the hypothesis from a minimal sample that most matches agree with.
 - Homographies between two images: through four matches in closed form, and refined on many.
 - Fundamental matrices between two images: through eight matches or more.
-- Outlier rejection: the matches of a step that do not agree with a common motion of the image.
 """
 
 import math
@@ -68,31 +67,8 @@ def best_hypothesis(
 
     Hypotheses are evaluated one after the other. Each that has more inliers than all before reduces the number needed
     (`hypotheses_needed`). They are computed in batches, which only affects the time: the samples depend on the
-    generator only, and surplus hypotheses of a batch are ignored.
-
-    Parameters
-    ----------
-    geometry
-        The kind of model.
-    source, target
-        (n, 2) float64: matched points, n > geometry.sample_size.
-    threshold
-        Largest error of an inlier, in the unit of the points.
-    confidence
-        Probability of having drawn at least one sample without outliers.
-    max_hypotheses
-        Largest number of hypotheses that are evaluated.
-    rng
-        Draws the samples; degenerate ones are replaced.
-    max_refits
-        Local optimisation (Chum, Matas and Kittler 2003): each hypothesis that has more inliers than all before is
-        fitted to its inliers again, up to this number of times, as long as that gives more inliers. The number of
-        hypotheses needed then follows from these. By default it is not refitted.
-
-    Returns
-    -------
-    Hypothesis or None
-        None if all samples are degenerate.
+    generator only, and surplus hypotheses of a batch are ignored. Shapes: source, target (n, 2). Returns: None if all
+    samples are degenerate.
     """
     best: Hypothesis | None = None
     most, judged, needed = geometry.sample_size - 1, 0, max_hypotheses
@@ -167,18 +143,8 @@ class Homography:
         """The homographies through four matches each.
 
         A sample is degenerate if three of its points are collinear in either image, or if some of its four
-        triangles keep their orientation and others do not: a plane seen from one side never does that.
-
-        Parameters
-        ----------
-        source, target
-            (b, 4, 2) float64.
-
-        Returns
-        -------
-        models : (b, 3, 3) float64
-            Arbitrary for degenerate samples.
-        usable : (b,) bool
+        triangles keep their orientation and others do not: a plane seen from one side never does that. Shapes: source,
+        target (b, 4, 2); returns models (b, 3, 3), usable (b,). `models`: arbitrary for degenerate samples.
         """
         from_areas, from_lines, from_flat = _triangles(source)
         to_areas, _, to_flat = _triangles(target)
@@ -189,18 +155,7 @@ class Homography:
     def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
         """Which matches each model explains to within `threshold`.
 
-        Parameters
-        ----------
-        models
-            (b, 3, 3) float64.
-        source, target
-            (n, 2) float64.
-        threshold
-            Largest error, in the unit of the points.
-
-        Returns
-        -------
-        (b, n) bool
+        Shapes: models (b, 3, 3), source, target (n, 2); returns (b, n).
         """
         x, y, w = _map(models, source)
         x -= target[:, 0] * w  # the error times w, so that nothing is divided by zero
@@ -212,16 +167,7 @@ class Homography:
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The homography with the least sum of squared errors, by Levenberg-Marquardt from `model`.
 
-        Parameters
-        ----------
-        model
-            (3, 3) float64.
-        source, target
-            (n, 2) float64, n >= 4; `model` fits all of them roughly.
-
-        Returns
-        -------
-        (3, 3) float64
+        Shapes: model (3, 3), source, target (n, 2); returns (3, 3).
         """
         best: Floats = model / model[2, 2]
         residual, jacobian = _linearise(best, source, target)
@@ -243,13 +189,8 @@ class Homography:
 def _triangles(points: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Doubled areas of the four triangles of four points, sides of the first, and whether any is flat.
 
-    Returns
-    -------
-    areas : (b, 4) float64
-        Signed: of the triangles (3, 1, 2), (0, 3, 2), (0, 1, 3) and (0, 1, 2).
-    lines : (b, 3, 3) float64
-        The lines through points (1, 2), (2, 0) and (0, 1): ``lines @ (u, v, 1)`` is a triangle's doubled area.
-    flat : (b,) bool
+    Returns areas (b, 4), lines (b, 3, 3), flat (b,). `areas`: signed: of the triangles (3, 1, 2), (0, 3, 2), (0, 1, 3)
+    and (0, 1, 2).
     """
     x, y = points[..., 0], points[..., 1]
     start, stop = (1, 2, 0), (2, 0, 1)
@@ -319,16 +260,8 @@ class Fundamental:
     def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """The fundamental matrices through eight matches each, by the eight-point algorithm.
 
-        Parameters
-        ----------
-        source, target
-            (b, 8, 2) float64, about the origin and of unit size.
-
-        Returns
-        -------
-        models : (b, 3, 3) float64
-            Of rank 2; arbitrary for degenerate samples.
-        usable : (b,) bool
+        Shapes: source, target (b, 8, 2); returns models (b, 3, 3), usable (b,). `models`: of rank 2; arbitrary for
+        degenerate samples.
         """
         _, singular, transposed = np.linalg.svd(_equations(source, target))
         usable = singular[:, -1] > _RANK_DEFICIENT * singular[:, 0]
@@ -337,18 +270,7 @@ class Fundamental:
     def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
         """Which matches each model explains to within `threshold`.
 
-        Parameters
-        ----------
-        models
-            (b, 3, 3) float64.
-        source, target
-            (n, 2) float64.
-        threshold
-            Largest distance, in the unit of the points.
-
-        Returns
-        -------
-        (b, n) bool
+        Shapes: models (b, 3, 3), source, target (n, 2); returns (b, n).
         """
         a, b, c = _epipolar_lines(models, source)
         a_back, b_back, _ = _epipolar_lines(np.swapaxes(models, 1, 2), target)
@@ -359,16 +281,7 @@ class Fundamental:
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The eight-point solution on all matches; `model` is only needed where these leave it open.
 
-        Parameters
-        ----------
-        model
-            (3, 3) float64.
-        source, target
-            (n, 2) float64, about the origin and of unit size.
-
-        Returns
-        -------
-        (3, 3) float64
+        Shapes: model (3, 3), source, target (n, 2); returns (3, 3).
         """
         equations = _equations(source, target)
         values, vectors = np.linalg.eigh(np.einsum("ni,nj->ij", equations, equations))

@@ -46,27 +46,8 @@ _LARGEST_WHOLE = 2.0**62
 def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> tuple[NDArray[np.float64], list[int]]:
     """The first numbers of each line, without empty lines and comments that start with ``#``.
 
-    Parameters
-    ----------
-    path
-        The file.
-    separator
-        Between numbers; None for white space.
-    names
-        Of the columns that are read, for errors.
-
-    Returns
-    -------
-    rows : (n, columns) float64
-        Finite.
-    lines : (n,)
-        The line of each row.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or too large, has no row, or a line has too few columns or something that is no finite
-        number. The error names the line.
+    Returns rows (n, columns), lines (n,). `rows`: finite. `lines`: the line of each row. `separator`: None for white
+    space. `names`: of the columns that are read, for errors.
     """
     require_regular(path, "a file of tracks", most=_NUMBER_MOST_BYTES)
     values, lines = array("d"), []
@@ -83,13 +64,7 @@ def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> t
 
 
 def whole_numbers(path: Path, lines: list[int], values: NDArray[np.float64], name: str) -> NDArray[np.int64]:
-    """A column of whole numbers.
-
-    Raises
-    ------
-    DataError
-        Naming the line of the first number that is none.
-    """
+    """A column of whole numbers."""
     bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > _LARGEST_WHOLE))
     if len(bad):
         raise DataError(f"{path}:{lines[bad[0]]}", f"{name} {float(values[bad[0]])!r}", "a whole number")
@@ -126,26 +101,14 @@ def _number(place: str, cell: str, name: str) -> float:
 
 
 def read_events(path: Path) -> Rows:
-    """Read lines with the number of a track, a time in seconds, u and v, separated by white space.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or a line is not of this form. The error names the line.
-    """
+    """Read lines with the number of a track, a time in seconds, u and v, separated by white space."""
     values, lines = read_numbers(path, None, ("id", "t", "x", "y"))
     track = whole_numbers(path, lines, values[:, 0], "id")
     return Rows(path, track, values[:, 2:].copy(), time_s=values[:, 1].copy(), line=np.array(lines))
 
 
 def read_xivo(path: Path) -> Rows:
-    """Read a dump of XIVO's tracker. Descriptors are ignored.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or a line is not of this form. The error names the line.
-    """
+    """Read a dump of XIVO's tracker. Descriptors are ignored."""
     values, lines = read_numbers(path, ",", ("timestamp", "id", "u", "v"))
     track = whole_numbers(path, lines, values[:, 1], "id")
     time_ns = whole_numbers(path, lines, np.rint(values[:, 0]), "timestamp")
@@ -179,12 +142,6 @@ def read_table(path: Path) -> Rows:
     """Read a CSV file with a header, or a Parquet file; see `tracknoise.trackers.imported.Imported`.
 
     Rows without a position, such as blank lines, are frames in which the track was not observed.
-
-    Raises
-    ------
-    DataError
-        If it is missing or damaged, lacks a column, holds no row, or something that is not a number. The error names
-        the file and, where it has one, the line or row.
     """
     observed = _Observed.of(path, _read_table(path))
     if observed.table.is_empty():
@@ -386,11 +343,6 @@ def read_tap(path: Path, *, n_frames: int | None) -> Rows:
     frames before that of the query are left out. Each point is a track with one row per frame in which it is not
     occluded. `_NAMES` has further names. An additional first axis of length 1 is ignored. ``pred_tracks`` have frames
     before points, and so has what states where these are seen.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or damaged, or an array is missing or has another shape.
     """
     size = require_regular(path, _TAP_EXPECTED, most=_TAP_MOST_BYTES)
     with damage_reported(path, "not readable", _TAP_EXPECTED, with_reason=True):
@@ -484,12 +436,6 @@ def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     Frames are images in the order of their names, in which numbers count as numbers. A keypoint without a match in the
     next image is the last of its track. The positions are those of the file, whose origin is the corner of the first
     pixel.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, damaged or open in another program, a match names a keypoint that does not exist, or the
-        number of images is not that of the frames. None as `n_frames` allows any number.
     """
     size = require_regular(path, _COLMAP_EXPECTED, most=_COLMAP_MOST_BYTES)
     _require_closed(path)

@@ -2,7 +2,6 @@
 
 - One image, and the computations on it that several trackers share.
 - Quality: what trackers report about single observations, by name.
-- Interfaces of trackers: settings that start a tracker, and one step per frame.
 - Checks of what a tracker reports about one frame.
 """
 

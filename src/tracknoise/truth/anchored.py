@@ -1,7 +1,6 @@
 """Truth by anchors: each track gets one world point, which is projected into all frames in which it was observed.
 
 - World points of the tracks of one tracker setup, and their true positions in each observed frame.
-- Truth by anchors: each track gets one world point, which is projected into all frames in which it was observed.
 """
 
 from collections.abc import Callable
@@ -24,15 +23,7 @@ _ROUNDING_PX = 1e-6
 
 
 class AnchoredTracks:
-    """Tracks by number: each has a world point (NaN where unknown) and the status of that point.
-
-    Parameters
-    ----------
-    geometry
-        Of the sequence.
-    locate
-        Projects points into a frame.
-    """
+    """Tracks by number: each has a world point (NaN where unknown) and the status of that point."""
 
     __slots__ = ("_births", "_count", "_geometry", "_locate", "_located", "_points", "_status")
 
@@ -116,25 +107,8 @@ def anchor_points(
 ) -> Anchors:
     """World points of features by their depth: X_w = world_from_camera pi^-1(x, Z), each by the pose of its own pixel.
 
-    Parameters
-    ----------
-    geometry
-        Of the sequence.
-    index
-        Frame.
-    uv
-        (n, 2) float64, px.
-    depth_m
-        (n,) float64, metres along z; arbitrary but finite where the status is not valid.
-    status
-        (n,) int8, `TruthStatus`: valid, no_depth or edge.
-
-    Returns
-    -------
-    points_world : (n, 3) float64
-        Metres; NaN where the status is not valid.
-    status : (n,) int8
-        As given; no_depth where the camera model gives the pixel no ray.
+    Shapes: uv (n, 2) px, depth_m (n,), status (n,); returns points_world (n, 3) m, status (n,). `points_world`: NaN
+    where the status is not valid. `status`: as given. no_depth where the camera model gives the pixel no ray.
     """
     points = geometry.camera_at(index).unproject(uv, depth_m)
     blind = (status == TruthStatus.valid) & np.isnan(points).any(axis=1)
@@ -148,20 +122,7 @@ class AnchoredTruth:
     """A truth that gives each track one world point, taken from the track's first frame.
 
     All methods accept any number of features, including 0, and treat each feature independently. Calls for one frame
-    should come together, as only the depth of the latest frame is kept.
-
-    Parameters
-    ----------
-    kind
-        Name of the kind of truth.
-    geometry
-        Of the sequence.
-    anchor
-        Finds the world points of features.
-    surface
-        Surface that can occlude points.
-    surround
-        Finds what lies around features; None where there is no dense depth.
+    should come together, as only the depth of the latest frame is kept. `surround`: None where there is no dense depth.
     """
 
     __slots__ = ("_anchor", "_geometry", "_surface", "_surround", "kind")
@@ -239,13 +200,7 @@ class AnchoredTruth:
 
 
 class BirthSession:
-    """The tracks of one tracker setup, each anchored in its first frame.
-
-    Parameters
-    ----------
-    truth
-        Finds and projects the anchors.
-    """
+    """The tracks of one tracker setup, each anchored in its first frame."""
 
     __slots__ = ("_surroundings", "_tracks", "_truth")
 

@@ -38,15 +38,7 @@ class RayCast:
 
 
 class ExactSurface:
-    """The exact surface of a simulated world: where features are anchored, and what occludes points.
-
-    Parameters
-    ----------
-    geometry
-        Of the sequence.
-    surface
-        Casts the rays.
-    """
+    """The exact surface of a simulated world: where features are anchored, and what occludes points."""
 
     __slots__ = ("_geometry", "_surface")
 

@@ -53,17 +53,7 @@ SCAN_RULE = ScanRule()
 
 
 class ScanPoints:
-    """Anchors features at the scan points nearest to them in the image.
-
-    Parameters
-    ----------
-    geometry
-        Of the sequence.
-    points_world
-        (n, 3) float64, metres, finite: the scan.
-    rule
-        Which point is near enough, and what a feature takes from it.
-    """
+    """Anchors features at the scan points nearest to them in the image. Shapes: points_world (n, 3) m."""
 
     __slots__ = ("_geometry", "_index", "_points_world", "_projected", "_rule")
 
@@ -152,17 +142,7 @@ class KeyFrameScan:
 
 
 class ScanTruth(AnchoredTruth):
-    """A truth that gives a world point to each track that is found in the key frame.
-
-    Parameters
-    ----------
-    geometry
-        Of the sequence.
-    anchor
-        Finds the world points of features.
-    key_frame
-        The frame in which features are anchored.
-    """
+    """A truth that gives a world point to each track that is found in the key frame."""
 
     __slots__ = ("_key_frame",)
 
@@ -184,11 +164,6 @@ class KeyFrameSession:
     """The tracks of one tracker setup, anchored in the key frame where they are found there.
 
     Earlier observations wait for the key frame: only then are their true positions known.
-
-    Parameters
-    ----------
-    truth
-        Finds and projects the anchors.
     """
 
     __slots__ = ("_tracks", "_truth", "_waiting")

@@ -66,20 +66,8 @@ def epipolar_distances(
 ) -> NDArray[np.float64]:
     """Signed distances from epipolar lines, and their variances for white noise of 1 px: (truth.epipolar).
 
-    Parameters
-    ----------
-    uv, first_uv
-        (n, 2) float64, px: positions, and the first positions of their tracks.
-    rays, first_rays
-        Rays through pixels of the cameras of `uv`, and of those of `first_uv`.
-    camera_from_first
-        (n, 4, 4) float64: poses of the first cameras in those of `uv`.
-
-    Returns
-    -------
-    (n, 2) float64
-        Distance, px, and its variance, px^2; NaN where there is no epipolar line. A distance is positive on the side
-        to which the normal t x R m points.
+    Shapes: uv, first_uv (n, 2) px, camera_from_first (n, 4, 4); returns (n, 2). Distance, px, and its variance, px^2.
+    NaN where there is no epipolar line. A distance is positive on the side to which the normal t x R m points.
     """
     rotation, translation = camera_from_first[:, :3, :3], camera_from_first[:, :3, 3]
     turned = np.einsum("nij,nj->ni", rotation, first_rays(first_uv))
@@ -176,13 +164,7 @@ class Triangulation:
 
 
 def triangulate(views: TrackViews) -> Triangulation:
-    """Fit a point to each track: (truth.triangulated).
-
-    Parameters
-    ----------
-    views
-        Observations of tracks with at least `LEAST_OBSERVATIONS` each.
-    """
+    """Fit a point to each track: (truth.triangulated)."""
     baseline = np.maximum.reduceat(np.linalg.norm(views.camera_from_first[:, :3, 3], axis=1), views.start)
     unit = np.where(baseline > 0, baseline, 1.0)  # inverse depths are of the order of 1 in it
     motion = views.camera_from_first[:, :3].copy()
@@ -331,13 +313,7 @@ class TriangulatedTruth:
 
 
 class TriangulatedSession:
-    """The tracks of one tracker setup; points are fitted when all observations are known.
-
-    Parameters
-    ----------
-    sequence
-        The sequence.
-    """
+    """The tracks of one tracker setup; points are fitted when all observations are known."""
 
     __slots__ = ("_observed", "_sequence")
 

@@ -1,7 +1,5 @@
 """The geometry of a sequence: true positions of world points in its frames, and whether they can be seen there.
 
-- True positions of world points in a frame, and whether the points can be seen there.
-
 Where a rolling shutter shows points: each at the time at which its own row is exposed.
 
 The row v of a point decides its time t + r ((v + 0.5) / H - 0.5), and the pose at this time decides its row. With g(d)
@@ -41,23 +39,9 @@ Seen = tuple[NDArray[np.float64], NDArray[np.float64]]
 def project_by_rows(poses: RollingPoses, camera: CameraModel, index: int, points_world: NDArray[np.float64]) -> Seen:
     """Positions of world points in a frame with a rolling shutter: (truth.shutter).
 
-    Parameters
-    ----------
-    poses
-        Of the sequence.
-    camera
-        Of the frame.
-    index
-        Frame, which has a pose.
-    points_world
-        (n, 3) float64, metres.
-
-    Returns
-    -------
-    uv : (n, 2) float64
-        px; NaN where a point has no image, or has none at the time of the middle of the image.
-    points : (n, 3) float64
-        The points in the camera frame at the time of their row, metres.
+    Shapes: points_world (n, 3) m; returns uv (n, 2) px, points (n, 3) m. `uv`: NaN where a point has no image, or has
+    none at the time of the middle of the image. `points`: the points in the camera frame at the time of their row,
+    metres.
     """
 
     def seen_after(delay_s: NDArray[np.float64]) -> tuple[Seen, NDArray[np.float64]]:
@@ -88,18 +72,7 @@ def _secant_step(
 
 
 class SequenceGeometry:
-    """Camera, poses and depth of a sequence, frame by frame. Only the depth map that was read last is kept.
-
-    Parameters
-    ----------
-    sequence
-        The sequence.
-
-    Raises
-    ------
-    DataError
-        If it has a rolling shutter, but no timestamps.
-    """
+    """Camera, poses and depth of a sequence, frame by frame. Only the depth map that was read last is kept."""
 
     __slots__ = ("_depth", "_index", "_poses", "sequence")
 
@@ -251,26 +224,9 @@ def locate(
 
     A point is occluded if it lies more than max(2 % of the surface's depth, 5 mm) behind the visible surface. Where
     the surface is unknown, no point is occluded. In a frame without a pose, no point has a position. With a rolling
-    shutter, both depths are those in the camera when the row of the point was exposed.
-
-    Parameters
-    ----------
-    geometry
-        Of the sequence.
-    surface
-        The surface that occludes what lies behind it.
-    index
-        Frame.
-    points_world
-        (n, 3) float64, metres; NaN where unknown.
-
-    Returns
-    -------
-    uv : (n, 2) float64
-        px; NaN behind the camera and where its distortion has no image. Points outside the image have positions too.
-    status : (n,) int8
-        `TruthStatus`: behind_camera where there is no position, out_of_image, occluded or valid, arbitrary where the
-        point is unknown; no_pose for all if the frame has none.
+    shutter, both depths are those in the camera when the row of the point was exposed. Shapes: points_world (n, 3) m;
+    returns uv (n, 2) px, status (n,). `uv`: NaN behind the camera and where its distortion has no image. Points outside
+    the image have positions too. no_pose for all if the frame has none.
     """
     if not geometry.has_pose(index):
         return np.full((len(points_world), 2), np.nan), np.full(len(points_world), TruthStatus.no_pose, np.int8)

@@ -73,19 +73,7 @@ class _State:
 
 
 def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *, with_bias: bool = True) -> Fit:
-    """Fit some parameters, all others held where the fit begins: (audit.fit).
-
-    Parameters
-    ----------
-    samples
-        At least one of each cluster.
-    parameters
-        What is free; may be empty.
-    start
-        Where the fit begins; what it predicts is shared by all fits that begin there.
-    with_bias
-        Whether trackers have biases of their own.
-    """
+    """Fit some parameters, all others held where the fit begins: (audit.fit). `parameters`: may be empty."""
     free, limit = columns_of(parameters), furthest(parameters)
     biases = _bias_columns(samples) if with_bias else np.empty((len(samples.age), 2, 0))
     ridge = 1.0 / np.concatenate([limit, np.full(biases.shape[2], _FURTHEST_BIAS_PX)]) ** 2
@@ -183,13 +171,6 @@ def gain(corrected: NDArray[np.float64], base: NDArray[np.float64], *, level: fl
     """Share explained, from losses of clusters with and without the correction, by (audit.gain).
 
     Its interval is from the jackknife over clusters, by Student's distribution.
-
-    Parameters
-    ----------
-    corrected, base : (clusters,)
-        See `losses`.
-    level
-        Probability that the interval contains the share.
     """
     if len(base) < 2 or not base.sum() > 0.0:
         return Gain(0.0, 0.0, 0.0)

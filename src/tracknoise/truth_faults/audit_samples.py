@@ -70,14 +70,7 @@ class Paths:
     def of(cls, times: NDArray[np.float64], poses: NDArray[np.float64], sequence: NDArray[np.intp]) -> "Paths":
         """Make the paths of frames.
 
-        Parameters
-        ----------
-        times : (frames,) float64
-            Increasing within each sequence.
-        poses : (frames, 4, 4) float64
-            world_from_camera; NaN where a frame has none.
-        sequence : (frames,) intp
-            Number of the sequence, never decreasing.
+        Shapes: times (frames,), poses (frames, 4, 4), sequence (frames,). `poses`: NaN where a frame has none.
         """
         first = np.searchsorted(sequence, sequence, side="left")
         last = np.searchsorted(sequence, sequence, side="right") - 1
@@ -284,15 +277,7 @@ class Instants:
 
 
 def instants_of(cameras: pl.DataFrame, poses: pl.DataFrame, path: pl.DataFrame | None) -> Instants:
-    """Times of a sequence.
-
-    Parameters
-    ----------
-    cameras, poses
-        Schemas `CAMERAS` and `POSES`, one row per frame.
-    path
-        Schema `PATH`; None where only the poses of frames are known.
-    """
+    """Times of a sequence. `path`: schema `PATH`. None where only the poses of frames are known."""
     if path is None:
         return Instants(cameras, _matrices(poses), np.arange(cameras.height))
     frames_s, others_s = cameras["time_s"].to_numpy(), path["time_s"].to_numpy()

@@ -69,21 +69,8 @@ def shares(fitted: Fit, places: NDArray[np.intp], *, level: float) -> list[Share
     """Compare the corrections that single trackers see with the common one.
 
     Each tracker's own fit is one step of Newton's method from the common one. Its share is the projection on the common
-    correction, in units of the information about it.
-
-    Parameters
-    ----------
-    fitted
-        The common fit.
-    places
-        Columns of the correction in question.
-    level
-        Probability of all intervals together.
-
-    Returns
-    -------
-    list of Shares
-        Of the trackers that have enough observations, in several clusters, if there are several such trackers.
+    correction, in units of the information about it. Returns: of the trackers that have enough observations, in several
+    clusters, if there are several such trackers. `places`: columns of the correction in question.
     """
     count = fitted.equations.count
     several = np.count_nonzero(count, axis=1) >= _LEAST_CLUSTERS

@@ -35,15 +35,7 @@ _MOST_HALF, _ROUNDING = 0.25, 0.1
 
 
 def whole_frames(offset: float, half: float) -> int:
-    """Number of frames that poses are off by; 0 where a clock offset is not surely a whole number of frames.
-
-    Parameters
-    ----------
-    offset
-        The pose this many frame intervals after a frame fits its image.
-    half
-        Half of its interval, frame intervals.
-    """
+    """Number of frames that poses are off by; 0 where a clock offset is not surely a whole number of frames."""
     whole = round(offset)
     return whole if half <= _MOST_HALF and abs(offset - whole) <= max(half, _ROUNDING) else 0
 
@@ -172,15 +164,7 @@ def _rivals_text(rivals: Mapping[Parameter, float]) -> str:
 
 
 def effect_text(curves: pl.DataFrame, before: str, correction: str) -> str:
-    """What a correction does at the largest age: to the mean error, or to the second moment where that changes more.
-
-    Parameters
-    ----------
-    curves
-        Table `AUDIT_CURVES`.
-    before, correction
-        Corrections in it.
-    """
+    """What a correction does at the largest age: to the mean error, or to the second moment where that changes more."""
     earlier = curves.filter(pl.col("n") >= _LEAST_AT_AGE, correction=before)
     both = earlier.join(curves.filter(correction=correction), on=["tracker", "age"], suffix="_after")
     if both.is_empty():
@@ -294,19 +278,7 @@ def joined(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, An
     """Corrections that do what others do one after the other: (audit.corrections).
 
     Exact, but for an offset of depths that was found where depths were corrected to be along the ray already: it is
-    taken along the ray too.
-
-    Parameters
-    ----------
-    present
-        By the keys of `tracknoise.geometry.corrections.Corrections`: those of the run.
-    found
-        Those that were found under them; keys that are not of corrections stay as they are.
-
-    Returns
-    -------
-    dict
-        Without those that change nothing.
+    taken along the ray too. Returns: without those that change nothing.
     """
     both = {name: _added(name, present, found) for name in (*found, *(name for name in present if name not in found))}
     if _OFFSET in both:

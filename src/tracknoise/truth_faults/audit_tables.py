@@ -1,7 +1,6 @@
 """The tables of an audit, from tables of sequences.
 
 - From tables of sequences to the samples of an audit.
-- The tables of an audit.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -86,22 +85,7 @@ class AuditedTables:
 def read_samples(
     tables: Sequence[AuditedTables], groups: SceneGroups, *, without: Collection[str] = ()
 ) -> AuditSamples | str:
-    """Samples of several sequences.
-
-    Parameters
-    ----------
-    tables
-        Of sequences of one dataset, one view of each scene and camera.
-    groups
-        Scenes that are not independent of each other.
-    without
-        Trackers that are left out, unless there are no others.
-
-    Returns
-    -------
-    AuditSamples or str
-        Why there is no audit, as the end of a sentence.
-    """
+    """Samples of several sequences."""
     if not tables:
         return "no sequence was measured upright and forward"
     used = [one for one in tables if one.has_known_lens and not one.samples.is_empty()]

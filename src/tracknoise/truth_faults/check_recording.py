@@ -1,7 +1,6 @@
 """Check a recording: all topics of each sequence, the verdict, what the recording holds, and the page of a check.
 
 - What a recording holds, in a few numbers per sequence.
-- Check a recording: all topics of each sequence, and the verdict.
 - The check as one HTML page that needs no other file, with a picture of each sequence.
 """
 
@@ -91,20 +90,7 @@ _FROM_POSES: tuple[Callable[[Sequence], Item], ...] = (counts, timestamps, rotat
 
 
 def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], None] | None = None) -> SequenceReport:
-    """Check one sequence.
-
-    Parameters
-    ----------
-    sequence
-        As opened by its reader.
-    seen
-        Called with the sequence and its image motion, if its images were read.
-
-    Returns
-    -------
-    SequenceReport
-        With an item per topic. Data that cannot be read are an item of severity fatal.
-    """
+    """Check one sequence."""
     items: list[Item] = []
     try:
         items += (topic(sequence) for topic in _FROM_POSES)

@@ -2,7 +2,6 @@
 
 - Motion of the camera between two images, estimated from the images and, where there is depth, from depth.
 - Offset between the clocks of images and poses, from the rotation rates that images and poses show.
-- The topic clock: whether poses and images are of the same moment.
 """
 
 from collections.abc import Callable
@@ -31,15 +30,7 @@ def image_rotation(
 ) -> NDArray[np.float64]:
     """(3,) float64: rotation vector of second_from_first in radians; NaN where it cannot be estimated.
 
-    Parameters
-    ----------
-    pair
-        Points of the two images. Their depths are used where there are enough.
-    camera
-        Intrinsics of both images.
-    translation_m
-        (3,) float64, metres: translation of second_from_first where it is known. It is used with depths only. Without
-        it a small translation and a small rotation look much alike.
+    Shapes: translation_m (3,).
     """
     rotation = _from_depth(pair, camera, translation_m) if pair.has_depth else _from_directions(pair, camera)
     return rotation if np.isfinite(rotation).all() else np.full(3, np.nan)
@@ -172,13 +163,7 @@ class ClockOffset:
 
 
 def estimate_offset(rates: Rates) -> ClockOffset | None:
-    """Offset at which the rates agree best; None where there are too few steps.
-
-    Parameters
-    ----------
-    rates
-        At consecutive frames; gaps are allowed.
-    """
+    """Offset at which the rates agree best; None where there are too few steps."""
     runs = _runs(rates)
     if sum(len(run.steps) for run in runs) < _FEWEST_STEPS:
         return None
@@ -291,12 +276,7 @@ _LEAST_RATE_PX = 0.3
 def clock(evidence: Evidence, timestamps_s: NDArray[np.float64] | None) -> Item:
     """Offset between the times of poses and images, where the rotation rate changes enough to show it.
 
-    Parameters
-    ----------
-    evidence
-        Of the sequence.
-    timestamps_s
-        (n,) float64; None where unknown. Then the offset is given in frames only.
+    `timestamps_s`: None where unknown.
     """
     found = measured_offset(evidence)
     if found is None or found.sd_frames > MOST_SD_FRAMES or not found.unexplained <= _MOST_UNEXPLAINED:

@@ -6,8 +6,6 @@
 - World points of features, from where they were found, and how they change with corrections.
 - Positions of world points in later frames at given times of their rows, and how they change with corrections.
 
-True positions as they would be if the stated truth were corrected, and how they change with the corrections.
-
 A feature is at pixel x0 of its first frame with depth Z. Its position in a later frame is
 x = pi(M^-1 T(t)^-1 T(t0) M w (s Z + o) pi^-1(x0)), with w = 1 - k + k / |pi^-1(x0)| for the kind of depth k, the
 intrinsics in pi, the mounting M of the camera on the sensor that the poses T belong to, and times
@@ -39,15 +37,7 @@ def has_k1(cameras: tuple[Intrinsics, ...]) -> bool:
 
 
 def corrected(camera: Intrinsics, theta: NDArray[np.float64]) -> Intrinsics:
-    """The camera with corrected intrinsics; k1 is 0 where a lens has none.
-
-    Parameters
-    ----------
-    camera
-        As stated.
-    theta
-        Numbers of all parameters.
-    """
+    """The camera with corrected intrinsics; k1 is 0 where a lens has none."""
     scale = 1.0 + float(theta[SLICES[Parameter.focal_length]][0])
     u, v = theta[SLICES[Parameter.principal_point]].tolist()
     changed = replace(camera, fx=scale * camera.fx, fy=scale * camera.fy, cx=camera.cx + u, cy=camera.cy + v)
@@ -318,12 +308,7 @@ class LaterPositions:
     def by(self, part: Part, points_by: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives by the numbers of a part at fixed times of the rows, (n, 2, numbers).
 
-        Parameters
-        ----------
-        part
-            Whose numbers.
-        points_by : (n, 3, numbers) float64
-            Derivatives of X.
+        Shapes: points_by (n, 3, numbers).
         """
         of_points = self._by_world @ points_by
         match part:
@@ -406,15 +391,7 @@ class Predicted:
 
 
 def predict(samples: AuditSamples, theta: NDArray[np.float64]) -> Predicted:
-    """True positions of samples under corrections: (audit.prediction).
-
-    Parameters
-    ----------
-    samples
-        Observations, with what the truth states.
-    theta : (COUNT,) float64
-        Numbers of all parameters; zeros for the truth as stated.
-    """
+    """True positions of samples under corrections: (audit.prediction)."""
     corrections = Corrections(theta)
     readout = samples.readout + corrections.of(Parameter.readout)
     at_birth, now = (Optics.of(samples.cameras, samples.camera[frame], theta) for frame in (samples.birth, samples.now))

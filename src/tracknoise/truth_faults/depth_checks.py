@@ -35,13 +35,7 @@ _FRAMES = 8
 
 
 def depths(sequence: Sequence) -> Item:
-    """Median depth and share of pixels with depth in some frames.
-
-    Raises
-    ------
-    DataError
-        If a depth map cannot be read.
-    """
+    """Median depth and share of pixels with depth in some frames."""
     maps = sampled_depths(sequence)
     if not maps:
         if sequence.truths:
@@ -67,13 +61,7 @@ def depths(sequence: Sequence) -> Item:
 
 
 def sampled_depths(sequence: Sequence) -> list[DepthMap]:
-    """Depth maps of some frames, spread evenly; none where there is no depth.
-
-    Raises
-    ------
-    DataError
-        If a depth map cannot be read.
-    """
+    """Depth maps of some frames, spread evenly; none where there is no depth."""
     chosen = np.unique(np.linspace(0, len(sequence) - 1, _FRAMES).astype(int)).tolist()
     return [depth for index in chosen if (depth := sequence.depth(index)) is not None]
 

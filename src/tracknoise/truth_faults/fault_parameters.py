@@ -1,6 +1,5 @@
 """What can be wrong with a stated truth, as numbers that are fitted to the errors of tracks.
 
-- What can be wrong with a stated truth, as numbers that are fitted to the errors of tracks.
 - Parameters whose derivatives are computed together.
 - Numbers that correct the truth.
 - Parameters in units that engineers use, beside their stated values.

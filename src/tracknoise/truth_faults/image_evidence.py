@@ -160,15 +160,7 @@ AS_RAY_DEPTH = Hypothesis(
 
 
 def hypotheses(*, has_depth: bool = True, is_z: bool = False) -> list[Hypothesis]:
-    """All mistakes that are looked for, the most usual first.
-
-    Parameters
-    ----------
-    has_depth
-        Whether there are depths. Without them a scale, and the kind of depth, cannot be seen.
-    is_z
-        Whether depths are known to be along the optical axis, so that their kind is no mistake.
-    """
+    """All mistakes that are looked for, the most usual first."""
     orders = _quaternion_orders()
     axes = _axes()
     known = [one for one in axes if one.name in _KNOWN_AXES.values()]
@@ -420,20 +412,7 @@ def windows(n_frames: int) -> list[range]:
 
 
 def measure_flow(sequence: Sequence, parts: ListOf[range]) -> Flow:
-    """Follow points through parts of a recording with pyramidal Lucas-Kanade, forward and back.
-
-    Parameters
-    ----------
-    sequence
-        The recording; its poses are not used.
-    parts
-        Consecutive frames each: see `windows`.
-
-    Raises
-    ------
-    DataError
-        If an image or depth cannot be read.
-    """
+    """Follow points through parts of a recording with pyramidal Lucas-Kanade, forward and back."""
     steps: list[Pair] = []
     wide: list[Pair] = []
     for part in parts:

@@ -76,16 +76,7 @@ from tracknoise.tables.schema import EPIPOLAR, POSE_GROWTH, RIGID, SEQUENCE, che
 def adjoints(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ad(T): a small motion in the axes of the source of T, in the axes of its target.
 
-    With T = (R, t), Ad(T) (rho, phi) = (R rho + t x R phi, R phi).
-
-    Parameters
-    ----------
-    poses
-        (n, 4, 4) float64: target_from_source.
-
-    Returns
-    -------
-    (n, 6, 6) float64
+    With T = (R, t), Ad(T) (rho, phi) = (R rho + t x R phi, R phi). Shapes: poses (n, 4, 4); returns (n, 6, 6).
     """
     rotation, position = poses[:, :3, :3], poses[:, :3, 3]
     found = np.zeros((len(poses), 6, 6))
@@ -156,19 +147,7 @@ class TrackPoints:
 def rigid_rows(
     sequence: PreparedSequence, condition: int, geometry: FrameGeometry, points: TrackPoints, *, most: int
 ) -> RigidRows:
-    """The rows of one condition of a sequence.
-
-    Parameters
-    ----------
-    sequence
-        Of one sequence.
-    condition
-        Row of `sequence.seen.conditions`.
-    geometry, points
-        Of the sequence, in the same unit of length.
-    most
-        About as many rows at most: tracks are left out at random, by the hash of where they began.
-    """
+    """The rows of one condition of a sequence."""
     mine = sequence.seen.visible & (sequence.seen.condition == condition)
     has_point: NDArray[np.bool_] = np.isfinite(points.world[:, 0])
     known = mine & has_point[sequence.track_row]
@@ -301,13 +280,7 @@ class Normal:
         return Normal(self.band + other.band, self.right + other.right, self.count + other.count)
 
     def solve(self, axes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose errors eta, (frames, 6); NaN of frames with too few tracks.
-
-        Parameters
-        ----------
-        axes
-            (frames, 6, 6) float64: Ad of each pose.
-        """
+        """Pose errors eta, (frames, 6); NaN of frames with too few tracks. Shapes: axes (frames, 6, 6)."""
         band = self.band.copy()
         band[0] += 1.0 / PRIOR**2
         xi = solveh_banded(band, self.right.ravel(), lower=True, check_finite=False).reshape(-1, 6)
@@ -316,17 +289,7 @@ class Normal:
 
 
 def normal_equations(rows: RigidRows, weight: NDArray[np.float64], axes: NDArray[np.float64]) -> Normal:
-    """Normal equations of weighted rows, (n,), for the pose errors xi in the axes of their cameras.
-
-    Parameters
-    ----------
-    rows
-        All with an equation.
-    weight
-        Of each equation, 1/px^2.
-    axes
-        As in `Normal.solve`.
-    """
+    """Normal equations of weighted rows, (n,), for the pose errors xi in the axes of their cameras."""
     n_frames = len(axes)
     codes, pair = np.unique(rows.again * n_frames + rows.frame, return_inverse=True)
     start, end = np.divmod(codes, n_frames)
@@ -379,15 +342,7 @@ def predicted(
 
 
 def robust_weights(rows: RigidRows, axes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weight of each equation, (n,), 1/px^2.
-
-    Parameters
-    ----------
-    rows
-        Of one tracker, all with an equation.
-    axes
-        As in `Normal.solve`.
-    """
+    """Weight of each equation, (n,), 1/px^2."""
     lag = np.abs(rows.frame - rows.again)
     weight = _weights(rows.again_px, lag)
     for _ in range(_ROUNDS):
@@ -425,24 +380,8 @@ def pose_growth(
 ) -> pl.DataFrame:
     """The table `POSE_GROWTH` of one sequence, at lags of `STEPS`.
 
-    Parameters
-    ----------
-    labels
-        One row: the names of the sequence.
-    poses
-        (frames, 4, 4) float64: stated poses of the frames that the trackers saw, in units of `unit_m`.
-    halves
-        Pose errors (frames, 6) from each half of the tracks, in the axes of the world; NaN where unknown. None where no
-        tracker saw images: the table then has no rows.
-    unit_m
-        Unit of length, metres.
-    speed
-        Frames of the sequence from one pose to the next.
-
-    Returns
-    -------
-    polars.DataFrame
-        Sorted by lag; only lags that two known poses have.
+    Shapes: poses (frames, 4, 4). Returns: sorted by lag; only lags that two known poses have. `halves`: NaN where
+    unknown. None where no tracker saw images: the table then has no rows.
     """
     one, other = halves
     if one is None or other is None:

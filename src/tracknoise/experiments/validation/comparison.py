@@ -85,21 +85,9 @@ def exact(
 ) -> pl.DataFrame:
     """Compare every value of two tables.
 
-    Parameters
-    ----------
-    area, world
-        As in `CHECKS`.
-    expected, measured
-        Tables with the same key columns. `measured` may have more columns. Null and text must agree exactly.
-    values
-        The columns that are compared. All other columns of `expected` are keys.
-    by
-        Key columns of which each value is a quantity of its own.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `CHECKS`. A row that only one of the tables has is wrong in all its values.
+    Returns schema `CHECKS`. A row that only one of the tables has is wrong in all its values. `values`: the columns
+    that are compared. All other columns of `expected` are keys. `by`: key columns of which each value is a quantity of
+    its own.
     """
     keys = [name for name in expected.columns if name not in values]
     typed = measured.select(*(pl.col(name).cast(expected.schema[name]) for name in keys), *values, _there=pl.lit(1))
@@ -118,13 +106,7 @@ def exact(
 def within(
     area: Area, world: str, quantity: str, value: float | None, *, low: float, high: float, n: int = 1
 ) -> pl.DataFrame:
-    """Compare a number with limits that include them.
-
-    Parameters
-    ----------
-    n
-        Number of values behind the number.
-    """
+    """Compare a number with limits that include them."""
     good = value is not None and low <= value <= high
     limits = f"{low:.4g} to {high:.4g}"
     row = (area, world, quantity, n, int(not good), None, limits, "none" if value is None else f"{value:.4g}")
@@ -181,21 +163,7 @@ _LONG_LIVED_AGE = 5
 def compare_tracks(
     world: str, measurement: Measurement, script: Script, trim: Trim, *, tracker: str, speed: int
 ) -> Iterator[pl.DataFrame]:
-    """Compare every observation and track of one tracker with its script.
-
-    Parameters
-    ----------
-    world
-        Name in `CHECKS`.
-    measurement
-        Of one sequence.
-    script
-        What the tracker reported there.
-    trim
-        How the measurement was trimmed.
-    tracker, speed
-        Which condition of it.
-    """
+    """Compare every observation and track of one tracker with its script."""
     chosen = {"tracker": tracker, "speed": speed}
     observed, expected = measurement.observations.filter(**chosen), _observations(script, trim)
     for area, names in (
@@ -219,20 +187,7 @@ def compare_statistics(
 ) -> Iterator[pl.DataFrame]:
     """Compare the statistics of one condition with those of its scripts.
 
-    Parameters
-    ----------
-    world
-        Name in `CHECKS`.
-    run
-        The run.
-    scripts
-        Of all scenes.
-    trim
-        How the scenes were trimmed.
-    condition
-        Columns that identify the condition, and their values.
-    axis
-        What curves run along.
+    `condition`: columns that identify the condition, and their values.
     """
     tables = {name: run.statistics(name).filter(**condition) for name in ("curves", "cores", "lifetimes", "counts")}
     keys = ["population", "trimming", "at"]

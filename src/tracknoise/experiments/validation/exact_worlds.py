@@ -111,20 +111,7 @@ class _Take:
 
 
 def exact_checks(folder: Path, *, seed: int) -> Iterator[pl.DataFrame]:
-    """Measure the exact worlds and compare every number.
-
-    Parameters
-    ----------
-    folder
-        Recordings and runs are written here.
-    seed
-        Random seed of the tracks.
-
-    Yields
-    ------
-    polars.DataFrame
-        Schema `CHECKS`.
-    """
+    """Measure the exact worlds and compare every number. Yields schema `CHECKS`."""
     rng = np.random.default_rng([seed, 0])
     followed = Trim(90.0, TrimAmong.followed, Population.visible)
     paper = Trim(90.0, TrimAmong.all, Population.projected)

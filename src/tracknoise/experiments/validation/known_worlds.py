@@ -105,12 +105,7 @@ class Scene:
     def look(self, frame: NDArray[np.int64], uv: Array) -> tuple[Array, NDArray[np.int64]]:
         """Depth Z along the optical axis under pixels, and the panel that is seen, by (ray).
 
-        Parameters
-        ----------
-        frame : (...)
-            Of each pixel.
-        uv : (..., 2)
-            px.
+        Shapes: frame (...), uv (..., 2) px.
         """
         rays = np.einsum("...ij,...j->...i", self.rotations[frame], self.camera.rays(uv))
         depth = np.stack([_met(each, self.positions[frame], rays) for each in self.panels])
@@ -352,22 +347,7 @@ class Lives:
 def scripted_tracks(
     scene: Scene, view: Shown, lives: Lives, rng: np.random.Generator, *, key_frame: int | None = None
 ) -> Script:
-    """Tracks through a scene with errors that differ in u and v, between tracks, and where the point is occluded.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    view
-        How it is shown; the script is in frames and pixels of the view.
-    lives
-        How many tracks there are and how they end.
-    rng
-        Decides about positions, lives and errors.
-    key_frame
-        The frame that fixes the true positions of the tracks that are seen there; other tracks have none. Default: each
-        track's first frame.
-    """
+    """Tracks through a scene with errors that differ in u and v, between tracks, and where the point is occluded."""
     order = np.arange(scene.n_frames)[:: -1 if view.backward else 1]
     frames = np.arange(0, scene.n_frames, view.speed)
     alive, end = draw_lives(lives, len(frames), rng)

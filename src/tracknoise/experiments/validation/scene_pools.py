@@ -130,17 +130,7 @@ ERRORS: Mapping[str, Errors] = {
 
 
 def measure_pool(run: RunFolder, *, scenes: int, seed: int) -> Experiment:
-    """Measure `pool`, and return the settings of the run. Statistics and findings are not computed.
-
-    Parameters
-    ----------
-    run
-        Where the run is written.
-    scenes
-        Number of scenes.
-    seed
-        Random seed of the errors.
-    """
+    """Measure `pool`, and return the settings of the run. Statistics and findings are not computed."""
     experiment, entries = _experiment("pool", ERRORS, min_features=2), []
     for number, rng in enumerate(np.random.default_rng([seed, 1]).spawn(scenes)):
         scene = plain_scene(number, n_frames=N_FRAMES)
@@ -264,20 +254,7 @@ _SAME = {"eta": Verdict.no, "outlier_ratio": Verdict.no, "lifetime": Verdict.no}
 
 
 def pool_checks(run: RunFolder, *, scenes: int) -> Iterator[pl.DataFrame]:
-    """Compare intervals and verdicts of `pool` with what is known.
-
-    Parameters
-    ----------
-    run
-        What `tracknoise.experiments.validation.scene_pools.measure_pool` wrote, with its findings.
-    scenes
-        Its number of scenes.
-
-    Yields
-    ------
-    polars.DataFrame
-        Schema `CHECKS`.
-    """
+    """Compare intervals and verdicts of `pool` with what is known. Yields schema `CHECKS`."""
     yield from interval_checks(run.statistics("intervals"), scenes=scenes)
     yield from zero_mean_checks(run.statistics("zero_mean").filter(trimming="untrimmed"))
     yield from _growth(run.statistics("time_structure").filter(trimming="untrimmed"))
@@ -297,15 +274,7 @@ def factor_checks(run: RunFolder) -> Iterator[pl.DataFrame]:
 
 
 def interval_checks(intervals: pl.DataFrame, *, scenes: int) -> Iterator[pl.DataFrame]:
-    """Coverage and width of the intervals of mean errors and second moments.
-
-    Parameters
-    ----------
-    intervals
-        Statistics table of that name, of `pool`.
-    scenes
-        Its number of scenes.
-    """
+    """Coverage and width of the intervals of mean errors and second moments."""
     chosen = intervals.filter(
         pl.col("at") > 0, aspect="all", population="visible", trimming="untrimmed", weighting="features"
     )
@@ -343,13 +312,7 @@ def _width(quantity: str, half: pl.Series, apart: float, scenes: int, *, slack: 
 
 
 def zero_mean_checks(tests: pl.DataFrame) -> Iterator[pl.DataFrame]:
-    """Verdicts of true zeros and of a mean that is not zero, and the distribution of p-values of true zeros.
-
-    Parameters
-    ----------
-    tests
-        Statistics table `zero_mean`, of `pool`, untrimmed.
-    """
+    """Verdicts of true zeros and of a mean that is not zero, and the distribution of p-values of true zeros."""
     zeros = tests.filter(pl.col("tracker").is_in(_NULL))
     overall = zeros.filter(pl.col("at").is_null())["verdict"].cast(pl.String)
     yes, most = int((overall == Verdict.yes).sum()), int(binom.isf(ALARM, overall.len(), 1 - LEVEL))

@@ -123,19 +123,7 @@ _WIDTH, _SYMBOL = 1.5, 500
 
 
 def floor_lines(table: pl.DataFrame, role: str, coordinate: str, x: alt.X, y: alt.Y) -> list[alt.Chart]:
-    """The floor in one panel of curves; both limits of a mean. Empty where nothing is known, or the truth is exact.
-
-    Parameters
-    ----------
-    table
-        Points of curves, with `FLOOR_COLUMNS`.
-    role
-        Of the statistic.
-    coordinate
-        u or v.
-    x, y
-        Axes of the panel.
-    """
+    """The floor in one panel of curves; both limits of a mean. Empty where nothing is known, or the truth is exact."""
     known = _pooled(table, coordinate) if role in _LIMITS else table.clear()
     if known.is_empty():
         return []
@@ -202,21 +190,7 @@ Beside = Callable[[pl.DataFrame, str, Series, Sequence[float]], Panel]
 
 
 def grid(points: pl.DataFrame, series: Series, axis: Axis, *, beside: Beside | None = None, width: int = _WIDE) -> Spec:
-    """Panels of `points` (see `ReportData.points`): rows are statistics, columns are u and v.
-
-    Parameters
-    ----------
-    points
-        Curves with one value of everything but `series.field`.
-    series
-        What has a colour of its own.
-    axis
-        Of the curves.
-    beside
-        Makes a panel to the right of each panel of curves. By default there is none.
-    width
-        Of the panels of curves, px.
-    """
+    """Panels of `points` (see `ReportData.points`): rows are statistics, columns are u and v."""
     named = points.with_columns(pl.col(series.field).cast(pl.String))
     chosen = series.present(named)
     shown = named.filter(pl.col(series.field).is_in(list(chosen.colours)))

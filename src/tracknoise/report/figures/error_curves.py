@@ -452,10 +452,7 @@ def occlusion_figures(data: ReportData) -> Sequence[Figure | Absence]:
 def compare(data: ReportData) -> pl.DataFrame:
     """Both populations at the last place of each condition that they share, up to the reference age after zero.
 
-    Returns
-    -------
-    polars.DataFrame
-        tracker, speed, role (absolute, second), since, and for each population its n and its value in u and v, px.
+    Returns: tracker, speed, role (absolute, second), since, and for each population its n and its value in u and v, px.
     """
     points = data.reference(data.points).filter(
         (pl.col("trimming") == data.trimming)

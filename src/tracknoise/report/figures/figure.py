@@ -54,13 +54,7 @@ class Absence:
 
 
 def require_distinct(items: Iterable[Figure | Absence]) -> None:
-    """Refuse figures that share an id: the files of one would replace those of the other.
-
-    Raises
-    ------
-    FigureError
-        Naming the id.
-    """
+    """Refuse figures that share an id: the files of one would replace those of the other."""
     for name, times in Counter(item.id for item in items).items():
         if times > 1:
             raise FigureError(f"found {times} figures with the id {name!r}, expected one")

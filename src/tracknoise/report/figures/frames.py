@@ -33,13 +33,7 @@ IMAGE = "image"
 
 
 def stored_image(data: ReportData, entry: SequenceEntry) -> bytes | None:
-    """The PNG file with the image of a sequence. None if the run has none.
-
-    Raises
-    ------
-    StoreError
-        If it is damaged.
-    """
+    """The PNG file with the image of a sequence. None if the run has none."""
     if not data.run.snapshot_path(entry.key).exists():
         return None
     content = data.run.snapshot(entry.key)
@@ -47,15 +41,7 @@ def stored_image(data: ReportData, entry: SequenceEntry) -> bytes | None:
 
 
 def with_images(spec: Spec, images: Mapping[str, tuple[SequenceEntry, bytes]]) -> Spec:
-    """A specification with the images that its backgrounds show.
-
-    Parameters
-    ----------
-    spec
-        From `tracknoise.report.figures.panels.arranged`.
-    images
-        Sequence and PNG file of each image, by the name in its `background`.
-    """
+    """A specification with the images that its backgrounds show."""
     return {**spec, "datasets": {**spec["datasets"], **{name: [_placed(*image)] for name, image in images.items()}}}
 
 

@@ -45,25 +45,7 @@ def comparison(
     trimming: Trimming | None = None,
     message: str = "",
 ) -> Figure | Absence:
-    """A figure of the errors that the experiment is about, trimmed or not, unless `trimming` says which.
-
-    Parameters
-    ----------
-    points
-        Curves with one value of everything but `series.field`, trimmed and untrimmed, of every population.
-    series
-        The factor.
-    id, title, shows
-        Of the figure. A description of the box plots is added.
-    advice
-        What to look for, after the numbers.
-    role
-        Of the statistic whose numbers are stated: mean or second.
-    trimming
-        By default that of the errors that verdicts are about.
-    message
-        What the comparison shows, where it is established.
-    """
+    """A figure of the errors that the experiment is about, trimmed or not, unless `trimming` says which."""
     kept = points.filter(trimming=trimming or data.trimming, population=data.population)
     found = readings(kept, series)
     if not found:

@@ -41,14 +41,7 @@ def legend(data: ReportData) -> str:
 def boxes(data: ReportData, table: pl.DataFrame, y: alt.Y, *, interval: tuple[str, str, str] | None = None) -> Spec:
     """Box plots by lighting and speed: one row of panels per tracker, one column per sweep, reference first.
 
-    Parameters
-    ----------
-    table
-        Columns lighting, tracker, speed, and those of `box_plot`.
-    y
-        Axis of the values.
-    interval
-        As in `box_plot`.
+    `table`: columns lighting, tracker, speed, and those of `box_plot`.
     """
     across = {title: [data.view["lighting"], *names] for title, names in sweeps(data).items()}
     panels = []

@@ -120,17 +120,7 @@ def on(y: alt.Y, column: str) -> alt.Y:
 
 
 def log_count(title: str, drawn: pl.Series, *marked: float) -> alt.Y:
-    """Logarithmic axis for the column ``drawn`` of `drawn_count`, from the smallest count to the largest.
-
-    Parameters
-    ----------
-    title
-        Of the axis.
-    drawn
-        The column.
-    marked
-        Other counts that are drawn.
-    """
+    """Logarithmic axis for the column ``drawn`` of `drawn_count`, from the smallest count to the largest."""
     counts = [*drawn, *marked] or [1.0]
     least, largest = min(counts), max(counts)
     low, high = max(_NONE, least / 1.5), max(1.5 * largest, 10.0 * least)

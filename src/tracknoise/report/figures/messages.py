@@ -31,20 +31,8 @@ def effect(
 ) -> str:
     """Whether a factor changes a statistic of a tracker, by the verdict of the paired comparison.
 
-    The size that is stated is that of the clearest difference. Other levels or ages may differ by more.
-
-    Parameters
-    ----------
-    data
-        The run.
-    factor
-        Such as ``speed``.
-    tracker
-        Its name.
-    speed
-        At which the levels are compared; None where the factor is the speed.
-    roles
-        Of statistics, as in `tracknoise.words.STATISTICS`. The first one with a decided verdict is stated.
+    The size that is stated is that of the clearest difference. Other levels or ages may differ by more. `speed`: None
+    where the factor is the speed.
     """
     texts = (_effect(row, factor, role) for role in roles for row in _rows(data, factor, tracker, speed, role))
     return next((text for text in texts if text), "")
@@ -89,46 +77,20 @@ def _effect(row: Mapping[str, Any], factor: str, role: str) -> str:
 
 
 def apart(larger: Mapping[str, Any], smaller: Mapping[str, Any], name: str, other: str | None = None) -> bool:
-    """Whether the interval of one value is above that of another.
-
-    Parameters
-    ----------
-    larger, smaller
-        Rows with bounds, as in `ReportData.points`.
-    name
-        Of the value in `larger`: u or v.
-    other
-        Of the value in `smaller`; by default the same.
-    """
+    """Whether the interval of one value is above that of another."""
     low, high = larger[f"{name}_low"], smaller[f"{other or name}_high"]
     return low is not None and high is not None and low > high
 
 
 def values(found: Mapping[str, str], opening: str) -> str:
-    """One value of each of a few trackers: ``opening: 9 frames for one, 5 frames for two``.
-
-    Parameters
-    ----------
-    found
-        Values with their units, by tracker.
-    opening
-        What they are.
-    """
+    """One value of each of a few trackers: ``opening: 9 frames for one, 5 frames for two``."""
     if not 1 <= len(found) <= MOST_NUMBERS:
         return ""
     return f"{opening}: {listing((f'{value} for {name}' for name, value in found.items()), joint='and')}"
 
 
 def surroundings_message(tracker: str, table: pl.DataFrame) -> str:
-    """What is established: larger errors beside depth edges, or else the part of occluded points. Empty otherwise.
-
-    Parameters
-    ----------
-    tracker
-        Its name.
-    table
-        Rows of the table ``surrounding_errors`` of this tracker, at one age.
-    """
+    """What is established: larger errors beside depth edges, or else the part of occluded points. Empty otherwise."""
     return _beside_edges(tracker, table) or _of_occluded(tracker, table)
 
 

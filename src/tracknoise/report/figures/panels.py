@@ -124,14 +124,8 @@ _SIZE = {"width": 395, "height": 165}
 def side_by_side(table: pl.DataFrame, value: str, keys: list[str]) -> pl.DataFrame:
     """Values in u and v in one row, sorted: the keys, `at`, n, u, v and `BOUNDS`, and the kind of interval.
 
-    Parameters
-    ----------
-    table
-        Columns age, coordinate, n, low, high, level, resampled and n_scenes, the keys and the value.
-    value
-        Name of the column with the value.
-    keys
-        Columns that identify a line.
+    `table`: columns age, coordinate, n, low, high, level, resampled and n_scenes, the keys and the value. `value`: name
+    of the column with the value. `keys`: columns that identify a line.
     """
     u, v = (
         table.filter(coordinate=axis).select(
@@ -145,21 +139,7 @@ def side_by_side(table: pl.DataFrame, value: str, keys: list[str]) -> pl.DataFra
 
 
 def panels(table: pl.DataFrame, field: str, colours: Mapping[str, str], heading: str, *, titled: bool) -> list[Panel]:
-    """A panel per coordinate with a line for each value of a field.
-
-    Parameters
-    ----------
-    table
-        From `side_by_side`.
-    field
-        Column with the names of the lines.
-    colours
-        Colour of each name.
-    heading
-        Title of the vertical axis.
-    titled
-        Whether the panels name their coordinates.
-    """
+    """A panel per coordinate with a line for each value of a field. `field`: column with the names of the lines."""
     return [
         _panel(table, field, colours, coordinate, heading if coordinate == "u" else None, title if titled else "")
         for coordinate, title in _COORDINATES.items()
@@ -203,21 +183,8 @@ def box_plot(
 ) -> Chart:
     """A box for each row of a table. Rows without a median have no box, and leave no room for one.
 
-    Parameters
-    ----------
-    table
-        Columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker, `field`, and `places`.
-    field, colours
-        Column that distinguishes the boxes, and the colour of each of its values, in order.
-    y
-        Axis of the values, for any of the columns.
-    width, height
-        Of the panel, px.
-    places
-        Column of the horizontal axis, and the order of its values. Each has one box per colour. By default each colour
-        has its own place.
-    interval
-        Columns of one more value and of the ends of its interval. Null where there is none.
+    `table`: columns mean, median, lower_quartile, upper_quartile, lower_whisker, upper_whisker, `field`, and `places`.
+    `field, colours`: column that distinguishes the boxes, and the colour of each of its values, in order.
     """
     table = table.drop_nulls("median")
     colours = {name: colour for name, colour in colours.items() if name in table[field]}

@@ -268,6 +268,19 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     keep_freed_memory()
     manifest = run.manifest()
     reference = reference_condition(manifest, experiment, statistics["outliers"])
+    _write_findings(run, manifest, experiment, statistics, reference)
+    trackers = [tracker.label for tracker in experiment.trackers]
+    run.write_statistics({}, documents=fitted_models(run, trackers, reference.speed))
+
+
+def _write_findings(
+    run: RunFolder,
+    manifest: Manifest,
+    experiment: Experiment,
+    statistics: Mapping[str, pl.DataFrame],
+    reference: ReferenceCondition,
+) -> None:
+    """Everything but the models, so that it is no longer in memory when these are fitted."""
     tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
@@ -276,8 +289,6 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     results = results_of(every)
     every["findings"] = headline_table(Identified(results, every), reported)
     run.write_statistics(every, results=results, documents={FINDINGS_JSON: findings_json(every)})
-    trackers = [tracker.label for tracker in experiment.trackers]
-    run.write_statistics({}, documents=fitted_models(run, trackers, reference.speed))
 
 
 def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:

@@ -100,8 +100,11 @@ def results_of(tables: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     polars.DataFrame
         Schema `RESULTS`.
     """
-    parts = [part for name, view in VIEWS.items() if name in tables for part in _rows_of(view, tables[name])]
-    return finished(parts)
+    made: list[pl.DataFrame] = []
+    for topics in _TOGETHER:
+        mine = {name: VIEWS[name] for name in VIEWS if name in tables and VIEWS[name].topic in topics}
+        made.append(finished(part for name, chosen in mine.items() for part in _rows_of(chosen, tables[name])))
+    return pl.concat(made)
 
 
 def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame:
@@ -772,3 +775,6 @@ VIEWS: Mapping[str, View] = {
     ),
 }
 """Every view by its name."""
+_SHARED = frozenset({Topic.errors, Topic.tracks, Topic.outliers})
+_TOGETHER: tuple[frozenset[Topic], ...] = (_SHARED, *(frozenset({topic}) for topic in Topic if topic not in _SHARED))
+"""Topics whose views have rows in common, and each of the others: the rows of these are made at once."""

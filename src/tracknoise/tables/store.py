@@ -478,9 +478,8 @@ class RunFolder:
         SchemaError, StoreError
             If a table does not have its columns, or the folder cannot be written.
         """
-        checked = {
-            name: schema.storable(schema.check(table, _RUN_TABLES[name], name)) for name, table in tables.items()
-        }
+        given = {name: table for name, table in tables.items() if results is None or name not in VIEWS}
+        checked = {name: schema.storable(schema.check(table, _RUN_TABLES[name], name)) for name, table in given.items()}
         files = {name: table for name, table in checked.items() if name not in VIEWS}
         if results is not None:
             files[_RESULTS] = schema.storable(schema.check(results, RESULTS, _RESULTS))

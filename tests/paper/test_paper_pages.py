@@ -19,6 +19,7 @@ WORLDS = {
 }
 BESIDES = {
     *("example-frames-1", "occlusion", "time-structure", "changes", "gaussianity", "ends-by-cause"),
+    "gross-error-share",
     *(f"along-and-across-{TRACKER}", f"survivorship-bias-{TRACKER}", f"surroundings-{TRACKER}"),
     *("pose-errors", "error-by-image-speed", "window-sigmas", "depth-intervals", f"audit-{TRACKER}"),
 }

@@ -11,13 +11,15 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.quantities import QUANTITIES, RATIOS
 from tracknoise.words import format_estimate
 
+_LEAST = 100
+"""With fewer features than this, a ratio is not reported."""
 _NAMED = 2
 """The sentence in one line names this many trackers."""
 
 
 def ratios(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Every ratio of every tracker, of the tracks that verdicts are about."""
-    rows = tables["ratios"].filter(trimming=conditions.trimming, axis=conditions.axis)
+    rows = tables["ratios"].filter(pl.col("n") >= _LEAST, trimming=conditions.trimming, axis=conditions.axis)
     headline = by_tracker(
         conditions.trackers,
         lambda tracker: _ratios_of(rows, conditions, tracker),

@@ -115,7 +115,6 @@ def _curve_figure(
 
 def no_curve(data: ReportData) -> str:
     """Say why no tracker has a curve."""
-    """Say why no tracker has a curve."""
     return (
         f"At speed {data.slowest} no {data.axis.name} other than {data.axis.zero} has {number(data.min_features)} "
         "features with a known error, so there is no curve."

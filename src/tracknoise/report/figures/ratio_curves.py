@@ -7,6 +7,7 @@ import polars as pl
 
 from tracknoise.report.bands import AGE, describe_intervals
 from tracknoise.report.figures import marks
+from tracknoise.report.figures.error_curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.panels import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
@@ -20,16 +21,19 @@ def ratio_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _figure(data: ReportData, name: str) -> Figure | Absence:
     quantity, id = QUANTITIES[name], name.replace("_", "-")
-    table = data.nominal(data.ratios).filter(quantity=name, trimming=data.trimming).sort("tracker", "at")
+    enough = pl.col("n") >= data.min_features
+    table = data.nominal(data.ratios).filter(enough, quantity=name, trimming=data.trimming).sort("tracker", "at")
     if table.is_empty():
-        return Absence(id, quantity.title, "This run has no sums of it: an earlier version measured it.")
+        return Absence(id, quantity.title, no_curve(data))
     bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
     shows = (
         f"{quantity.estimand} At speed {data.slowest}{data.where}, by {data.axis.name}, features pooled, of "
         f"{data.tracks_shown}. {describe_intervals(bounded, of='the curves')}"
     )
     better = f"A {quantity.better} value is better." if quantity.better != "neither" else ""
-    return Figure(id, quantity.title, shows, better, arranged([_panel(data, table, quantity)], columns=1))
+    return Figure(
+        id, quantity.title, shows, better, arranged([_panel(data, table, quantity)], columns=1, independent=["fill"])
+    )
 
 
 def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:

@@ -85,6 +85,11 @@ def px(value: float | None) -> str:
     return "unknown" if value is None else f"{pixels(value)}{SPACE}px"
 
 
+def thousandths(value: float | None) -> str:
+    """Write a number, such as a gain in nat, to a thousandth; never as minus zero."""
+    return DASH if value is None else f"{value:z.3f}".replace("-", MINUS)
+
+
 def percent(share: float | None) -> str:
     """Write a share in percent, to a tenth."""
     return "unknown" if share is None else f"{100 * share:z.1f}{SPACE}%".replace("-", MINUS)

@@ -73,7 +73,7 @@ from tracknoise.tables.schema import (
 
 CORE = "core"
 _AXES = ("u", "v")
-_CORE_POINT = ["trimming", "axis", "at"]
+_POINT = ["trimming", "axis", "at"]
 _SUMS = ("known_u", "log_u", "known_v", "log_v")
 
 
@@ -105,13 +105,13 @@ def core_bounds(
 def _units(scales: pl.DataFrame, blocks: pl.DataFrame | None, groups: SceneGroups) -> Units:
     """Units by scene, or by block at the same points."""
     if blocks is None:
-        return units_of(_sums(scales), points=_CORE_POINT, columns=_SUMS, groups=groups)
-    everywhere = scales.select_seq(_CORE_POINT).unique().join(scales.select_seq("scene").unique(), how="cross")
+        return units_of(_sums(scales), points=_POINT, columns=_SUMS, groups=groups)
+    everywhere = scales.select_seq(_POINT).unique().join(scales.select_seq("scene").unique(), how="cross")
     missing = everywhere.with_columns_seq(block=pl.lit(0, dtype=pl.UInt8), **{name: pl.lit(0.0) for name in _SUMS})
-    known = _sums(blocks).join(everywhere, on=[*_CORE_POINT, "scene"], how="semi")
-    columns = [*_CORE_POINT, "scene", "block", *_SUMS]
+    known = _sums(blocks).join(everywhere, on=[*_POINT, "scene"], how="semi")
+    columns = [*_POINT, "scene", "block", *_SUMS]
     every = pl.concat([known.select_seq(columns), missing.select_seq(columns)])
-    return units_of(_sums(scales), every, points=_CORE_POINT, columns=_SUMS, groups=groups)
+    return units_of(_sums(scales), every, points=_POINT, columns=_SUMS, groups=groups)
 
 
 def _sums(scales: pl.DataFrame) -> pl.DataFrame:
@@ -199,7 +199,6 @@ def _autocorrelation(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.stack([lagged_u, lagged_v]) / np.where(squares > 0, squares, np.nan))
 
 
-_INTERVAL_POINT = ["trimming", "axis", "at"]
 _CURVES = [
     *((role, coordinate) for role in ("mean", "absolute") for coordinate in ("u", "v")),
     *((role, coordinate) for role in ("second", "central") for coordinate in ("u", "v", "uv")),
@@ -346,7 +345,7 @@ def _curve_rows(sums: Iterable[CurveSums], made: _Making) -> Iterator[pl.DataFra
     """Rows of every aspect of every condition."""
     keys = [*POOLED, "aspect", "at_least", "population"]
     for key, scenes, blocks in sums:
-        units = units_of(scenes, blocks, points=_INTERVAL_POINT, columns=SUMS, groups=made.groups)
+        units = units_of(scenes, blocks, points=_POINT, columns=SUMS, groups=made.groups)
         rows = pl.concat(_weighted(units, made.drawn[key[0]].weights(units), made.method))
         meant = _MEANT.get(key[keys.index("aspect")])
         chosen = rows if meant is None else rows.filter(pl.col("role").is_in(meant))

@@ -78,7 +78,7 @@ from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
-from tracknoise.words import DASH, MINUS, SPACE, format_as, number
+from tracknoise.words import SPACE, format_as, number, thousandths
 
 Array = NDArray[np.float64]
 
@@ -278,11 +278,7 @@ def _of_scales(evidence: ShapeEvidence) -> str:
 
 
 def _text(estimate: Estimate) -> str:
-    return format_as(estimate, _thousandths)
-
-
-def _thousandths(value: float | None) -> str:
-    return DASH if value is None else f"{value:z.3f}".replace("-", MINUS)
+    return format_as(estimate, thousandths)
 
 
 def _percent(share: float | None) -> float | None:

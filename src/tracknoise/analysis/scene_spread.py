@@ -44,7 +44,8 @@ from tracknoise.inference.next_scene import RUNS, coverage_outside, next_scene, 
 from tracknoise.inference.units import MIN_SCENES, Resampled, Units, by_number
 from tracknoise.tables.enumerations import Weighting
 
-_TESTED = (Resampled.scenes, Resampled.groups)
+OF_SCENES = (Resampled.scenes, Resampled.groups)
+"""What is resampled where (biased) is used, and where coverage was tested."""
 
 
 def between_scenes(
@@ -91,7 +92,7 @@ def _coverage(
     estimates: EstimateArray, units: Units, spread: NDArray[np.float64], scales: Sequence[str]
 ) -> NDArray[np.float64]:
     """Coverage of intervals of estimates, (statistics, points), NaN inside the tested range."""
-    tested = estimates.kind == IntervalKind.student and units.resampled in _TESTED
+    tested = estimates.kind == IntervalKind.student and units.resampled in OF_SCENES
     if not tested or estimates.n_effective is None:
         return np.full(spread.shape, np.nan)
     parts = zip(estimates.n_units, spread, estimates.n_effective, scales, strict=True)
@@ -100,8 +101,6 @@ def _coverage(
 
 Array = NDArray[np.float64]
 
-OF_SCENES = (Resampled.scenes, Resampled.groups)
-"""What is resampled where (biased) is used."""
 _DEGREES = (1.0, 1e6)
 
 

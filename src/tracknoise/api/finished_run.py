@@ -78,10 +78,13 @@ def findings_about(findings: pl.DataFrame, results: pl.DataFrame, tracker: str) 
 
     `findings`: schema `FINDINGS`. `results`: schema `RESULTS`.
     """
-    numbers = {row["id"]: row for row in results.filter(tracker=tracker).iter_rows(named=True)}
+    about = [
+        (row, [part for part in row["parts"] if part["tracker"] == tracker]) for row in findings.iter_rows(named=True)
+    ]
+    cited = {name for _, parts in about for part in parts for name in part["rows"]}
+    numbers = {row["id"]: row for row in results.filter(pl.col("id").is_in(cited)).iter_rows(named=True)}
     rows = []
-    for row in findings.iter_rows(named=True):
-        parts = [part for part in row["parts"] if part["tracker"] == tracker]
+    for row, parts in about:
         if not parts:
             continue
         ids = [name for part in parts for name in part["rows"]]

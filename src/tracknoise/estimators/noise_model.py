@@ -74,9 +74,9 @@ def document_schema(kind: type[_Model]) -> str:
     return json.dumps(schema, indent=2) + "\n"
 
 
-def read_document(kind: type[_Model], path: Path) -> _Model:
-    """Read a document."""
-    fields = _fields(path, read_text(path, "a noise model", most=16 * MIB))
+def parse_document(kind: type[_Model], text: str, path: Path) -> _Model:
+    """A document from the text of its file."""
+    fields = _fields(path, text)
     try:
         return _adapter(kind).validate_python(fields)
     except ValidationError as error:
@@ -437,7 +437,25 @@ class NoiseModel:
         DataError
             If it cannot be read, or is not a noise model: with the place, what was found and what was expected.
         """
-        return read_document(cls, Path(path))
+        return cls.parse(read_text(Path(path), "a noise model", most=16 * MIB), path)
+
+    @classmethod
+    def parse(cls, text: str, path: str | Path) -> "NoiseModel":
+        """A document from its text.
+
+        Parameters
+        ----------
+        text
+            Of the document.
+        path
+            Of its file, for messages.
+
+        Raises
+        ------
+        DataError
+            If it is not a noise model: with the place, what was found and what was expected.
+        """
+        return parse_document(cls, text, Path(path))
 
 
 def _spread(*values: ArrayLike) -> list[NDArray[np.float64]]:

@@ -84,10 +84,11 @@ def run_models(run: RunFolder) -> RunModels:
         return RunModels()
     try:
         record = json.loads(text)
-        for name in record["models"].values():
-            run.document(name)  # compares it with its hash
         paths = {tracker: f"statistics/{name}" for tracker, name in record["models"].items()}
-        models = {tracker: NoiseModel.read(run.path / path) for tracker, path in paths.items()}
+        models = {
+            tracker: NoiseModel.parse(run.document(name) or "", run.path / paths[tracker])
+            for tracker, name in record["models"].items()
+        }
         return RunModels(record["speed"], models, dict(record["missing"]), paths)
     except (ValueError, KeyError, TypeError, AttributeError, DataError) as error:
         expected = "the models of the run; `tracknoise run` fits them again"

@@ -23,12 +23,11 @@ from tracknoise.phrases.track_headlines import factors
 from tracknoise.phrases.withheld import excessive_floor
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import FINDINGS
+from tracknoise.tables.results import ENOUGH_SCENES
 from tracknoise.tables.schema import check
 from tracknoise.text import counted_of
 from tracknoise.words import count, listing
 
-ENOUGH_SCENES = 8
-"""With fewer scenes than this, intervals contain the true value less often than their level says."""
 MOST_DOUBTS = 3
 """More reasons to doubt the data than this are counted, but not named."""
 MOST_NAMED = 6

@@ -14,7 +14,7 @@ import polars as pl
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.tables.enumerations import Axis, FloorSource, Lookup, Product
-from tracknoise.words import DASH, MINUS, SPACE, format_as, format_estimate, listing, px, ratio
+from tracknoise.words import SPACE, format_as, format_estimate, listing, px, ratio, thousandths
 
 LONGEST_WINDOW = 15
 """Longest window that is reported, in observations."""
@@ -123,10 +123,6 @@ def window_floor_px(floor: pl.DataFrame, conditions: ReportedConditions, tracker
     return sqrt((known[0]["floor_uu"] + known[0]["floor_vv"]) / 2) if known else None
 
 
-_LONGEST = 15
-"""Longest window that is reported, in observations."""
-_LEAST_WINDOWS = 100
-"""With fewer windows than this, a share is not reported."""
 _RESIDUAL, _CONSISTENT, _WHOLE = "residual sigma", "consistent sigma", "whole tracks"
 
 
@@ -147,7 +143,7 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
 
 
 def _depths_of(shares: pl.DataFrame, tracker: str) -> Part | None:
-    enough = shares.filter(pl.col("window") <= _LONGEST, pl.col("n") >= _LEAST_WINDOWS, covariance=_RESIDUAL)
+    enough = shares.filter(pl.col("window") <= LONGEST_WINDOW, pl.col("n") >= LEAST_WINDOWS, covariance=_RESIDUAL)
     if enough.is_empty():
         return None
     own = shares.filter(pl.col("window") == enough["window"].max())
@@ -271,12 +267,7 @@ def _added(row: Mapping[str, Any]) -> str:
 
 
 def _nats(row: Mapping[str, Any]) -> str:
-    return format_as(_gain(row), nat_text, unit=f"{SPACE}nat")
-
-
-def nat_text(value: float | None) -> str:
-    """Write a gain in nat to a thousandth, without its unit."""
-    return DASH if value is None else f"{value:z.3f}".replace("-", MINUS)
+    return format_as(_gain(row), thousandths, unit=f"{SPACE}nat")
 
 
 def _gain(row: Mapping[str, Any]) -> Estimate:

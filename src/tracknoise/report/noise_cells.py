@@ -14,16 +14,15 @@ from tracknoise.estimators.calibration import Calibration
 from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
 from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.phrases.noise_headlines import lookup_sentences, nat_text
+from tracknoise.phrases.noise_headlines import LEAST_WINDOWS, LONGEST_WINDOW, lookup_sentences
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Product
 from tracknoise.text import counted, significant
-from tracknoise.words import DASH, SPACE, number, percent, ratio
+from tracknoise.words import DASH, SPACE, number, percent, ratio, thousandths
 
 LEVELS = {f"coverage_{level}": level for level in (50, 90, 95, 99)}
 """Levels of the claimed intervals, %, by the names of their quantities."""
-_LONGEST, _LEAST_WINDOWS = 15, 100
 
 
 def depth_shares(data: ReportData) -> pl.DataFrame:
@@ -32,9 +31,9 @@ def depth_shares(data: ReportData) -> pl.DataFrame:
     Returns: columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at
     (the level of the claimed interval, %).
     """
-    wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= _LONGEST)
+    wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= LONGEST_WINDOW)
     rows = data.nominal(data.depth_intervals).filter(wanted, trimming=data.trimming)
-    enough = rows.filter(pl.col("n").min().over("tracker", "window") >= _LEAST_WINDOWS)
+    enough = rows.filter(pl.col("n").min().over("tracker", "window") >= LEAST_WINDOWS)
     longest = enough.filter(pl.col("window") == pl.col("window").max().over("tracker"))
     levels = pl.col("quantity").replace_strict(LEVELS, return_dtype=pl.Int64)
     return longest.with_columns(pl.col("value", "low", "high") * 100.0, at=levels)
@@ -356,7 +355,7 @@ def _table_bias(bias: Bias) -> str:
 
 def _gain(row: dict[str, Any]) -> list[str]:
     what = [row["product"], row["lookup"], row["against"]]
-    nats = [nat_text(row[name]) for name in ("gain_nats", "low", "high")]
+    nats = [thousandths(row[name]) for name in ("gain_nats", "low", "high")]
     factors = [DASH if row[name] is None else ratio(row[name]) for name in ("factor", "factor_against")]
     verdict = {True: "established", False: "not established", None: "unknown"}[row["established"]]
     return [*what, *nats, verdict, *factors, str(row["n_scenes"]), row["why"] or ""]

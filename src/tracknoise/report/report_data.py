@@ -147,6 +147,11 @@ class ReportData:
         return Trimming(self.settings["findings"]["trimming"])
 
     @property
+    def trimmings(self) -> tuple[Trimming, ...]:
+        """Before trimming, and after it if it dropped any track."""
+        return (Trimming.untrimmed,) if self.percentile is None else (Trimming.untrimmed, Trimming.trimmed)
+
+    @property
     def errors_shown(self) -> str:
         """Name of the errors that figures and verdicts are about, at the start of a sentence."""
         return "Errors" if self.percentile is None else f"{self.trimming.capitalize()} errors"

@@ -83,6 +83,11 @@ class View:
     only: pl.Expr | None = None
     packed: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
+    @property
+    def topics(self) -> frozenset[Topic]:
+        """Topics of its rows."""
+        return frozenset(value.topic or self.topic for value in self.values)
+
 
 _SEPARATOR = ": "
 
@@ -102,8 +107,8 @@ def results_of(tables: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     """
     made: list[pl.DataFrame] = []
     for topics in _TOGETHER:
-        mine = {name: VIEWS[name] for name in VIEWS if name in tables and VIEWS[name].topic in topics}
-        made.append(finished(part for name, chosen in mine.items() for part in _rows_of(chosen, tables[name])))
+        mine = (name for name, chosen in VIEWS.items() if name in tables and chosen.topics & topics)
+        made.append(finished(part for name in mine for part in _rows_of(VIEWS[name], tables[name])))
     return pl.concat(made)
 
 
@@ -114,13 +119,11 @@ def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame
     of each column of numbers.
     """
     chosen = VIEWS[name]
-    mine = results.filter(
-        pl.col("topic").is_in({chosen.topic, *(value.topic or chosen.topic for value in chosen.values)})
-    )
+    mine = results.filter(pl.col("topic").is_in(chosen.topics))
     if chosen.only is not None:
         mine = mine.filter(chosen.only)
     if mine.is_empty():
-        return _with_ids(schema.empty(chosen.columns), chosen) if ids else schema.empty(chosen.columns)
+        return schema.empty(chosen.columns).with_columns([_ids_of(chosen, [])] if ids else [])
     groups: dict[tuple[tuple[str, Any], ...], list[Value]] = {}
     for value in chosen.values:
         groups.setdefault(tuple(value.rows.items()), []).append(value)
@@ -201,7 +204,7 @@ def _group_of(chosen: View, rows: pl.DataFrame, values: Sequence[Value], *, ids:
     for value in values:
         wanted = (pl.col(name).eq_missing(pl.lit(label, dtype=RESULTS[name])) for name, label in value.labels.items())
         own = rows.filter(*wanted, quantity=value.quantity, topic=value.topic or chosen.topic)
-        taken = {column: _decoded(name, column) for name, column in value.carried.items()}
+        taken = {column: _decoded(name, column, chosen.columns[column]) for name, column in value.carried.items()}
         columns = {value.column: pl.col("value"), **taken, **({f"id {value.column}": pl.col("id")} if ids else {})}
         part = own.select(*(pl.col(key).alias(f"key {key}") for key in keys), **columns)
         if table is None:
@@ -230,10 +233,6 @@ def _group_of(chosen: View, rows: pl.DataFrame, values: Sequence[Value], *, ids:
     )
 
 
-def _with_ids(table: pl.DataFrame, chosen: View) -> pl.DataFrame:
-    return table.with_columns(_ids_of(chosen, table.columns))
-
-
 def _ids_of(chosen: View, columns: Sequence[str]) -> pl.Expr:
     """Ids of the rows of results of all columns of numbers of a view; null for those that these rows do not have."""
     names = dict.fromkeys(value.column for value in chosen.values)
@@ -241,12 +240,12 @@ def _ids_of(chosen: View, columns: Sequence[str]) -> pl.Expr:
     return pl.struct(*(expression.alias(name) for name, expression in known.items())).alias("ids")
 
 
-def _decoded(name: str, column: str) -> pl.Expr:
-    """A stored column as it is in a view."""
+def _decoded(name: str, column: str, kind: pl.DataType | type[pl.DataType]) -> pl.Expr:
+    """A stored column as it is in a view: the other way round than `_encoded`."""
     if column == "cut":
         return pl.col("caveats").list.contains(str(Caveat.few_features))
-    if name == "verdict" and column in ("established", "differs", "widens_interval"):
-        return pl.col("verdict").cast(pl.String).replace_strict({"yes": True, "no": False}, return_dtype=pl.Boolean)
+    if kind == pl.Boolean:
+        return pl.col(name).cast(pl.String).replace_strict({"yes": True, "no": False}, return_dtype=pl.Boolean)
     return pl.col(name)
 
 
@@ -775,6 +774,6 @@ VIEWS: Mapping[str, View] = {
     ),
 }
 """Every view by its name."""
-_SHARED = frozenset({Topic.errors, Topic.tracks, Topic.outliers})
+_SHARED = frozenset[Topic]().union(*(chosen.topics for chosen in VIEWS.values() if len(chosen.topics) > 1))
 _TOGETHER: tuple[frozenset[Topic], ...] = (_SHARED, *(frozenset({topic}) for topic in Topic if topic not in _SHARED))
 """Topics whose views have rows in common, and each of the others: the rows of these are made at once."""

@@ -99,8 +99,7 @@ unit is 1 for ratios and counts. low and high bound the interval of probability 
 `interval` from n_units units, which are `resampled`. n counts what the number is of: errors, windows, tracks or
 features. spread, next_low, next_high and coverage are as in `tracknoise.tables.findings_schema.INTERVALS`. level_a and
 level_b are the levels of a factor that an effect compares; larger is the one with the larger value, better the better
-one. why says in words what a verdict
-rests on or what is missing. caveats are those of `Caveat`.
+one. why says in words what a verdict rests on or what is missing. caveats are those of `Caveat`.
 """
 _NUMBERS = tuple(name for name in RESULTS if name not in ("id", *IDENTITY, "caveats"))
 _BYTES = 6

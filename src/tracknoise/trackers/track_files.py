@@ -38,7 +38,7 @@ from tracknoise.text import counted
 from tracknoise.trackers.imported_rows import PixelOrigin, Rows
 from tracknoise.trackers.tracker import is_quality_name
 
-_NUMBER_MOST_BYTES = 4096 * MIB
+_MOST_BYTES = 4096 * MIB
 _LONGEST_LINE = 1 << 16
 _LARGEST_WHOLE = 2.0**62
 
@@ -49,7 +49,7 @@ def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> t
     Returns rows (n, columns), lines (n,). `rows`: finite. `lines`: the line of each row. `separator`: None for white
     space. `names`: of the columns that are read, for errors.
     """
-    require_regular(path, "a file of tracks", most=_NUMBER_MOST_BYTES)
+    require_regular(path, "a file of tracks", most=_MOST_BYTES)
     values, lines = array("d"), []
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
@@ -135,7 +135,7 @@ _TABLE_LEAST_NANOSECONDS = 1e14
 """Whole timestamps from here on are nanoseconds: as seconds they would be 3 million years."""
 _MOST_NANOSECONDS = 4.1e18
 _SEPARATORS = ",;\t"
-_TABLE_MOST_BYTES, _MOST_ROWS, _MOST_COLUMNS = 4096 * MIB, 1 << 20, 1000
+_MOST_ROWS, _MOST_COLUMNS = 1 << 20, 1000
 
 
 def read_table(path: Path) -> Rows:
@@ -238,7 +238,7 @@ def _read_table(path: Path) -> pl.DataFrame:
     Polars ends the whole process on some damaged files, and panics on others. Therefore a child process reads them.
     """
     expected = f"a {path.suffix} file of tracks"
-    size = require_regular(path, "a file of tracks", most=_TABLE_MOST_BYTES)
+    size = require_regular(path, "a file of tracks", most=_MOST_BYTES)
     with damage_reported(path, "not readable", expected, with_reason=True):
         return call_in_child(_read_parquet if path.suffix == ".parquet" else _read_csv, path, size, size=size)
 
@@ -422,7 +422,6 @@ def _query_frames(path: Path, name: str, queries: NDArray[Any], count: int) -> N
     return np.rint(np.asarray(queries[:, 0], dtype=np.float64))
 
 
-_COLMAP_MOST_BYTES = 4096 * MIB
 _COLMAP_EXPECTED = "a COLMAP database"
 _PAIR_BASE = 2**31 - 1
 """A pair of images i < j has the number i * _PAIR_BASE + j."""
@@ -437,7 +436,7 @@ def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     next image is the last of its track. The positions are those of the file, whose origin is the corner of the first
     pixel.
     """
-    size = require_regular(path, _COLMAP_EXPECTED, most=_COLMAP_MOST_BYTES)
+    size = require_regular(path, _COLMAP_EXPECTED, most=_MOST_BYTES)
     _require_closed(path)
     with damage_reported(path, "not readable", _COLMAP_EXPECTED, with_reason=True):
         keypoints, matches = call_in_child(_read_colmap, path, size=size)

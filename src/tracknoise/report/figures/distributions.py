@@ -159,7 +159,6 @@ def _cuts(data: ReportData, tracker: str, hue: alt.Color) -> alt.Chart:
 
 _GAUSSIANITY_TITLE = "Error quantiles compared with a Gaussian"
 _SIZE = {"width": 385, "height": 260}
-_TRIMMINGS = ("untrimmed", "trimmed")
 _SHAPES = {
     "Gaussian": "close to Gaussian",
     "contaminated": "contaminated by a wider Gaussian",
@@ -175,7 +174,7 @@ def gaussianity_figures(data: ReportData) -> Sequence[Figure | Absence]:
         return [
             Absence("gaussianity", _GAUSSIANITY_TITLE, "No condition has enough errors to judge their distribution.")
         ]
-    shown = _trimmings(data)
+    shown = data.trimmings
     panels = [
         _gaussianity_panel(data, radii.filter(tracker=tracker, trimming=trimming), tracker, trimming)
         for tracker in data.trackers
@@ -244,15 +243,10 @@ def _estimate_text(row: Mapping[str, Any], name: str, bounds: str) -> str:
 
 
 def _ordered(data: ReportData) -> pl.DataFrame:
-    table = data.nominal(data.gaussianity).filter(pl.col("trimming").is_in(_trimmings(data)))
+    table = data.nominal(data.gaussianity).filter(pl.col("trimming").is_in(data.trimmings))
     order = {name: place for place, name in enumerate(data.trackers)}
     place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
     return table.with_columns(band=_band(data)).sort(place, "age_low", "trimming")
-
-
-def _trimmings(data: ReportData) -> Sequence[str]:
-    """Before trimming, and after it if it dropped any track."""
-    return _TRIMMINGS[:1] if data.percentile is None else _TRIMMINGS
 
 
 def _band(data: ReportData) -> pl.Expr:

@@ -20,7 +20,7 @@ from tracknoise.report.bands import BOUNDS
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.figures.panels import COORDINATES, Panel, arranged, layered
 from tracknoise.report.headline_conditions import behaviour
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LAGS, NAMES, REFERENCE_AGE
@@ -38,7 +38,6 @@ _ROWS: Mapping[str, str] = {
 _STATISTICS = {NAMES["age"]["mean"]: _MEAN, NAMES["age"]["central"]: _SPREAD, AUTOCORRELATION: AUTOCORRELATION}
 """Statistic of the figure, by its name in the table of intervals."""
 _CHANGE_SIZE = {"width": 395, "height": 165}
-_COORDINATES = {"u": "u (horizontal)", "v": "v (vertical)"}
 _WHITE = pl.DataFrame({"at": range(1, LAGS + 1), "white": [-0.5, *[0.0] * (LAGS - 1)]})
 """Autocorrelation of the changes of white noise, by lag."""
 _CHANGE_REFERENCES = pl.DataFrame({"at": [1, 1], "value": [0.0, -0.5], "of": ["random walk", "white noise"]})
@@ -51,7 +50,7 @@ def change_figures(data: ReportData) -> Sequence[Figure | Absence]:
     if points.is_empty():
         why = f"No age has {data.min_features} features with a known error in the previous frame too."
         return [Absence(_NAME, _CHANGE_TITLE, why)]
-    panels = [_panel(data, points, name, coordinate) for name in _ROWS for coordinate in _COORDINATES]
+    panels = [_panel(data, points, name, coordinate) for name in _ROWS for coordinate in COORDINATES]
     shows = (
         f"Change of {data.errors_shown.lower()} of visible features at speed {data.slowest}{data.where}, from one "
         "frame that the tracker saw to the next. Top and middle: mean and standard deviation of the change, by the age "
@@ -97,7 +96,7 @@ def _bounds(data: ReportData) -> pl.DataFrame:
     """Bounds of all these. Those of the variance are roots."""
     found = data.nominal(data.intervals).filter(aspect=Aspect.change, trimming=data.trimming)
     found = found.filter(pl.col("weighting").is_null() | (pl.col("weighting") == "features"))
-    found = found.filter(pl.col("statistic").is_in(list(_STATISTICS)), pl.col("coordinate").is_in(list(_COORDINATES)))
+    found = found.filter(pl.col("statistic").is_in(list(_STATISTICS)), pl.col("coordinate").is_in(list(COORDINATES)))
     named = found.with_columns(statistic=pl.col("statistic").replace_strict(_STATISTICS, return_dtype=pl.String))
     root = pl.col("statistic") == _SPREAD
     ends = {end: pl.when(root).then(pl.col(end).clip(lower_bound=0.0).sqrt()).otherwise(end) for end in ("low", "high")}
@@ -107,7 +106,7 @@ def _bounds(data: ReportData) -> pl.DataFrame:
 def _panel(data: ReportData, points: pl.DataFrame, statistic: str, coordinate: str) -> Panel:
     table = points.filter(statistic=statistic)
     correlation = statistic == AUTOCORRELATION
-    title = alt.Title(_COORDINATES[coordinate] if statistic == _MEAN else "")
+    title = alt.Title(COORDINATES[coordinate] if statistic == _MEAN else "")
     x = alt.X(
         "at:Q",
         title="steps from one change to the other" if correlation else "age (frames of the sequence)",
@@ -209,8 +208,6 @@ _POLYNOMIAL = ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame")
 _SATURATING = ("saturating_white_px", "saturating_px", "saturating_frames")
 _EXPLAINED = ("random walk", "drift", "saturating")
 """Verdicts whose reason is in the columns before them."""
-_TRIMMINGS = ("untrimmed", "trimmed")
-_AXES = {"u": "u (horizontal)", "v": "v (vertical)"}
 _TIME_STRUCTURE_SIZE = {"width": 395, "height": 200}
 _MOST_PLACES = 200
 _TIME_STRUCTURE_REFERENCES = pl.DataFrame({"at": [0.0, -0.5], "of": ["random walk", "white noise"]})
@@ -224,13 +221,13 @@ def time_structure_figures(data: ReportData) -> Sequence[Figure | Absence]:
         why = "No condition has enough errors to judge their growth."
         return [Absence("time-structure", _TIME_STRUCTURE_TITLE, why)]
     points = data.nominal(data.points).filter(pl.col("since") != 0, population=data.population, role="second")
-    points = points.filter(pl.col("trimming").is_in(_trimmings(data))).with_columns(distance=pl.col("since").abs())
+    points = points.filter(pl.col("trimming").is_in(data.trimmings)).with_columns(distance=pl.col("since").abs())
     nominal = table.filter(speed=data.slowest)
     panels = [
         panel(coordinate, trimming)
         for panel in (partial(_growth, data, points, nominal), partial(_correlation, data, table))
-        for coordinate in _AXES
-        for trimming in _trimmings(data)
+        for coordinate in COORDINATES
+        for trimming in data.trimmings
     ]
     figure = Figure(
         id="time-structure",
@@ -276,15 +273,10 @@ def tables(data: ReportData) -> Sequence[Cells]:
 
 
 def _fitted(data: ReportData) -> pl.DataFrame:
-    table = data.reference(data.time_structure).filter(pl.col("trimming").is_in(_trimmings(data)))
+    table = data.reference(data.time_structure).filter(pl.col("trimming").is_in(data.trimmings))
     order = {name: place for place, name in enumerate(data.trackers)}
     place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
     return table.sort(place, "speed", "coordinate", "trimming")
-
-
-def _trimmings(data: ReportData) -> Sequence[str]:
-    """Before trimming, and after it if it dropped any track."""
-    return _TRIMMINGS[:1] if data.percentile is None else _TRIMMINGS
 
 
 def _titled(data: ReportData, title: str, trimming: str) -> str:
@@ -313,7 +305,7 @@ def _growth(data: ReportData, every: pl.DataFrame, fits: pl.DataFrame, coordinat
     )
     y = alt.Y(
         "moment:Q",
-        title=_titled(data, f"{_AXES[coordinate]}: second moment (px²)", trimming),
+        title=_titled(data, f"{COORDINATES[coordinate]}: second moment (px²)", trimming),
         scale=alt.Scale(domain=ends, nice=False),
     )
     hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")
@@ -362,7 +354,7 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str, trimmin
     x = alt.X("speed:N", sort=[str(speed) for speed in data.speeds], axis=alt.Axis(labelAngle=0))
     y = alt.Y(
         "value:Q",
-        title=_titled(data, f"{_AXES[coordinate]}: autocorrelation", trimming),
+        title=_titled(data, f"{COORDINATES[coordinate]}: autocorrelation", trimming),
         scale=alt.Scale(domain=marks.domain(ends), nice=False),
     )
     hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")

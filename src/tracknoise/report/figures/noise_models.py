@@ -21,7 +21,7 @@ from tracknoise.report.bands import describe_intervals
 from tracknoise.report.card_rows import estimator_sentence, sigma_message
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.figures.panels import Panel, arranged, layered, lined
 from tracknoise.report.noise_cells import LEVELS, depth_shares
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import significant
@@ -226,12 +226,8 @@ def _window_sigma_panel(table: pl.DataFrame, tracker: str) -> Panel:
     y = alt.Y("u:Q", title="sigma (px)", scale=alt.Scale(domain=domain, nice=False))
     tips = [alt.Tooltip("line:N"), alt.Tooltip("at:Q", title="window"), alt.Tooltip("n:Q", title="windows"),
             alt.Tooltip("u:Q", title="sigma (px)")]  # fmt: skip
-    line = alt.Chart(marks.rows(columns.select("line", "at", "n", "u"))).mark_line(point=alt.OverlayMarkDef(size=20))
     hue = marks.colour("line", _WINDOW_SIGMA_COLOURS, "sigma")
-    curve = line.encode(x=x, y=y, color=hue, opacity=marks.opacity("line"), tooltip=tips)
-    band = marks.band(columns, "line", _WINDOW_SIGMA_COLOURS, "u", x, y)
-    chart = layered(*band, curve).properties(width=395, height=190, title=alt.Title(tracker))
-    return Panel(chart, (marks.shown("line", _WINDOW_SIGMA_COLOURS),), layer=len(band))
+    return lined(columns, "line", x, y, hue, _WINDOW_SIGMA_COLOURS, tips, title=tracker)
 
 
 _DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE = "depth-intervals", "Depths that claimed intervals hold"
@@ -315,9 +311,6 @@ def _depth_interval_panel(table: pl.DataFrame, tracker: str) -> Panel:
     diagonal = alt.Chart(alt.InlineData(values=[{"at": 40, "u": 40}, {"at": 100, "u": 100}]))
     line = diagonal.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
     hue = marks.colour("covariance", _DEPTH_INTERVAL_COLOURS, "assumed noise", columns=2)
-    drawn = alt.Chart(marks.rows(columns.select("covariance", "at", "n", "u")))
-    curve = drawn.mark_line(point=alt.OverlayMarkDef(size=20))
-    curve = curve.encode(x=x, y=y, color=hue, opacity=marks.opacity("covariance"), tooltip=tips)
-    band = marks.band(columns, "covariance", _DEPTH_INTERVAL_COLOURS, "u", x, y)
-    chart = layered(line, *band, curve).properties(width=395, height=230, title=alt.Title(tracker))
-    return Panel(chart, (marks.shown("covariance", _DEPTH_INTERVAL_COLOURS),), layer=1 + len(band))
+    return lined(
+        columns, "covariance", x, y, hue, _DEPTH_INTERVAL_COLOURS, tips, title=tracker, height=230, below=[line]
+    )

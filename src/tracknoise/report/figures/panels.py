@@ -117,7 +117,7 @@ def _unit(spec: Spec, layer: int) -> Spec:
     return unit
 
 
-_COORDINATES = {"u": "u (horizontal)", "v": "v (vertical)"}
+COORDINATES = {"u": "u (horizontal)", "v": "v (vertical)"}
 _SIZE = {"width": 395, "height": 165}
 
 
@@ -142,7 +142,7 @@ def panels(table: pl.DataFrame, field: str, colours: Mapping[str, str], heading:
     """A panel per coordinate with a line for each value of a field. `field`: column with the names of the lines."""
     return [
         _panel(table, field, colours, coordinate, heading if coordinate == "u" else None, title if titled else "")
-        for coordinate, title in _COORDINATES.items()
+        for coordinate, title in COORDINATES.items()
     ]
 
 
@@ -161,6 +161,30 @@ def _panel(
     zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
     chart = layered(*band, lines, zero.encode(y=alt.Y("zero:Q")))
     return Panel(chart.properties(title=alt.Title(title), **_SIZE), (marks.shown(field, colours),), layer=len(band))
+
+
+def lined(
+    columns: pl.DataFrame,
+    field: str,
+    x: alt.X,
+    y: alt.Y,
+    hue: alt.Color,
+    colours: Mapping[str, str],
+    tips: Sequence[alt.Tooltip],
+    *,
+    title: str = "",
+    height: int = 190,
+    below: Sequence[alt.Chart] = (),
+) -> Panel:
+    """A panel with a line, its points and its band for each value of a field: columns at, n, u, u_low and u_high.
+
+    `hue`: `colours` with their legend. `below`: what is drawn first.
+    """
+    drawn = alt.Chart(marks.rows(columns.select(field, "at", "n", "u"))).mark_line(point=alt.OverlayMarkDef(size=20))
+    curve = drawn.encode(x=x, y=y, color=hue, opacity=marks.opacity(field), tooltip=list(tips))
+    band = marks.band(columns, field, colours, "u", x, y)
+    chart = layered(*below, *band, curve).properties(width=395, height=height, title=alt.Title(title))
+    return Panel(chart, (marks.shown(field, colours),), layer=len(below) + len(band))
 
 
 _VALUES = ("upper_whisker", "upper_quartile", "mean", "median", "lower_quartile", "lower_whisker")

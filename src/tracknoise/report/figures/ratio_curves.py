@@ -9,7 +9,7 @@ from tracknoise.report.bands import AGE, describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.error_curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.figures.panels import Panel, arranged, lined
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Quantity
 
@@ -43,10 +43,6 @@ def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
     form = alt.Axis(format=".1%") if quantity.unit == "share" else alt.Axis()
     y = alt.Y("u:Q", title=quantity.title, scale=alt.Scale(domain=domain, nice=False), axis=form)
     tips = [alt.Tooltip("tracker:N"), alt.Tooltip("at:Q", title=data.axis.name), alt.Tooltip("n:Q", title="features")]
-    line = alt.Chart(marks.rows(columns.select("tracker", "at", "n", "u"))).mark_line(point=alt.OverlayMarkDef(size=20))
     colours = {name: data.colour[name] for name in data.trackers if name in table["tracker"]}
     hue = marks.colour("tracker", colours, "tracker")
-    curve = line.encode(x=x, y=y, color=hue, opacity=marks.opacity("tracker"), tooltip=[*tips, alt.Tooltip("u:Q")])
-    band = marks.band(columns, "tracker", colours, "u", x, y)
-    chart = layered(*band, curve).properties(width=395, height=190)
-    return Panel(chart, (marks.shown("tracker", colours),), layer=len(band))
+    return lined(columns, "tracker", x, y, hue, colours, [*tips, alt.Tooltip("u:Q")])

@@ -28,9 +28,11 @@ from tracknoise.estimators.model import TOLERANCE, CameraOfModel
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import from_quaternion
-from tracknoise.inference.units import SceneGroups
+from tracknoise.inference.units import SceneGroups, scheme
+from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.identity import SequenceId, readable
-from tracknoise.tables.schema import NOISE_PAIRS, empty
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, empty
 from tracknoise.tables.store import RunFolder
 
 
@@ -97,6 +99,8 @@ def _size_note(sizes: set[tuple[int, int]]) -> Iterable[str]:
 
 _NEEDED, _PAIRS = "noise_sums", "noise_pairs"
 _OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors", "rigid")
+_USED = {"samples": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "at", "du_px", "dv_px")}
+"""Columns that are read of large tables."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +148,7 @@ class TrainingTables:
         return self.folder.statistics("audit_curves") if audited else None
 
     def of_scenes(self, scenes: Collection[str]) -> "TrainingTables":
-        """The same of some of the scenes."""
+        """The same of some of the scenes: of all, or of all of one group."""
         of_scenes = self._of(pl.col("scene").is_in(list(scenes)), lambda sequence: sequence.scene in scenes)
         return replace(of_scenes, scenes=tuple(sorted(scenes)))
 
@@ -229,13 +233,13 @@ def all_training_tables(
         raise _without_sums(folder)
     has_pairs = all(_PAIRS in entry.sha256 for entry in chosen.values())  # scenes of an earlier version have none
     names = [*_OTHERS, *([_PAIRS] if has_pairs else [])]
-    of = {_NEEDED: _pooled(folder, _NEEDED, tuple(chosen), wanted)}
+    groups = groups_of_run(folder)
+    of = {_NEEDED: _pooled(folder, _NEEDED, tuple(chosen), wanted, _without_blocks(chosen.values(), groups))}
     if any(table.is_empty() for table in of[_NEEDED]):
         _require_conditions(folder, wanted)
     of |= {name: _pooled(folder, name, tuple(chosen), wanted) for name in names}
     if not has_pairs:
         of[_PAIRS] = [empty(NOISE_PAIRS)] * len(wanted)
-    groups = groups_of_run(folder)
     read = [
         TrainingTables(
             tracker=tracker,
@@ -271,11 +275,41 @@ def _require_scenes(known: set[str], wanted: Collection[str] | None) -> None:
         raise SettingsError("noise model: found no scenes to fit to, expected at least one")
 
 
-def _pooled(folder: RunFolder, name: str, keys: Sequence[str], wanted: Sequence[tuple[str, int]]) -> list[pl.DataFrame]:
-    """Rows of each tracker and speed, of all sequences."""
+def _pooled(
+    folder: RunFolder,
+    name: str,
+    keys: Sequence[str],
+    wanted: Sequence[tuple[str, int]],
+    reduce: Callable[[pl.DataFrame], pl.DataFrame] = lambda table: table,
+) -> list[pl.DataFrame]:
+    """Rows of each tracker and speed, of all sequences. `reduce` makes fewer rows of those of a few sequences."""
     rows = [(pl.col("tracker") == tracker) & (pl.col("speed") == speed) for tracker, speed in wanted]
-    parts = ([table.filter(mine) for mine in rows] for table in folder.stacked_tables(name, keys))
+    parts = (
+        [reduce(table.filter(mine)) for mine in rows]
+        for table in folder.stacked_tables(name, keys, only=_USED.get(name))
+    )
     return [pl.concat(own) for own in zip(*parts, strict=True)]
+
+
+def _without_blocks(entries: Iterable[SequenceEntry], groups: SceneGroups) -> Callable[[pl.DataFrame], pl.DataFrame]:
+    """What adds up the blocks of sums, where scenes, or groups of them, are resampled in all and in each group."""
+    sequences = [entry.sequence for entry in entries]
+    scenes, dataset = sorted({sequence.scene for sequence in sequences}), sequences[0].dataset
+    known = [scene for scene in scenes if (dataset, scene) in groups.names]
+    of_group = [[scene for scene in known if groups.names[dataset, scene] == name] for name in {*groups.names.values()}]
+    if all(scheme(groups.of(dataset, some)) is not None for some in (scenes, *filter(None, of_group))):
+        return _added_up
+    return lambda sums: sums
+
+
+def _added_up(sums: pl.DataFrame) -> pl.DataFrame:
+    """Sums of all blocks together, as block 0; null where one of them is."""
+    rows = group_rows(sums, [*ORIGIN, "product", "age"])
+    added = rows.sums(sums, [name for name in NOISE_SUMS if name not in (*ORIGIN, "block", "product", "age")])
+    table = rows.keys.hstack(added.fill_nan(None))
+    return table.select_seq(
+        (pl.lit(0) if name == "block" else pl.col(name)).cast(kind).alias(name) for name, kind in NOISE_SUMS.items()
+    )
 
 
 def _settings(folder: RunFolder, tracker: str) -> dict[str, object]:

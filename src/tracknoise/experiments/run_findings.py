@@ -60,6 +60,7 @@ from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.quantities import Topic
 from tracknoise.tables.result_views import Identified, results_of
 from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
@@ -287,8 +288,14 @@ def _write_findings(
         tables |= _without_verdicts_on_errors(tables)
     every = {**statistics, **tables}
     results = results_of(every)
-    every["findings"] = headline_table(Identified(results, every), reported)
+    every["findings"] = headline_table(Identified(_cited(results, reference), every), reported)
     run.write_statistics(every, results=results, documents={FINDINGS_JSON: findings_json(every)})
+
+
+def _cited(results: pl.DataFrame, reference: ReferenceCondition) -> pl.DataFrame:
+    """The results without curves of errors of other views and speeds: most rows of a large run, and in no sentence."""
+    shown = pl.all_horizontal(pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed"))
+    return results.filter((pl.col("topic") != Topic.errors) | shown)
 
 
 def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:

@@ -217,7 +217,7 @@ def _group_of(chosen: View, rows: pl.DataFrame, values: Sequence[Value], *, ids:
     constants = {name: pl.lit(constant) for name, constant in values[0].rows.items()}
     named = {column: pl.col(f"key {key}") for key, column in chosen.keys.items() if key in keys}
     for key, names in chosen.packed.items():
-        texts = pl.col(f"key {key}").str.splitn(_SEPARATOR, len(names))
+        texts = pl.col(f"key {key}").cast(pl.String).str.splitn(_SEPARATOR, len(names))
         for place, name in enumerate(names):
             text = texts.struct.field(f"field_{place}")
             named[name] = pl.when(text != "").then(text)

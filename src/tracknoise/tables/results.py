@@ -38,24 +38,26 @@ ENOUGH_SCENES = 8
 """With fewer scenes than this, intervals contain the true value less often than their level says."""
 _VERDICTS = list(dict.fromkeys(str(name) for kind in (Verdict, Shape, Behaviour) for name in kind))
 _AXES = ("age", "frame", "lag", "lifetime", "window", "length")
+_NAME = pl.Categorical()
+"""Names: few different ones in many rows."""
 IDENTITY: Schema = {
     "quantity": pl.Enum(list(QUANTITIES)),
-    "dataset": pl.String,
-    **VIEW,
-    "tracker": pl.String,
+    "dataset": _NAME,
+    **{name: _NAME if kind == pl.String else kind for name, kind in VIEW.items()},
+    "tracker": _NAME,
     "speed": pl.Int32,
     "topic": pl.Enum(Topic),
-    "factor": pl.String,
-    "of": pl.String,
+    "factor": _NAME,
+    "of": _NAME,
     "axis": pl.Enum(_AXES),
     "at": pl.Int64,
     "at_low": pl.Int64,
     "at_high": pl.Int64,
-    "coordinate": pl.String,
-    "part": pl.String,
+    "coordinate": _NAME,
+    "part": _NAME,
     "part_low": pl.Float64,
     "part_high": pl.Float64,
-    "against": pl.String,
+    "against": _NAME,
     "aspect": ASPECT,
     "at_least": pl.UInt32,
     "population": POPULATION,
@@ -71,7 +73,7 @@ a kind; part_low and part_high are the bounds of a class. against is what the nu
 RESULTS: Schema = {
     "id": pl.String,
     **IDENTITY,
-    "unit": pl.String,
+    "unit": _NAME,
     "value": pl.Float64,
     "low": pl.Float64,
     "high": pl.Float64,
@@ -86,10 +88,10 @@ RESULTS: Schema = {
     "next_high": pl.Float64,
     "coverage": pl.Float64,
     "verdict": pl.Enum(_VERDICTS),
-    "level_a": pl.String,
-    "level_b": pl.String,
-    "larger": pl.String,
-    "better": pl.String,
+    "level_a": _NAME,
+    "level_b": _NAME,
+    "larger": _NAME,
+    "better": _NAME,
     "why": pl.String,
     "caveats": pl.List(pl.Enum(Caveat)),
 }

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from tracknoise.estimators.linear_window import (
     CAMERA,
     Motion,
+    TrackGates,
     consistent_sigma,
-    gate_factor,
     linear_tracks,
     simulated_tracks,
     trajectory,
@@ -64,7 +64,7 @@ def _assumptions(noise: TrackNoise) -> dict[str, tuple[Covariances, float]]:
     window = [linear_tracks(CAMERA, poses, tracks) for tracks in simulated_tracks(poses)]
     innovations = consistent_sigma(window, noise, purpose=Purpose.INNOVATIONS)
     newest = consistent_sigma(window, noise, purpose=Purpose.NEWEST_POSE)
-    factor = gate_factor(window, noise, sigma=innovations, level=0.95)
+    factor = TrackGates.of(window, noise).factors([0.95], sigma=innovations)[0]
     return {
         f"innovations, {innovations:.3f} px": (_scalar(innovations), 1.0),
         f"the same, gate x {factor:.2f}": (_scalar(innovations), factor),

@@ -10,8 +10,8 @@ from tracknoise.estimators.linear_window import (
     LinearTracks,
     Motion,
     Outcome,
+    TrackGates,
     consistent_sigma,
-    gate_factor,
     linear_tracks,
     outcome,
     scalar_covariances,
@@ -89,7 +89,7 @@ def test_a_filter_whose_innovations_look_right_is_overconfident_under_a_walk() -
     found = outcome(window, true_covariances(window, WALK), scalar_covariances(window, sigma))
     assert found.innovations == pytest.approx(1.0)
     assert found.nees_newest == pytest.approx(4.95, abs=0.2)
-    assert gate_factor(window, WALK, sigma=sigma, level=0.95) == pytest.approx(1.45, abs=0.05)
+    assert TrackGates.of(window, WALK).factors([0.95], sigma=sigma)[0] == pytest.approx(1.45, abs=0.05)
 
 
 @pytest.mark.parametrize(

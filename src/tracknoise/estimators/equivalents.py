@@ -27,7 +27,6 @@ as wide, relative to it, as that for a free landmark.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,8 +39,8 @@ from tracknoise.estimators.linear_window import (
     EXACT,
     Covariances,
     LinearTracks,
+    TrackGates,
     consistencies,
-    gate_factor,
     scalar_covariances,
     true_covariances,
 )
@@ -101,40 +100,38 @@ class Gates:
 
     Attributes
     ----------
-    window, noise
-        A window of this length, and its noise; walk and drift per frame of the window.
-    modelled, measured
+    modelled
+        Innovations of tracks of a window of this length, with Gaussian noise; walk and drift per frame of the window.
+    measured
         Quantiles of `LEVELS` of the sum of squared residuals of a track, px^2, over those of chi square with as many
-        degrees of freedom, for a free landmark: of Gaussian noise, and of good tracks.
+        degrees of freedom, for a free landmark, of good tracks; None if too few were measured.
     """
 
-    window: Sequence[LinearTracks]
-    noise: TrackNoise
-    modelled: tuple[float, ...]
-    measured: tuple[float, ...]
-    _known: dict[tuple[float, bool], tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
+    modelled: TrackGates
+    measured: tuple[float, ...] | None
+    _known: dict[tuple[float | None, bool], tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
 
     def factors(self, sigma: float, *, first: float | None, born_only: bool = False) -> tuple[float, ...]:
         """What to multiply gates at `LEVELS` by, (gates.landmark). `first`: None for a free landmark."""
-        squares = self.measured if first is None else self._with_first(first, born_only)
+        free = self._of_model(None, False)
+        measured = free if self.measured is None else self.measured
+        whitened = free if first is None else self._of_model(first, born_only)
+        squares = (own * good / model for own, good, model in zip(whitened, measured, free, strict=True))
         return tuple(square / sigma**2 for square in squares)
 
-    def _with_first(self, first: float, born_only: bool) -> tuple[float, ...]:
-        """Quantiles as in `measured`, of residuals whitened by this ratio for first observations; computed once."""
-        if (first, born_only) not in self._known:
-            own = partial(gate_factor, self.window, self.noise, sigma=1.0, first=first, born_only=born_only)
-            pairs = zip(LEVELS, self.measured, self.modelled, strict=True)
-            found = tuple(own(level=level) * measured / modelled for level, measured, modelled in pairs)
-            self._known[first, born_only] = found
-        return self._known[first, born_only]
+    def _of_model(self, first: float | None, born_only: bool) -> tuple[float, ...]:
+        """Quantiles of the model, of residuals whitened by this ratio for first observations; computed once."""
+        key = first, born_only
+        if key not in self._known:
+            self._known[key] = self.modelled.factors(LEVELS, sigma=1.0, first=first, born_only=born_only)
+        return self._known[key]
 
 
 def gates(
     windows: pl.DataFrame, length: int, *, limit_px: float, window: Sequence[LinearTracks], noise: TrackNoise
 ) -> Gates:
     """Gates of windows of a length. `windows`: schema `WINDOW_NOISE`, of one tracker and speed."""
-    modelled = tuple(gate_factor(window, noise, sigma=1.0, level=level) for level in LEVELS)
-    return Gates(window, noise, modelled, _measured(windows, length, limit_px) or modelled)
+    return Gates(TrackGates.of(window, noise), _measured(windows, length, limit_px))
 
 
 def _measured(windows: pl.DataFrame, length: int, limit_px: float) -> tuple[float, ...] | None:

@@ -333,18 +333,36 @@ def outcome(window: Sequence[LinearTracks], actual: Covariances, assumed: Covari
 
 def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances) -> list[Outcome]:
     """The same for several true covariances, of an estimator that assumes one."""
+    return _outcomes(window, actual, _whitened(window, assumed))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Whitened:
+    """What an estimator makes of tracks: the inverse root of their covariance, and of F whitened by it Q and R."""
+
+    whitening: NDArray[np.float64]
+    span: NDArray[np.float64]
+    root: NDArray[np.float64]
+
+
+def _whitened(window: Sequence[LinearTracks], assumed: Covariances) -> list[_Whitened]:
+    roots = [np.linalg.inv(np.linalg.cholesky(believed)) for believed in assumed]
+    return [_Whitened(root, *np.linalg.qr(root @ one.by_point)) for one, root in zip(window, roots, strict=True)]
+
+
+def _outcomes(
+    window: Sequence[LinearTracks], actual: Sequence[Covariances], whitened: Sequence[_Whitened]
+) -> list[Outcome]:
     size = window[0].by_pose.shape[2]
     information, middle = np.zeros((size, size)), np.zeros((len(actual), size, size))
     squares, freedom = np.zeros(len(actual)), 0
-    for place, (tracks, believed) in enumerate(zip(window, assumed, strict=True)):
-        whitening = np.linalg.inv(np.linalg.cholesky(believed))
-        span = np.linalg.qr(whitening @ tracks.by_point)[0]
-        by_pose = _without(whitening @ tracks.by_pose, span)
+    for place, (tracks, one) in enumerate(zip(window, whitened, strict=True)):
+        by_pose = _without(one.whitening @ tracks.by_pose, one.span)
         rows = by_pose.reshape(-1, size)
         information += rows.T @ rows
         freedom += by_pose.shape[0] * (by_pose.shape[1] - 3)
         for number, each in enumerate(actual):
-            noise = _innovations(whitening, span, each[place])
+            noise = _innovations(one.whitening, one.span, each[place])
             middle[number] += rows.T @ (noise @ by_pose).reshape(-1, size)
             squares[number] += np.trace(noise, axis1=1, axis2=2).sum()
     claimed = np.asarray(np.linalg.inv(information), dtype=np.float64)
@@ -417,21 +435,23 @@ def consistencies(
     window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances
 ) -> list[dict[Purpose, float]]:
     """Actual over claimed mean square of what each purpose is about, for each of several true covariances."""
+    whitened = _whitened(window, assumed)
+    depths = _depth_consistencies(window, actual, whitened)
     return [
         {
             Purpose.INNOVATIONS: found.innovations,
             Purpose.ALL_POSES: found.nees_all,
             Purpose.NEWEST_POSE: found.nees_newest,
-            Purpose.DEPTH: _depth_consistency(window, each, assumed),
+            Purpose.DEPTH: depth,
         }
-        for each, found in zip(actual, outcomes(window, actual, assumed), strict=True)
+        for depth, found in zip(depths, _outcomes(window, actual, whitened), strict=True)
     ]
 
 
 def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances, purpose: Purpose) -> float:
     """Actual over claimed mean square of what a purpose is about."""
     if purpose is Purpose.DEPTH:
-        return _depth_consistency(window, actual, assumed)
+        return _depth_consistencies(window, [actual], _whitened(window, assumed))[0]
     found = outcome(window, actual, assumed)
     match purpose:
         case Purpose.INNOVATIONS:
@@ -442,50 +462,61 @@ def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: C
             return found.nees_newest
 
 
-def _depth_consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances) -> float:
+def _depth_consistencies(
+    window: Sequence[LinearTracks], actual: Sequence[Covariances], whitened: Sequence[_Whitened]
+) -> list[float]:
     """Mean square of the error of the depth of points over the claimed variance, with the true poses."""
-    ratios = []
-    for tracks, true, believed in zip(window, actual, assumed, strict=True):
-        whitening = np.linalg.inv(np.linalg.cholesky(believed))
-        span, root = np.linalg.qr(whitening @ tracks.by_point)
+    ratios: list[list[NDArray[np.float64]]] = [[] for _ in actual]
+    for place, (tracks, one) in enumerate(zip(window, whitened, strict=True)):
         along = np.linalg.solve(
-            np.swapaxes(root, 1, 2), tracks.rays[:, :, None]
+            np.swapaxes(one.root, 1, 2), tracks.rays[:, :, None]
         )  # exact observations leave it accurate
-        weights = np.swapaxes(whitening, 1, 2) @ (span @ along)
+        weights = np.swapaxes(one.whitening, 1, 2) @ (one.span @ along)
         claimed = np.square(along).sum(axis=(1, 2))
-        ratios.append((np.swapaxes(weights, 1, 2) @ true @ weights)[:, 0, 0] / claimed)
-    return float(np.concatenate(ratios).mean())
+        for own, each in zip(ratios, actual, strict=True):
+            own.append((np.swapaxes(weights, 1, 2) @ each[place] @ weights)[:, 0, 0] / claimed)
+    return [float(np.concatenate(own).mean()) for own in ratios]
 
 
-def gate_factor(
-    window: Sequence[LinearTracks],
-    noise: TrackNoise,
-    *,
-    sigma: float,
-    level: float,
-    first: float | None = None,
-    born_only: bool = False,
-    seed: int = 0,
-) -> float:
-    """What to multiply a chi-square gate of a track by, so that it lets through a share of `level` of good tracks.
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackGates:
+    """What Gaussian noise makes of the squared innovations of the tracks of a window.
 
-    The gate is over the innovations of a track, whitened as by `scalar_covariances`, with 2 n - 3 degrees of freedom.
-    Noise is Gaussian. The quantile is that of 200 draws of each track.
+    Parameters
+    ----------
+    window
+        Its tracks.
+    actual
+        Covariances of their errors.
+    draws
+        Of chi square with one degree of freedom, 200 for each coordinate of each track.
     """
-    random = np.random.default_rng(seed)
-    actual, assumed = (
-        true_covariances(window, noise),
-        scalar_covariances(window, sigma, first=first, born_only=born_only),
-    )
-    ratios = []
-    for tracks, true, believed in zip(window, actual, assumed, strict=True):
-        whitening = np.linalg.inv(np.linalg.cholesky(believed))
-        span = np.linalg.qr(whitening @ tracks.by_point)[0]
-        spread = np.linalg.eigvalsh(_innovations(whitening, span, true))
-        draws = random.chisquare(1.0, (len(spread), _DRAWS, spread.shape[1]))
-        squares = np.einsum("tdi,ti->td", draws, np.maximum(spread, 0.0))
-        ratios.append(squares.ravel() / (2.0 * gammaincinv((spread.shape[1] - 3) / 2.0, level)))
-    return float(np.quantile(np.concatenate(ratios), level))
+
+    window: Sequence[LinearTracks]
+    actual: Covariances
+    draws: Sequence[NDArray[np.float64]]
+
+    @classmethod
+    def of(cls, window: Sequence[LinearTracks], noise: TrackNoise, *, seed: int = 0) -> "TrackGates":
+        """Those of a noise."""
+        random, actual = np.random.default_rng(seed), true_covariances(window, noise)
+        return cls(window, actual, [random.chisquare(1.0, (len(one), _DRAWS, one.shape[1])) for one in actual])
+
+    def factors(
+        self, levels: Sequence[float], *, sigma: float, first: float | None = None, born_only: bool = False
+    ) -> tuple[float, ...]:
+        """What to multiply chi-square gates of a track by, so that they let through shares of `levels` of good tracks.
+
+        A gate is over the innovations of a track, whitened as by `scalar_covariances`, with 2 n - 3 degrees of freedom.
+        """
+        squares = list[tuple[NDArray[np.float64], float]]()
+        assumed = scalar_covariances(self.window, sigma, first=first, born_only=born_only)
+        for one, true, draws in zip(_whitened(self.window, assumed), self.actual, self.draws, strict=True):
+            spread = np.linalg.eigvalsh(_innovations(one.whitening, one.span, true))
+            found = np.einsum("tdi,ti->td", draws, np.maximum(spread, 0.0)).ravel()
+            squares.append((found, (spread.shape[1] - 3) / 2.0))
+        ratios = ([found / (2.0 * gammaincinv(half, level)) for found, half in squares] for level in levels)
+        return tuple(float(np.quantile(np.concatenate(own), level)) for level, own in zip(levels, ratios, strict=True))
 
 
 Array = NDArray[np.float64]

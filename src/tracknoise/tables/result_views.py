@@ -90,6 +90,9 @@ class View:
 
 
 _SEPARATOR = ": "
+_NONE = pl.DataFrame(schema=RESULTS)
+_STORED = {"cut": "caveats"}
+"""Columns of results that `finished` takes, by those that it makes of them."""
 
 
 def results_of(tables: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
@@ -127,7 +130,8 @@ def view(results: pl.DataFrame, name: str, *, ids: bool = False) -> pl.DataFrame
     groups: dict[tuple[tuple[str, Any], ...], list[Value]] = {}
     for value in chosen.values:
         groups.setdefault(tuple(value.rows.items()), []).append(value)
-    parts = [_group_of(chosen, mine, values, ids=ids) for values in groups.values()]
+    rows = {name: part for (name,), part in mine.partition_by("quantity", as_dict=True).items()}
+    parts = [_group_of(chosen, rows, values, ids=ids) for values in groups.values()]
     table = pl.concat([part for part in parts if part.height] or parts[:1])
     return table.sort(*chosen.sort, maintain_order=True) if chosen.sort else table
 
@@ -197,22 +201,29 @@ def _encoded(column: str, kind: pl.DataType | None) -> pl.Expr:
     return pl.col(column)
 
 
-def _group_of(chosen: View, rows: pl.DataFrame, values: Sequence[Value], *, ids: bool) -> pl.DataFrame:
-    """Rows of a view that have the same values of its `rows`, from those of its topic."""
+def _group_of(chosen: View, rows: Mapping[str, pl.DataFrame], values: Sequence[Value], *, ids: bool) -> pl.DataFrame:
+    """Rows of a view that have the same values of its `rows`, from those of its topics, by quantity."""
     keys = [name for name in (*chosen.keys, *chosen.packed) if name not in values[0].labels]
+    on = [f"key {key}" for key in keys]
     table: pl.DataFrame | None = None
     for value in values:
-        wanted = (pl.col(name).eq_missing(pl.lit(label, dtype=RESULTS[name])) for name, label in value.labels.items())
-        own = rows.filter(*wanted, quantity=value.quantity, topic=value.topic or chosen.topic)
-        taken = {column: _decoded(name, column, chosen.columns[column]) for name, column in value.carried.items()}
-        columns = {value.column: pl.col("value"), **taken, **({f"id {value.column}": pl.col("id")} if ids else {})}
-        part = own.select(*(pl.col(key).alias(f"key {key}") for key in keys), **columns)
+        own = rows.get(value.quantity, _NONE)
+        wanted = [pl.col(name).eq_missing(pl.lit(label, dtype=RESULTS[name])) for name, label in value.labels.items()]
+        if len(chosen.topics) > 1:
+            wanted.append(pl.col("topic") == (value.topic or chosen.topic))
+        own = own.filter(*wanted) if wanted else own
+        taken = {value.column: "value", **{column: _STORED.get(name, name) for name, column in value.carried.items()}}
+        taken |= {f"id {value.column}": "id"} if ids else {}
+        part = pl.DataFrame([own[key].alias(f"key {key}") for key in keys])
+        new = [
+            own[name].alias(column) for column, name in taken.items() if table is None or column not in table.columns
+        ]
         if table is None:
-            table = part
+            table = part.hstack(new)
+        elif part.equals(table[on]):
+            table = table.hstack(new)
         else:
-            new = [name for name in part.columns if name not in table.columns]
-            on = [f"key {key}" for key in keys]
-            table = table.join(part.select(*on, *new), on=on, how="left", nulls_equal=True, maintain_order="left")
+            table = table.join(part.hstack(new), on=on, how="left", nulls_equal=True, maintain_order="left")
     assert table is not None
     constants = {name: pl.lit(constant) for name, constant in values[0].rows.items()}
     named = {column: pl.col(f"key {key}") for key, column in chosen.keys.items() if key in keys}
@@ -222,9 +233,9 @@ def _group_of(chosen: View, rows: pl.DataFrame, values: Sequence[Value], *, ids:
             text = texts.struct.field(f"field_{place}")
             named[name] = pl.when(text != "").then(text)
     found = {**named, **constants}
-    return table.select(
+    return table.select_seq(
         *(
-            (found[name] if name in found else pl.col(name) if name in table.columns else pl.lit(None))
+            (found[name] if name in found else _decoded(name, kind) if name in table.columns else pl.lit(None))
             .cast(kind)
             .alias(name)
             for name, kind in chosen.columns.items()
@@ -240,13 +251,13 @@ def _ids_of(chosen: View, columns: Sequence[str]) -> pl.Expr:
     return pl.struct(*(expression.alias(name) for name, expression in known.items())).alias("ids")
 
 
-def _decoded(name: str, column: str, kind: pl.DataType | type[pl.DataType]) -> pl.Expr:
+def _decoded(column: str, kind: pl.DataType | type[pl.DataType]) -> pl.Expr:
     """A stored column as it is in a view: the other way round than `_encoded`."""
-    if column == "cut":
-        return pl.col("caveats").list.contains(str(Caveat.few_features))
+    if column in _STORED:
+        return pl.col(column).list.contains(str(Caveat.few_features))
     if kind == pl.Boolean:
-        return pl.col(name).cast(pl.String).replace_strict({"yes": True, "no": False}, return_dtype=pl.Boolean)
-    return pl.col(name)
+        return pl.col(column).cast(pl.String).replace_strict({"yes": True, "no": False}, return_dtype=pl.Boolean)
+    return pl.col(column)
 
 
 _CONDITION = {"dataset": "dataset", **{name: name for name in CONDITION}}
@@ -775,5 +786,5 @@ VIEWS: Mapping[str, View] = {
 }
 """Every view by its name."""
 _SHARED = frozenset[Topic]().union(*(chosen.topics for chosen in VIEWS.values() if len(chosen.topics) > 1))
-_TOGETHER: tuple[frozenset[Topic], ...] = (_SHARED, *(frozenset({topic}) for topic in Topic if topic not in _SHARED))
+_TOGETHER: tuple[frozenset[Topic], ...] = (_SHARED, frozenset(Topic) - _SHARED)
 """Topics whose views have rows in common, and each of the others: the rows of these are made at once."""

@@ -105,6 +105,8 @@ one. why says in words what a verdict rests on or what is missing. caveats are t
 """
 _NUMBERS = tuple(name for name in RESULTS if name not in ("id", *IDENTITY, "caveats"))
 _BYTES = 6
+_AT_ONCE = 100_000
+"""Rows whose identities are written out at a time."""
 
 
 def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
@@ -113,14 +115,9 @@ def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
     `rows`: with columns of `RESULTS`, of which any but the quantity, the topic and `cut` may be missing.
     """
     kinds = {name: kind for name, kind in RESULTS.items() if name not in ("id", "caveats")} | {"cut": pl.Boolean}
-    parts = []
-    for part in rows:
-        if part.height:
-            known = part.select_seq(pl.col(name).cast(kinds[name]) for name in part.columns)
-            parts.append(known.insert_column(0, _ids(known)))
-    if not parts:
-        return pl.DataFrame(schema=dict(RESULTS))
-    table = _merged(pl.concat([pl.DataFrame(schema={"id": pl.String, **kinds}), *parts], how="diagonal"))
+    parts = [part.select_seq(pl.col(name).cast(kinds[name]) for name in part.columns) for part in rows if part.height]
+    table = pl.concat([pl.DataFrame(schema=kinds), *parts], how="diagonal")
+    table = _merged(table.insert_column(0, _ids(table)))
     return table.with_columns(caveats=_caveats()).select(list(RESULTS))
 
 
@@ -128,7 +125,7 @@ def _merged(table: pl.DataFrame) -> pl.DataFrame:
     """One row for each id, at the place of its first, whose missing cells are those of the next that has them."""
     place = table.select(place=pl.col("id").cum_count().over("id")).to_series()
     merged = table.filter(place == 1)
-    for later in range(2, int(place.max()) + 1):  # type: ignore[arg-type]
+    for later in range(2, int(place.max() or 0) + 1):  # type: ignore[arg-type]
         more = table.filter(place == later)
         filled = [name for name in (*_NUMBERS, "cut") if more[name].null_count() < more.height]
         merged = merged.join(more.select("id", *filled), on="id", how="left", suffix=" later", maintain_order="left")
@@ -137,15 +134,15 @@ def _merged(table: pl.DataFrame) -> pl.DataFrame:
     return merged
 
 
-def _ids(part: pl.DataFrame) -> pl.Series:
-    """The quantity and a checksum of the identity of each row of a part, which may lack columns."""
-    empty = pl.lit("")
-    cells = [pl.col(name).cast(pl.String).fill_null("") if name in part.columns else empty for name in IDENTITY]
-    words = part.select(name=pl.col("quantity").cast(pl.String), words=pl.concat_str(cells, separator="|"))
-    sums = (hashlib.blake2b(text.encode(), digest_size=_BYTES).hexdigest() for text in words["words"])
-    return pl.Series(
-        "id", [f"{name}-{found}" for name, found in zip(words["name"], sums, strict=True)], dtype=pl.String
-    )
+def _ids(table: pl.DataFrame) -> pl.Series:
+    """The quantity and a checksum of the identity of each row."""
+    cells = [pl.col(name).cast(pl.String).fill_null("") for name in IDENTITY]
+    parts = [pl.Series("id", [], dtype=pl.String)]
+    for some in table.iter_slices(_AT_ONCE):
+        words = some.select_seq(name=pl.col("quantity").cast(pl.String), words=pl.concat_str(cells, separator="|"))
+        sums = (hashlib.blake2b(text.encode(), digest_size=_BYTES).hexdigest() for text in words["words"])
+        parts.append(pl.Series("id", [f"{name}-{found}" for name, found in zip(words["name"], sums, strict=True)]))
+    return pl.concat(parts)
 
 
 def _caveats() -> pl.Expr:

@@ -916,22 +916,23 @@ def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame
 
 
 def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
-    """A table whose enumerations have all categories of those of `schema`, if these only have more at their end.
+    """A table of an earlier version, whose enumerations lack later categories, or whose names are strings.
 
-    Tables of earlier versions lack categories that were added later.
+    Enumerations are extended only if those of `schema` have all of their categories, and more at their end.
     """
-    found = {name: kind for name, kind in zip(table.columns, table.dtypes, strict=True) if isinstance(kind, pl.Enum)}
-    expected = {name: kind for name, kind in dict(schema).items() if name in found and isinstance(kind, pl.Enum)}
-    longer = [pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, found[name])]
-    return table.with_columns(longer) if longer else table
+    expected = {name: kind for name, kind in dict(schema).items() if name in table.columns}
+    changed = [pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, table.schema[name])]
+    return table.with_columns(changed) if changed else table
 
 
-def _continues(longer: pl.Enum, shorter: pl.Enum) -> bool:
-    """Whether an enumeration begins with the categories of another and has more."""
-    if longer == shorter:  # as in almost every table
+def _continues(new: object, old: object) -> bool:
+    """Whether an enumeration begins with the categories of another and has more, or categories replace strings."""
+    if isinstance(new, pl.Categorical):
+        return old == pl.String
+    if not (isinstance(new, pl.Enum) and isinstance(old, pl.Enum)) or new == old:  # as in almost every table
         return False
-    begins = longer.categories[: len(shorter.categories)].to_list() == shorter.categories.to_list()
-    return begins and len(longer.categories) > len(shorter.categories)
+    begins = new.categories[: len(old.categories)].to_list() == old.categories.to_list()
+    return begins and len(new.categories) > len(old.categories)
 
 
 def joined(tables: Iterable[pl.DataFrame], schema: Schema) -> pl.DataFrame:

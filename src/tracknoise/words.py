@@ -34,7 +34,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SHAPES: Mapping[str, str] = {
     Shape.gaussian: "close to Gaussian",
     Shape.heavy_tailed: "heavy-tailed",
-    Shape.contaminated: "contaminated (as if some came from a wider Gaussian)",
+    Shape.contaminated: "contaminated",
     Shape.light_tailed: "light-tailed",
     Shape.skewed: "skewed",
     Shape.undecided: "of undecided shape",
@@ -248,6 +248,11 @@ def format_estimate(estimate: Estimate) -> str:
     return format_as(estimate, _WRITTEN.get(estimate.unit, number), unit=unit)
 
 
+def bounds_text(estimate: Estimate) -> str:
+    """Write the interval of an estimate as `format_estimate` does, without brackets; empty where there is none."""
+    return _bounds(estimate, _WRITTEN.get(estimate.unit, number))
+
+
 def format_as(estimate: Estimate, write: Write, *, unit: str = "") -> str:
     """The same with numbers written in a given way.
 
@@ -260,14 +265,18 @@ def format_as(estimate: Estimate, write: Write, *, unit: str = "") -> str:
     unit
         What follows the value.
     """
-    text = f"{write(estimate.value)}{unit}"
+    bounds = _bounds(estimate, write)
+    return f"{write(estimate.value)}{unit}{f' ({bounds})' if bounds else ''}"
+
+
+def _bounds(estimate: Estimate, write: Write) -> str:
     if estimate.low is None and estimate.high is None:
-        return text
+        return ""
     if estimate.low is None:
-        return f"{text} (up to {write(estimate.high)})"
+        return f"up to {write(estimate.high)}"
     if estimate.high is None:
-        return f"{text} ({write(estimate.low)} or more)"
-    return f"{text} ({write(estimate.low)} to {write(estimate.high)})"
+        return f"{write(estimate.low)} or more"
+    return f"{write(estimate.low)} to {write(estimate.high)}"
 
 
 def _unit(estimate: Estimate) -> str:

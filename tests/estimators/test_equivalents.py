@@ -12,7 +12,7 @@ from tests.estimators.simulated_tracks import units
 from tracknoise.estimators.components import fit_components
 from tracknoise.estimators.equivalents import Gates, equivalents, gates
 from tracknoise.estimators.fit import equivalents_of
-from tracknoise.estimators.linear_window import LinearTracks, true_covariances
+from tracknoise.estimators.linear_window import LinearTracks, TrackGates, true_covariances
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.training import training_tables, windows

@@ -4,7 +4,7 @@ import pytest
 
 from tracknoise.estimators.lookup_table import NoiseTable, noise_lookup, scene_sums
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups
-from tracknoise.phrases.noise_headlines import lookup_sentences
+from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.noise_cells import noise_table_sentences
 from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.findings_schema import NOISE_LOOKUP

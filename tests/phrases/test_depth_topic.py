@@ -2,8 +2,8 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.phrases.depth_topic import depths
 from tracknoise.phrases.headline import Headline, ReportedConditions
-from tracknoise.phrases.noise_headlines import depths
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS

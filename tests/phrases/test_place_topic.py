@@ -3,8 +3,8 @@
 import polars as pl
 import pytest
 
+from tracknoise.phrases.edge_topic import depth_edges
 from tracknoise.phrases.headline import ReportedConditions
-from tracknoise.phrases.truth_headlines import depth_edges
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.findings_schema import SURROUNDING_ERRORS
 from tracknoise.tables.schema import SUMMARY, empty

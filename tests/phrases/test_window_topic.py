@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from tracknoise.phrases.headline import Headline, ReportedConditions
-from tracknoise.phrases.noise_headlines import estimator_noise
+from tracknoise.phrases.window_topic import estimator_noise
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import WINDOW_SIGMAS

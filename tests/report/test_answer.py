@@ -16,10 +16,10 @@ from tests.report.synthetic import DEGENERATE
 from tests.report.test_truth_section import with_floor
 
 from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.answer_summary import Card, Measure, Number, Summary, summary_json, summary_schema
+from tracknoise.phrases.measures import card_number as plain_number
 from tracknoise.report import small_plots
 from tracknoise.report.answer import certainty, summarise
-from tracknoise.report.answer_summary import Card, Measure, Number, Summary, summary_json, summary_schema
-from tracknoise.report.card_rows import card_number as plain_number
 from tracknoise.report.contents import PARTS
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.page import write_report
@@ -367,7 +367,7 @@ def test_the_file_keeps_to_its_schema(data: ReportData, run: RunFolder) -> None:
 
 def test_the_schema_is_documented() -> None:
     assert json.loads(SCHEMA.read_text(encoding="utf-8")) == summary_schema(), (
-        "renew it: python -c 'import json; from tracknoise.report.answer_summary import summary_schema; "
+        "renew it: python -c 'import json; from tracknoise.phrases.answer_summary import summary_schema; "
         "print(json.dumps(summary_schema(), indent=1))' > docs/report-summary.schema.json"
     )
 

@@ -1,6 +1,6 @@
 import pytest
 
-from tracknoise.report.bands import AGE, FRAME
+from tracknoise.phrases.bands import AGE, FRAME
 from tracknoise.statistics.definitions import NAMES
 
 

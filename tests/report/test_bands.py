@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.report import bands
+from tracknoise.phrases import bands
 from tracknoise.report.figures import error_curves, levels, track_ends
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData

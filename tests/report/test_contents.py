@@ -9,7 +9,7 @@ import pytest
 
 import tracknoise
 from tracknoise.exceptions import StoreError
-from tracknoise.report.answer_summary import SUMMARY
+from tracknoise.phrases.answer_summary import SUMMARY
 from tracknoise.report.contents import CONTENTS, FORMAT, Section, contents_json, read_contents
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.page import write_report

@@ -5,10 +5,10 @@ import dataclasses
 import polars as pl
 import pytest
 
+from tracknoise.phrases.depth_topic import depth_sentence, depth_shares
 from tracknoise.report.answer import summarise
 from tracknoise.report.figures import noise_models
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.noise_cells import depth_sentence, depth_shares
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 

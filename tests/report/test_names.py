@@ -1,6 +1,6 @@
 import pytest
 
-from tracknoise.report.names import by_statement, together
+from tracknoise.phrases.names import by_statement, together
 from tracknoise.tables.identity import identifiers
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.report import headline_conditions
+from tracknoise.phrases import trimming_topic
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import percent
@@ -17,7 +17,7 @@ def test_where_most_tracks_were_seen_once_next_to_nothing_is_kept_of_the_others(
     make_run: Callable[..., RunFolder],
 ) -> None:
     run = make_run(**MOSTLY_SEEN_ONCE)
-    ((place, sentence),) = headline_conditions.cut_at_zero(ReportData.of(run))
+    ((place, sentence),) = trimming_topic.cut_at_zero(ReportData.of(run))
     tracks = pl.concat(run.sequence_tables("tracks"))
     once = int((tracks["lifetime"] == 1).sum())
     assert place == "one at speed 1"
@@ -29,8 +29,8 @@ def test_where_most_tracks_were_seen_once_next_to_nothing_is_kept_of_the_others(
 
 def test_where_the_percentile_is_of_the_others_all_is_well(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(**MOSTLY_SEEN_ONCE, trim_among="followed")
-    assert headline_conditions.cut_at_zero(ReportData.of(run)) == []
-    assert headline_conditions.percentile_of(ReportData.of(run)) == (
+    assert trimming_topic.cut_at_zero(ReportData.of(run)) == []
+    assert trimming_topic.percentile_of(ReportData.of(run)) == (
         "those tracks of the same scene and condition that were followed beyond their first frame"
     )
     followed = pl.concat(run.sequence_tables("tracks")).filter(pl.col("lifetime") > 1)
@@ -38,23 +38,23 @@ def test_where_the_percentile_is_of_the_others_all_is_well(make_run: Callable[..
 
 
 def test_where_most_tracks_go_on_there_is_nothing_to_say(run: RunFolder) -> None:
-    assert headline_conditions.cut_at_zero(ReportData.of(run)) == []
-    assert headline_conditions.percentile_of(ReportData.of(run)) == "all tracks of the same scene and condition"
+    assert trimming_topic.cut_at_zero(ReportData.of(run)) == []
+    assert trimming_topic.percentile_of(ReportData.of(run)) == "all tracks of the same scene and condition"
 
 
 def test_scenes_in_which_it_is_so_are_counted(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("once", "on"), trackers=("one",), speeds=(1,), n_frames=12, hidden=0.0, percentile=15.0)
     trims = run.statistics("trims").with_columns(share=100 * pl.col("n_anchor_only") / pl.col("n_measured"))
     decided = trims.filter(pl.col("share") >= pl.col("percentile"))
-    ((_, sentence),) = headline_conditions.cut_at_zero(ReportData.of(run))
+    ((_, sentence),) = trimming_topic.cut_at_zero(ReportData.of(run))
     assert f"This affects {decided.height} of 2 scenes." in sentence
 
 
 def test_many_such_conditions_are_told_together(make_run: Callable[..., RunFolder]) -> None:
     settings = MOSTLY_SEEN_ONCE | {"scenes": ("only",), "trackers": ("one", "two"), "speeds": (1, 2, 4)}
-    ((place, _),) = headline_conditions.cut_at_zero(ReportData.of(make_run(**settings)))
+    ((place, _),) = trimming_topic.cut_at_zero(ReportData.of(make_run(**settings)))
     assert place == "one at speed 1, one at speed 2, one at speed 4 and 3 others"
 
 
 def test_nothing_trimmed_needs_no_word(make_run: Callable[..., RunFolder]) -> None:
-    assert headline_conditions.cut_at_zero(ReportData.of(make_run(**MOSTLY_SEEN_ONCE, percentile=None))) == []
+    assert trimming_topic.cut_at_zero(ReportData.of(make_run(**MOSTLY_SEEN_ONCE, percentile=None))) == []

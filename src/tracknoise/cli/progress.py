@@ -19,7 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from tracknoise.report.names import together
+from tracknoise.phrases.names import together
 from tracknoise.tables.identity import readable
 from tracknoise.text import counted, printable
 

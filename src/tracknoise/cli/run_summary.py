@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from tracknoise.cli.text_table import aligned
+from tracknoise.phrases.names import by_statement, together
 from tracknoise.report.measured import mixed_kernels
-from tracknoise.report.names import by_statement, together
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import FittedMeasure, Trimming

@@ -34,7 +34,7 @@ from tracknoise.experiments.settings import dotted
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.units import MIN_SCENES
-from tracknoise.phrases.noise_headlines import LONGEST_WINDOW
+from tracknoise.phrases.window_topic import LONGEST_WINDOW
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, TablesByCondition, by_condition

@@ -24,8 +24,8 @@ import polars as pl
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.multiple_tests import chosen_among
 from tracknoise.inference.units import MIN_WITHIN, Resampled
+from tracknoise.phrases.bands import of_scalar
 from tracknoise.report import paper
-from tracknoise.report.bands import of_scalar
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import NAMES, POOLED

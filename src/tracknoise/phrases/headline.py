@@ -4,9 +4,9 @@
 - Which conditions of a run headlines are about, and their numbers with intervals.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import polars as pl
 
@@ -31,8 +31,26 @@ from tracknoise.words import (
 
 RunTables: TypeAlias = Mapping[str, pl.DataFrame]
 """RunTables of a run, by their names."""
-Part: TypeAlias = tuple[str, list[Estimate]]
-"""One or several sentences about one tracker, and the numbers in them."""
+
+
+class Part(NamedTuple):
+    """What is said about one tracker.
+
+    Attributes
+    ----------
+    text
+        One or several sentences.
+    estimates
+        The numbers in them.
+    brief
+        The same in one sentence; empty where there is none.
+    """
+
+    text: str
+    estimates: list[Estimate]
+    brief: str = ""
+
+
 MOST_TRACKERS = 4
 """Of more trackers than this the headlines name only the first."""
 
@@ -117,14 +135,29 @@ def by_tracker(
         return None
     named = dict(list(described.items())[:MOST_TRACKERS])
     more = len(described) - len(named)
-    sentences = [opening, *(text for text, _ in named.values())]
+    sentences = [opening, *(part.text for part in named.values())]
     sentences += [f"The table has {count(more, 'other tracker')}."] if more else []
-    estimates = [estimate for _, found in named.values() for estimate in found]
     text = " ".join(filter(None, [*sentences, closing]))
-    parts = tuple(TrackerPart(tracker, words, ids_of(found)) for tracker, (words, found) in described.items())
+    parts = tuple(TrackerPart(tracker, part.text, ids_of(part.estimates)) for tracker, part in described.items())
     return Headline(
-        topic, text, figure, table, leading(estimates), opening=opening, closing=closing.strip(), parts=parts
+        topic,
+        text,
+        figure,
+        table,
+        leading([estimate for part in named.values() for estimate in part.estimates]),
+        brief=brief_of(named.values()),
+        opening=opening,
+        closing=closing.strip(),
+        parts=parts,
     )
+
+
+def brief_of(parts: Iterable[Part]) -> str:
+    """The short sentence of the part that has the leading number, or of the first where none has numbers; or empty."""
+    known = [part for part in parts if part.brief]
+    number = leading([estimate for part in known for estimate in part.estimates])
+    leaders = (part for part in known if number is None or any(one is number for one in part.estimates))
+    return next((part.brief for part in leaders), "")
 
 
 def leading(estimates: Sequence[Estimate]) -> Estimate | None:

@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 import polars.selectors as cs
 
-from tracknoise.report.bands import BOUNDS, of_scalar
+from tracknoise.phrases.bands import BOUNDS, of_scalar
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import VIEW
 

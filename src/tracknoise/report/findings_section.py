@@ -5,10 +5,9 @@ from typing import Any
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.error_headlines import first
 from tracknoise.phrases.headline import ReportedConditions, curve_bounds, scalar_bounds, scale_estimate
+from tracknoise.phrases.measures import first, reported_conditions
 from tracknoise.report.cells import Cells
-from tracknoise.report.headline_conditions import reported_conditions
 from tracknoise.report.report_data import ReportData
 from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estimate, number
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.report.bands import FRAME
+from tracknoise.phrases.bands import FRAME
+from tracknoise.phrases.names import MOST_NAMED, by_statement, condition_name, together
+from tracknoise.phrases.run_data import MOST_CONDITIONS
 from tracknoise.report.cells import Cells, cells
-from tracknoise.report.names import MOST_NAMED, by_statement, condition_name, together
-from tracknoise.report.report_data import MOST_CONDITIONS, ReportData
+from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.prepared import POPULATIONS
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.identity import readable

@@ -8,49 +8,15 @@
 import math
 from typing import Any
 
-import polars as pl
-
 from tracknoise.estimators.calibration import Calibration
 from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
 from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.phrases.noise_headlines import LEAST_WINDOWS, LONGEST_WINDOW, lookup_sentences
+from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
-from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Product
 from tracknoise.text import counted, significant
-from tracknoise.words import DASH, SPACE, number, percent, ratio, thousandths
-
-LEVELS = {f"coverage_{level}": level for level in (50, 90, 95, 99)}
-"""Levels of the claimed intervals, %, by the names of their quantities."""
-
-
-def depth_shares(data: ReportData) -> pl.DataFrame:
-    """Shares at the lowest speed, of the longest window of each tracker that has enough tracks.
-
-    Returns: columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at
-    (the level of the claimed interval, %).
-    """
-    wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= LONGEST_WINDOW)
-    rows = data.nominal(data.depth_intervals).filter(wanted, trimming=data.trimming)
-    enough = rows.filter(pl.col("n").min().over("tracker", "window") >= LEAST_WINDOWS)
-    longest = enough.filter(pl.col("window") == pl.col("window").max().over("tracker"))
-    levels = pl.col("quantity").replace_strict(LEVELS, return_dtype=pl.Int64)
-    return longest.with_columns(pl.col("value", "low", "high") * 100.0, at=levels)
-
-
-def depth_sentence(data: ReportData, tracker: str) -> str:
-    """What 95 % intervals of depths hold with the sigma of residuals and with the consistent one; empty if unknown."""
-    rows = depth_shares(data).filter(tracker=tracker, at=95)
-    held = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
-    if not {"residual sigma", "consistent sigma"} <= set(held):
-        return ""
-    residual, consistent = held["residual sigma"], held["consistent sigma"]
-    return (
-        f"{tracker}: 95{SPACE}% depth intervals hold {residual} of the true depths with the sigma of residuals, and "
-        f"{consistent} with the one to set."
-    )
-
+from tracknoise.words import DASH, number, percent, ratio, thousandths
 
 _COMPONENTS = {
     "first": ("first position (A)", "px"),

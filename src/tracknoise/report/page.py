@@ -8,13 +8,14 @@ from typing import Any
 from tracknoise.atomic import replaced_folder
 from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import StoreError, UnknownNameError
+from tracknoise.phrases import trimming_topic
+from tracknoise.phrases.answer_summary import SUMMARY, Summary, summary_json
 from tracknoise.report import (
     estimator_exports,
     explorer,
     factor_section,
     figure_files,
     findings_section,
-    headline_conditions,
     looks,
     measured,
     small_plots,
@@ -23,7 +24,6 @@ from tracknoise.report import (
 )
 from tracknoise.report.annotated_frame import annotated_frame
 from tracknoise.report.answer import summarise
-from tracknoise.report.answer_summary import SUMMARY, Summary, summary_json
 from tracknoise.report.contents import CONTENTS, Part, Section, contents_json, parts
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.figures.figure import Figure, require_distinct
@@ -36,7 +36,7 @@ from tracknoise.tables.store import RunFolder
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = figure_files.FORMATS) -> Path:
     """Write the folder ``report/`` of a run. An earlier report is replaced when the new one is complete.
 
-    The folder has ``index.html``, ``summary.json`` (see `tracknoise.report.answer_summary`), ``contents.json`` (see
+    The folder has ``index.html``, ``summary.json`` (see `tracknoise.phrases.answer_summary`), ``contents.json`` (see
     `tracknoise.report.contents`), ``figures/`` and ``tables/``.
 
     Parameters
@@ -137,7 +137,7 @@ def _page(
         measured=measured,
         factor_effects=factor_section,
         findings_section=findings_section,
-        trimmed=headline_conditions,
+        trimmed=trimming_topic,
         truth_section=truth_section,
         exports=table_files.EXPORTS,
         noise_exports=estimator_exports.exports(fits.models, missing=fits.missing, paths=fits.paths),

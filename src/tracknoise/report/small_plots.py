@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import polars as pl
 from markupsafe import Markup, escape
 
-from tracknoise.report.answer_summary import Card, Measure, Number
+from tracknoise.phrases.answer_summary import Card, Measure, Number
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import printable
 

@@ -9,7 +9,7 @@ from itertools import groupby
 
 import polars as pl
 
-from tracknoise.report.bands import Axis
+from tracknoise.phrases.bands import Axis
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE

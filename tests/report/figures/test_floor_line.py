@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from tracknoise.cli.run_summary import summary_text
-from tracknoise.report.bands import upright_bounds
+from tracknoise.phrases.bands import upright_bounds
 from tracknoise.report.figures import error_curves
 from tracknoise.report.figures.curve_panels import NAME
 from tracknoise.report.figures.figure import Figure

@@ -9,11 +9,11 @@ import pytest
 from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 
+from tracknoise.phrases.growth_topic import growth_message
 from tracknoise.report.figures import error_curves, frames, growth_curves, levels, noise_models, track_ends
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.figures.messages import MOST_NUMBERS, MOST_WORDS
-from tracknoise.report.headline_conditions import growth_message
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.store import RunFolder

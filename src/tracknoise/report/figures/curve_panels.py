@@ -13,8 +13,9 @@ import altair as alt
 import polars as pl
 
 from tracknoise.analysis.truth_shares import SIGMAS
-from tracknoise.report import bands, style
-from tracknoise.report.bands import AGE, BOUNDS, FRAME, Axis
+from tracknoise.phrases import bands
+from tracknoise.phrases.bands import AGE, BOUNDS, FRAME, Axis
+from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.panels import Panel, Spec, arranged, layered
 from tracknoise.statistics.definitions import REFERENCE_AGE

@@ -12,8 +12,8 @@ import altair as alt
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.bands import AGE, FRAME, NU
 from tracknoise.report import style
-from tracknoise.report.bands import AGE, FRAME, NU
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure

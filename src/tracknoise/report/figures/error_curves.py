@@ -12,14 +12,14 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
+from tracknoise.phrases.bands import AGE, FRAME, Axis
+from tracknoise.phrases.growth_topic import growth_message
 from tracknoise.report import style
-from tracknoise.report.bands import AGE, FRAME, Axis
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.curve_panels import HEIGHT, Reading, Series, describe_bands, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.messages import apart, trackers, values
 from tracknoise.report.figures.panels import Panel, arranged, layered
-from tracknoise.report.headline_conditions import growth_message
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LEAST_MOTION_PX, LONG_LIVED_AGES, REFERENCE_AGE
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from tracknoise.analysis.curve_intervals import AUTOCORRELATION
 from tracknoise.inference.estimates import Estimate
-from tracknoise.report import bands, style
-from tracknoise.report.bands import BOUNDS
+from tracknoise.phrases import bands
+from tracknoise.phrases.bands import BOUNDS
+from tracknoise.phrases.growth_topic import behaviour
+from tracknoise.report import style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.panels import COORDINATES, Panel, arranged, layered
-from tracknoise.report.headline_conditions import behaviour
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LAGS, NAMES, REFERENCE_AGE
 from tracknoise.tables.enumerations import Aspect

@@ -14,8 +14,8 @@ from itertools import product
 import altair as alt
 import polars as pl
 
+from tracknoise.phrases.bands import upright_bounds
 from tracknoise.report import style
-from tracknoise.report.bands import upright_bounds
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.curve_panels import HEIGHT, MANY, Reading, Series, describe_bands, grid, readings, when
 from tracknoise.report.figures.figure import Absence, Figure

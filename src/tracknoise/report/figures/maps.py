@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.bands import describe_intervals
 from tracknoise.report import style
-from tracknoise.report.bands import describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.messages import surroundings_message, values

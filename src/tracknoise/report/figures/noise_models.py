@@ -16,13 +16,13 @@ from tracknoise.estimators.calibration import Calibration, fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.inference.conventions import LEVEL
+from tracknoise.phrases.bands import describe_intervals
+from tracknoise.phrases.depth_topic import LEVELS, depth_shares
+from tracknoise.phrases.window_topic import estimator_sentence, sigma_message
 from tracknoise.report import style
-from tracknoise.report.bands import describe_intervals
-from tracknoise.report.card_rows import estimator_sentence, sigma_message
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.panels import Panel, arranged, layered, lined
-from tracknoise.report.noise_cells import LEVELS, depth_shares
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import significant
 from tracknoise.words import SPACE, interval_text, number, sentence_case

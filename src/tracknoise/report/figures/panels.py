@@ -12,8 +12,8 @@ from typing import Any, Self, TypeAlias
 import altair as alt
 import polars as pl
 
+from tracknoise.phrases.bands import BOUNDS
 from tracknoise.report import style
-from tracknoise.report.bands import BOUNDS
 from tracknoise.report.figures import marks
 
 Spec: TypeAlias = dict[str, Any]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.report.bands import AGE, describe_intervals
+from tracknoise.phrases.bands import AGE, describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.error_curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure

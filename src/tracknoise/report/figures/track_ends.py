@@ -12,8 +12,8 @@ from typing import Any
 import altair as alt
 import polars as pl
 
+from tracknoise.phrases.bands import FRAME, describe_intervals, of_scalar
 from tracknoise.report import style
-from tracknoise.report.bands import FRAME, describe_intervals, of_scalar
 from tracknoise.report.figures import light_sweeps, marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.messages import effect, trackers, values

@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.report import bands, style
-from tracknoise.report.bands import describe_intervals
+from tracknoise.phrases import bands
+from tracknoise.phrases.bands import describe_intervals
+from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.figures.messages import values

@@ -38,7 +38,7 @@ def _ratios_of(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str)
         f"{conditions.opening_place(row['at'])}, {_within(name).format(value=text, tracker=tracker)}"
         for (name, row), text in zip(own, map(format_estimate, estimates), strict=True)
     ]
-    return (" ".join(sentences), estimates) if own else None
+    return Part(" ".join(sentences), estimates) if own else None
 
 
 def _within(name: str) -> str:

@@ -1,0 +1,82 @@
+"""How many claimed intervals of depth hold the true one, in scenes that were left out."""
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
+from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
+from tracknoise.words import SPACE, format_as, px
+
+_RESIDUAL, _CONSISTENT, _WHOLE = "residual sigma", "consistent sigma", "whole tracks"
+
+
+def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """How many 95 % intervals of depths hold the true depth, with the noise that residuals suggest, and with others."""
+    shares = tables["depth_intervals"].filter(quantity="coverage_95", trimming=conditions.trimming)
+    errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
+    brackets = in_brackets(conditions.reported(shares))
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _depths_of(conditions.of(shares, tracker), tracker),
+        opening=f"Depth intervals {conditions.where(tables['summary'])}{errors}.",
+        closing=f"The noise was learned from other scenes than it was tried on.{brackets}",
+        topic="depth",
+        figure="estimator",
+        table="depth_intervals",
+    )
+
+
+def _depths_of(shares: pl.DataFrame, tracker: str) -> Part | None:
+    enough = shares.filter(pl.col("window") <= LONGEST_WINDOW, pl.col("n") >= LEAST_WINDOWS, covariance=_RESIDUAL)
+    if enough.is_empty():
+        return None
+    own = shares.filter(pl.col("window") == enough["window"].max())
+    rows = {row["covariance"]: row for row in own.to_dicts()}
+    found = {name: Estimate.of_row(row, "value", "low", "high", "share") for name, row in rows.items()}
+    length = own["window"][0]
+    sentences = [
+        f"{tracker}: with the sigma that residuals suggest, the 95{SPACE}% depth intervals of windows of {length} "
+        f"frames hold {_share(found[_RESIDUAL])} of the true depths."
+    ]
+    if _CONSISTENT in found:
+        sentences.append(f"With {px(rows[_CONSISTENT]['sigma_px'])} they hold {_share(found[_CONSISTENT])}.")
+    if _WHOLE in found:
+        sentences.append(f"With the covariance of whole tracks they hold {_share(found[_WHOLE])}.")
+    stated = [found[name] for name in (_RESIDUAL, _CONSISTENT, _WHOLE) if name in found]
+    return Part(" ".join(sentences), stated)
+
+
+def _share(estimate: Estimate) -> str:
+    return format_as(estimate, lambda value: f"{100.0 * (value or 0.0):.0f}", unit=f"{SPACE}%")
+
+
+LEVELS = {f"coverage_{level}": level for level in (50, 90, 95, 99)}
+"""Levels of the claimed intervals, %, by the names of their quantities."""
+
+
+def depth_shares(data: RunData) -> pl.DataFrame:
+    """Shares at the lowest speed, of the longest window of each tracker that has enough tracks.
+
+    Returns: columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at
+    (the level of the claimed interval, %).
+    """
+    wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= LONGEST_WINDOW)
+    rows = data.nominal(data.depth_intervals).filter(wanted, trimming=data.trimming)
+    enough = rows.filter(pl.col("n").min().over("tracker", "window") >= LEAST_WINDOWS)
+    longest = enough.filter(pl.col("window") == pl.col("window").max().over("tracker"))
+    levels = pl.col("quantity").replace_strict(LEVELS, return_dtype=pl.Int64)
+    return longest.with_columns(pl.col("value", "low", "high") * 100.0, at=levels)
+
+
+def depth_sentence(data: RunData, tracker: str) -> str:
+    """What 95 % intervals of depths hold with the sigma of residuals and with the consistent one; empty if unknown."""
+    rows = depth_shares(data).filter(tracker=tracker, at=95)
+    held = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
+    if not {"residual sigma", "consistent sigma"} <= set(held):
+        return ""
+    residual, consistent = held["residual sigma"], held["consistent sigma"]
+    return (
+        f"{tracker}: 95{SPACE}% depth intervals hold {residual} of the true depths with the sigma of residuals, and "
+        f"{consistent} with the one to set."
+    )

@@ -1,0 +1,244 @@
+"""Which factors have an effect, which have none, and which tracker is more accurate."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from tracknoise.analysis.factors import ROLES
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.answer_summary import Answer, Judgement, Measure
+from tracknoise.phrases.headline import (
+    Headline,
+    ReportedConditions,
+    RunTables,
+    TrackerPart,
+    ids_of,
+    leading,
+)
+from tracknoise.phrases.measures import answer
+from tracknoise.phrases.run_data import RunData
+from tracknoise.statistics.yardstick import FACTORS
+from tracknoise.tables.enumerations import Verdict
+from tracknoise.words import (
+    STATISTICS,
+    bounded_text,
+    count,
+    difference_sentence,
+    factor_name,
+    listing,
+    ratio,
+    sentence_case,
+)
+
+_MOST_NAMED = 3
+
+
+def asked(dependence: pl.DataFrame, conditions: ReportedConditions) -> pl.DataFrame:
+    """The questions that the headline is about: of each factor that was varied, at the lowest speed.
+
+    Returns rows of `dependence` with a column `role`, in the order of the factors, trackers and statistics. Options of
+    trackers follow the other factors. Trackers that differ in one option alone are compared by that option only.
+    """
+    nominal = pl.col("speed").is_null() | (pl.col("speed") == conditions.reference.speed)
+    known = pl.col("statistic").is_in(list(ROLES))
+    rows = dependence.filter(nominal, known, pl.col("n_levels") > 1)
+    rows = _without_repeated(rows)
+    options = [name for name in rows["factor"].unique(maintain_order=True) if name not in FACTORS]
+    orders = {"factor": [*FACTORS, *options], "tracker": [*conditions.trackers], "role": list(STATISTICS)}
+    rows = rows.with_columns_seq(role=pl.col("statistic").replace_strict(ROLES, return_dtype=pl.String))
+    places = [
+        pl.col(name).replace_strict(order, range(len(order)), default=-1, return_dtype=pl.Int64)
+        for name, order in orders.items()
+    ]
+    return rows.sort(*places, maintain_order=True)
+
+
+def _without_repeated(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows without those about trackers that are all compared by one option, or whose largest effect is an option's."""
+    of_options = rows.filter(~pl.col("factor").is_in([*FACTORS]))
+    of_trackers = rows.filter(pl.col("factor") == "tracker")
+    known = of_trackers.join(of_options, on="n_levels", how="anti", maintain_order="left")
+    new = known.join(of_options, on=["dataset", "statistic", "effect"], how="anti", maintain_order="left")
+    return pl.concat([new, rows.filter(pl.col("factor") != "tracker")])
+
+
+def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """How many effects of factors exceed the margin, the clearest of these, and the smallest of the others."""
+    rows = asked(tables["dependence"], conditions)
+    if rows.is_empty():
+        return None
+    counts = [f"{n} {verdict}" for verdict in Verdict if (n := rows.filter(verdict=verdict).height)]
+    yes, no = _clearest(rows, Verdict.yes, "low")[::-1][:_MOST_NAMED], _clearest(rows, Verdict.no, "most")[:_MOST_NAMED]
+    opening = [
+        f"Verdicts on whether {listing(_names(rows), joint='or')} changes a statistic: {listing(counts)}.",
+        *_margins(rows),
+        f"Factors other than speed are compared at speed {conditions.reference.speed}.",
+    ]
+    parts = [
+        TrackerPart(row["tracker"], f"{sentence_case(difference_sentence(row, row['role']))}.", ids_of(_effects([row])))
+        for row in yes
+    ]
+    if no:
+        smallest = f"Smallest effects: {'; '.join(bounded_text(row, row['role']) for row in no)}."
+        parts.append(TrackerPart(None, smallest, ids_of(_effects(no))))
+    closing = [] if yes or no else _undecided(rows)
+    text = " ".join([*opening, *(part.text for part in parts), *closing])
+    return Headline(
+        "factors",
+        text,
+        "factor-effects",
+        "dependence",
+        leading(_effects(yes or no)),
+        opening=" ".join(opening),
+        closing=" ".join(closing),
+        parts=tuple(parts),
+    )
+
+
+def _effects(rows: Sequence[Mapping[str, Any]]) -> list[Estimate]:
+    return [Estimate.of_row(row, "effect", "low", "high", row["unit"]) for row in rows]
+
+
+def _names(rows: pl.DataFrame) -> Sequence[str]:
+    names: list[str] = rows["factor"].unique(maintain_order=True).to_list()
+    return [f"the {factor_name(name)}" for name in names]
+
+
+def _margins(rows: pl.DataFrame) -> list[str]:
+    """The margins, in words."""
+    ratios = rows.filter(unit="ratio")["margin"].drop_nulls().to_list()
+    return [f"The margin is a ratio of {ratio(ratios[0])}."] if ratios else []
+
+
+def _clearest(rows: pl.DataFrame, verdict: Verdict, bound: str) -> list[dict[str, Any]]:
+    """Rows with a verdict, from the one whose bound is the smallest relative to its margin."""
+    return sorted(rows.filter(verdict=verdict).to_dicts(), key=lambda row: _excess(row, bound))
+
+
+def _excess(row: Mapping[str, Any], column: str) -> float:
+    """A size relative to the margin, on the scale of its interval."""
+    scale = float if row["unit"] == "px" else math.log
+    return scale(row[column]) / scale(row["margin"])
+
+
+def _undecided(rows: pl.DataFrame) -> list[str]:
+    """Why all answers are undecided, in the words of the table, and the largest effect that was measured."""
+    reasons = rows["why"].drop_nulls().unique(maintain_order=True).to_list()
+    known = sorted(rows.drop_nulls("effect").to_dicts(), key=lambda row: -_excess(row, "effect"))[:1]
+    sentences = [f"Reason: {reasons[0]}."] if len(reasons) == 1 else []
+    largest = [
+        f"Largest measured effect, which may be chance: {difference_sentence(row, row['role'])}." for row in known
+    ]
+    return [*sentences, *largest]
+
+
+_SECTION = "factor-effects"
+
+
+_QUESTION = "shown"
+
+
+def compared(data: RunData, role: str) -> dict[str, Any] | None:
+    """Row of the comparison of trackers at the lowest speed by one statistic; None where there is none."""
+    names = [name for name, of in ROLES.items() if of == role]
+    rows = data.dependence.filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor="tracker")
+    rows = rows.filter(pl.col("speed").is_null() | (pl.col("speed") == data.slowest))
+    return rows.row(0, named=True) if rows.height else None
+
+
+def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None:
+    """Whether a tracker is the best by a statistic; None where trackers are not compared.
+
+    The comparison is of the two trackers that differ most. Of others it is not known. Nor is it where they differ at a
+    single age (or frame) only.
+    """
+    row = compared(data, role)
+    if row is None:
+        return None
+    if row["verdict"] != Verdict.yes or row["better"] is None or row["at"] is not None:
+        return answer(question, Verdict.undecided, wished=Verdict.yes)
+    pair = {row["level_a"], row["level_b"]}
+    if tracker in pair - {row["better"]}:
+        return answer(question, Verdict.no, wished=Verdict.yes)
+    only_two = row["n_levels"] == len(pair)
+    return answer(question, Verdict.yes if only_two else Verdict.undecided, wished=Verdict.yes)
+
+
+def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
+    """Which tracker is more accurate, and by how much."""
+    row = compared(data, "core")
+    if len(data.trackers) < 2:
+        return _alone(errors)
+    if row is None or row["effect"] is None:
+        return _unproven(data, errors)
+    verdict = Verdict(row["verdict"]) if row["at"] is None else Verdict.undecided
+    text = _sentence(data, row, verdict) if row["at"] is None else _at_one_place(data, row)
+    return Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), text, _SECTION)
+
+
+def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
+    """The verdict on all ages (or frames) that both trackers have, and both coordinates, together."""
+    pair = [row["level_a"], row["level_b"]]
+    bounds = "" if row["low"] is None else f" ({ratio(row['low'])} to {ratio(row['high'])})"
+    size, everywhere = f"{ratio(row['effect'])} times", f"over shared {data.axis.name}s"
+    if verdict == Verdict.yes and row["better"] in pair:
+        worse = pair[1 - pair.index(row["better"])]
+        than = f" than {worse}" if row["n_levels"] > len(pair) else ""
+        core = f"the core error of {worse} is {size} as large{bounds}"
+        return f"{row['better']} is more accurate{than}: {core} {everywhere}."
+    if verdict == Verdict.no:
+        return f"{pair[0]} and {pair[1]} are equally accurate: core errors differ by less than {_margin(row)}."
+    core = f"the core error of {row['larger'] or pair[0]} is {size} that of {_smaller(row)}{bounds}"
+    return f"It is undecided which is more accurate: {core} {everywhere}."
+
+
+def _at_one_place(data: RunData, row: dict[str, Any]) -> str:
+    """Where the trackers differ most clearly, if only a single age (or frame) and coordinate shows it."""
+    bound = "" if row["low"] is None else f" ({ratio(row['low'])} or more)"
+    where = f"in {row['coordinate']} {data.axis.place(row['at'])}"
+    core = (
+        f"the core error of {row['larger'] or row['level_a']} is {ratio(row['effect'])} times that of {_smaller(row)}"
+    )
+    return f"Undecided overall; {where}, {core}{bound}."
+
+
+def _smaller(row: dict[str, Any]) -> str:
+    """The tracker with the smaller error."""
+    return str(row["level_b"] if row["larger"] in (None, row["level_a"]) else row["level_a"])
+
+
+def _margin(row: dict[str, Any]) -> str:
+    return f"a factor of {ratio(row['margin'])}"
+
+
+def _alone(errors: dict[str, Measure | None]) -> Judgement:
+    """One tracker has nothing to be compared with: its error is the answer."""
+    found = [measure for measure in errors.values() if measure is not None]
+    text = found[0].sentence if found else "No error could be measured."
+    return Judgement(answer("measured", Verdict.yes if found else Verdict.no, wished=Verdict.yes), text, "findings")
+
+
+def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
+    """No comparison: errors of these scenes, without a claim about others."""
+    sizes = {name: one.number.value for name, one in errors.items() if one is not None and one.number.value}
+    undecided = answer(_QUESTION, Verdict.undecided, wished=Verdict.yes)
+    if len(sizes) < 2:
+        return Judgement(undecided, "Too few trackers have a measured error to compare them.", _SECTION)
+    scenes = count(len({entry.sequence.scene for entry in data.sequences.values()}), "scene")
+    if data.nominal(data.summary).filter(pl.col("tracker").is_in(list(sizes)))["at"].n_unique() > 1:
+        text = f"Undecided from {scenes}: the errors are not known at the same {data.axis.name}."
+        return Judgement(undecided, text, _SECTION)
+    low, high = min(sizes, key=lambda name: sizes[name] or 0.0), max(sizes, key=lambda name: sizes[name] or 0.0)
+    times = ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))
+    text = f"Undecided from {scenes}; there, the error of {high} is {times} times as large as that of {low}."
+    return Judgement(undecided, text, _SECTION)
+
+
+def answers_counted(data: RunData) -> str:
+    """How many questions about factors have which answer, as a sentence; empty where none was asked."""
+    rows = data.dependence.filter(pl.col("n_levels") > 1)
+    counts = {verdict: rows.filter(verdict=verdict).height for verdict in Verdict}
+    known = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n)
+    return f"Does a factor change a statistic: {known}." if known else ""

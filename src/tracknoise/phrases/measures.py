@@ -1,0 +1,143 @@
+"""What cards and headlines have in common: one tracker in one condition, its numbers, and how they are written."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.answer_summary import Answer, Number
+from tracknoise.phrases.headline import (
+    ReportedConditions,
+)
+from tracknoise.phrases.run_data import RunData
+from tracknoise.statistics.yardstick import ReferenceCondition
+from tracknoise.tables.enumerations import (
+    Verdict,
+)
+from tracknoise.words import (
+    bounds_text,
+    format_estimate,
+)
+
+
+def first(rows: pl.DataFrame) -> dict[str, Any] | None:
+    """The first row; None where there is none."""
+    return rows.row(0, named=True) if rows.height else None
+
+
+def trimmed_word(conditions: ReportedConditions) -> str:
+    """Which errors are meant, before their name; empty where nothing was trimmed."""
+    return "" if conditions.percentile is None else f"{conditions.trimming} "
+
+
+POOLED_WORDS = "features pooled over scenes"
+"""How curves are made."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A tracker of a run at the lowest speed.
+
+    Attributes
+    ----------
+    data
+        The run.
+    tracker
+        Its name.
+    """
+
+    data: RunData
+    tracker: str
+
+    @cached_property
+    def conditions(self) -> ReportedConditions:
+        """Which condition."""
+        return reported_conditions(self.data, self.data.slowest)
+
+    @cached_property
+    def row(self) -> dict[str, Any] | None:
+        """Row of the summary; None where the tracker was not measured."""
+        return self.first("summary")
+
+    @cached_property
+    def intervals(self) -> pl.DataFrame:
+        """Intervals of the condition."""
+        return self.of("intervals")
+
+    @property
+    def at(self) -> int | None:
+        """The reference age or frame; None where no age has enough features."""
+        return None if self.row is None else self.row["at"]
+
+    def of(self, table: str) -> pl.DataFrame:
+        """Rows of the condition in a table of the run."""
+        return self.conditions.of(getattr(self.data, table), self.tracker)
+
+    def first(self, table: str, *filters: pl.Expr, **values: object) -> dict[str, Any] | None:
+        """First row of the condition that has some values; None where there is none."""
+        rows = self.of(table).filter(*filters, **values)
+        return rows.row(0, named=True) if rows.height else None
+
+
+def card_number(estimate: Estimate | None) -> Number:
+    """An estimate as plain data."""
+    value = None if estimate is None else _finite(estimate.value)
+    if estimate is None or value is None:
+        return Number(None, None, None, "unknown", "")
+    low, high = _finite(estimate.low), _finite(estimate.high)
+    bounded = replace(estimate, low=low, high=high)
+    text = format_estimate(replace(estimate, low=None, high=None))
+    return Number(value, low, high, text, bounds_text(bounded))
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def short(estimate: Estimate | None) -> str:
+    """An estimate as part of a short sentence."""
+    return with_interval(card_number(estimate))
+
+
+def with_interval(found: Number) -> str:
+    """A number as part of a sentence."""
+    return f"{found.text} ({found.interval})" if found.interval else found.text
+
+
+def answer(question: str, verdict: str, *, wished: Verdict) -> Answer:
+    """Answer a question, and say whether the answer is the one that is wished for."""
+    found = Verdict(verdict)
+    return Answer(question, found, None if found == Verdict.undecided else found == wished)
+
+
+def larger(found: dict[str, Estimate | None]) -> tuple[str, Estimate] | None:
+    """The coordinate whose estimate is the farthest from zero, and the estimate; None where none is known."""
+    known = {name: one for name, one in found.items() if one is not None and one.value is not None}
+    if not known:
+        return None
+    name = max(known, key=lambda each: abs(known[each].value or 0.0))
+    return name, known[name]
+
+
+def asked_sentence(verdict: Verdict, yes: str, no: str, size: str) -> str:
+    """A sentence by its verdict. What was found comes first, the size after it."""
+    opening = {Verdict.yes: yes, Verdict.no: no, Verdict.undecided: f"It is undecided whether {yes}"}[verdict]
+    return f"{opening}; {size}."
+
+
+def reported_conditions(data: RunData, speed: int) -> ReportedConditions:
+    """Every tracker at a speed, in the view that the report shows."""
+    found = {name: data.key_frame(name) for name in data.directions}
+    frames = {name: frame for name, frame in found.items() if frame is not None}
+    reference = ReferenceCondition(**data.view, speed=speed, key_frames=frames)
+    return ReportedConditions(
+        reference,
+        data.trackers,
+        data.population,
+        data.percentile,
+        fitted=data.truth_is_fitted,
+        trimming=data.trimming,
+    )

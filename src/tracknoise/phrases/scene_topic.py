@@ -1,0 +1,174 @@
+"""What was measured, and what the number of scenes lets intervals and tests say."""
+
+from collections.abc import Mapping
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.units import MIN_SCENES, Resampled
+from tracknoise.phrases.answer_summary import Judgement
+from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
+from tracknoise.phrases.measures import answer
+from tracknoise.phrases.run_data import RunData
+from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.results import ENOUGH_SCENES
+from tracknoise.text import counted, counted_of
+from tracknoise.words import TIMES, count, interval_text, listing, sentence_case
+
+MOST_DOUBTS = 3
+"""More reasons to doubt the data than this are counted, but not named."""
+
+
+MOST_NAMED = 6
+"""More groups than this are counted, but not named."""
+
+
+def doubtful_data(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Warn where the data themselves look wrong: then the numbers are not those of the trackers."""
+    if not conditions.doubts and not conditions.mistakes:
+        return None
+    of_scenes = [sentence for found in conditions.doubts.values() for sentence in found]
+    sentences = list(dict.fromkeys([*of_scenes, *conditions.mistakes]))
+    more = len(sentences) - MOST_DOUBTS
+    others = [f"There are {count(more, 'further reason')}: see the measurement section."] if more > 0 else []
+    opening = f"{_whose(list(conditions.doubts))} wrong, so that errors are not those of the trackers."
+    text = " ".join([opening, *sentences[:MOST_DOUBTS], *others])
+    brief = "Some data look wrong, so that errors may not be those of the trackers."
+    return Headline("data", text, "limits", "counts", brief=brief)
+
+
+def _whose(scenes: list[str]) -> str:
+    """``Data of office look``; of all scenes where none is doubtful by itself."""
+    if not scenes:
+        return "Data look"
+    return f"Data of {listing(scenes)} look" if len(scenes) <= MOST_NAMED else f"Data of {len(scenes)} scenes look"
+
+
+def copied_scenes(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Warn where scenes are copies of others: they are no further evidence, but are counted."""
+    copies = conditions.groups.copies
+    if not copies:
+        return None
+    pairs = [f"{scene} those of {original}" for (_, scene), original in sorted(copies.items())[:MOST_NAMED]]
+    more = ", and others" if len(copies) > MOST_NAMED else ""
+    text = (
+        f"{count(len(copies), 'scene')} {'has' if len(copies) == 1 else 'have'} the images of another "
+        f"({listing(pairs)}{more}). Copies of a recording are not independent, so that intervals are too narrow: leave "
+        "them out with dataset.scenes."
+    )
+    brief = "Some scenes have the images of others, so that intervals are too narrow."
+    return Headline("copies", text, "limits", "counts", brief=brief)
+
+
+def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
+    """Warn if there are so few scenes that intervals are less reliable, or hold for these scenes only."""
+    measured = tables["summary"].drop_nulls("n_scenes")
+    few = measured.filter(pl.col("n_scenes") < ENOUGH_SCENES)
+    if few.is_empty():
+        return None
+    numbers: list[int] = few["n_scenes"].unique().sort().to_list()
+    some = counted_of(few.height, measured.height, "condition", "has", "have")
+    whose = "Every condition has" if few.height == measured.height else some
+    there = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
+    text = f"{whose} only {there}. {_limits(numbers[0], tables['intervals'])}"
+    brief = f"Conditions have as few as {count(numbers[0], 'scene')}, which limits what intervals and tests can say."
+    return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"), brief=brief)
+
+
+def _limits(fewest: int, intervals: pl.DataFrame) -> str:
+    """What few scenes mean for intervals and tests."""
+    if fewest < MIN_SCENES:
+        opening = f"With fewer than {MIN_SCENES} scenes,"
+    elif intervals.filter(pl.col("n_scenes") >= MIN_SCENES, resampled=Resampled.blocks).height:
+        opening = "They form too few groups to be resampled, so that"
+    else:
+        return f"Intervals from fewer than {ENOUGH_SCENES} scenes are less reliable."
+    return (
+        f"{opening} intervals come from blocks of tracks within the scenes. They "
+        "hold for these scenes only. Tests of the mean error and of factors at the 5 % level are then not possible."
+    )
+
+
+def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Say how many groups the scenes come in, and what is resampled."""
+    resampled = tables["intervals"].filter(pl.col("resampled").is_in([Resampled.groups, Resampled.within]))
+    if resampled.is_empty():
+        return None
+    names = conditions.groups.names
+    groups = sorted(set(names.values()))
+    opening = f"{count(len(names), 'scene')} come in {count(len(groups), 'group')} of scenes that may be alike"
+    if (resampled["resampled"] == Resampled.within).any():
+        named = f" ({listing(groups)})" if len(groups) <= MOST_NAMED else ""
+        text = (
+            f"{opening}{named}. Scenes are resampled within their groups, so that intervals and tests hold for these "
+            "groups only."
+        )
+    else:
+        text = f"{opening}. Intervals resample whole groups."
+    brief = f"Scenes come in {len(groups)} groups; intervals allow for it."
+    return Headline("groups", text, "measured", "intervals", Estimate(len(groups), unit="groups"), brief=brief)
+
+
+_HOLD: dict[str, tuple[str, Verdict]] = {
+    Resampled.scenes: ("They hold for similar scenes", Verdict.yes),
+    Resampled.groups: ("They hold for similar groups of scenes", Verdict.yes),
+    Resampled.within: ("They hold for these groups of scenes only", Verdict.undecided),
+    Resampled.blocks: ("They hold for these scenes only", Verdict.undecided),
+}
+
+
+_FEW = 8
+"""With fewer scenes than this, intervals contain the true value less often than their level says."""
+
+
+def certainty(data: RunData) -> Judgement:
+    """What intervals were made from, and what they hold for."""
+    known = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
+    if known.is_empty():
+        text = "No intervals were computed: the numbers hold for these scenes only."
+        return Judgement(answer("other scenes", Verdict.undecided, wished=Verdict.yes), text, "measured")
+    kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
+    kinds = kinds.sort("len", "resampled", "level")
+    row = kinds.row(-1, named=True)
+    hold, verdict = _HOLD[row["resampled"]]
+    few = row["n_scenes"] < _FEW and row["resampled"] != Resampled.blocks
+    text = f"{sentence_case(interval_text(row['level'], row['resampled'], [row['n_scenes']]))}. {hold}"
+    text += "; with few scenes they are less reliable." if few else "."
+    return Judgement(answer("other scenes", verdict, wished=Verdict.yes), text, "measured")
+
+
+_TRUTHS: Mapping[str, str] = {
+    "raycast": "ray casting of the exact surface",
+    "birth": "poses and depth",
+    "scan": "scan and poses",
+    "triangulated": "points fitted to the tracks",
+}
+
+
+def measured(data: RunData) -> str:
+    """What was measured: data, scenes, frames, what could not be measured, truth, speed and view."""
+    entries = list(data.sequences.values())
+    if not entries:
+        return "No sequence was measured."
+    scenes = len({entry.sequence.scene for entry in entries})
+    frames = {entry.n_frames for entry in entries}
+    sizes = sorted({f"{entry.width} {TIMES} {entry.height}" for entry in entries})
+    lengths = f"{min(frames)}" if len(frames) == 1 else f"{min(frames)} to {max(frames)}"
+    image = f"{sizes[0]} px" if len(sizes) == 1 else "several sizes"
+    data_names = listing(sorted({entry.sequence.dataset for entry in entries}))
+    truth = listing(_TRUTHS.get(kind, kind) for kind in sorted({entry.truth for entry in entries}))
+    image += "".join(f", {count(len(values), name)}" for name, values in data.varied.items())
+    shown = f"{data.errors_shown} at speed {data.slowest}{data.where}"
+    made = f"{count(scenes, 'scene')} of {lengths} frames, {image}.{_missing(data)}"
+    return f"Data: {data_names}, {made} Truth: {truth}. {shown}."
+
+
+def _missing(data: RunData) -> str:
+    """How many scenes could not be measured; sequences, if some of their scenes were. Begins with a space."""
+    failed, there = list(data.manifest.failures), list(data.manifest.sequences)
+    if not failed:
+        return ""
+    without, scenes = ({key.partition("@")[0] for key in keys} for keys in (failed, there))
+    if without & scenes:
+        return f" {len(failed)} of {counted(len(failed) + len(there), 'sequence')} could not be measured."
+    return f" {len(without)} of {counted(len(without | scenes), 'scene')} could not be measured."

@@ -1,0 +1,129 @@
+"""Whether errors are Gaussian."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.units import Resampled
+from tracknoise.phrases.answer_summary import Measure
+from tracknoise.phrases.headline import (
+    Headline,
+    Part,
+    ReportedConditions,
+    RunTables,
+    by_tracker,
+)
+from tracknoise.phrases.measures import Subject, answer, card_number, first, with_interval
+from tracknoise.tables.enumerations import Axis, Shape, Verdict
+from tracknoise.words import (
+    SHAPES,
+    SPACE,
+    format_estimate,
+    number,
+    percent,
+    sentence_case,
+)
+
+_MEANINGS = {Shape.contaminated: " (as if some came from a wider Gaussian)"}
+"""What is added to the name of a shape that says little by itself."""
+
+
+def shape(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Whether errors are Gaussian, in the band of ages that contains the reference age."""
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _shape_of(tables, conditions, tracker),
+        opening=f"Shape of the error distribution {conditions.where(tables['summary'])}.",
+        topic="shape",
+        figure="gaussianity",
+        table="gaussianity",
+    )
+
+
+def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    rows = conditions.of(tables["gaussianity"], tracker)
+    bands = rows.select_seq("age_low", "age_high").unique().sort("age_low").rows()
+    if not bands:
+        return None
+    summary = first(conditions.of(tables["summary"], tracker))
+    since = abs(conditions.since(summary["at"])) if summary and summary["at"] is not None else bands[0][0]
+    low, high = next((band for band in bands if band[0] <= since <= (band[1] or since)), bands[0])
+    sentences, estimates = [], []
+    for trimming in conditions.trimmings:
+        row = first(rows.filter(trimming=trimming, age_low=low))
+        if row is not None:
+            within = _gain(row, "student_within")
+            scales = [] if row["resampled"] == Resampled.blocks else _gain(row, "scales")
+            estimates += [*within, *scales, Estimate.verdict(row, "shape")]
+            which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
+            whose = f"{sentence_case(which)} of {tracker} at {band_text(conditions.axis, low, high)}"
+            why = f": {row['why']}" if row["why"] and not within else ""
+            sentences += [
+                f"{whose} are {SHAPES[row['verdict']]}{_MEANINGS.get(row['verdict'], '')}{why}.",
+                *_tails(row, within, scales),
+            ]
+    return Part(" ".join(sentences), estimates)
+
+
+def _gain(row: Mapping[str, Any], name: str) -> list[Estimate]:
+    """A gain in nats per error; empty where it is unknown."""
+    if row[f"gain_{name}_nats"] is None:
+        return []
+    return [Estimate.of_row(row, f"gain_{name}_nats", f"gain_{name}_low", f"gain_{name}_high", "nat")]
+
+
+def _tails(row: Mapping[str, Any], within: list[Estimate], scales: list[Estimate]) -> list[str]:
+    tail = row["tail_99_within"]
+    texts = [f"Within scenes, {number(tail)} times as many lie beyond the 99{SPACE}% ellipse as of a Gaussian."]
+    gains = [f"There Student's t gains {format_estimate(one)} per error over a Gaussian." for one in within]
+    added = [f"Different scales of scenes add {format_estimate(one)}." for one in scales]
+    return [*([] if tail is None else texts), *gains, *added]
+
+
+def band_text(axis: Axis, low: int, high: int | None) -> str:
+    """Write a band of ages, or of distances from the key frame: ``ages 5 to 9``.
+
+    Parameters
+    ----------
+    axis
+        What curves run along.
+    low, high
+        First and last age, or distance; None where there is no last one.
+    """
+    ages = f"{low} or more" if high is None else f"{low} to {high}"
+    return f"ages {ages}" if axis == Axis.age else f"{ages} frames from the key frame"
+
+
+_GAUSSIAN_KURTOSIS = 8.0
+"""Of two coordinates."""
+
+
+_HEAVY = (Shape.heavy_tailed, Shape.contaminated)
+
+
+def shape_measure(subject: Subject) -> Measure | None:
+    """Kurtosis within scenes at ages around the reference age, and whether tails are heavier than a Gaussian's."""
+    rows = subject.of("gaussianity").filter(trimming=subject.conditions.trimming).sort("age_low")
+    since = 1 if subject.at is None else abs(subject.conditions.since(subject.at))
+    holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").fill_null(since) >= since)
+    row = first(holding) or first(rows)
+    if row is None:
+        return None
+    pooled = row["kurtosis_within"] is None
+    part, part_name = ("kurtosis", "pooled kurtosis") if pooled else ("kurtosis_within", "kurtosis")
+    shown = card_number(Estimate.of_row(row, part, f"{part}_low", f"{part}_high"))
+    heavy = {Shape.undecided: Verdict.undecided, **dict.fromkeys(_HEAVY, Verdict.yes)}.get(row["verdict"], Verdict.no)
+    found = answer("heavy tails", heavy, wished=Verdict.no)
+    sentence = f"Errors of {subject.tracker} are {SHAPES[row['verdict']]}: their kurtosis is {with_interval(shown)}."
+    ages = band_text(subject.conditions.axis, row["age_low"], row["age_high"])
+    note = f"{part_name}, {ages} (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_far_share(subject)}"
+    return Measure("tails", "", shown, None, _GAUSSIAN_KURTOSIS, found, note, sentence, "gaussianity")
+
+
+def _far_share(subject: Subject) -> str:
+    """Share of errors larger than three cores, in the coordinate where it is larger."""
+    row = subject.row or {}
+    known = [row[name] for axis in "uv" if row.get(name := f"{subject.conditions.trimming}_beyond_{axis}") is not None]
+    return f"; {percent(max(known))} beyond three cores" if known else ""

@@ -1,0 +1,236 @@
+"""How large errors are: the core, the root mean square, and how many errors lie far out."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import polars as pl
+
+from tracknoise.analysis.error_shape import ON_GRID
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.answer_summary import Answer, Measure
+from tracknoise.phrases.headline import (
+    Headline,
+    Part,
+    ReportedConditions,
+    RunTables,
+    by_tracker,
+    curve_bounds,
+    curve_rows,
+    curve_scenes,
+    in_brackets,
+    scale_estimate,
+)
+from tracknoise.phrases.measures import Subject, card_number, first, larger, with_interval
+from tracknoise.phrases.truth_topic import fitted_measure
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.tables.enumerations import (
+    Aspect,
+    Population,
+    Trimming,
+    Weighting,
+)
+from tracknoise.words import (
+    SPACE,
+    count,
+    format_estimate,
+    listing,
+    percent,
+)
+
+
+def size(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """How large errors are at the reference age."""
+    as_in_paper = conditions.trimming == Trimming.trimmed and conditions.percentile is not None
+    return _paper(tables, conditions) if as_in_paper else _robust(tables, conditions)
+
+
+def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Core and root mean square of all tracks, and the share of far errors."""
+    closing = (
+        "The core is the sigma of the Gaussian with the same median error. Of the errors of a Gaussian, "
+        f"0.3{SPACE}% exceed three cores. Core and RMS are geometric means over scenes.{_population(conditions)}"
+        f"{_brackets(tables, conditions, Weighting.geometric)}"
+    )
+    return _of_trackers(tables, conditions, _robust_of, "of all tracks", closing)
+
+
+def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    row = first(conditions.of(tables["summary"], tracker))
+    if row is None or row["at"] is None:
+        return None
+    intervals = conditions.of(tables["intervals"], tracker)
+    cores = [_core(intervals, conditions, row, axis) for axis in "uv"]
+    lengths = [scale_estimate(intervals, conditions, "second", row["at"], axis) for axis in "uv"]
+    pooled = [rms(intervals, conditions, row, axis, conditions.trimming) for axis in "uv"]
+    sentences = list(_cores(intervals, conditions, row["at"], tracker, cores))
+    which = "" if all(lengths) else ", features pooled,"
+    u, v = (format_estimate(one) for one in (lengths if all(lengths) else pooled) if one is not None)
+    sentences += [f"The RMS{which} of {tracker} is {u} in u.", f"In v it is {v}."]
+    sentences += [*_beyond(row, conditions.trimming), *_grid(tables, conditions, tracker)]
+    every = [*cores, *(lengths if all(lengths) else pooled)]
+    return Part(" ".join(sentences), [one for one in every if one is not None])
+
+
+def _cores(
+    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, tracker: str, cores: Sequence[Estimate | None]
+) -> Iterator[str]:
+    """Sentences about the cores in u and in v, of which either may be missing."""
+    known = {axis: format_estimate(core) for axis, core in zip("uv", cores, strict=True) if core is not None}
+    if not known:
+        return
+    axis, *_ = known
+    few = {axis: _few_scenes(intervals, conditions, at, axis) for axis in known}
+    yield f"{conditions.opening_place(at)}, the core of {tracker} in {axis} is {known[axis]}{few[axis]}."
+    if scenes := curve_scenes(intervals, conditions, "core", at, axis, weighting=Weighting.geometric):
+        yield scenes
+    if len(known) == len(cores):
+        yield f"In v it is {known['v']}{few['v']}."
+    else:
+        yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly 0."
+
+
+def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
+    """Say where a core is of fewer scenes than the root mean square errors beside it, or the other core."""
+    weighting = Weighting.geometric
+    own, other, errors = (
+        curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)["n_scenes"].to_list()
+        for role, coordinate in (("core", axis), ("core", "u"), ("second", axis))
+    )
+    if not own or own[0] == max([*own, *other, *errors]):
+        return ""
+    return f", of {count(own[0], 'scene')}; the others have few errors, or mostly errors of exactly 0"
+
+
+def _core(
+    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str
+) -> Estimate | None:
+    value = row[f"{conditions.trimming}_core_{coordinate}_px"]
+    bounds = scale_estimate(intervals, conditions, "core", row["at"], coordinate)
+    return None if value is None else Estimate.of(value, bounds, "px")
+
+
+def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
+    """The share of far errors, beside that of a Gaussian."""
+    shares = {axis: row[f"{trimming}_beyond_{axis}"] for axis in "uv"}
+    known = [f"{percent(share)} in {axis}" for axis, share in shares.items() if share is not None]
+    return [f"{listing(known).replace(' in ', ' of its errors in ', 1)} exceed three cores."] if known else []
+
+
+def _grid(tables: RunTables, conditions: ReportedConditions, tracker: str) -> list[str]:
+    """A remark where errors lie on a grid, as those of whole or half pixels do."""
+    shapes = conditions.of(tables["gaussianity"], tracker).filter(trimming=conditions.trimming)
+    reasons = shapes["why"].drop_nulls().unique(maintain_order=True).to_list()
+    grids = [reason.partition(":")[0] for reason in reasons if reason.startswith(ON_GRID)]
+    return [f"Its {grid}, so that its core takes few values; its RMS says more." for grid in grids[:1]]
+
+
+def _paper(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """The paper's quantity: root mean square errors of the kept tracks, features pooled; the untrimmed ones beside."""
+    dropped = f"Trimming drops the tracks whose largest error is above the {conditions.percentile:g}th percentile."
+    closing = (
+        f"{dropped} An estimator that keeps these tracks must assume the untrimmed errors. Features are pooled over "
+        f"scenes.{_population(conditions)}{_brackets(tables, conditions, Weighting.features)}"
+    )
+    return _of_trackers(tables, conditions, _paper_of, "as root mean square of the paper's trimmed errors", closing)
+
+
+def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    row = first(conditions.of(tables["summary"], tracker))
+    if row is None or row["at"] is None:
+        return None
+    intervals = conditions.of(tables["intervals"], tracker)
+    trimmed, untrimmed = (
+        [rms(intervals, conditions, row, axis, trimming) for axis in "uv"] for trimming in conditions.trimmings
+    )
+    text = (
+        f"After trimming, the error of {tracker} {conditions.place(row['at'])} is {in_u_and_v(trimmed)}. "
+        f"Without trimming it is {in_u_and_v(untrimmed)}."
+    )
+    return Part(text, [*trimmed, *untrimmed])
+
+
+def _of_trackers(
+    tables: RunTables,
+    conditions: ReportedConditions,
+    describe: Callable[[RunTables, ReportedConditions, str], Part | None],
+    what: str,
+    closing: str,
+) -> Headline | None:
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: describe(tables, conditions, tracker),
+        opening=f"Error size {conditions.where(tables['summary'])}, {what}.",
+        closing=closing.strip(),
+        topic="noise",
+        figure="error-by-tracker",
+        table="intervals",
+    )
+
+
+def rms(
+    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str, trimming: str
+) -> Estimate:
+    """Root mean square error of a condition at its reference age, features pooled."""
+    bounds = curve_bounds(intervals, conditions, "second", row["at"], coordinate, trimming=trimming)
+    return Estimate.of(row[f"{trimming}_rms_{coordinate}_px"], bounds, "px")
+
+
+def in_u_and_v(pair: Sequence[Estimate | None]) -> str:
+    """Write estimates in u and in v."""
+    u, v = (format_estimate(one) for one in pair if one is not None)
+    return f"{u} in u and {v} in v"
+
+
+def _population(conditions: ReportedConditions) -> str:
+    return " Occluded features are included." if conditions.population == Population.projected else ""
+
+
+def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str) -> str:
+    """How intervals of second moments at the reference were made; empty where there are none."""
+    axis = conditions.axis
+    chosen = {"aspect": Aspect.all, "axis": axis, "statistic": NAMES[axis]["second"], "weighting": weighting}
+    reference = tables["summary"].select_seq(*POOLED, pl.col("at").cast(pl.Int64))
+    known = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
+    return in_brackets(conditions.reported(known))
+
+
+_SIZE_NAMES = {"core": "core error", "rms": "RMS error"}
+
+
+def size_name(subjects: Sequence[Subject]) -> str:
+    """Which size of the error all trackers can be compared by: the core, or the RMS where one has no core."""
+    known = [subject for subject in subjects if subject.at is not None]
+    return "core" if all(larger(_both_sizes(subject, "core")) for subject in known) else "rms"
+
+
+def size_measure(subject: Subject, smallest: Answer | None, *, name: str) -> Measure | None:
+    """Size of the error at the reference age, in the coordinate where it is larger."""
+    if subject.data.truth_is_fitted:
+        return fitted_measure(subject, smallest)
+    found = _both_sizes(subject, name)
+    largest = larger(found)
+    if largest is None or subject.at is None:
+        return None
+    axis, estimate = largest
+    shown, place = card_number(estimate), subject.conditions.place(subject.at)
+    other = card_number(found["v" if axis == "u" else "u"])
+    note = f"{_SIZE_NAMES[name]} in {axis} {place}; in {'v' if axis == 'u' else 'u'} {other.text}"
+    sentence = f"The {_SIZE_NAMES[name]} of {subject.tracker} in {axis} is {with_interval(shown)}."
+    return Measure("error", "px", shown, None, None, smallest, note, sentence, "error-by-tracker")
+
+
+def _both_sizes(subject: Subject, name: str) -> dict[str, Estimate | None]:
+    return {axis: _own_size(subject, name, axis) for axis in "uv"}
+
+
+def _own_size(subject: Subject, name: str, axis: str) -> Estimate | None:
+    """Core or RMS at the reference age, in one coordinate."""
+    row, at, trimming = subject.row, subject.at, subject.conditions.trimming
+    value = None if row is None else row[f"{trimming}_{name}_{axis}_px"]
+    if value is None or at is None:
+        return None
+    if name == "core":
+        bounds = scale_estimate(subject.intervals, subject.conditions, "core", at, axis)
+    else:
+        bounds = curve_bounds(subject.intervals, subject.conditions, "second", at, axis)
+    return Estimate.of(value, bounds, "px")

@@ -1,0 +1,49 @@
+"""Findings as short sentences, each with a link to its evidence; the whole finding is kept as details."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tracknoise.phrases.answer_summary import Card, Finding, Judgement, Statement
+from tracknoise.phrases.depth_topic import depth_sentence
+from tracknoise.phrases.factor_topic import answers_counted
+from tracknoise.phrases.run_data import RunData
+
+_MEASURES = {
+    "noise": ("error", "noise"),
+    "bias": ("bias",),
+    "shape": ("tails",),
+    "growth": ("growth",),
+    "outliers": ("outliers",),
+    "lifetimes": ("lifetime",),
+}
+"""Topics whose sentences are those of the cards, and the names of the measures."""
+
+
+def findings(data: RunData, cards: Sequence[Card], accuracy: Judgement) -> tuple[Finding, ...]:
+    """Every finding of the run in short sentences, by rank."""
+    rows = data.findings.sort("rank").to_dicts()
+    return tuple(_finding(data, row, cards, accuracy) for row in rows)
+
+
+def _finding(data: RunData, row: Mapping[str, Any], cards: Sequence[Card], accuracy: Judgement) -> Finding:
+    texts = _of_cards(row, cards) or _of_topic(data, row, accuracy)
+    statements = tuple(Statement(text, section) for text, section in texts)
+    return Finding(row["topic"], statements, row["table"].replace("_", "-"), row["text"], tuple(row["rows"]))
+
+
+def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, str]]:
+    if row["topic"] == "estimator":
+        return [
+            (f"{card.tracker}: {card.sigma[0].lower()}{card.sigma[1:]}", row["figure"]) for card in cards if card.sigma
+        ]
+    names = _MEASURES.get(row["topic"], ())
+    return [(one.sentence, one.section) for card in cards for one in card.measures if one.name in names]
+
+
+def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> list[tuple[str, str]]:
+    if row["topic"] == "factors":
+        first = [(accuracy.text, accuracy.section)] if len(data.trackers) > 1 else []
+        return [*first, *([(text, row["figure"])] if (text := answers_counted(data)) else [])]
+    if row["topic"] == "depth" and (sentences := [*filter(None, (depth_sentence(data, one) for one in data.trackers))]):
+        return [(text, row["figure"]) for text in sentences]
+    return [(row["brief"] or f"This run has a finding about {row['topic']}.", row["figure"])]

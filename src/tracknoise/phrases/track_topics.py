@@ -1,0 +1,162 @@
+"""Outliers and lifetimes of tracks."""
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.answer_summary import Answer, Measure
+from tracknoise.phrases.headline import (
+    Headline,
+    Part,
+    ReportedConditions,
+    RunTables,
+    by_tracker,
+    scalar_bounds,
+    scalar_scenes,
+)
+from tracknoise.phrases.measures import Subject, card_number, with_interval
+from tracknoise.text import counted
+from tracknoise.words import (
+    count,
+    format_estimate,
+    percent,
+)
+
+_ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
+
+
+_LIFETIMES = {
+    "median_lifetime": "",
+    "restricted_mean_lifetime": "The restricted mean is {}.",
+    "restricted_mean_until_failure": "Until failure it is {}.",
+}
+"""Lifetimes that are reported, and their sentences after that of the median."""
+
+
+_FAILURE = (
+    "A failure is a lost track or an outlier. Masked and displaced tracks then count as censored, which assumes that "
+    "they would have failed like the others."
+)
+
+
+def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """What share of its features each tracker rejects."""
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _outliers_of(tables, conditions, tracker),
+        opening=f"Outlier ratio {conditions.where(tables['summary'])}.",
+        closing=_ONE_SEED if tables["seed_spread"].is_empty() else "",
+        topic="outliers",
+        figure="outlier-ratio",
+        table="intervals",
+    )
+
+
+def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    summary = conditions.of(tables["summary"], tracker)
+    ratio = _value(summary, "outlier_ratio")
+    if ratio is None:
+        text = f"The outliers of {tracker} are not recorded."
+        return None if _reports_causes(summary) else Part(text, [], text)
+    intervals = conditions.of(tables["intervals"], tracker)
+    estimate = Estimate.of(ratio, scalar_bounds(intervals, "outlier_ratio"), "share")
+    text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."
+    text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
+    return Part(text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate])
+
+
+def _reports_causes(summary: pl.DataFrame) -> bool:
+    """Whether the tracker of a row reports why tracks end. If not, lifetimes until failure are unknown."""
+    lived, failed = (_value(summary, f"restricted_mean_{name}") for name in ("lifetime", "until_failure"))
+    return lived is None or failed is not None
+
+
+def _between_seeds(spread: pl.DataFrame) -> str:
+    """How much the outlier ratio differs between seeds, as a sentence. Empty if there is one seed."""
+    for row in spread.filter(statistic="outlier_ratio").to_dicts():
+        deviation = f"a standard deviation of {percent(row['standard_deviation'])}"
+        return f" Between {row['n_seeds']} random seeds the ratio has {deviation}."
+    return ""
+
+
+def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Median and restricted mean lifetime of tracks, and the restricted mean until failure."""
+    restricted = [_value(conditions.of(tables["summary"], name), "restricted_to") for name in conditions.trackers]
+    horizon = next((frames for frames in restricted if frames is not None), None)
+    has_causes = any(_reports_causes(conditions.of(tables["summary"], name)) for name in conditions.trackers)
+    means = "" if horizon is None else f", and means restricted to {count(int(horizon), 'frame')}"
+    where = conditions.where(tables["summary"])
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _lifetime_of(tables, conditions, tracker),
+        opening=f"Median lifetime {where} (Kaplan-Meier, tracks pooled over scenes){means}.",
+        closing=_FAILURE if has_causes and horizon is not None else "",
+        topic="lifetimes",
+        figure="lifetimes",
+        table="intervals",
+    )
+
+
+def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    rows = conditions.of(tables["summary"], tracker)
+    if not _value(rows, "n_tracks"):
+        return None
+    found = {name: _estimate(tables, conditions, tracker, name) for name in _LIFETIMES}
+    known = {name: format_estimate(estimate) for name, estimate in found.items() if estimate is not None}
+    median = known.get(
+        "median_lifetime", "unknown, because more than half of the tracks are alive at the end of the data"
+    )
+    scenes = scalar_scenes(
+        conditions.of(tables["intervals"], tracker), "restricted_mean_lifetime", of="Of the restricted mean"
+    )
+    texts = [f"{tracker}: {median}.", *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known)]
+    return Part(
+        " ".join(filter(None, [*texts, scenes])), [estimate for estimate in found.values() if estimate is not None]
+    )
+
+
+def _estimate(tables: RunTables, conditions: ReportedConditions, tracker: str, statistic: str) -> Estimate | None:
+    """A lifetime of the summary, with its interval."""
+    value = _value(conditions.of(tables["summary"], tracker), statistic)
+    bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), statistic)
+    return None if value is None else Estimate.of(value, bounds, "frames")
+
+
+def _value(rows: pl.DataFrame, column: str) -> float | None:
+    value: float | None = rows[column][0] if rows.height else None
+    return value
+
+
+def outliers_measure(subject: Subject, fewest: Answer | None) -> Measure | None:
+    """Share of features that the tracker rejects."""
+    value = None if subject.row is None else subject.row["outlier_ratio"]
+    if value is None:
+        return None
+    shown = card_number(Estimate.of(value, scalar_bounds(subject.intervals, "outlier_ratio"), "share"))
+    sentence = f"{subject.tracker} rejects {with_interval(shown)} of the features carried into a frame."
+    note = "share of features carried into a frame that is rejected"
+    return Measure("outliers", "share", shown, None, None, fewest, note, sentence, "outlier-ratio")
+
+
+def lifetime_measure(subject: Subject, longest: Answer | None) -> Measure | None:
+    """Median lifetime, or the mean up to a horizon where more than half of the tracks are alive at the end."""
+    if subject.row is None or not subject.row["n_tracks"]:
+        return None
+    if subject.row["median_lifetime"] is not None:
+        return _lifetime_measure(
+            subject, longest, "median_lifetime", "Kaplan-Meier median", "The median lifetime of tracks of"
+        )
+    if subject.row["restricted_mean_lifetime"] is None:
+        return None
+    horizon = f"up to {counted(subject.row['restricted_to'], 'frame')}"
+    note = f"mean {horizon}; over half are alive at the end"
+    return _lifetime_measure(
+        subject, longest, "restricted_mean_lifetime", note, f"The mean lifetime {horizon} of tracks of"
+    )
+
+
+def _lifetime_measure(subject: Subject, longest: Answer | None, statistic: str, note: str, opening: str) -> Measure:
+    value = None if subject.row is None else subject.row[statistic]
+    shown = card_number(Estimate.of(value, scalar_bounds(subject.intervals, statistic), "frames"))
+    bounds = f" ({shown.interval})" if shown.interval and statistic == "median_lifetime" else ""
+    sentence = f"{opening} {subject.tracker} is {shown.text}{bounds}."
+    return Measure("lifetime", "frames", shown, None, None, longest, note, sentence, "lifetimes")

@@ -1,0 +1,155 @@
+"""Which answers change where the tracks with the largest errors are dropped, and what trimming drops."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import polars as pl
+
+from tracknoise.phrases.bands import FRAME
+from tracknoise.phrases.headline import (
+    Headline,
+    ReportedConditions,
+    RunTables,
+    curve_rows,
+)
+from tracknoise.phrases.measures import first
+from tracknoise.phrases.names import MOST_NAMED, condition_name, together
+from tracknoise.phrases.run_data import RunData
+from tracknoise.tables.enumerations import Behaviour, Trimming
+from tracknoise.words import (
+    count,
+    listing,
+    number,
+    percent,
+    px,
+)
+
+_BOTH = (Trimming.untrimmed, Trimming.trimmed)
+
+
+_WORDS: Mapping[str, str] = {Behaviour.none: "no model fits", Behaviour.white: "constant"}
+"""Verdicts that are clearer in other words."""
+
+
+def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Where trimmed and untrimmed errors give different answers; none where they agree or nothing was trimmed."""
+    if conditions.percentile is None:
+        return None
+    verdicts, rankings = _verdicts(tables, conditions), _rankings(tables, conditions)
+    if not verdicts and not rankings:
+        return None
+    count = "one" if len(verdicts) == 1 else str(len(verdicts))
+    answers = [f"Trimming changes {count} of the answers below.", *verdicts] if verdicts else []
+    orders = [*rankings, "Whether trimming reverses the order in other scenes was not tested."] if rankings else []
+    brief = "Trimming the tracks with the largest errors changes some of these answers."
+    return Headline("trimming", " ".join([*answers, *orders]), "trimming", "summary", brief=brief)
+
+
+def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
+    """One sentence for each axis in which another tracker has the smallest error, as a number: it can be by chance.
+
+    All are compared at one age (frame), the nearest to the first of those that their headlines are about.
+    """
+    rows = [first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers]
+    known = [int(row["at"]) for row in rows if row is not None and row["at"] is not None]
+    if len(known) < 2:
+        return []
+    at = min(known, key=abs)
+    found = [_ranking(tables["intervals"], conditions, at, axis) for axis in "uv"]
+    return [sentence for sentence in found if sentence]
+
+
+def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
+    values = {trimming: _rms(intervals, conditions, at, axis, trimming) for trimming in _BOTH}
+    if len(values[_BOTH[0]]) < 2 or len({frozenset(each) for each in values.values()}) > 1:
+        return ""
+    best = {trimming: min(each, key=lambda tracker: each[tracker]) for trimming, each in values.items()}
+    if len(set(best.values())) == 1:
+        return ""
+    untrimmed, trimmed = (_smallest(values[trimming], best[trimming]) for trimming in _BOTH)
+    order = f"that of {untrimmed} without trimming, and that of {trimmed} after it"
+    return f"In the measured scenes, features pooled, the smallest RMS in {axis} {conditions.place(at)} is {order}."
+
+
+def _rms(
+    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str, trimming: str
+) -> Mapping[str, float]:
+    """Root mean square errors of the trackers that have one, px, features pooled."""
+    rows = {
+        tracker: first(curve_rows(conditions.of(intervals, tracker), conditions, "second", at, axis, trimming=trimming))
+        for tracker in conditions.trackers
+    }
+    return {
+        tracker: math.sqrt(row["value"])
+        for tracker, row in rows.items()
+        if row is not None and row["value"] is not None
+    }
+
+
+def _smallest(values: Mapping[str, float], best: str) -> str:
+    return f"{best} ({px(values[best])})"
+
+
+def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:
+    """One sentence for each question and tracker whose verdicts differ."""
+    sentences: list[str] = []
+    for tracker in conditions.trackers:
+        for coordinate in "uv":
+            rows = conditions.of(tables["time_structure"], tracker).filter(coordinate=coordinate)
+            sentences += _differs(rows, f"The growth of the error of {tracker} in {coordinate}")
+        zero = conditions.of(tables["zero_mean"], tracker).filter(pl.col("at").is_null(), axis=conditions.axis)
+        sentences += _differs(zero, f"Whether {tracker} has a mean error")
+    return sentences
+
+
+def _differs(rows: pl.DataFrame, subject: str) -> Sequence[str]:
+    found = [first(rows.filter(trimming=trimming)) for trimming in _BOTH]
+    verdicts = [None if row is None else str(row["verdict"]) for row in found]
+    if None in verdicts or verdicts[0] == verdicts[1]:
+        return []
+    words = [_WORDS.get(verdict, verdict) for verdict in verdicts if verdict is not None]
+    answers = (f"{word} {trimming}" for word, trimming in zip(words, _BOTH, strict=True))
+    return [f"{subject}: {listing(answers)}."]
+
+
+def percentile_of(data: RunData) -> str:
+    """The tracks over which the percentile is taken, as part of a sentence."""
+    if "followed" not in data.trims["among"]:
+        return "all tracks of the same scene and condition"
+    return f"those tracks of the same scene and condition that were followed beyond {_anchor(data)}"
+
+
+def cut_at_zero(data: RunData) -> list[tuple[str, str]]:
+    """Conditions whose trimming is decided by errors that are zero by construction, each with its warning.
+
+    A track whose only error is that at its anchor has a largest error of about 0 px. Where the share of such tracks
+    reaches the percentile, the cut falls among them, and nearly all of the other tracks are dropped.
+    """
+    trims = data.listed(data.trims)
+    least = pl.col("percentile") / 100 * pl.col("n_measured")
+    decided = trims.filter(pl.col("percentile") < 100, pl.col("n_anchor_only") >= least, pl.col("n_anchor_only") > 0)
+    decided = decided.filter(among="all")
+    names = data.in_order(decided.select(list(data.condition_columns)).unique()).to_dicts()
+    if len(names) > MOST_NAMED:
+        return [(together([condition_name(one) for one in names]), _warning(data, decided, trims))]
+    return [(condition_name(one), _warning(data, decided.filter(**one), trims.filter(**one))) for one in names]
+
+
+def _warning(data: RunData, decided: pl.DataFrame, trims: pl.DataFrame) -> str:
+    """What is left in the scenes and conditions of `trims` whose percentile falls among errors that are zero."""
+    n_measured, n_anchor_only, n_dropped = (
+        int(decided[name].sum()) for name in ("n_measured", "n_anchor_only", "n_followed_dropped")
+    )
+    n_followed = n_measured - n_anchor_only
+    scenes = f"{number(decided['scene'].n_unique())} of {count(trims['scene'].n_unique(), 'scene')}"
+    return (
+        f"{percent(n_anchor_only / n_measured)} of the tracks with a known error were seen only in {_anchor(data)}, "
+        f"where the error is zero by construction. This affects {scenes}. The percentile falls among these tracks, so "
+        f"trimming cuts at about 0 px. Of the {count(n_followed, 'track')} seen for longer, "
+        f"{number(n_followed - n_dropped)} are kept. The trimmed errors mean little here. Set "
+        'statistics.trim_among = "followed" to take the percentile over the tracks seen for longer.'
+    )
+
+
+def _anchor(data: RunData) -> str:
+    return "the key frame" if data.axis is FRAME else "their first frame"

@@ -1,0 +1,221 @@
+"""The noise to set in an estimator: what makes depths as certain as they are, and what residuals say."""
+
+from collections.abc import Mapping
+from math import sqrt
+from typing import Any
+
+import polars as pl
+
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.headline import (
+    Headline,
+    Part,
+    ReportedConditions,
+    RunTables,
+    by_tracker,
+    in_brackets,
+)
+from tracknoise.phrases.measures import reported_conditions, short
+from tracknoise.phrases.run_data import RunData
+from tracknoise.tables.enumerations import (
+    Axis,
+    FloorSource,
+)
+from tracknoise.words import (
+    SPACE,
+    format_as,
+    format_estimate,
+    number,
+    pixels,
+    px,
+    ratio,
+)
+
+LONGEST_WINDOW = 15
+"""Longest window that is reported, in observations."""
+
+
+LEAST_WINDOWS = 100
+"""With fewer windows than this, or fewer that show the depth of their point, a number is not reported."""
+
+
+_ALIKE = 1.1
+"""An uncertainty that is at most this many times another one counts as the same."""
+
+
+_UNITS = {"consistent_sigma": "px", "residual_core": "px"}
+
+
+Quantities = Mapping[str, Estimate]
+
+
+def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """The noise to set for windows of tracks, and how wrong depths are if residuals are believed."""
+    windows = tables["window_sigmas"].filter(trimming=conditions.trimming)
+    brackets = in_brackets(conditions.reported(windows.filter(quantity="residual_core")))
+    errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
+    meant = "" if conditions.fitted else " The noise to set makes the depths of fitted points as uncertain as they are."
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _noise_of(windows, tables["floor"], conditions, tracker),
+        opening=f"Noise to set in an estimator {conditions.where(tables['summary'])}{errors}.",
+        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{brackets}",
+        topic="estimator",
+        figure="findings" if conditions.fitted else "estimator",
+        table="window_sigmas",
+    )
+
+
+def _noise_of(windows: pl.DataFrame, floor: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
+    rows = conditions.of(windows, tracker).filter(pl.col("window") <= LONGEST_WINDOW, pl.col("n") >= LEAST_WINDOWS)
+    lengths: list[int] = rows["window"].unique().sort(descending=True).to_list()
+    by_length = {length: _quantities(rows.filter(window=length)) for length in lengths}
+    known = {length: found for length, found in by_length.items() if "residual_core" in found}
+    shown = [length for length, found in known.items() if "consistent_sigma" in found]
+    if shown:
+        floor_px = window_floor_px(floor, conditions, tracker, shown[0])
+        return _with_depth(shown[0], known[shown[0]], tracker, floor_px)
+    return _without_depth(*next(iter(known.items())), tracker, conditions) if known else None
+
+
+def _quantities(rows: pl.DataFrame) -> Quantities:
+    """Quantities of one length of window; those about depth only where enough windows show it."""
+    of = {row["quantity"]: row for row in rows.to_dicts()}
+    n_depth = of["depth_share"]["value"] * of["depth_share"]["n"] if "depth_share" in of else 0
+    about_depth = ("consistent_sigma", "core_overconfidence")
+    return {
+        name: Estimate.of_row(row, "value", "low", "high", _UNITS.get(name, ""))
+        for name, row in of.items()
+        if name not in about_depth or n_depth >= LEAST_WINDOWS
+    }
+
+
+def _with_depth(length: int, found: Quantities, tracker: str, floor_px: float | None) -> Part:
+    consistent, residual, factor = (
+        found[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
+    )
+    sentences = [
+        f"{tracker}: set {format_estimate(consistent)} for windows of {length} frames.",
+        f"Residuals will look like {px(residual.value)}: tuned to them, {_certainty(factor)}.",
+    ]
+    if floor_px is not None and consistent.value is not None and floor_px >= consistent.value:
+        sentences.append(
+            f"The truth floor is {px(floor_px)} there: errors of the truth alone can cause this noise, and that of the "
+            "tracker may be smaller."
+        )
+    brief = f"{tracker}: set {short(consistent)} for windows of {length} frames."
+    return Part(" ".join(sentences), [consistent, residual, factor], brief)
+
+
+def _certainty(factor: Estimate) -> str:
+    """How uncertain depths are beside what an estimator claims."""
+    text = format_as(factor, lambda value: "unknown" if value is None else ratio(value), unit=f"{SPACE}times")
+    if factor.above(1 / _ALIKE) and factor.below(_ALIKE):
+        return f"depths are as certain as claimed: the uncertainty is {text} the claimed one"
+    if factor.above(1.0) or (factor.low is None and (factor.value or 0.0) > 1.0):
+        return f"depths are {text} less certain than claimed"
+    return f"the uncertainty of depths is {text} the claimed one"
+
+
+def _without_depth(length: int, found: Quantities, tracker: str, conditions: ReportedConditions) -> Part:
+    residual = found["residual_core"]
+    why = "true positions are fitted to the tracks" if conditions.fitted else "few windows show the depth of a point"
+    text = (
+        f"{tracker}: residuals in windows of {length} frames look like {format_estimate(residual)}. Whether this makes "
+        f"depths as certain as claimed is unknown, because {why}."
+    )
+    brief = f"Residuals in windows of tracks look like {short(residual)}; how certain depths are is unknown."
+    return Part(text, [residual], brief)
+
+
+def window_floor_px(floor: pl.DataFrame, conditions: ReportedConditions, tracker: str, length: int) -> float | None:
+    """Size of the errors of the truth in the last frame of a window, per coordinate; None where it is unknown.
+
+    Parameters
+    ----------
+    floor
+        Table of the run.
+    conditions
+        Which condition of the tracker.
+    tracker
+        Its name.
+    length
+        Of the window, in observations.
+    """
+    since = (length - 1) * conditions.reference.speed
+    rows = conditions.of(floor, tracker).filter(pl.col("at") <= since, source=FloorSource.all, axis=Axis.age)
+    known = rows.drop_nulls(["floor_uu", "floor_vv"]).sort("at").tail(1).to_dicts()
+    return sqrt((known[0]["floor_uu"] + known[0]["floor_vv"]) / 2) if known else None
+
+
+WINDOW = 15
+"""Length of the windows that sentences are about, in observations, or else the nearest shorter one.
+
+At least `LEAST_WINDOWS` of them show the depth of their point.
+"""
+
+
+def sigma_sentence(data: RunData, tracker: str) -> str:
+    """What an estimator should set, and what residuals look like. Empty where windows were not measured.
+
+    It says where errors of the truth alone can be as large as what to set.
+    """
+    found = _at_window(data, tracker)
+    if "consistent_sigma" not in found or "residual_core" not in found:
+        return ""
+    sigma, residual = found["consistent_sigma"], found["residual_core"]
+    floor_px = window_floor_px(data.floor, reported_conditions(data, data.slowest), tracker, sigma["window"])
+    covered = floor_px is not None and floor_px >= sigma["value"]
+    return (
+        f"Set {pixels(sigma['value'])} px for windows of {sigma['window']} frames; residuals look like "
+        f"{pixels(residual['value'])} px{'; errors of the truth alone can cause this' if covered else ''}."
+    )
+
+
+def estimator_sentence(data: RunData, tracker: str) -> str:
+    """The same with the interval, and what follows for an estimator. Empty where windows were not measured."""
+    found = _at_window(data, tracker)
+    if "consistent_sigma" not in found:
+        return ""
+    sigma = found["consistent_sigma"]
+    bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
+    size = f"{pixels(sigma['value'])} px{bounds}"
+    return f"For {tracker}, set {size} for windows of {sigma['window']} frames. {_trust(found)}".strip()
+
+
+def sigma_message(data: RunData) -> str:
+    """Sigma to set over that of residuals, for the tracker whose residuals mislead most; empty if none is shown to."""
+    rows = [_at_window(data, tracker).get("core_overconfidence") for tracker in data.trackers]
+    shown = [row for row in rows if row is not None and row["low"] is not None and row["low"] > 1.0]
+    if not shown:
+        return ""
+    row = max(shown, key=lambda one: one["low"])
+    times = f"{ratio(row['value'])} times what residuals of {row['tracker']} look like"
+    return f"In windows of {row['window']} frames, set {times}"
+
+
+def _trust(found: dict[str, dict[str, Any]]) -> str:
+    """What an estimator that is tuned to its residuals gets wrong."""
+    row = found.get("core_overconfidence")
+    if row is None or row["low"] is None or row["high"] is None:
+        return ""
+    size = f"{number(row['value'])} times (interval {number(row['low'])} to {number(row['high'])})"
+    if row["low"] > 1.0:
+        return f"Tuned to its residuals, an estimator claims depths that are more certain than they are, by {size}."
+    if row["high"] < 1.0:
+        return f"Tuned to its residuals, an estimator claims depths that are less certain than they are, by {size}."
+    return f"Tuned to its residuals, an estimator is not shown to claim too much or too little: {size}."
+
+
+def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
+    """Quantities of the chosen window, by name; none where points are fitted to whole tracks."""
+    if data.truth_is_fitted:
+        return {}
+    rows = data.nominal(data.window_sigmas).filter(tracker=tracker, trimming=data.trimming)
+    enough = rows.filter(pl.col("n") * pl.col("value") >= LEAST_WINDOWS, quantity="depth_share")["window"]
+    lengths = rows.filter(pl.col("window").is_in(enough.to_list()), quantity="consistent_sigma")["window"]
+    if lengths.is_empty():
+        return {}
+    shorter = lengths.filter(lengths <= WINDOW)
+    window = shorter.max() if shorter.len() else lengths.min()
+    return {row["quantity"]: row for row in rows.filter(pl.col("window") == window).to_dicts()}

@@ -16,7 +16,7 @@ from tracknoise.phrases.bands import AGE, FRAME, NU
 from tracknoise.report import style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections, SectionTables
 from tracknoise.report.figures.frames import TrimmedFrame, trimmed_frame
 from tracknoise.report.figures.messages import values
 from tracknoise.report.figures.panels import Panel, Spec, arranged, layered
@@ -313,3 +313,12 @@ def _sentence(data: ReportData, bands: pl.DataFrame) -> str:
     what = "ages" if data.axis is AGE else "distances"
     verdict = bands["verdict"][0]
     return f"{_SHAPES.get(verdict, verdict)} at {what} {listing(bands['band'])}{tail}"
+
+
+FIGURES: Sections = {
+    "gaussianity": (gaussianity_figures,),
+    "trimming": (trimming_figures,),
+}
+"""What this module draws, by the section of the report."""
+TABLES: SectionTables = {"gaussianity": tables}
+"""Tables below the figures of a section."""

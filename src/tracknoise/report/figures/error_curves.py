@@ -17,7 +17,7 @@ from tracknoise.phrases.growth_topic import growth_message
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.curve_panels import HEIGHT, Reading, Series, describe_bands, grid, readings, when
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.messages import apart, trackers, values
 from tracknoise.report.figures.panels import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
@@ -524,3 +524,15 @@ def _occlusion_panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]
     dot = base.mark_point(filled=True, size=45, opacity=1).encode(x=x)
     rows = table["condition"].n_unique()
     return Panel(layered(link, ring, dot).properties(width=175, height=max(60, 26 * rows)))
+
+
+FIGURES: Sections = {
+    "error-by-tracker": (
+        curve_figures,
+        second_moment_figures,
+    ),
+    "survivorship-bias": (survivorship_figures,),
+    "along-and-across": (direction_figures,),
+    "occlusion": (occlusion_figures,),
+}
+"""What this module draws, by the section of the report."""

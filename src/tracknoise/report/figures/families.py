@@ -1,9 +1,9 @@
 """The sections of the report that hold figures, in the order of the page.
 
-A new family is a new module with a function ``figures(data)``, and an entry here.
+What a section shows is said by the modules that draw: `FIGURES` of each.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -30,10 +30,6 @@ class Family:
         Anchor and heading of the section.
     lead
         Its first sentences. They hold for any data.
-    drawn_by
-        ``module:function`` of what makes the figures, within this package. Each takes a `ReportData`.
-    tabulated_by
-        The same for the tables below the figures. Empty where there are none.
     what_if
         What the figures would look like if errors were as many estimators assume, or the compared factor had no effect.
     of_errors
@@ -43,8 +39,6 @@ class Family:
     id: str
     title: str
     lead: str
-    drawn_by: tuple[str, ...]
-    tabulated_by: str = ""
     of_errors: bool = False
     what_if: str = ""
 
@@ -54,7 +48,7 @@ class Family:
         Altair's checks of each part against the schema of Vega-Lite are off: they take a third of the time. The tests
         check whole figures.
         """
-        makers: list[Callable[[ReportData], Sequence[Figure | Absence]]] = [_load(name) for name in self.drawn_by]
+        makers = [make for module in _modules() for make in module.FIGURES.get(self.id, ())]
         with debug_mode(False):
             made = [item for make in makers for item in make(data)]
         require_distinct(made)
@@ -63,15 +57,22 @@ class Family:
 
     def tables(self, data: ReportData) -> Sequence[Cells]:
         """Make the tables below the figures."""
-        if not self.tabulated_by or (self.of_errors and data.truth_is_fitted):
+        if self.of_errors and data.truth_is_fitted:
             return []
-        make: Callable[[ReportData], Sequence[Cells]] = _load(self.tabulated_by)
-        return make(data)
+        makers = [getattr(module, "TABLES", {}).get(self.id) for module in _modules()]
+        return [cells for make in makers if make is not None for cells in make(data)]
 
 
-def _load(name: str) -> Any:
-    module, attribute = name.split(":")
-    return getattr(import_module(f"tracknoise.report.figures.{module}"), attribute)
+_MODULES = (
+    *("noise_models", "error_curves", "ratio_curves", "track_ends", "levels", "distributions", "growth_curves", "maps"),
+    *("truth_curves", "frames"),
+)
+"""Modules of this package that draw. The figures of a section are in the order of these."""
+
+
+def _modules() -> list[Any]:
+    """What has `FIGURES`, and may have `TABLES`. Modules are imported when they are needed."""
+    return [import_module(f"tracknoise.report.figures.{name}") for name in _MODULES]
 
 
 FAMILIES: tuple[Family, ...] = (
@@ -80,7 +81,6 @@ FAMILIES: tuple[Family, ...] = (
         "For your estimator",
         "An estimator that fits points to windows of tracks needs one sigma. The sigma of its own residuals is not the "
         "one that makes its depths as certain as it claims, because errors of one track are alike from frame to frame.",
-        ("noise_models:window_sigma_figures", "noise_models:depth_interval_figures", "noise_models:model_fit_figures"),
         of_errors=True,
         what_if="If errors were independent in every frame, both sigmas would be equal in windows of any length, depth "
         "intervals would lie on the diagonal with either, and errors would not grow with age.",
@@ -91,7 +91,6 @@ FAMILIES: tuple[Family, ...] = (
         "This section shows how the error grows from the frame where it is zero by construction. Usually that is the "
         "frame in which a feature was first seen. If one scan gives the true positions of all features, it is the key "
         "frame of that scan.",
-        ("error_curves:curve_figures", "error_curves:second_moment_figures", "ratio_curves:ratio_figures"),
         of_errors=True,
         what_if="If errors had zero mean and were independent, the mean would be zero and all other rows would "
         "be flat.",
@@ -101,7 +100,6 @@ FAMILIES: tuple[Family, ...] = (
         "Lifetimes",
         "The lifetime of a track is the number of consecutive frames in which its tracker found it, including the "
         "first. A track that is alive in the last frame is censored: its lifetime is cut short by the data.",
-        ("track_ends:lifetime_figures", "track_ends:incidence_figures", "levels:lifetimes_by_lighting_figures"),
         what_if="If features were lost by chance alone, the share that survives would fall exponentially.",
     ),
     Family(
@@ -109,7 +107,6 @@ FAMILIES: tuple[Family, ...] = (
         "Outlier ratio",
         "In every frame a tracker rejects features that do not move consistently with the others. The outlier ratio is "
         "the share of rejected features among those carried over from the previous frame.",
-        ("track_ends:outlier_ratio_figures",),
         what_if="If no match were wrong, all boxes would lie at zero.",
     ),
     Family(
@@ -118,8 +115,6 @@ FAMILIES: tuple[Family, ...] = (
         "Most estimators assume Gaussian errors. This section compares the shape of the distribution with a Gaussian "
         "of the same covariance. In the table, a Gaussian has skewness 0 and kurtosis 8. P(99 %) is the share of "
         "errors outside the 99 % ellipse, relative to that of a Gaussian.",
-        ("distributions:gaussianity_figures",),
-        "distributions:tables",
         of_errors=True,
         what_if="If errors were Gaussian, all points would lie on the diagonal.",
     ),
@@ -129,8 +124,6 @@ FAMILIES: tuple[Family, ...] = (
         "Many estimators assume that the error is independent in every frame. If it accumulates instead, they trust "
         "long tracks too much. The growth of the second moment and the correlation of successive changes distinguish "
         "the two cases.",
-        ("growth_curves:time_structure_figures",),
-        "growth_curves:tables",
         of_errors=True,
         what_if="If errors were independent in every frame, the second moment would be flat, and successive "
         "changes would have a correlation of -0.5.",
@@ -140,7 +133,6 @@ FAMILIES: tuple[Family, ...] = (
         "Changes from frame to frame",
         "The change of the error in one frame is what the process noise of a filter, or a factor between two frames, "
         "has to model.",
-        ("growth_curves:change_figures",),
         of_errors=True,
         what_if="If the tracker took over no error from the frame before, changes would not depend on age.",
     ),
@@ -150,14 +142,12 @@ FAMILIES: tuple[Family, ...] = (
         "Some tracks follow the wrong point. The paper drops the tracks with the largest errors in each scene. What is "
         "left then depends on how many tracks are lost, and on the length of the sequences. The figures say which "
         "errors they show.",
-        ("distributions:trimming_figures",),
         what_if="If errors were Gaussian, the cut would lie close to the largest error.",
     ),
     Family(
         "feature-counts",
         "Feature counts",
         "An average over few features is unreliable. Curves are therefore cut where too few features remain.",
-        ("track_ends:feature_count_figures",),
         what_if="If no feature were lost, all counts would be those of the first age.",
     ),
     Family(
@@ -165,7 +155,6 @@ FAMILIES: tuple[Family, ...] = (
         "Survivorship bias",
         "A tracker tends to lose its worst features first. Tracks that live long are therefore not a random sample of "
         "all tracks.",
-        ("error_curves:survivorship_figures",),
         of_errors=True,
         what_if="If the loss of tracks did not depend on their errors, long-lived tracks would have the curve "
         "of all tracks.",
@@ -174,7 +163,6 @@ FAMILIES: tuple[Family, ...] = (
         "error-by-speed",
         "Error by speed",
         "This section shows what changes when the camera moves faster, or the tracker sees fewer frames.",
-        ("levels:speed_figures",),
         of_errors=True,
         what_if="If errors did not depend on speed, all curves would coincide.",
     ),
@@ -182,7 +170,6 @@ FAMILIES: tuple[Family, ...] = (
         "error-by-lighting",
         "Error by lighting",
         "This section shows what changes when the same camera path is seen under different lighting.",
-        ("levels:lighting_figures",),
         of_errors=True,
         what_if="If errors did not depend on lighting, all curves would coincide.",
     ),
@@ -191,7 +178,6 @@ FAMILIES: tuple[Family, ...] = (
         "Error in rotated images",
         "This section shows what changes when the trackers see the same images rotated. The camera axes are rotated "
         "too.",
-        ("levels:rotations",),
         of_errors=True,
         what_if="If the tracker treated all directions alike, all curves would coincide.",
     ),
@@ -199,7 +185,6 @@ FAMILIES: tuple[Family, ...] = (
         "error-by-direction",
         "Error by direction",
         "This section shows what changes when the same frames are played backward, as if the camera moved in reverse.",
-        ("levels:directions",),
         of_errors=True,
         what_if="If errors did not depend on the direction of play, both curves would coincide.",
     ),
@@ -208,7 +193,6 @@ FAMILIES: tuple[Family, ...] = (
         "Error by place",
         "Errors that depend on the place in the image, or on the speed of the image, often come from the truth: lens, "
         "focal length, shutter or clock. Errors at depth edges come from the tracker.",
-        ("maps:image_map_figures", "maps:image_speed_figures", "maps:surrounding_figures"),
         of_errors=True,
         what_if="If errors did not depend on the place, every map would have one colour and every curve would be flat.",
     ),
@@ -217,7 +201,6 @@ FAMILIES: tuple[Family, ...] = (
         "Error along motion and gradient",
         "Errors are caused by motion and image structure, not by the directions u and v. An error along the motion or "
         "along an edge is easier to see in that direction.",
-        ("error_curves:direction_figures",),
         of_errors=True,
         what_if="If errors had no preferred direction, both columns would be equal.",
     ),
@@ -226,7 +209,6 @@ FAMILIES: tuple[Family, ...] = (
         "Occlusion",
         "When a point becomes occluded, a tracker may continue its track on the object in front. The paper counts "
         "such features. Counting them changes the error.",
-        ("error_curves:occlusion_figures",),
         of_errors=True,
         what_if="If trackers noticed that a point is occluded, both curves would coincide.",
     ),
@@ -235,7 +217,6 @@ FAMILIES: tuple[Family, ...] = (
         "Corrections of the truth",
         "A wrong focal length, clock or shutter looks like an error of tracks. The audit fits such faults to the "
         "errors of all trackers.",
-        ("truth_curves:audit_curve_figures", "truth_curves:two_truth_figures"),
         of_errors=True,
         what_if="If the truth were exact, no correction would change a curve.",
     ),
@@ -244,7 +225,6 @@ FAMILIES: tuple[Family, ...] = (
         "Pose errors",
         "An error of the stated poses moves all features of a frame together, as a motion of the camera does. The "
         "tracks measure such motions. What other tracks predict is not noise of single features.",
-        ("truth_curves:pose_error_figures",),
         of_errors=True,
         what_if="If the poses were exact, all shares would be zero.",
     ),
@@ -253,14 +233,12 @@ FAMILIES: tuple[Family, ...] = (
         "Differences between trackers",
         "Two trackers that follow the same corner have the same true position. Their difference contains no error of "
         "the truth.",
-        ("truth_curves:tracker_difference_figures",),
         what_if="If both trackers followed the same point, their mean difference would be zero.",
     ),
     Family(
         "example-frames",
         "Example frames",
         "One frame of each scene, with the features and their errors.",
-        ("frames:example_frame_figures", "frames:light_stage_figures"),
         what_if="If errors were noise alone, lines would point in all directions.",
     ),
     Family(
@@ -268,7 +246,6 @@ FAMILIES: tuple[Family, ...] = (
         "Camera path",
         "The camera motion determines how features move. Rotation shifts image points regardless of their depth. "
         "Translation shifts near points more than far ones.",
-        ("frames:trajectory_figures",),
         what_if="If the camera only rotated, its path would be a point.",
     ),
 )

@@ -1,11 +1,13 @@
 """A figure: a chart with two texts, or the reason why there is none."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from tracknoise.exceptions import FigureError
+from tracknoise.report.cells import Cells
+from tracknoise.report.report_data import ReportData
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,12 @@ class Absence:
     id: str
     title: str
     why: str
+
+
+Sections: TypeAlias = Mapping[str, Sequence[Callable[[ReportData], Sequence[Figure | Absence]]]]
+"""What makes the figures of sections of the report, by the ids of the sections."""
+SectionTables: TypeAlias = Mapping[str, Callable[[ReportData], Sequence[Cells]]]
+"""What makes the tables below them."""
 
 
 def require_distinct(items: Iterable[Figure | Absence]) -> None:

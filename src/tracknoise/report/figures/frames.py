@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.report import style
 from tracknoise.report.figures import light_sweeps, marks
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.messages import values
 from tracknoise.report.figures.panels import Chart, Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
@@ -605,3 +605,13 @@ def _table(
 def _trajectory_spread(n: int, most: int) -> NDArray[np.intp]:
     """At most `most` of n places, evenly spaced, including the first and the last."""
     return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
+
+
+FIGURES: Sections = {
+    "example-frames": (
+        example_frame_figures,
+        light_stage_figures,
+    ),
+    "trajectory": (trajectory_figures,),
+}
+"""What this module draws, by the section of the report."""

@@ -21,7 +21,7 @@ from tracknoise.phrases.growth_topic import behaviour
 from tracknoise.report import style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections, SectionTables
 from tracknoise.report.figures.panels import COORDINATES, Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LAGS, NAMES, REFERENCE_AGE
@@ -407,3 +407,12 @@ def _size(row: Mapping[str, Any], name: str, unit: str) -> str:
 
 def _estimate(row: Mapping[str, Any], name: str, unit: str) -> Estimate:
     return Estimate.of_row(row, name, f"{name}_low", f"{name}_high", unit)
+
+
+FIGURES: Sections = {
+    "time-structure": (time_structure_figures,),
+    "changes": (change_figures,),
+}
+"""What this module draws, by the section of the report."""
+TABLES: SectionTables = {"time-structure": tables}
+"""Tables below the figures of a section."""

@@ -18,7 +18,7 @@ from tracknoise.phrases.bands import upright_bounds
 from tracknoise.report import style
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.curve_panels import HEIGHT, MANY, Reading, Series, describe_bands, grid, readings, when
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.messages import effect
 from tracknoise.report.figures.panels import Chart, Panel, box_plot
 from tracknoise.report.report_data import ReportData
@@ -293,3 +293,13 @@ def _look_for(data: ReportData, table: pl.DataFrame) -> str:
             lived = " to ".join(f"{number(row['mean'])} frames under {row['lighting']}" for row in ends)
             parts.append(f"the mean lifetime of {tracker} ranges from {lived}")
     return f"At speed {data.slowest}, {'; '.join(parts)}."
+
+
+FIGURES: Sections = {
+    "lifetimes": (lifetimes_by_lighting_figures,),
+    "error-by-speed": (speed_figures,),
+    "error-by-lighting": (lighting_figures,),
+    "error-by-rotation": (rotations,),
+    "error-by-direction": (directions,),
+}
+"""What this module draws, by the section of the report."""

@@ -15,7 +15,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.bands import describe_intervals
 from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.messages import surroundings_message, values
 from tracknoise.report.figures.panels import Panel, arranged, layered
 from tracknoise.report.report_data import ReportData
@@ -401,3 +401,13 @@ def _look_for_surroundings(table: pl.DataFrame) -> str:
 
 def _in_u(table: pl.DataFrame, surrounding: Surrounding) -> pl.DataFrame:
     return table.filter(surrounding=surrounding, coordinate="u")
+
+
+FIGURES: Sections = {
+    "error-by-place": (
+        image_map_figures,
+        image_speed_figures,
+        surrounding_figures,
+    ),
+}
+"""What this module draws, by the section of the report."""

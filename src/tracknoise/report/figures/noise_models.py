@@ -21,7 +21,7 @@ from tracknoise.phrases.depth_topic import LEVELS, depth_shares
 from tracknoise.phrases.window_topic import estimator_sentence, sigma_message
 from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, layered, lined
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import significant
@@ -314,3 +314,13 @@ def _depth_interval_panel(table: pl.DataFrame, tracker: str) -> Panel:
     return lined(
         columns, "covariance", x, y, hue, _DEPTH_INTERVAL_COLOURS, tips, title=tracker, height=230, below=[line]
     )
+
+
+FIGURES: Sections = {
+    "estimator": (
+        window_sigma_figures,
+        depth_interval_figures,
+        model_fit_figures,
+    ),
+}
+"""What this module draws, by the section of the report."""

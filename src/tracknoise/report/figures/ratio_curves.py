@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.phrases.bands import AGE, describe_intervals
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.error_curves import no_curve
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, lined
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Quantity
@@ -46,3 +46,9 @@ def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
     colours = {name: data.colour[name] for name in data.trackers if name in table["tracker"]}
     hue = marks.colour("tracker", colours, "tracker")
     return lined(columns, "tracker", x, y, hue, colours, [*tips, alt.Tooltip("u:Q")])
+
+
+FIGURES: Sections = {
+    "error-by-tracker": (ratio_figures,),
+}
+"""What this module draws, by the section of the report."""

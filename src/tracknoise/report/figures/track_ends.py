@@ -15,7 +15,7 @@ import polars as pl
 from tracknoise.phrases.bands import FRAME, describe_intervals, of_scalar
 from tracknoise.report import style
 from tracknoise.report.figures import light_sweeps, marks
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.messages import effect, trackers, values
 from tracknoise.report.figures.panels import Panel, Spec, arranged, box_plot, layered
 from tracknoise.report.report_data import ReportData
@@ -499,3 +499,14 @@ def _ratio(data: ReportData) -> alt.Y:
     largest = max(value for name in ("upper_whisker", "mean", "high") for value in table[name].drop_nulls())
     scale = alt.Scale(domain=[0, 1.05 * largest or 1.0], nice=False)
     return alt.Y("median:Q", scale=scale, title="outlier ratio (share of features)")
+
+
+FIGURES: Sections = {
+    "lifetimes": (
+        lifetime_figures,
+        incidence_figures,
+    ),
+    "outlier-ratio": (outlier_ratio_figures,),
+    "feature-counts": (feature_count_figures,),
+}
+"""What this module draws, by the section of the report."""

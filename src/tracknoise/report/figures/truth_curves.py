@@ -15,7 +15,7 @@ from tracknoise.phrases import bands
 from tracknoise.phrases.bands import describe_intervals
 from tracknoise.report import style
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.messages import values
 from tracknoise.report.figures.panels import Panel, arranged, layered, panels, side_by_side
 from tracknoise.report.report_data import ReportData
@@ -364,3 +364,14 @@ def _audit_curve_sentence(curves: pl.DataFrame) -> str:
     before, after = (last.filter(correction=name).row(0, named=True) for name in (MEASURED, EVERYTHING))
     changes = (f"{pixels(before[name])} to {pixels(after[name])} px" for name in ("mean_u_px", "mean_v_px"))
     return f"At age {last['at'][0]} the corrections change the mean error from {' in u, and from '.join(changes)} in v."
+
+
+FIGURES: Sections = {
+    "truth-audit": (
+        audit_curve_figures,
+        two_truth_figures,
+    ),
+    "pose-errors": (pose_error_figures,),
+    "between-trackers": (tracker_difference_figures,),
+}
+"""What this module draws, by the section of the report."""

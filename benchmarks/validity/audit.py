@@ -26,7 +26,7 @@ import numpy as np
 
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 from tracknoise.truth_faults.audit_selection import Assessment, Judged, Selection, judge, select
-from tracknoise.truth_faults.fault_parameters import NUMBERS, SLICES, Parameter
+from tracknoise.truth_faults.fault_parameters import FAULTS, SLICES, Parameter
 
 SIZES: dict[Parameter, tuple[float | tuple[float, ...], float | tuple[float, ...]]] = {
     Parameter.focal_length: (0.005, 0.1),
@@ -128,7 +128,7 @@ def visible_summary(world: World, seeds: range) -> str:
     named: dict[Parameter, list[bool]] = {}
     for seed in seeds:
         for judged in judge(run(Cell("exact", world), seed)):
-            is_size = not NUMBERS[judged.parameter].is_kind and np.isfinite(judged.visible_above).all()
+            is_size = not FAULTS[judged.parameter].is_kind and np.isfinite(judged.visible_above).all()
             if judged.rank is None and is_size:
                 named.setdefault(judged.parameter, []).append(is_seen(world, judged, seed))
     return ", ".join(f"{one} {np.mean(seen):.2f} of {len(seen)}" for one, seen in named.items())

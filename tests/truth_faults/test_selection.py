@@ -11,7 +11,7 @@ from tracknoise.inference.robust_fits import jackknife
 from tracknoise.tables.findings_schema import AuditVerdict
 from tracknoise.truth_faults.audit_fit import Start, fit
 from tracknoise.truth_faults.audit_selection import Basis, assess, judge, select
-from tracknoise.truth_faults.fault_parameters import COUNT, NUMBERS, Parameter
+from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, Parameter
 
 WORLD = World(per_scene=100, n_frames=60)
 
@@ -163,4 +163,4 @@ def test_the_basis_of_no_parameter_costs_no_position() -> None:
     basis = Basis.of(some, (), start, with_bias=False)
     assert basis.fitted.free.size == 0
     np.testing.assert_array_equal(basis.fitted.residual, some.observed - start.predicted.uv)
-    assert sum(numbers.count for numbers in NUMBERS.values()) == COUNT
+    assert sum(fault.count for fault in FAULTS.values()) == COUNT

@@ -34,7 +34,7 @@ from tracknoise.tables.findings_schema import AuditVerdict
 from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, Start, fit, gain, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import has_k1
-from tracknoise.truth_faults.fault_parameters import COUNT, NUMBERS, Fit, Parameter
+from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, Fit, Parameter
 
 _LEAST_COUNT, _LEAST_CLUSTERS = 50, 2
 """Fewest observations of a tracker, and fewest clusters with any of them: one alone says nothing of its own error."""
@@ -199,7 +199,7 @@ class Assessment:
     @property
     def is_possible(self) -> bool:
         """Whether there are faults with this estimate."""
-        return not NUMBERS[self.parameter].is_kind or bool(abs(self.estimate[0] - 1.0) < _NEAR_KIND)
+        return not FAULTS[self.parameter].is_kind or bool(abs(self.estimate[0] - 1.0) < _NEAR_KIND)
 
     @cached_property
     def shares(self) -> list[Shares]:
@@ -415,7 +415,7 @@ def visible_above(one: Assessment) -> NDArray[np.float64]:
 
 def _largest(parameter: Parameter) -> float:
     """Largest error of a parameter that is tried."""
-    return 1.0 if NUMBERS[parameter].is_kind else NUMBERS[parameter].furthest
+    return 1.0 if FAULTS[parameter].is_kind else FAULTS[parameter].furthest
 
 
 def _tested(found: ResampledFit, places: NDArray[np.intp], alpha: float) -> NDArray[np.float64]:
@@ -532,7 +532,7 @@ def _verdict(selection: Selection, name: Parameter, visible: NDArray[np.float64]
 
 def _is_wide(one: Assessment, visible: NDArray[np.float64]) -> bool:
     """Whether the data would not show a change worth correcting, or no change that is tried."""
-    plausible = NUMBERS[one.parameter].plausible
+    plausible = FAULTS[one.parameter].plausible
     return bool(np.any(one.half_widths > plausible) or np.any(np.isinf(visible)))
 
 

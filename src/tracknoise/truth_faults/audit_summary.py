@@ -27,7 +27,7 @@ from tracknoise.geometry.corrections import UNCORRECTED
 from tracknoise.tables.findings_schema import MEASURED, AuditVerdict
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.audit_selection import POWER
-from tracknoise.truth_faults.fault_parameters import NUMBERS, Family, Parameter, Shown
+from tracknoise.truth_faults.fault_parameters import FAULTS, TIMED, Family, Parameter, Shown
 from tracknoise.words import DASH, MINUS, SPACE, listing, number, percent, px
 
 _MOST_HALF, _ROUNDING = 0.25, 0.1
@@ -68,27 +68,8 @@ def _is_usual(row: Mapping[str, Any]) -> bool:
     return whole_frames(row["in_frames"], 0.5 * (row["high"] - row["low"]) / frame) != 0
 
 
-PARAMETER_NAMES: Mapping[str, str] = MappingProxyType(
-    {
-        Parameter.focal_length: "focal length",
-        Parameter.principal_point: "principal point",
-        Parameter.k1: "radial distortion k1",
-        Parameter.depth_scale: "scale of the depths",
-        Parameter.depth_offset: "offset of the depths",
-        Parameter.mounting_rotation: "rotation between camera and poses",
-        Parameter.mounting_translation: "translation between camera and poses",
-        Parameter.clock_offset: "clock offset of the poses",
-        Parameter.readout: "readout time of the shutter",
-        Parameter.ray_depth: "kind of depth",
-    }
-)
-"""What each parameter is called in text."""
 _LEAST_AT_AGE = 30
 _SHALLOW, _SLOW_PX = 0.3, 1.0
-_ABOUT_DEPTH = frozenset(
-    {Parameter.focal_length, Parameter.depth_scale, Parameter.depth_offset, Parameter.mounting_translation}
-)
-_ABOUT_TIME = frozenset({Parameter.clock_offset, Parameter.readout})
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +119,7 @@ def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mappi
 
 
 def _claim(parameter: Parameter, found: Estimate) -> str:
-    name = PARAMETER_NAMES[parameter]
+    name = FAULTS[parameter].name
     if parameter is Parameter.ray_depth:
         return f"Depth is the distance along the ray, not along the optical axis (share {found.text} instead of 0)"
     if parameter is Parameter.clock_offset and (frames := whole_frames(*found.in_fit_units)):
@@ -152,13 +133,13 @@ def _claim(parameter: Parameter, found: Estimate) -> str:
 
 def family_text(others: Sequence[Parameter], together: Estimate) -> str:
     """`` Fitted together with the clock offset of the poses, it is 28 ± 7 ms.``, after another sentence."""
-    return f" Fitted together with {listing([f'the {PARAMETER_NAMES[one]}' for one in others])}, it is {together.text}."
+    return f" Fitted together with {listing([f'the {FAULTS[one].name}' for one in others])}, it is {together.text}."
 
 
 def _rivals_text(rivals: Mapping[Parameter, float]) -> str:
     if not rivals:
         return ""
-    names = listing([f"the {PARAMETER_NAMES[one]}" for one in rivals], joint="or")
+    names = listing([f"the {FAULTS[one].name}" for one in rivals], joint="or")
     largest = number(max(rivals.values()), digits=2)
     return f" An error of {names} cannot be distinguished from it here (condition number {largest})."
 
@@ -209,14 +190,14 @@ def other_text(
     samples: AuditSamples,
 ) -> str:
     """The sentence about a parameter that is not named as a fault."""
-    name = PARAMETER_NAMES[parameter]
+    name = FAULTS[parameter].name
     if verdict == AuditVerdict.like_bias:
         how = f"condition number {number(condition, digits=2)}"
         return f"What an error of the {name} would explain cannot be distinguished from a bias of the trackers ({how})."
     if verdict == AuditVerdict.disagreement:
         return f"The trackers contradict each other on the {name}: that the truth is wrong in it is not established."
     if verdict == AuditVerdict.explained:
-        others = listing([f"the {PARAMETER_NAMES[one]}" for one in named])
+        others = listing([f"the {FAULTS[one].name}" for one in named])
         verb = "is" if len(named) == 1 else "are"
         return f"The {name} looked wrong, but this is no longer established once {others} {verb} corrected."
     if verdict == AuditVerdict.small:
@@ -235,7 +216,7 @@ def other_text(
 
 def kind_not_tried(z_depth_from: str) -> str:
     """The sentence about the kind of depths that are known to be along z, from what they were computed."""
-    name = PARAMETER_NAMES[Parameter.ray_depth]
+    name = FAULTS[Parameter.ray_depth].name
     return f"The {name} was not tried: depths are z by construction (from {z_depth_from})."
 
 
@@ -243,11 +224,11 @@ def _why(parameter: Parameter, samples: AuditSamples) -> str:
     """What the recording lacks, if it is known."""
     low, middle, high = np.quantile(samples.depth, (0.1, 0.5, 0.9))
     spread = float((high - low) / middle)
-    if parameter in _ABOUT_DEPTH and spread < _SHALLOW:
+    if FAULTS[parameter].by_depth and spread < _SHALLOW:
         return f": depth varies by {percent(spread)} only"
     steps = np.hypot(*(samples.stated - samples.uv_at_birth).T) / samples.age
     pace = float(np.median(steps))
-    if parameter in _ABOUT_TIME and pace < _SLOW_PX:
+    if parameter in TIMED and pace < _SLOW_PX:
         return f": the image moves by {px(pace)} per frame only"
     return ": the motion of the camera does not distinguish it from biases of the trackers"
 
@@ -331,24 +312,6 @@ def present_corrections(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 NO_FAULT = "No fault of the stated truth was found."
 _REPORTED = (AuditVerdict.like_bias, AuditVerdict.disagreement, AuditVerdict.explained)
-_KEYS: Mapping[str, tuple[str, bool]] = MappingProxyType(
-    {
-        Parameter.focal_length: ("focal_scale", True),
-        Parameter.principal_point: ("principal_point_px", False),
-        Parameter.k1: ("k1", False),
-        Parameter.depth_scale: ("depth_scale", True),
-        Parameter.depth_offset: ("depth_offset_m", False),
-        Parameter.ray_depth: ("depth_along_ray", False),
-        Parameter.mounting_rotation: ("mounting_rotation_deg", False),
-        Parameter.mounting_translation: ("mounting_translation_m", False),
-        Parameter.clock_offset: ("clock_offset_s", False),
-        Parameter.readout: ("readout_s", False),
-    }
-)
-"""Key of each parameter in the settings, and whether it is a factor rather than a change."""
-_IN_FRAMES: Mapping[str, str] = MappingProxyType(
-    {Parameter.clock_offset: "clock_offset_frames", Parameter.readout: "# needs timestamps: readout in frames"}
-)
 _MS = 1000.0
 
 
@@ -382,9 +345,7 @@ def _undetermined(about: pl.DataFrame) -> list[str]:
     if not names:
         return []
     verb = "is" if len(names) == 1 else "are"
-    return [
-        f"Whether {listing(f'the {PARAMETER_NAMES[one]}' for one in names)} {verb} right cannot be determined here."
-    ]
+    return [f"Whether {listing(f'the {FAULTS[one].name}' for one in names)} {verb} right cannot be determined here."]
 
 
 def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTINGS) -> str | None:
@@ -412,15 +373,15 @@ def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTI
 
 def _correction(parameter: Parameter, row: Mapping[str, Any], step: int) -> tuple[str, bool | float | list[float]]:
     """Key and value of a correction."""
-    key, is_factor = _KEYS[parameter]
-    if NUMBERS[parameter].is_kind:
-        return key, True
+    fault = FAULTS[parameter]
+    if fault.is_kind:
+        return fault.key, True
     pairs = list(zip(row["value"], row["stated"], strict=True))
-    values = [value / stated if is_factor else value - stated for value, stated in pairs]
+    key, values = fault.key, [value / stated if fault.is_factor else value - stated for value, stated in pairs]
     if row["unit"][0] == "ms":
         values = [value / _MS for value in values]
     elif row["unit"][0] == "frames":
-        key, values = _IN_FRAMES[parameter], [value * step for value in values]
+        key, values = fault.in_frames, [value * step for value in values]
     return key, values if len(values) > 1 else values[0]
 
 

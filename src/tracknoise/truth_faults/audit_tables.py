@@ -40,7 +40,7 @@ from tracknoise.truth_faults.audit_summary import (
     other_text,
 )
 from tracknoise.truth_faults.corrected_positions import predict
-from tracknoise.truth_faults.fault_parameters import COUNT, JOINT, NUMBERS, TIMED, Family, Fit, Parameter, Shown, shown
+from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, JOINT, TIMED, Family, Fit, Parameter, Shown, shown
 from tracknoise.words import listing
 
 MOST_SAMPLES = 16_000
@@ -340,7 +340,7 @@ def _joint_rows(selection: Selection, joint: JointFits) -> Iterator[Row]:
 def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Iterator[Row]:
     """One row per free number of a fit."""
     samples, fitted = resampled.samples, resampled.fitted
-    names = [(one, component) for one in fitted.parameters for component in NUMBERS[one].components]
+    names = [(one, component) for one in fitted.parameters for component in FAULTS[one].components]
     half = resampled.half_widths
     related = _correlations(fitted)
     errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: resampled.error}
@@ -371,7 +371,7 @@ def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Itera
 def _values(samples: AuditSamples, parameter: Parameter, component: str, number: float, half: float) -> Row:
     """The corrected value of a number of the fit beside the stated one, in the unit of its text."""
     unit = shown(samples, parameter)
-    stated = unit.stated[NUMBERS[parameter].components.index(component)]
+    stated = unit.stated[FAULTS[parameter].components.index(component)]
     value, reach = stated + unit.factor * number, abs(unit.factor) * half
     return {
         "unit": unit.unit,

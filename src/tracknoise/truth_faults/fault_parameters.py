@@ -62,29 +62,28 @@ class Family(StrEnum):
     named = "named"
 
 
-_OPTICS = (Parameter.focal_length, Parameter.principal_point, Parameter.k1)
-_TIMING = (Parameter.clock_offset, Parameter.readout)
-JOINT: Mapping[Family, tuple[Parameter, ...]] = MappingProxyType(
-    {
-        Family.optics: _OPTICS,
-        Family.timing: _TIMING,
-        Family.depth: (Parameter.depth_scale, Parameter.depth_offset),
-        Family.mounting: (Parameter.mounting_rotation, Parameter.mounting_translation),
-        Family.optics_and_timing: (*_OPTICS, *_TIMING),
-        Family.all: tuple(Parameter),
-    }
-)
-"""The joint fits, and what is free in each."""
+class Part(StrEnum):
+    """What parameters correct: optics, depth, rotation or translation of the mounting, or time."""
+
+    optics = "optics"
+    depth = "depth"
+    rotation = "rotation"
+    translation = "translation"
+    time = "time"
 
 
-@dataclass(frozen=True, slots=True)
-class Numbers:
-    """The numbers of a parameter.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """A fault of the truth: its numbers, its name, and how it is corrected.
 
     Attributes
     ----------
+    name
+        What it is called in text.
+    part
+        What it corrects.
     components
-        Their names; one empty name for a single number.
+        Names of its numbers; one empty name for a single number.
     plausible
         A change so large that a smaller fault would still be worth correcting. Where an interval is wider than this to
         either side, the parameter cannot be determined.
@@ -92,44 +91,142 @@ class Numbers:
         Largest change that is tried.
     is_kind
         Whether the truth is one of two kinds, 0 or 1, and nothing between.
+    by_depth
+        Whether only depths that differ determine it.
+    key
+        Of its correction in the settings (`tracknoise.geometry.corrections.Corrections`).
+    is_factor
+        Whether the correction is a factor rather than a change.
+    in_frames
+        The key where times are unknown; empty where it has no time.
     """
 
-    components: tuple[str, ...]
+    name: str
+    part: Part
+    components: tuple[str, ...] = ("",)
     plausible: float
     furthest: float
     is_kind: bool = False
+    by_depth: bool = False
+    key: str
+    is_factor: bool = False
+    in_frames: str = ""
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """How many numbers there are."""
         return len(self.components)
 
 
-NUMBERS: Mapping[Parameter, Numbers] = MappingProxyType(
+_XYZ = ("x", "y", "z")
+FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
     {
-        Parameter.focal_length: Numbers(("",), 0.1, 0.6),
-        Parameter.principal_point: Numbers(("u", "v"), 20.0, 300.0),
-        Parameter.k1: Numbers(("",), 0.2, 2.0),
-        Parameter.depth_scale: Numbers(("",), 0.1, 0.6),
-        Parameter.depth_offset: Numbers(("",), 0.2, 2.0),
-        Parameter.mounting_rotation: Numbers(("x", "y", "z"), 0.05, 0.6),
-        Parameter.mounting_translation: Numbers(("x", "y", "z"), 0.1, 1.0),
-        Parameter.clock_offset: Numbers(("",), 1.0, 8.0),
-        Parameter.readout: Numbers(("",), 1.0, 2.0),
-        Parameter.ray_depth: Numbers(("",), 0.3, 2.0, is_kind=True),
+        Parameter.focal_length: Fault(
+            name="focal length",
+            part=Part.optics,
+            plausible=0.1,
+            furthest=0.6,
+            by_depth=True,
+            key="focal_scale",
+            is_factor=True,
+        ),
+        Parameter.principal_point: Fault(
+            name="principal point",
+            part=Part.optics,
+            components=("u", "v"),
+            plausible=20.0,
+            furthest=300.0,
+            key="principal_point_px",
+        ),
+        Parameter.k1: Fault(name="radial distortion k1", part=Part.optics, plausible=0.2, furthest=2.0, key="k1"),
+        Parameter.depth_scale: Fault(
+            name="scale of the depths",
+            part=Part.depth,
+            plausible=0.1,
+            furthest=0.6,
+            by_depth=True,
+            key="depth_scale",
+            is_factor=True,
+        ),
+        Parameter.depth_offset: Fault(
+            name="offset of the depths",
+            part=Part.depth,
+            plausible=0.2,
+            furthest=2.0,
+            by_depth=True,
+            key="depth_offset_m",
+        ),
+        Parameter.mounting_rotation: Fault(
+            name="rotation between camera and poses",
+            part=Part.rotation,
+            components=_XYZ,
+            plausible=0.05,
+            furthest=0.6,
+            key="mounting_rotation_deg",
+        ),
+        Parameter.mounting_translation: Fault(
+            name="translation between camera and poses",
+            part=Part.translation,
+            components=_XYZ,
+            plausible=0.1,
+            furthest=1.0,
+            by_depth=True,
+            key="mounting_translation_m",
+        ),
+        Parameter.clock_offset: Fault(
+            name="clock offset of the poses",
+            part=Part.time,
+            plausible=1.0,
+            furthest=8.0,
+            key="clock_offset_s",
+            in_frames="clock_offset_frames",
+        ),
+        Parameter.readout: Fault(
+            name="readout time of the shutter",
+            part=Part.time,
+            plausible=1.0,
+            furthest=2.0,
+            key="readout_s",
+            in_frames="# needs timestamps: readout in frames",
+        ),
+        Parameter.ray_depth: Fault(
+            name="kind of depth",
+            part=Part.depth,
+            plausible=0.3,
+            furthest=2.0,
+            is_kind=True,
+            key="depth_along_ray",
+        ),
     }
 )
-"""In the units of the fit: changes of factors from 1, px, metres, radians, frame intervals, and 0 or 1."""
+"""Sizes in the units of the fit: changes of factors from 1, px, metres, radians, frame intervals, and 0 or 1."""
 
-TIMED = frozenset(_TIMING)
+
+def of_parts(*parts: Part) -> tuple[Parameter, ...]:
+    """Parameters that correct some parts."""
+    return tuple(one for one in Parameter if FAULTS[one].part in parts)
+
+
+JOINT: Mapping[Family, tuple[Parameter, ...]] = MappingProxyType(
+    {
+        Family.optics: of_parts(Part.optics),
+        Family.timing: of_parts(Part.time),
+        Family.depth: tuple(one for one in of_parts(Part.depth) if not FAULTS[one].is_kind),
+        Family.mounting: of_parts(Part.rotation, Part.translation),
+        Family.optics_and_timing: of_parts(Part.optics, Part.time),
+        Family.all: tuple(Parameter),
+    }
+)
+"""The joint fits, and what is free in each."""
+TIMED = frozenset(of_parts(Part.time))
 """Parameters that need poses between frames."""
-COUNT = sum(numbers.count for numbers in NUMBERS.values())
+COUNT = sum(fault.count for fault in FAULTS.values())
 """Numbers of all parameters together."""
 
 
 def _slices() -> dict[Parameter, slice]:
-    ends = np.cumsum([NUMBERS[one].count for one in Parameter]).tolist()
-    return {one: slice(end - NUMBERS[one].count, end) for one, end in zip(Parameter, ends, strict=True)}
+    ends = np.cumsum([FAULTS[one].count for one in Parameter]).tolist()
+    return {one: slice(end - FAULTS[one].count, end) for one, end in zip(Parameter, ends, strict=True)}
 
 
 SLICES: Mapping[Parameter, slice] = MappingProxyType(_slices())
@@ -144,39 +241,17 @@ def columns_of(parameters: Iterable[Parameter]) -> NDArray[np.intp]:
 
 def furthest(parameters: Iterable[Parameter]) -> NDArray[np.float64]:
     """Largest change of each number that is tried."""
-    found = [np.full(NUMBERS[one].count, NUMBERS[one].furthest) for one in parameters]
+    found = [np.full(FAULTS[one].count, FAULTS[one].furthest) for one in parameters]
     return np.concatenate([np.empty(0), *found])
-
-
-class Part(StrEnum):
-    """What parameters correct: optics, depth, rotation or translation of the mounting, or time."""
-
-    optics = "optics"
-    depth = "depth"
-    rotation = "rotation"
-    translation = "translation"
-    time = "time"
-
-
-_PARAMETERS: Mapping[Part, tuple[Parameter, ...]] = MappingProxyType(
-    {
-        Part.optics: (Parameter.focal_length, Parameter.principal_point, Parameter.k1),
-        Part.depth: (Parameter.depth_scale, Parameter.depth_offset, Parameter.ray_depth),
-        Part.rotation: (Parameter.mounting_rotation,),
-        Part.translation: (Parameter.mounting_translation,),
-        Part.time: (Parameter.clock_offset, Parameter.readout),
-    }
-)
-"""Parameters of each part, in the order of its columns."""
 
 
 def _places() -> dict[Parameter, tuple[Part, slice]]:
     found = {}
-    for part, parameters in _PARAMETERS.items():
+    for part in Part:
         start = 0
-        for one in parameters:
-            found[one] = (part, slice(start, start + NUMBERS[one].count))
-            start += NUMBERS[one].count
+        for one in of_parts(part):
+            found[one] = (part, slice(start, start + FAULTS[one].count))
+            start += FAULTS[one].count
     return found
 
 
@@ -235,7 +310,7 @@ class Shown:
 def shown(samples: AuditSamples, parameter: Parameter) -> Shown:
     """Unit and stated value of a parameter; factors and shifts where cameras differ."""
     camera = samples.cameras[0] if len(samples.cameras) == 1 else None
-    nothing = (0.0,) * NUMBERS[parameter].count
+    nothing = (0.0,) * FAULTS[parameter].count
     if parameter is Parameter.focal_length:
         return Shown("px", (camera.fx,), camera.fx) if camera else Shown("", (1.0,), 1.0)
     if parameter is Parameter.principal_point:

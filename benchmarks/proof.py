@@ -18,23 +18,19 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import polars as pl
 
-from tracknoise.estimators.learning import learn
-from tracknoise.estimators.linear_window import Motion, Outcome, PointTracks, linear_tracks, outcome, scalar_covariances
-from tracknoise.estimators.proof import sentence, summarise
-from tracknoise.estimators.proof_windows import Problem
-from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import (
-    ALL_ARMS,
-    Beliefs,
-    PlantedNoise,
+from benchmarks.planted_windows import (
     simulated_problem,
-    try_arms,
-    whole_tracks,
     with_drift_reversed,
     with_noise_of,
     with_permuted_covariates,
     with_permuted_errors,
 )
+from tracknoise.estimators.learning import learn
+from tracknoise.estimators.linear_window import Motion, Outcome, PointTracks, linear_tracks, outcome, scalar_covariances
+from tracknoise.estimators.proof import sentence, summarise
+from tracknoise.estimators.proof_windows import Problem
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.estimators.trial import ALL_ARMS, Beliefs, PlantedNoise, try_arms, whole_tracks
 
 _NOISE = TrackNoise.isotropic
 CASES: Mapping[str, PlantedNoise] = {

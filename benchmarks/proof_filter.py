@@ -17,6 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.msckf import Filtered, InertialProblem, inertial_problem, run_filter
 from tracknoise.estimators.linear_window import (
     CAMERA,
     Motion,
@@ -27,7 +28,6 @@ from tracknoise.estimators.linear_window import (
     trajectory,
 )
 from tracknoise.estimators.model import Purpose
-from tracknoise.estimators.msckf import Filtered, InertialProblem, inertial_problem, run_filter
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import PlantedNoise, one_sigma, whole_tracks
 

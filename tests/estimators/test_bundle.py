@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benchmarks.planted_windows import simulated_problem
 
 from tracknoise.estimators.bundle import Adjusted, Assumption, Loss, LossKind, adjust
 from tracknoise.estimators.linear_window import (
@@ -15,7 +16,7 @@ from tracknoise.estimators.linear_window import (
 )
 from tracknoise.estimators.proof_windows import Problem
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import PlantedNoise, perturbed, simulated_problem
+from tracknoise.estimators.trial import PlantedNoise, perturbed
 
 WHITE = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3))
 

@@ -5,19 +5,13 @@ import pytest
 
 pytest.importorskip("gtsam", reason="needs the extra tracknoise[proof]")
 
+from benchmarks.gtsam_judge import newest_pose_by_gtsam
+from benchmarks.planted_windows import simulated_problem
+
 from tracknoise.estimators.bundle import Assumption, adjust
-from tracknoise.estimators.judge import newest_pose_by_gtsam
 from tracknoise.estimators.linear_window import Motion
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import (
-    NEWEST,
-    PlantedNoise,
-    normalised,
-    one_sigma,
-    perturbed,
-    simulated_problem,
-    whole_tracks,
-)
+from tracknoise.estimators.trial import NEWEST, PlantedNoise, normalised, one_sigma, perturbed, whole_tracks
 
 NOISE = TrackNoise.isotropic(first=0.2, white=0.1, walk=0.08)
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from benchmarks.msckf import Filtered, inertial_problem, run_filter
 
-from tracknoise.estimators.msckf import Filtered, inertial_problem, run_filter
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import PlantedNoise, one_sigma, whole_tracks
 

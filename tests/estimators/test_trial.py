@@ -5,6 +5,13 @@ from functools import cache
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.planted_windows import (
+    simulated_problem,
+    with_drift_reversed,
+    with_noise_of,
+    with_permuted_covariates,
+    with_permuted_errors,
+)
 
 from tracknoise.estimators.bundle import Assumption, Loss, LossKind, adjust, expected_nees
 from tracknoise.estimators.learning import fit_noise, learn, mean_drift, student_of_errors
@@ -12,20 +19,7 @@ from tracknoise.estimators.linear_window import Motion
 from tracknoise.estimators.proof import Verdict, sentence, summarise, verdict
 from tracknoise.estimators.proof_windows import Problem, errors_of
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import (
-    ARMS,
-    Beliefs,
-    PlantedNoise,
-    one_sigma,
-    perturbed,
-    simulated_problem,
-    try_arms,
-    whole_tracks,
-    with_drift_reversed,
-    with_noise_of,
-    with_permuted_covariates,
-    with_permuted_errors,
-)
+from tracknoise.estimators.trial import ARMS, Beliefs, PlantedNoise, one_sigma, perturbed, try_arms, whole_tracks
 
 WHITE = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3))
 MIXED = PlantedNoise(noise=TrackNoise.isotropic(first=0.1, white=0.2, walk=0.1))

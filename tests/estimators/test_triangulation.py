@@ -4,12 +4,13 @@ from functools import cache
 
 import polars as pl
 import pytest
+from benchmarks.planted_windows import simulated_problem
 
 from tracknoise.estimators.linear_window import Motion
 from tracknoise.estimators.proof import learn_sigmas, triangulate
 from tracknoise.estimators.proof_windows import Problem
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import PlantedNoise, simulated_problem
+from tracknoise.estimators.trial import PlantedNoise
 
 WHITE, WALK = TrackNoise.isotropic(first=0.3, white=0.3), TrackNoise.isotropic(walk=0.1)
 

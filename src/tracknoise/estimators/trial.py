@@ -1,17 +1,7 @@
-"""The noise assumptions that are tried on the same windows, and what each makes of them.
-
-- The noise assumptions that are tried on the same tracks, and what they need to know.
-- Windows of tracks with planted noise, on simulated geometry.
-- Every noise assumption on every window: errors, and how consistent they are with what was claimed.
-
-Null controls: changes of the tracks or of the beliefs after which a gain has to vanish.
-
-The second control hands covariates to other tracks. The third hands errors to other tracks of equal length, for each
-observation on its own, so that the variance at each age stays and correlation in time is lost.
-"""
+"""The noise assumptions that are tried on the same windows of tracks, and what each makes of them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -20,15 +10,10 @@ from numpy.typing import NDArray
 
 from tracknoise.estimators.bundle import PLAIN, Adjusted, Assumption, Loss, LossKind, Start, adjust
 from tracknoise.estimators.linear_window import (
-    CAMERA,
     EXACT,
-    Motion,
-    PointTracks,
     of_full_rank,
-    simulated_tracks,
-    trajectory,
 )
-from tracknoise.estimators.proof_windows import Problem, TrackGroup, errors_of, images, magnification_of
+from tracknoise.estimators.proof_windows import Problem, TrackGroup, magnification_of
 from tracknoise.estimators.track_noise import TrackNoise
 
 REFERENCE = "1"
@@ -233,47 +218,6 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
 """All other arms, by their short names."""
 
 
-def with_permuted_covariates(problems: Sequence[Problem], *, seed: int = 0) -> list[Problem]:
-    """Control N2: each covariate belongs to another track of the same length."""
-    random = np.random.default_rng(seed)
-    return [
-        replace(
-            problem,
-            groups=tuple(replace(group, covariate=random.permutation(group.covariate)) for group in problem.groups),
-        )
-        for problem in problems
-    ]
-
-
-def with_permuted_errors(problems: Sequence[Problem], *, seed: int = 0) -> list[Problem]:
-    """Control N3: each error belongs to another track of the same length, at the same place in the track."""
-    random = np.random.default_rng(seed)
-    changed = []
-    for problem in problems:
-        uv = []
-        for group, errors in zip(problem.groups, errors_of(problem), strict=True):
-            order = np.argsort(random.random(errors.shape[:2]), axis=0)
-            uv.append(group.uv - errors + np.take_along_axis(errors, order[:, :, None], axis=0))
-        changed.append(problem.with_uv(tuple(uv)))
-    return changed
-
-
-def with_noise_of(beliefs: Beliefs, other: Beliefs) -> Beliefs:
-    """Control N4: the noise model of another tracker."""
-    return replace(beliefs, noise=other.noise, by_covariate=other.by_covariate, exponent=other.exponent)
-
-
-def with_drift_reversed(beliefs: Beliefs) -> Beliefs:
-    """Control N5: the mean drift has the opposite sign."""
-    return replace(beliefs, drift_px=-beliefs.drift_px)
-
-
-_PERTURBED_RAD, _PERTURBED_SHARE = 0.002, 0.02
-"""How wrong an estimator starts: rotations, and the share by which positions and inverse depths err."""
-_TEXTURES = 0.5
-"""Standard deviation of the logarithm of the texture of tracks."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlantedNoise:
     """The noise of simulated tracks.
@@ -300,81 +244,8 @@ class PlantedNoise:
     texture_exponent: float = 0.0
 
 
-def simulated_problem(
-    motion: Motion,
-    planted: PlantedNoise,
-    *,
-    scene: str = "simulated",
-    n_frames: int = 11,
-    n_tracks: int = 80,
-    lengths: NDArray[np.int64] | None = None,
-    seed: int = 0,
-) -> Problem:
-    """A window with its own points and noise."""
-    poses = trajectory(motion, n_frames)
-    tracks = simulated_tracks(poses, n_tracks=n_tracks, lengths=lengths, seed=seed)
-    return noisy(scene, poses, tracks, planted, seed=seed)
-
-
-def noisy(
-    scene: str,
-    world_from_camera: NDArray[np.float64],
-    tracks: Sequence[PointTracks],
-    planted: PlantedNoise,
-    *,
-    seed: int = 0,
-) -> Problem:
-    """Tracks of points, seen by `CAMERA` from poses (frames, 4, 4), with planted noise."""
-    random = np.random.default_rng((seed, 1))
-    exact = Problem(
-        scene, CAMERA, world_from_camera, tuple(_exact(random, world_from_camera, group) for group in tracks)
-    )
-    shared = random.standard_normal((len(world_from_camera), 2))
-    uv = tuple(group.uv + _errors(random, exact, group, planted, shared) for group in exact.groups)
-    return exact.with_uv(uv)
-
-
-def _exact(random: np.random.Generator, poses: NDArray[np.float64], tracks: PointTracks) -> TrackGroup:
-    count = len(tracks.points)
-    texture = _TEXTURES * random.standard_normal(count)
-    return TrackGroup(tracks.frames, images(CAMERA, poses, tracks), tracks.points, np.ones(count, dtype=bool), texture)
-
-
-def _errors(
-    random: np.random.Generator,
-    problem: Problem,
-    group: TrackGroup,
-    planted: PlantedNoise,
-    shared: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """(tracks, n, 2) px: errors about the true positions."""
-    magnification = magnification_of(problem, group)[:, :, None]
-    ages = group.ages
-    a, w, q, d = (
-        _drawn(random, ages.shape, planted.student_nu) @ _root(part).T
-        for part in (planted.noise.first, planted.noise.white, planted.noise.walk, planted.noise.drift)
-    )
-    common = shared[group.frames] @ _root(planted.noise.white).T
-    w = np.sqrt(1.0 - planted.common_share) * w + np.sqrt(planted.common_share) * common
-    w *= np.exp(-planted.texture_exponent * group.covariate)[:, None, None]
-    q[:, 0] = 0.0
-    walked = magnification * np.cumsum(q / magnification, axis=1)
-    later = w + walked + ages[:, :, None] * (d[:, :1] + planted.bias_px_per_frame)
-    return np.where(ages[:, :, None] == 0, a, later)
-
-
-def _root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Symmetric square root."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
-
-
-def _drawn(random: np.random.Generator, shape: tuple[int, ...], nu: float) -> NDArray[np.float64]:
-    """(..., 2): of covariance 1, Gaussian or Student."""
-    normal = random.standard_normal((*shape, 2))
-    if not np.isfinite(nu):
-        return normal
-    return np.asarray(normal * np.sqrt((nu - 2.0) / random.chisquare(nu, shape))[..., None])
+_PERTURBED_RAD, _PERTURBED_SHARE = 0.002, 0.02
+"""How wrong an estimator starts: rotations, and the share by which positions and inverse depths err."""
 
 
 def perturbed(problem: Problem, *, seed: int = 0) -> Start:

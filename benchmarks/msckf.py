@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from benchmarks.planted_windows import noisy
 from tracknoise.estimators.linear_window import PointTracks, simulated_tracks
 from tracknoise.estimators.proof_windows import Problem, images
-from tracknoise.estimators.trial import PlantedNoise, noisy
+from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.geometry.projection import cross_matrices, image_derivatives
 
 GRAVITY = np.array([0.0, 9.81, 0.0])

@@ -227,7 +227,7 @@ def faultless(data: ReportData) -> ReportData:
 def test_a_fault_of_the_truth_is_told_first(data: ReportData) -> None:
     found = summarise(data).truth
     assert found.answer.verdict == "no"
-    assert found.text == "The focal length is 10 % too long. Correct this before using the numbers."
+    assert found.text == "The focal length is 10.0 % too long. Correct this before using the numbers."
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.0, "yes"), (0.25, "yes"), (0.75, "no"), (None, "undecided")])

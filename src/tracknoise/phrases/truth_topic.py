@@ -37,7 +37,7 @@ from tracknoise.tables.enumerations import (
     Verdict,
 )
 from tracknoise.tables.findings_schema import AuditVerdict
-from tracknoise.truth_faults.audit_summary import NO_FAULT
+from tracknoise.truth_faults.audit_summary import NO_FAULT, fault_brief
 from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.words import (
     SELF_REFERENTIAL,
@@ -266,13 +266,11 @@ def _fitted_truth(data: RunData) -> tuple[Verdict, str] | None:
 
 def _faults(data: RunData) -> tuple[Verdict, str] | None:
     """The first fault of the audit."""
-    faults = data.audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first")
-    texts = faults.sort("rank")["text"].drop_nulls().to_list()
-    if not texts:
+    faults = data.audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first").sort("rank")
+    if faults.is_empty():
         return None
-    first = texts[0].partition(" (")[0].partition(":")[0].rstrip(".")
-    others = f"; {count(len(texts) - 1, 'other fault')} as well" if len(texts) > 1 else ""
-    return Verdict.no, f"{first}{others}. Correct this before using the numbers."
+    others = f"; {count(faults.height - 1, 'other fault')} as well" if faults.height > 1 else ""
+    return Verdict.no, f"{fault_brief(faults.row(0, named=True))}{others}. Correct this before using the numbers."
 
 
 def _floor(data: RunData) -> tuple[Verdict, str]:

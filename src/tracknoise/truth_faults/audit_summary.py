@@ -62,10 +62,7 @@ def usual_mistakes(audit: pl.DataFrame) -> list[str]:
 
 def _is_usual(row: Mapping[str, Any]) -> bool:
     """Whether a row of a named fault is of a usual mistake."""
-    if row["parameter"] != Parameter.clock_offset:
-        return bool(row["parameter"] == Parameter.ray_depth)
-    frame = row["value"] / row["in_frames"] if row["in_frames"] else 1.0
-    return whole_frames(row["in_frames"], 0.5 * (row["high"] - row["low"]) / frame) != 0
+    return bool(row["parameter"] == Parameter.ray_depth) or _frames_off(row) != 0
 
 
 _LEAST_AT_AGE = 30
@@ -119,16 +116,39 @@ def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mappi
 
 
 def _claim(parameter: Parameter, found: Estimate) -> str:
-    name = FAULTS[parameter].name
+    frames = whole_frames(*found.in_fit_units) if parameter is Parameter.clock_offset else 0
+    opening = _opening(parameter, found.shown.stated[0], float(found.values[0]), frames)
     if parameter is Parameter.ray_depth:
-        return f"Depth is the distance along the ray, not along the optical axis (share {found.text} instead of 0)"
-    if parameter is Parameter.clock_offset and (frames := whole_frames(*found.in_fit_units)):
-        return f"{shifted_text(frames)} (clock offset {found.text} instead of {found.stated})"
-    if parameter in (Parameter.focal_length, Parameter.depth_scale) and found.values[0] > 0:
-        excess = found.shown.stated[0] / float(found.values[0]) - 1.0
+        return f"{opening} (share {found.text} instead of 0)"
+    shown = f"clock offset {found.text}" if frames else found.text
+    return f"{opening} ({shown} instead of {found.stated})"
+
+
+def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> str:
+    """What is wrong, without numbers in brackets. `frames`: whole frames that poses are off by, if they are; else 0."""
+    if parameter is Parameter.ray_depth:
+        return "Depth is the distance along the ray, not along the optical axis"
+    if frames:
+        return shifted_text(frames)
+    name = FAULTS[parameter].name
+    if parameter in (Parameter.focal_length, Parameter.depth_scale) and value > 0:
+        excess = stated / value - 1.0
         words = ("too long", "too short") if parameter is Parameter.focal_length else ("too large", "too small")
-        return f"The {name} is {percent(abs(excess))} {words[excess < 0]} ({found.text} instead of {found.stated})"
-    return f"The {name} is wrong ({found.text} instead of {found.stated})"
+        return f"The {name} is {percent(abs(excess))} {words[excess < 0]}"
+    return f"The {name} is wrong"
+
+
+def fault_brief(row: Mapping[str, Any]) -> str:
+    """What is wrong in a few words, from a row of `AUDIT` about a named fault; no full stop."""
+    return _opening(Parameter(row["parameter"]), row["stated"], row["value"], _frames_off(row))
+
+
+def _frames_off(row: Mapping[str, Any]) -> int:
+    """Whole frames that poses are off by, from the row of a clock offset; 0 of other parameters."""
+    if row["parameter"] != Parameter.clock_offset:
+        return 0
+    frame = row["value"] / row["in_frames"] if row["in_frames"] else 1.0
+    return whole_frames(row["in_frames"], 0.5 * (row["high"] - row["low"]) / frame)
 
 
 def family_text(others: Sequence[Parameter], together: Estimate) -> str:

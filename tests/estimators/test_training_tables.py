@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import polars as pl
 import pytest
+from polars.testing import assert_frame_equal
 
 from tracknoise.estimators.calibration import check_model
 from tracknoise.estimators.noise_model import NoiseModel
@@ -38,6 +39,8 @@ options = { n_features = 60 }
 min_features = 2
 """
 
+VIEWS = ("[[views]]", 'direction = "backward"', "speeds = [1, 2]", "rotation = 90")
+
 
 def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[..., tuple[int, str, str]]) -> None:
     """Speed 2 has no other than the one that is played backward."""
@@ -56,6 +59,28 @@ def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[...
     compared = check_model(model, RunFolder(run))
     ages = pl.col("at").is_between(*model.training.ages)
     assert compared.n + compared.outlier_share * compared.n == pytest.approx(read[0]["samples"].filter(ages).height)
+
+
+def test_blocks_are_added_up_where_scenes_are_resampled(
+    tmp_path: Path, tracknoise: Callable[..., tuple[int, str, str]]
+) -> None:
+    """Six scenes are; a model of a few of them would need the blocks."""
+    text = TEXT.replace("worlds = 2", "worlds = 6").replace("frames = 8", "frames = 5")
+    (tmp_path / "x.toml").write_text("\n".join(line for line in text.splitlines() if line not in VIEWS))
+    run = tmp_path / "run"
+    assert tracknoise("run", tmp_path / "x.toml", "--out", run, "--workers", 1, "--no-report", "--quiet")[0] == 0
+    keys, numbers = ["scene", "product", "age"], ["n", "uu", "uv", "vv", "first", "white", "walk", "drift"]
+
+    def added(sums: pl.DataFrame) -> pl.DataFrame:
+        return sums.group_by(keys).agg(pl.col(numbers).sum()).sort(keys)
+
+    stored = pl.concat(RunFolder(run).stored_tables("noise_sums"))
+    read = all_training_tables(RunFolder(run), [("oracle", 1)])[0]["noise_sums"]
+    assert stored["block"].n_unique() > 1
+    assert read["block"].unique().to_list() == [0]
+    assert_frame_equal(added(read), added(stored))
+    few = all_training_tables(RunFolder(run), [("oracle", 1)], scenes=["sideways-00", "sideways-01"])[0]
+    assert few["noise_sums"]["block"].n_unique() > 1
 
 
 def test_no_wanted_tracker_or_speed_is_left_out_without_a_word() -> None:

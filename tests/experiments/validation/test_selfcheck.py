@@ -1,18 +1,17 @@
 """The self-test passes for a correct program, and fails for each fault that is put in."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import polars as pl
 import pytest
 
 from tracknoise.exceptions import StoreError
+from tracknoise.experiments.validation import scene_pools
 from tracknoise.experiments.validation import self_test as selfcheck
 from tracknoise.experiments.validation.comparison import CHECKS, SUSPECTS, Area, answer, exact, within
 from tracknoise.experiments.validation.self_test import LEAST_SCENES, judge, self_test
 from tracknoise.statistics import trimming
 
+SEED = 5
 EXACT = [
     Area.geometry,
     Area.visibility,
@@ -26,13 +25,26 @@ EXACT = [
 
 
 @pytest.fixture(scope="module")
-def clean(made_once) -> pl.DataFrame:
-    """All checks of a self-test as a user runs it, with a seed of its own."""
+def clean(tmp_path_factory) -> pl.DataFrame:
+    """All checks of a self-test: the exact part by two processes, and pools with one tracker for each kind of error."""
+    folder = tmp_path_factory.mktemp("selfcheck")
+    exact_part = self_test(folder / "exact", scenes=1, seed=SEED, workers=2)
+    chosen = {name: errors for name, errors in scene_pools.ERRORS.items() if name[-1] not in "123"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene_pools, "ERRORS", chosen)
+        patch.setattr(scene_pools, "N_FRAMES", 17)
+        patch.setattr(scene_pools, "N_TURNED", 1)
+        patch.setattr(selfcheck, "_PARTS", {name: selfcheck._PARTS[name] for name in ("pool", "factors")})
+        return pl.concat([exact_part, self_test(folder / "pools", scenes=LEAST_SCENES, seed=SEED)])
 
-    def write(folder: Path) -> None:
-        self_test(folder, scenes=LEAST_SCENES, seed=5).write_parquet(folder / "checks.parquet")
 
-    return pl.read_parquet(made_once("selfcheck", write) / "checks.parquet")
+@pytest.fixture(scope="module")
+def reversed_trimming(tmp_path_factory) -> pl.DataFrame:
+    """The exact part in this process, while trimming keeps what it should remove."""
+    right = trimming._thresholds
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trimming, "_thresholds", lambda *args: -right(*args))
+        return self_test(tmp_path_factory.mktemp("reversed"), scenes=1, seed=SEED)
 
 
 def test_a_correct_program_passes(clean):
@@ -56,22 +68,18 @@ def test_scripts_have_what_makes_faults_visible(clean):
     assert clean.filter(pl.col("quantity").str.contains("Sigma|mu|kappa"))["n"].sum() > 1000
 
 
-@pytest.fixture
-def faulty(tmp_path) -> Callable[[], list[tuple[Area, str]]]:
-    """Runs the exact part, and returns what is wrong: areas and quantities."""
-
-    def go() -> list[tuple[Area, str]]:
-        checks = self_test(tmp_path, scenes=1)
-        assert not judge(checks).passes
-        return checks.filter(pl.col("n_wrong") > 0).select("area", "quantity").rows()
-
-    return go
+def test_reversed_trimming_is_noticed(reversed_trimming):
+    assert not judge(reversed_trimming).passes
+    wrong = reversed_trimming.filter(pl.col("n_wrong") > 0)
+    assert {*wrong["area"]} == {Area.trimming, Area.curves}
 
 
-def test_reversed_trimming_is_noticed(faulty, monkeypatch):
-    right = trimming._thresholds
-    monkeypatch.setattr(trimming, "_thresholds", lambda *args: -right(*args))
-    assert {area for area, _ in faulty()} == {Area.trimming, Area.curves}
+def test_results_do_not_depend_on_the_number_of_workers(clean, reversed_trimming):
+    """What trimming does not change is the same in this process and in those of two workers."""
+    assert reversed_trimming["area"].unique().sort().to_list() == EXACT
+    unchanged = [area for area in EXACT if area not in (Area.trimming, Area.curves)]
+    one, two = (checks.filter(pl.col("area").is_in(unchanged)) for checks in (reversed_trimming, clean))
+    assert one.equals(two)
 
 
 def test_an_error_in_the_package_is_a_fault_and_a_full_disk_is_not(tmp_path, monkeypatch):

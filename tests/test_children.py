@@ -56,8 +56,7 @@ def start(data, tmp_path):
     return go
 
 
-@pytest.mark.parametrize("before", [[], [""]], ids=["script", "interactive"])
-@pytest.mark.parametrize("set_by_user", [None, "1"])
+@pytest.mark.parametrize(("before", "set_by_user"), [([], "1"), ([""], None)], ids=["script", "interactive"])
 def test_no_child_runs_modules_of_the_current_folder(before, set_by_user, start, tmp_path):
     environment = {} if set_by_user is None else {"PYTHONSAFEPATH": set_by_user}
     ended = start(CHILDREN.format(before=before), **environment)
@@ -68,14 +67,13 @@ def test_no_child_runs_modules_of_the_current_folder(before, set_by_user, start,
     )
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_run_among_such_data(workers, start, data, tmp_path):
-    """Tracks are read by the child for parsers, and with two workers by a child of each."""
+def test_a_run_among_such_data(start, data, tmp_path):
+    """Tracks are read by the child for parsers of each worker."""
     for scene in ("forward-00", "forward-01"):
         rows = [f"{track},{frame},{10 + 8 * track},{40}" for frame in range(4) for track in range(8)]
         (data / f"{scene}.csv").write_text("\n".join(["track,frame,u_px,v_px", *rows]))
     (data / "small.toml").write_text(SMALL)
-    ended = start(PROGRAM, "run", "small.toml", "--out", tmp_path / "run", "--no-report", "--workers", workers)
+    ended = start(PROGRAM, "run", "small.toml", "--out", tmp_path / "run", "--no-report", "--workers", 2)
     assert not (tmp_path / "ran").exists()
     assert ended.returncode == 0, ended.stderr
 

@@ -4,7 +4,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
@@ -17,6 +18,8 @@ import tracknoise as tn
 from tracknoise.cli.app import main
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.plan import plan
+from tracknoise.experiments.resume import due
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.options import DataPath, PathTemplate, change_paths, find_paths
 from tracknoise.plugins import Plugins, plugin_defaults
@@ -250,37 +253,73 @@ def test_a_foreign_reader_is_listed_and_opened(experiment):
     assert "most" not in plugin_defaults(TRACKERS, "fixed")
 
 
-def test_files_of_foreign_options_readers_and_code_are_inputs(experiment):
-    """Options are named relative to the experiment file. The code of a package is loaded by each process anew."""
+def test_files_of_foreign_options_readers_and_code_are_inputs(experiment, restored):
+    """Options are named relative to the experiment file."""
     folder = experiment.parent
     code, data = folder / "site" / "tapes.py", folder / "data" / "a.npz"
     assert run(experiment)[0] == 0
+    assert measured_again(experiment) == []
     with np.load(data) as tape:
         other = {**tape, "image3": tape["image2"]}
     for file, write in (
         (folder / "points.txt", lambda: (folder / "points.txt").write_text("7 8\n9 10\n")),
         (folder / "brightness.txt", lambda: (folder / "brightness.txt").write_text("20")),
         (data, lambda: np.savez(data, **other)),
-        (code, lambda: code.write_text(code.read_text() + "\n")),
     ):
-        assert measured_again(experiment) == ""
-        write()
-        name = "the source file tapes.py of a plug-in" if file == code else str(file)
-        assert measured_again(experiment) == f"a@default is measured again: {name} changed"
+        with restored(file):
+            write()
+            assert measured_again(experiment) == [f"a@default is measured again: {file} changed"]
+        assert measured_again(experiment) == []
+    code.write_text(code.read_text() + "\n")
+    assert said_by_a_new_process(experiment) == "a@default is measured again: the source file tapes.py of a plug-in changed"
 
 
-def measured_again(experiment: Path) -> str:
-    """Run in a process of its own, and return what is said about input files."""
+@pytest.fixture
+def restored() -> Callable[[Path], AbstractContextManager[None]]:
+    """A file that is as it was before, when the block ends."""
+
+    @contextmanager
+    def kept(file: Path) -> Iterator[None]:
+        content, times = file.read_bytes(), file.stat()
+        yield
+        file.write_bytes(content)
+        os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+    return kept
+
+
+NEXT_START = """
+import sys
+from pathlib import Path
+
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.plan import plan
+from tracknoise.experiments.resume import due
+from tracknoise.tables.store import RunFolder
+
+folder = RunFolder(Path(sys.argv[2]))
+due(plan(load_experiment(Path(sys.argv[1]))), folder, folder.manifest(), verify=False, remark=print)
+"""
+
+
+def measured_again(experiment: Path) -> list[str]:
+    """What the next start would say about input files."""
+    folder, said = RunFolder(experiment.parent / "run"), []
+    due(plan(load_experiment(experiment)), folder, folder.manifest(), verify=False, remark=said.append)
+    return said
+
+
+def said_by_a_new_process(experiment: Path) -> str:
+    """What the next start in a process of its own, which loads the code of a package anew, would say about input files."""
     site, out = str(experiment.parent / "site"), str(experiment.parent / "run")
-    program = "from tracknoise.cli.app import main; main()"
     done = subprocess.run(
-        [sys.executable, "-c", program, "run", str(experiment), "--out", out, "--workers", "1", "--no-report"],
+        [sys.executable, "-c", NEXT_START, str(experiment), out],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([site, os.environ.get("PYTHONPATH", "")])},
         capture_output=True,
         text=True,
         check=True,
     )
-    return "\n".join(line for line in done.stderr.splitlines() if "measured again" in line)
+    return done.stdout.strip()
 
 
 COMPILED = """
@@ -318,16 +357,18 @@ STATES = "found = Stating(**{each.name: getattr(found, each.name) for each in fi
 
 
 @pytest.mark.parametrize("listed", ["sorted((reader.root / 'a').iterdir())", "pass", STATES])
-def test_files_that_only_compiled_code_opens_are_inputs_too(experiment, listed):
+def test_files_that_only_compiled_code_opens_are_inputs_too(experiment, restored, listed):
     """Python does not see what `cv2.imread` opens. A sequence that states its files depends on no other image."""
     code, image = experiment.parent / "site" / "tapes.py", experiment.parent / "data" / "a" / "2.png"
     code.write_text(code.read_text() + COMPILED.replace("LISTED", listed))
-    measured_again(experiment)
-    assert measured_again(experiment) == ""
-    (image.parent / "3.png").write_bytes((image.parent / "1.png").read_bytes())
-    assert bool(measured_again(experiment)) is (listed != STATES)
+    assert run(experiment)[0] == 0
+    assert measured_again(experiment) == []
+    with restored(image.parent / "3.png"):
+        (image.parent / "3.png").write_bytes((image.parent / "1.png").read_bytes())
+        assert bool(measured_again(experiment)) is (listed != STATES)
+    assert measured_again(experiment) == []
     image.write_bytes((image.parent / "1.png").read_bytes())
-    assert measured_again(experiment) == f"a@default is measured again: {image} changed"
+    assert measured_again(experiment) == [f"a@default is measured again: {image} changed"]
 
 
 def test_code_that_changed_after_it_was_loaded_is_refused(experiment, capsys):

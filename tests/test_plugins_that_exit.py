@@ -137,7 +137,7 @@ def failures(folder: Path) -> dict[str, str]:
         ({"tracker": "step"}, "2", "SystemExit: 0"),
         ({"tracker": "start"}, "1", "SystemExit: 0"),
         ({"reader": "open"}, "1", "SystemExit: no licence"),
-        ({"truth": "leaving"}, "2", "SystemExit"),
+        ({"truth": "leaving"}, "1", "SystemExit"),
     ],
 )
 def test_a_scene_in_which_a_plug_in_exits_has_failed(when, workers, cause, run, tmp_path):

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import tracknoise
 from tracknoise.sequences.other_poses import OtherPoses
 
-SCENES, FRAMES, FOCAL_PX, SIGMA_RAD, NOISE_PX = 10, 120, 300.0, 0.002, 0.5
+SCENES, FRAMES, FOCAL_PX, SIGMA_RAD, NOISE_PX = 6, 120, 300.0, 0.002, 0.5
 
 
 def wall(scene: str) -> tracknoise.Sequence:

@@ -8,13 +8,13 @@ from tracknoise.exceptions import StoreError
 
 def test_no_flip_deceives_a_reader(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(flips, "memory_folder", lambda: tmp_path)
-    assert flips.main(["--count", "4", "--seed", "5", "--workers", "1", "--keep", str(tmp_path / "kept")]) == 0
+    assert flips.main(["--count", "2", "--seed", "5", "--workers", "1", "--keep", str(tmp_path / "kept")]) == 0
     printed = capsys.readouterr().out.splitlines()
-    assert printed[-1] == "4 flips in 4 files, seed 5: 0 readers deceived or crashed"
+    assert printed[-1] == "2 flips in 2 files, seed 5: 0 readers deceived or crashed"
     counted = [line.split() for line in printed[:-1]]
-    assert sum(int(line[-1]) for line in counted if line[1] == "summary") == 4
+    assert sum(int(line[-1]) for line in counted if line[1] == "summary") == 2
     assert {line[-2] for line in counted} & {"repaired", "noticed"}
-    assert len((tmp_path / "kept" / "flips.jsonl").read_text().splitlines()) == 4
+    assert len((tmp_path / "kept" / "flips.jsonl").read_text().splitlines()) == 2
 
 
 def test_files_take_turns_and_offsets_are_spread(tmp_path):

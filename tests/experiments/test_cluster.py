@@ -57,19 +57,19 @@ def scheduler(tmp_path):
 
 @pytest.fixture
 def peaceful(scenes, tmp_path, told):
-    """Six scenes, and the run of them in peace."""
-    experiment, whole = scenes(6), RunFolder(tmp_path / "whole")
+    """Two scenes, and the run of them in peace."""
+    experiment, whole = scenes(2), RunFolder(tmp_path / "whole")
     execute(experiment, whole, listener=told())
     return experiment, whole
 
 
 @pytest.fixture
 def killed(peaceful, tmp_path):
-    """The worker that is killed in the middle of the third scene, as soon as it is known.
+    """The worker that is killed in the middle of the second scene, as soon as it is known.
 
     An image is a pipe until it is opened. The worker that opened it waits for bytes when it is killed.
     """
-    image, content, victims = tmp_path / "data/seq-03/frame-000002.color.png", tmp_path / "image.png", queue.Queue()
+    image, content, victims = tmp_path / "data/seq-02/frame-000002.color.png", tmp_path / "image.png", queue.Queue()
     image.rename(content)
     os.mkfifo(image)
 
@@ -106,7 +106,7 @@ def test_a_local_worker_that_is_killed(peaceful, killed, tmp_path, told, files):
     assert outcome.failures == {}
     assert files(run) == files(whole)
     (retried,) = listener.remarks
-    assert retried == "seq-03@default: the worker died while measuring it (killed, or out of memory); retrying"
+    assert retried == "seq-02@default: the worker died while measuring it (killed, or out of memory); retrying"
     assert spawned() == []
 
 

@@ -77,7 +77,8 @@ def test_larger_errors_and_shorter_lives_are_worse(make):
 
 
 def test_a_bias_that_grows_is_worse(make):
-    quiet, biased = make("quiet", bias_px=0.0, sigma_px=0.05), make("biased", seed=1, bias_px=0.2, sigma_px=0.05)
+    one = {"sigma_px": 0.05, "trackers": ("lk",)}
+    quiet, biased = make("quiet", bias_px=0.0, **one), make("biased", seed=1, bias_px=0.2, **one)
     row = rows_of(tracknoise.compare(quiet, biased))["bias"]
     assert row.verdict == "worse"
     assert row.low < 0.2 * row.at * (1.0 if row.coordinate == "u" else 0.5) < row.high
@@ -107,11 +108,12 @@ def test_trackers_of_other_names_are_compared_if_named(make):
 
 
 def test_trackers_without_a_partner_take_no_part(make):
-    found = tracknoise.compare(make("base"), make("renamed", trackers=("lk", "mine")))
+    few = {"scenes": SCENES[:2]}
+    found = tracknoise.compare(make("two", **few), make("renamed", trackers=("lk", "mine"), **few))
     assert {row.of.tracker for row in found.rows} == {"lk"}
-    assert "Tracker other of compare-base takes no part." in found.others[0].notes
+    assert "Tracker other of compare-two takes no part." in found.others[0].notes
     with pytest.raises(SettingsError, match="trackers lk, other and a, b"):
-        tracknoise.compare(make("base"), make("strangers", trackers=("a", "b")))
+        tracknoise.compare(make("two", **few), make("strangers", trackers=("a", "b"), **few))
 
 
 def test_only_common_scenes_are_compared(make):
@@ -132,9 +134,9 @@ def test_only_common_scenes_are_compared(make):
     ],
 )
 def test_other_data_and_other_truths_are_refused(make, settings, message):
-    (name,) = settings
+    (name,), few = settings, {"scenes": SCENES[:2]}
     with pytest.raises(SettingsError, match=message):
-        tracknoise.compare(make("base"), make(f"refused {name}", **settings))
+        tracknoise.compare(make("two", **few), make(f"refused {name}", **few, **settings))
 
 
 def test_other_libraries_are_refused(make, change):

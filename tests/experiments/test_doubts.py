@@ -19,15 +19,16 @@ from tracknoise.trackers.lucas_kanade import LucasKanade
 KINDS = {"lucas-kanade": "lucas-kanade", "correspondence": "correspondence"}
 SEEN_IN_THE_ERRORS_OF_ALL = ("ray depth", "one frame late", "one frame early")
 """Mistakes that move points by less than the noise of a track in the slow world. The audit of the run names them."""
-SEEN_IN_SLOW_TRACKS = tuple(name for name in MISTAKES if name not in SEEN_IN_THE_ERRORS_OF_ALL)
-FEW_FRAMES = 18
+SEEN_IN_SLOW_TRACKS = ("inverted", "ned", "wxyz read as xyzw", "poses in mm", "half the size", "two frames late")
+"""One of each kind; all are planted in a real recording."""
+FEW_FRAMES = 17
 """Recordings are cut to this length. What errors have in common is looked for in at least 15 changes."""
 
 
 @cache
 def simulated():
     """A simulated sequence in memory, so that its images are rendered once."""
-    made = open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240)
+    made = open_sequence("simulated", motions=("arvr",), frames=32, width=320, height=240, supersampling=1)
     maps = [made.depth(index) for index in range(len(made))]
     return Sequence.from_arrays(
         [made.image(index) for index in range(len(made))],
@@ -38,7 +39,7 @@ def simulated():
 
 
 def measured(sequence):
-    return measure(sequence, LucasKanade(), truth="birth")  # a ray cast from wrong poses would give other depths
+    return measure(sequence, LucasKanade(), truth="birth", max_frames=32)  # a ray cast from wrong poses would give other depths
 
 
 @pytest.mark.parametrize("name", SEEN_IN_SLOW_TRACKS)
@@ -82,18 +83,17 @@ def test_the_errors_of_all_tracks_say_nothing_about_a_recording_that_is_right():
     assert what_a_run_says(measured(simulated())) == []
 
 
-@pytest.mark.parametrize("name", ["tartanair_v1", "sevenscenes", "kitti"])
-def test_the_errors_of_all_tracks_say_nothing_about_real_recordings_that_are_right(name, sample):
-    sequence = open_sequence(name.split("_")[0], sample(name))
-    assert what_a_run_says(measure(sequence, LucasKanade(), max_frames=FEW_FRAMES)) == []
+@pytest.fixture(scope="module")
+def slow(sample):
+    """A slow recording whose depth maps are registered once."""
+    recorded = open_sequence("sevenscenes", sample("sevenscenes"))
+    return replace(recorded, depths=cache(recorded.depths))
 
 
 @pytest.mark.parametrize("name", ["one frame late", "one frame early"])
-def test_poses_of_the_wrong_frame_are_named_in_a_slow_recording(name, sample):
+def test_poses_of_the_wrong_frame_are_named_in_a_slow_recording(name, slow):
     plant, _, words = MISTAKES[name]
-    found = doubts(
-        measure(plant(open_sequence("sevenscenes", sample("sevenscenes"))), LucasKanade(), max_frames=20), KINDS
-    )
+    found = doubts(measure(plant(slow), LucasKanade(), max_frames=20), KINDS)
     assert any(words in sentence for sentence in found), found
 
 
@@ -104,10 +104,19 @@ def test_a_mistake_in_a_real_recording_is_named(name, sample):
     assert any(words in sentence for sentence in found), found
 
 
+@pytest.fixture
+def recorded(sample, slow):
+    return lambda name: slow if name == "sevenscenes" else open_sequence(name.split("_")[0], sample(name))
+
+
+@pytest.mark.parametrize("name", ["tartanair_v1", "sevenscenes", "kitti"])
+def test_the_errors_of_all_tracks_say_nothing_about_real_recordings_that_are_right(name, recorded):
+    assert what_a_run_says(measure(recorded(name), LucasKanade(), max_frames=FEW_FRAMES)) == []
+
+
 @pytest.mark.parametrize("name", ["tartanair_v1", "tartanair_v2", "sevenscenes", "kitti"])
-def test_nothing_is_said_about_recordings_that_are_right(name, sample):
-    sequence = open_sequence(name.split("_")[0], sample(name))
-    assert doubts(measure(sequence, [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES), KINDS) == ()
+def test_nothing_is_said_about_recordings_that_are_right(name, recorded):
+    assert doubts(measure(recorded(name), [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES), KINDS) == ()
 
 
 @pytest.mark.parametrize("motion", ["sideways", "fixating", "forward", "arvr"])

@@ -97,17 +97,6 @@ def test_a_second_run_is_identical_to_the_byte_with_other_counts_of_threads(fini
     assert tables(RunFolder(tmp_path / "run")) == tables(finished)
 
 
-def test_a_run_that_lost_a_sequence_is_completed_without_the_others(experiment, finished, tmp_path):
-    run = RunFolder(shutil.copytree(finished.path, tmp_path / "run"))
-    manifest = run.manifest()
-    del manifest.sequences["arvr-00@default"]
-    run.write_manifest(manifest)
-    listener = Silent()
-    execute(experiment, run, listener=listener)
-    assert listener.keys == ["arvr-00@default"]
-    assert tables(run) == tables(finished)
-
-
 def test_every_condition_has_every_table(finished):
     conditions = {(tracker, speed) for tracker in ("lucas-kanade", "correspondence") for speed in (1, 2)}
     for name in ("curves", "lifetimes", "outliers", "trims", "errors", "counts", "summary"):
@@ -148,30 +137,31 @@ def test_tables_of_one_condition_agree_with_each_other(finished):
     assert frames["offered"].to_list() == previous["alive"].to_list()
 
 
-def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(experiment, finished, tmp_path):
-    changed = experiment.statistics.model_copy(update={"trim_among": TrimAmong.followed})
-    run = RunFolder(tmp_path / "run")
-    small = experiment.with_limits(scenes=1, frames=5).model_copy(update={"statistics": changed})
-    execute(small, run, listener=Silent())
-    assert set(finished.statistics("trims")["among"]) == {"followed"}
+def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(experiment, finished):
+    assert experiment.statistics.trim_among == TrimAmong.followed
     keys = ["scene", "tracker", "speed"]
-    rows = pl.concat(run.sequence_tables("observations")).filter(pl.col("age") > 0, truth="valid")
+    rows = pl.concat(finished.sequence_tables("observations")).filter(pl.col("age") > 0, truth="valid")
     followed = rows.select(*keys, "track").unique()
-    tracks = pl.concat(run.sequence_tables("tracks")).join(followed, on=[*keys, "track"])
+    tracks = pl.concat(finished.sequence_tables("tracks")).join(followed, on=[*keys, "track"])
     expected = tracks.group_by(keys).agg(cut=pl.col("max_error_px").quantile(0.9, "linear"), n=pl.len())
-    for row in run.statistics("trims").join(expected, on=keys).iter_rows(named=True):
+    for row in finished.statistics("trims").join(expected, on=keys).iter_rows(named=True):
         assert row["among"] == "followed"
         assert row["threshold_px"] == pytest.approx(row["cut"])
         assert row["n_measured"] - row["n_anchor_only"] == row["n"]
-    assert expected.height == run.statistics("trims").height
+    assert expected.height == finished.statistics("trims").height == 8
 
 
-def test_the_record_holds_every_setting_and_two_workers_run_it_as_the_same_experiment(finished, tmp_path):
+def test_a_run_that_lost_a_sequence_is_completed_by_workers_with_the_settings_that_it_recorded(finished, tmp_path):
     recorded = parse_experiment(finished.experiment_toml(), place="recorded")
     assert recorded.trackers[0].options["window_px"] == 15
     assert recorded.trackers[0].options["rejection"]["consensus"] == "refined"
     assert recorded.dataset.options["noise_sigma"] == 2.0
-    again = RunFolder(tmp_path / "again")
-    execute(recorded, again, listener=Silent(), workers=2)
-    assert again.manifest().settings_hash == finished.manifest().settings_hash
-    assert tables(again) == tables(finished)
+    run = RunFolder(shutil.copytree(finished.path, tmp_path / "run"))
+    manifest = run.manifest()
+    del manifest.sequences["arvr-00@default"]
+    run.write_manifest(manifest)
+    listener = Silent()
+    execute(recorded, run, listener=listener, workers=2)
+    assert listener.keys == ["arvr-00@default"]
+    assert run.manifest().settings_hash == finished.manifest().settings_hash
+    assert tables(run) == tables(finished)

@@ -63,22 +63,22 @@ def test_what_is_kept_cannot_change_within_a_run(finished, told, first, other):
         execute(wanted, run, listener=told())
 
 
-@pytest.mark.parametrize("most", [3, None])
+@pytest.mark.parametrize("most", [2, None])
 @pytest.mark.parametrize("keep", ["observations", "statistics"])
 def test_more_scenes_are_added_to_a_run_as_if_they_had_always_been_there(finished, told, files, read, keep, most):
-    _, run = finished(3, keep=keep, most=2)
-    wanted, whole = finished(3, keep=keep, most=most)
+    _, run = finished(2, keep=keep, most=1)
+    wanted, whole = finished(2, keep=keep, most=most)
     read.clear()
     listener = told()
     execute(wanted, run, listener=listener)
-    assert listener.keys == ["seq-03@default"]
+    assert listener.keys == ["seq-02@default"]
     assert not read & set(OBSERVED)
     assert files(run) == files(whole)
     assert run.manifest().settings_hash == whole.manifest().settings_hash == wanted.digest()
 
 
 def test_data_that_gained_a_scene_are_measured_there_alone(scenes, tmp_path, told, files, read):
-    experiment, run, whole = scenes(3), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
+    experiment, run, whole = scenes(2), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
     execute(experiment, whole, listener=told())
     scene = tmp_path / "data" / "seq-01"
     shutil.move(scene, tmp_path / "elsewhere")
@@ -152,7 +152,7 @@ def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(fini
 
 
 def test_a_start_that_is_refused_changes_nothing(finished, told, files):
-    experiment, run = finished(3, most=2)
+    experiment, run = finished(2, most=1)
     manifest = run.manifest()
     manifest.versions["numpy"] = "1.0.0"
     run.write_manifest(manifest)

@@ -62,12 +62,14 @@ while True:
 '''
 
 
-@pytest.mark.parametrize(("over", "step"), [("nothing", 97), ("another run", 131)])
-def test_killed_before_any_change_on_disk_and_started_again(over, step, finished, shared_file, tmp_path, told, files):
-    (experiment, whole), there = finished(2), RunFolder(tmp_path / "there")
+@pytest.mark.parametrize(("over", "scenes", "step"), [("nothing", 2, 140), ("another run", 1, 110)])
+def test_killed_before_any_change_on_disk_and_started_again(
+    over, scenes, step, finished, shared_file, tmp_path, told, files
+):
+    (experiment, whole), there = finished(scenes), RunFolder(tmp_path / "there")
     if over == "another run":
         execute(experiment.with_limits(scenes=None, frames=3), there, listener=told())
-    command = [sys.executable, "-c", KILLER, shared_file(2), tmp_path / "killed", there.path, str(step)]
+    command = [sys.executable, "-c", KILLER, shared_file(scenes), tmp_path / "killed", there.path, str(step)]
     ended = subprocess.run(command, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
     runs = [RunFolder(folder) for folder in sorted((tmp_path / "killed").iterdir())]

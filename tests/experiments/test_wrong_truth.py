@@ -17,7 +17,7 @@ FRAMES = 16
 def runs():
     """The same images and trackers with exact and with wrong poses and focal length."""
     made = tracknoise.open_sequence(
-        "simulated", motions=("arvr",), frames=FRAMES, width=320, height=240, supersampling=1
+        "simulated", motions=("arvr",), frames=FRAMES, width=240, height=180, supersampling=1
     )
     maps = [made.depth(index) for index in range(FRAMES)]
     exact = Sequence.from_arrays(

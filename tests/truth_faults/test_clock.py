@@ -53,7 +53,7 @@ def noisy(seed):
     return Rates(exact.steps, exact.by_image + 2e-3 * rng.standard_normal(exact.by_image.shape), exact.by_poses)
 
 
-@pytest.mark.parametrize("frames", [0.4, 1.0, -1.6])
+@pytest.mark.parametrize("frames", [0.4, -1.6])
 def test_an_offset_planted_in_a_recording_is_measured_to_a_tenth_of_a_frame(handheld, given, frames):
     late = Evidence.of(handheld.flow, shifted(frames)(handheld.poses), handheld.camera)
     item = clock(late, np.arange(len(late.poses)) / 30.0)
@@ -82,7 +82,7 @@ def test_frames_without_a_pose_are_left_out():
     assert estimate_offset(made).frames == pytest.approx(0.4, abs=0.02)
 
 
-@pytest.mark.parametrize("missing", [[0], [50], [119], [20, 21, 70]])
+@pytest.mark.parametrize("missing", [[0], [20, 21, 70, 119]])
 def test_frames_without_a_pose_are_left_out_where_translations_are_those_of_poses(handheld, given, missing):
     poses = handheld.poses.copy()
     poses[missing] = np.nan
@@ -104,7 +104,7 @@ def rendered(sample):
     return Evidence.measured(open_sequence("tartanair", sample("tartanair_v1")))
 
 
-@pytest.mark.parametrize("frames", [0.0, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("frames", [0.0, 0.5])
 def test_searches_that_all_end_at_the_same_bound_have_found_no_offset(rendered, frames):
     late = shifted(frames)(rendered.poses)
     item = clock(Evidence.of(without_depth(rendered.flow), late, rendered.camera), None)

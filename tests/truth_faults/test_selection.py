@@ -50,8 +50,8 @@ def test_a_fault_that_two_of_eight_scenes_show_is_named(parameter, size) -> None
 
 
 def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
-    many = replace(WORLD, per_scene=2000)
-    found = select(samples(many, seed=1, focal_length=0.0012))
+    many = replace(WORLD, per_scene=1000)
+    found = select(samples(many, seed=1, focal_length=0.0016))
     judged = {one.parameter: one for one in judge(found)}
     assert not found.named
     focal, beside = judged[Parameter.focal_length], found.last.assessed[Parameter.focal_length]
@@ -62,12 +62,12 @@ def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
 @pytest.mark.parametrize("parameter", ["focal_length", "clock_offset"])
 def test_errors_that_would_be_seen_are_named_and_much_smaller_ones_are_not(parameter) -> None:
     seen, smaller = [], []
-    for seed in range(4):
+    for seed in range(3):
         judged = {one.parameter: one for one in judge(select(samples(seed=seed)))}[Parameter(parameter)]
         seen.append(is_seen(WORLD, judged, seed))
         smaller.append(is_seen(WORLD, replace(judged, visible_above=0.3 * judged.visible_above), seed))
-    assert sum(seen) >= 3
-    assert sum(smaller) <= 1
+    assert all(seen)
+    assert not any(smaller)
 
 
 def test_an_exact_truth_has_no_fault() -> None:

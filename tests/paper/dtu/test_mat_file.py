@@ -90,7 +90,7 @@ def whole(request, tmp_path, calibration):
 def test_a_damaged_calibration_is_read_or_refused_whichever_byte_is_changed(whole):
     """SciPy's reader ends its process at one of a hundred of these."""
     content, rng, refusals = whole.read_bytes(), random.Random(12), []
-    places = [*range(200), *rng.sample(range(len(content)), 600)]
+    places = [*range(200), *rng.sample(range(len(content)), 200)]
     for place in places:
         damaged = bytearray(content)
         damaged[place] = rng.choice([0, 1, 0x7F, 0x80, 0xFF, damaged[place] ^ 1 << rng.randrange(8)])

@@ -17,10 +17,10 @@ name = "points"
 reader = "simulated"
 [dataset.options]
 motions = ["sideways", "forward", "arvr"]
-worlds = 1
+worlds = 2
 frames = 6
-width = 160
-height = 120
+width = 120
+height = 90
 supersampling = 1
 [[trackers]]
 kind = "lucas-kanade"
@@ -59,7 +59,7 @@ def test_metrics_are_means_over_sequences_with_intervals(run):
         row = table.filter(metric=metric, raster="256x256").row(0, named=True)
         values = [one.filter(raster="256x256")[metric][0] for one in each]
         assert row["value"] == pytest.approx(np.mean(values))
-        assert row["n_scenes"] == 3
+        assert row["n_scenes"] == 6
         assert row["low"] < row["value"] < row["high"]
 
 

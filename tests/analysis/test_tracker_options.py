@@ -111,10 +111,10 @@ keep = "statistics"
 reader = "simulated"
 [dataset.options]
 motions = ["sideways", "forward", "arvr"]
-worlds = 1
-frames = 6
-width = 160
-height = 120
+worlds = 2
+frames = 5
+width = 120
+height = 90
 supersampling = 1
 [[trackers]]
 kind = "lucas-kanade"
@@ -159,7 +159,7 @@ def test_a_run_compares_detectors_and_descriptors(tmp_path: Path) -> None:
     assert rows["descriptor"]["tracker"] == "correspondence"
     assert (rows["descriptor"]["level_a"], rows["descriptor"]["level_b"]) == ("sift", "orb")
     for name in ("detection.detector", "descriptor"):
-        assert rows[name]["n_scenes"] == 3
+        assert rows[name]["n_scenes"] == 6
         assert rows[name]["effect"] >= 1
         assert np.isfinite(rows[name]["low"])
     data = ReportData.of(run)

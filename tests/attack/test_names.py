@@ -7,15 +7,15 @@ from benchmarks.attack import names
 
 
 def test_naughty_names_go_through_the_pipeline(monkeypatch, tmp_path, capsys):
-    chosen = ["a b", "a.b", "\x1b[31m", "\udcff"]
+    chosen = ["a b", "\x1b[31m", "\udcff"]
     monkeypatch.setattr(names, "chosen_names", lambda count, rng: iter(chosen))
     monkeypatch.setattr(names, "memory_folder", lambda: tmp_path)
     monkeypatch.setattr(names, "FORMATS", ("svg",))  # PNG follows from SVG
-    assert names.main(["--batch", "4"]) == 0
+    assert names.main(["--batch", "3"]) == 0
     printed = [line.strip() for line in capsys.readouterr().out.splitlines()]
-    assert printed[-1] == "4 names, seed 0: 0 not dealt with"
-    assert {"2 name of a tracker: accepted", "2 name of a tracker: refused"} <= {*printed}
-    assert {"3 scene: measured", "1 scene: failed", "1 tracker: shown", "1 lighting: shown"} <= {*printed}
+    assert printed[-1] == "3 names, seed 0: 0 not dealt with"
+    assert {"1 name of a tracker: accepted", "2 name of a tracker: refused"} <= {*printed}
+    assert {"2 scene: measured", "1 scene: failed", "1 tracker: shown", "1 lighting: shown"} <= {*printed}
 
 
 def test_mixtures_differ_and_are_those_of_the_seed():

@@ -34,7 +34,8 @@ ORACLE = Oracle(n_features=200, covariance_px2=((0.04, 0.0), (0.0, 0.04)))
 
 @pytest.fixture(scope="module")
 def sequence():
-    reader = make_reader("simulated", None, {"motions": ["arvr"], "frames": 12, "width": 160, "height": 120})
+    size = {"frames": 12, "width": 160, "height": 120, "supersampling": 1}
+    reader = make_reader("simulated", None, {"motions": ["arvr"], **size})
     return reader.open(reader.sequences()[0])
 
 
@@ -128,6 +129,16 @@ def shuttered(sequence):
     return Shuttered(sequence, timestamps_s=5.0 + np.arange(12.0) / 30.0, shutter=RollingShutter(0.03))
 
 
+@pytest.fixture(scope="module")
+def of_shuttered(shuttered):
+    return audited(shuttered)
+
+
+@pytest.fixture(scope="module")
+def of_births(sequence):
+    return audited(sequence, truth="birth")
+
+
 @pytest.mark.parametrize("frames", [(0, 12, 2), (2, 9, 1)])
 def test_chosen_frames_of_a_rolling_shutter_keep_the_poses_between_them(shuttered, frames) -> None:
     """The truth interpolates between the poses of all frames of the recording, and so does the audit."""
@@ -145,23 +156,23 @@ def test_poses_of_a_clock_offset_lie_between_those_of_the_frames(shuttered) -> N
     require_reproduced(audited(moved))
 
 
-def test_recordings_whose_poses_are_those_of_their_frames_keep_no_others(shuttered, sequence) -> None:
+def test_recordings_whose_poses_are_those_of_their_frames_keep_no_others(shuttered, of_shuttered, of_births) -> None:
     whole_frame = corrected(shuttered, Corrections(clock_offset_s=1.0 / 30.0))
-    assert audited(shuttered).path is None
-    assert audited(sequence).path is None
+    assert of_shuttered.path is None
+    assert of_births.path is None
     assert audited(whole_frame).path.height == 1  # the frame whose time lies before all of them
 
 
-def test_an_audit_whose_poses_do_not_give_the_stated_positions_says_so(sequence) -> None:
-    tables = audited(sequence, truth="birth")
+def test_an_audit_whose_poses_do_not_give_the_stated_positions_says_so(of_births) -> None:
+    tables = of_births
     moved = tables.poses.with_columns(pl.col("x_m") + 0.1 * pl.col("frame"))
     found = read_samples([replace(tables, poses=moved)], NO_GROUPS)
     assert isinstance(found, str)
     assert f"poses and cameras of the run give other true positions of {tables.samples.height} more" in found
 
 
-def test_a_readout_in_seconds_is_not_audited_where_only_some_recordings_have_timestamps(shuttered, sequence) -> None:
-    both = [audited(shuttered), audited(Changed(sequence, truths=("birth",), camera=sequence.camera))]
+def test_a_readout_in_seconds_is_not_audited_where_only_some_recordings_have_timestamps(of_shuttered, sequence) -> None:
+    both = [of_shuttered, audited(Changed(sequence, truths=("birth",), camera=sequence.camera))]
     found = read_samples(both, NO_GROUPS)
     assert found == "a readout in seconds is stated, and some recordings have timestamps while others have none"
 

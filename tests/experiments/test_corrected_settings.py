@@ -40,14 +40,6 @@ def damaged(recording, folder):
     return folder
 
 
-def test_a_wrong_folder_of_data_can_be_corrected(recording, tmp_path):
-    run = RunFolder(tmp_path / "run")
-    first = execute(experiment(damaged(recording, tmp_path / "bad")), run, listener=Silent())
-    assert (first.measured, len(first.failures)) == ([], 1)
-    second = execute(experiment(recording), run, listener=Silent())
-    assert (second.measured, second.failures) == (["walk@default"], {})
-
-
 def test_a_wrong_setting_can_be_corrected(recording, tmp_path):
     run = RunFolder(tmp_path / "run")
     bad = damaged(recording, tmp_path / "bad")
@@ -56,20 +48,30 @@ def test_a_wrong_setting_can_be_corrected(recording, tmp_path):
     assert "speeds = [1]" in run.experiment_toml()
 
 
-def test_nothing_of_the_failed_run_is_left(recording, tmp_path):
-    corrected, new = RunFolder(tmp_path / "corrected"), RunFolder(tmp_path / "new")
-    execute(experiment(damaged(recording, tmp_path / "bad")), corrected, listener=Silent())
-    for run in (corrected, new):
-        execute(experiment(recording), run, listener=Silent())
-    assert files(corrected) == files(new)
+@pytest.fixture(scope="module")
+def finished(recording, made_once):
+    """A run of the recording, which no test changes."""
+
+    def write(folder):
+        execute(experiment(recording), RunFolder(folder), listener=Silent())
+
+    return RunFolder(made_once("corrected-settings-run", write))
+
+
+def test_a_wrong_folder_of_data_can_be_corrected_and_nothing_of_the_failed_run_is_left(recording, finished, tmp_path):
+    run = RunFolder(tmp_path / "run")
+    first = execute(experiment(damaged(recording, tmp_path / "bad")), run, listener=Silent())
+    assert (first.measured, len(first.failures)) == ([], 1)
+    second = execute(experiment(recording), run, listener=Silent())
+    assert (second.measured, second.failures) == (["walk@default"], {})
+    assert files(run) == files(finished)
 
 
 def files(run):
     return sorted(path.relative_to(run.path) for path in run.path.rglob("*"))
 
 
-def test_a_run_that_has_measured_something_is_not_replaced(recording, tmp_path):
-    run = RunFolder(tmp_path / "run")
-    execute(experiment(recording), run, listener=Silent())
+def test_a_run_that_has_measured_something_is_not_replaced(recording, finished, tmp_path):
+    run = RunFolder(shutil.copytree(finished.path, tmp_path / "run"))
     with pytest.raises(StoreError, match="speeds"):
         execute(experiment(recording, speeds=(1, 2)), run, listener=Silent())

@@ -104,10 +104,10 @@ def test_what_lasts_is_not_tried_again(together):
     assert found[ONE] == Failure("lost", None, FailureKind.permanent, attempts=1)
 
 
-def test_a_corrupt_image_in_one_scene_of_five(experiment_file, tmp_path, capsys):
-    """Four finish, the fifth is named with file and cause; after repair, that one alone is measured."""
-    path = experiment_file(5)
-    image = tmp_path / "data" / "seq-03" / "frame-000002.color.png"
+def test_a_corrupt_image_in_one_scene_of_two(experiment_file, tmp_path, capsys):
+    """One finishes, the other is named with file and cause; after repair, that one alone is measured."""
+    path = experiment_file(2)
+    image = tmp_path / "data" / "seq-01" / "frame-000002.color.png"
     whole = image.read_bytes()
     image.write_bytes(whole[:-20])
 
@@ -118,17 +118,17 @@ def test_a_corrupt_image_in_one_scene_of_five(experiment_file, tmp_path, capsys)
 
     code, stderr = run()
     assert code == 2
-    assert f"tracknoise: error: {THREE}: {image}: truncated" in stderr
-    assert f"1 of 5 sequences failed: {THREE}; see failures.jsonl" in stderr
+    assert f"tracknoise: error: {ONE}: {image}: truncated" in stderr
+    assert f"1 of 2 sequences failed: {ONE}; see failures.jsonl" in stderr
     lines = (tmp_path / "run" / "failures.jsonl").read_text().splitlines()
     (line,) = map(json.loads, lines)
-    assert (line["sequence"], line["place"], line["attempts"]) == (THREE, str(image), 1)
+    assert (line["sequence"], line["place"], line["attempts"]) == (ONE, str(image), 1)
     assert "truncated" in line["cause"]
     image.write_bytes(whole)
     code, stderr = run()
     assert code == 0
-    assert "resuming: 4 of 5 sequences already measured" in stderr
-    assert [row.split(":")[0] for row in stderr.splitlines() if row.startswith("measured seq")] == [f"measured {THREE}"]
+    assert "resuming: 1 of 2 sequences already measured" in stderr
+    assert [row.split(":")[0] for row in stderr.splitlines() if row.startswith("measured seq")] == [f"measured {ONE}"]
     assert not (tmp_path / "run" / "failures.jsonl").exists()
 
 
@@ -160,24 +160,24 @@ def limited(command, limit_bytes):
 
 
 def test_a_full_disk_ends_the_run_with_one_line_and_keeps_what_was_whole(experiment_file, tmp_path, told, files):
-    path, run = experiment_file(4, 16), RunFolder(tmp_path / "run")
-    for name in ("seq-03", "seq-04"):
+    path, run = experiment_file(3, 16), RunFolder(tmp_path / "run")
+    for name in ("seq-02", "seq-03"):
         (tmp_path / "data" / name).rename(tmp_path / name)
     execute(load_experiment(path), run, listener=told())
     before = files(run)
     observed = min(len(content) for name, content in before.items() if name.startswith("observations"))
-    for name in ("seq-03", "seq-04"):
+    for name in ("seq-02", "seq-03"):
         (tmp_path / name).rename(tmp_path / "data" / name)
     ended = limited(["run", path, "--out", run.path, "--no-report", "--workers", "1"], observed - 1)
     errors = [line for line in ended.stderr.splitlines() if "error" in line]
     assert ended.returncode == 1
     assert len(errors) == 1, ended.stderr
-    assert "seq-03@default.parquet: cannot be written (File too large), expected a writable folder" in errors[0]
-    assert sorted(run.manifest().sequences) == [ONE, TWO]
+    assert "seq-02@default.parquet: cannot be written (File too large), expected a writable folder" in errors[0]
+    assert sorted(run.manifest().sequences) == [ONE]
     assert run.manifest().failures == {}, "a full disk is not a failure of each scene in turn"
     outcome = told()
     execute(load_experiment(path), run, listener=outcome)
-    assert outcome.keys == ["seq-03@default", "seq-04@default"]
+    assert outcome.keys == [TWO, THREE]
     assert all(files(run)[name] == content for name, content in before.items() if not name.startswith("statistics"))
 
 

@@ -62,7 +62,7 @@ while True:
 '''
 
 
-@pytest.mark.parametrize(("over", "scenes", "step"), [("nothing", 2, 140), ("another run", 1, 110)])
+@pytest.mark.parametrize(("over", "scenes", "step"), [("nothing", 2, 150), ("another run", 1, 125)])
 def test_killed_before_any_change_on_disk_and_started_again(
     over, scenes, step, finished, shared_file, tmp_path, told, files
 ):

@@ -23,6 +23,7 @@ lightings = ["default", "east"]
 frames = 6
 width = 96
 height = 64
+supersampling = 1
 [[views]]
 [[views]]
 rotation = 90

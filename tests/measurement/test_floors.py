@@ -45,7 +45,7 @@ def test_the_floor_is_what_a_fault_adds(world, tracks, name) -> None:
 
 @pytest.fixture(scope="module")
 def images():
-    return tracknoise.open_sequence("simulated", motions=["sideways"], frames=12, width=160, height=120)
+    return tracknoise.open_sequence("simulated", motions=["sideways"], frames=12, width=160, height=120, supersampling=1)
 
 
 def recording(images):

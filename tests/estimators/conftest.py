@@ -18,7 +18,7 @@ speeds = {speeds}
 reader = "simulated"
 [dataset.options]
 motions = ["sideways", "forward"]
-worlds = {worlds}
+worlds = 4
 frames = 14
 width = 160
 height = 120
@@ -55,14 +55,14 @@ def _measure(path: Path, **settings: object) -> None:
 @pytest.fixture(scope="session")
 def planted_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of a run of 8 scenes whose oracle has a standard deviation of 0.3 px in u and 0.2 px in v."""
-    measure = partial(_measure, name="planted", worlds=4, speeds=[1, 2], option="loss_rate = 0.05")
+    measure = partial(_measure, name="planted", speeds=[1, 2], option="loss_rate = 0.05")
     return made_once("planted-noise", measure) / "run"
 
 
 @pytest.fixture(scope="session")
 def common_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of such a run in which all features of a frame also have an error of 0.2 px in common."""
-    measure = partial(_measure, name="common", worlds=3, speeds=[1], option="common_px = 0.2")
+    measure = partial(_measure, name="common", speeds=[1], option="common_px = 0.2")
     return made_once("common-noise", measure) / "run"
 
 

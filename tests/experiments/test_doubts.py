@@ -28,7 +28,7 @@ FEW_FRAMES = 17
 @cache
 def simulated():
     """A simulated sequence in memory, so that its images are rendered once."""
-    made = open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240, supersampling=1)
+    made = open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240)
     maps = [made.depth(index) for index in range(len(made))]
     return Sequence.from_arrays(
         [made.image(index) for index in range(len(made))],
@@ -36,6 +36,13 @@ def simulated():
         made.camera,
         [np.where(one.valid, one.depth_m, 0.0) for one in maps],
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def let_go():
+    """The sequence is in memory as long as these tests need it."""
+    yield
+    simulated.cache_clear()
 
 
 def measured(sequence, most=40):

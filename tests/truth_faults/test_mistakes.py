@@ -31,6 +31,14 @@ def evidence(name, data_root):
     return Evidence.measured(recording(name, data_root))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def let_go():
+    """Recordings are in memory as long as these tests need them."""
+    yield
+    recording.cache_clear()
+    evidence.cache_clear()
+
+
 def depths_at(sequence, pairs):
     """Depths of planted maps at the points of pairs, from the depths as they are: the change depends on the pixel."""
     for pair in pairs:

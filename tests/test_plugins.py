@@ -271,7 +271,8 @@ def test_files_of_foreign_options_readers_and_code_are_inputs(experiment, restor
             assert measured_again(experiment) == [f"a@default is measured again: {file} changed"]
         assert measured_again(experiment) == []
     code.write_text(code.read_text() + "\n")
-    assert said_by_a_new_process(experiment) == "a@default is measured again: the source file tapes.py of a plug-in changed"
+    said = said_by_a_new_process(experiment)
+    assert said == "a@default is measured again: the source file tapes.py of a plug-in changed"
 
 
 @pytest.fixture
@@ -310,7 +311,7 @@ def measured_again(experiment: Path) -> list[str]:
 
 
 def said_by_a_new_process(experiment: Path) -> str:
-    """What the next start in a process of its own, which loads the code of a package anew, would say about input files."""
+    """What the next start in a new process, which loads the code of a package anew, would say about input files."""
     site, out = str(experiment.parent / "site"), str(experiment.parent / "run")
     done = subprocess.run(
         [sys.executable, "-c", NEXT_START, str(experiment), out],

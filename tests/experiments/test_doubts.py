@@ -46,7 +46,8 @@ def let_go():
 
 
 def measured(sequence, most=40):
-    return measure(sequence, LucasKanade(), truth="birth", max_frames=most)  # a ray cast from wrong poses would give other depths
+    # a ray cast from wrong poses would give other depths
+    return measure(sequence, LucasKanade(), truth="birth", max_frames=most)
 
 
 @pytest.mark.parametrize("name", SEEN_IN_SLOW_TRACKS)

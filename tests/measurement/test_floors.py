@@ -45,7 +45,8 @@ def test_the_floor_is_what_a_fault_adds(world, tracks, name) -> None:
 
 @pytest.fixture(scope="module")
 def images():
-    return tracknoise.open_sequence("simulated", motions=["sideways"], frames=12, width=160, height=120, supersampling=1)
+    size = {"frames": 12, "width": 160, "height": 120, "supersampling": 1}
+    return tracknoise.open_sequence("simulated", motions=["sideways"], **size)
 
 
 def recording(images):

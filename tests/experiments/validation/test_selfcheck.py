@@ -100,12 +100,6 @@ def test_an_error_in_the_package_is_a_fault_and_a_full_disk_is_not(tmp_path, mon
         self_test(tmp_path, scenes=12)
 
 
-def test_results_do_not_depend_on_the_number_of_workers(clean, tmp_path):
-    two = self_test(tmp_path, scenes=1, seed=5, workers=2)
-    assert two["area"].unique().sort().to_list() == EXACT
-    assert two.equals(clean.filter(pl.col("area").is_in(EXACT)))
-
-
 EXPECTED = pl.DataFrame({"key": [1, 2, 3], "value": [1.0, None, 2.0], "name": ["a", "b", "c"]})
 
 

@@ -26,6 +26,7 @@ from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.small_plots import curves
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import SPACE
 
 MOST_WORDS, MOST_NUMBERS = 25, 3
 SCHEMA = Path(__file__).parents[2] / "docs" / "report-summary.schema.json"
@@ -227,7 +228,7 @@ def faultless(data: ReportData) -> ReportData:
 def test_a_fault_of_the_truth_is_told_first(data: ReportData) -> None:
     found = summarise(data).truth
     assert found.answer.verdict == "no"
-    assert found.text == "The focal length is 10.0 % too long. Correct this before using the numbers."
+    assert found.text == f"The focal length is 10.0{SPACE}% too long. Correct this before using the numbers."
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.0, "yes"), (0.25, "yes"), (0.75, "no"), (None, "undecided")])

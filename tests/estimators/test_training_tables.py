@@ -22,9 +22,9 @@ reader = "simulated"
 [dataset.options]
 motions = ["sideways"]
 worlds = 2
-frames = 8
-width = 160
-height = 120
+frames = 6
+width = 120
+height = 90
 supersampling = 1
 [[views]]
 [[views]]
@@ -34,7 +34,7 @@ speeds = [1, 2]
 rotation = 90
 [[trackers]]
 kind = "oracle"
-options = { n_features = 60 }
+options = { n_features = 40 }
 [statistics]
 min_features = 2
 """

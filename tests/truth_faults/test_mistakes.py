@@ -109,7 +109,7 @@ def test_a_recording_without_motion_says_that_nothing_can_be_seen(data_root):
 
 
 def test_what_cannot_be_distinguished_is_named_too():
-    sequence = open_sequence("simulated", motions=("sideways",), frames=14, width=200, height=150)
+    sequence = open_sequence("simulated", motions=("sideways",), frames=14, width=200, height=150, supersampling=1)
     item = mistakes(planted("body", sequence, Evidence.measured(sequence)))
     assert item.severity is Severity.fatal
     assert "cannot distinguish" in item.text

@@ -16,13 +16,14 @@ from tracknoise.statistics.samples import EACH, extreme_tracks
 from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.schema import PATCHES, check
 
+SIMULATED = {"motions": ["arvr"], "frames": 12, "width": 160, "height": 120, "supersampling": 1}
 NOISE = 6.0
 """Mean difference of grey values between a patch and its WebP image."""
 
 
 @pytest.fixture(scope="module")
 def measured() -> Measurement:
-    reader = make_reader("simulated", None, {"motions": ["arvr"], "frames": 12, "width": 160, "height": 120})
+    reader = make_reader("simulated", None, SIMULATED)
     return measure(reader.open(reader.sequences()[0]), {"lk": "lucas-kanade", "co": "correspondence"}, speeds=(1, 2))
 
 
@@ -118,7 +119,7 @@ def test_nothing_with_an_error_has_no_patches(measured: Measurement) -> None:
 
 
 def test_kept_images_are_not_read_again(measured: Measurement, patches: pl.DataFrame, monkeypatch) -> None:
-    reader = make_reader("simulated", None, {"motions": ["arvr"], "frames": 12, "width": 160, "height": 120})
+    reader = make_reader("simulated", None, SIMULATED)
     trackers = {"lk": "lucas-kanade", "co": "correspondence"}
     (kept,) = measure_together([reader.open(reader.sequences()[0])], trackers, speeds=(1, 2), kept_bytes=5 * 160 * 120)
     assert sorted(kept.images) == [0, 1, 2, 3, 4]

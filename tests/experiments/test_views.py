@@ -74,7 +74,7 @@ class Silent:
 def test_views_are_conditions_of_their_own(tmp_path) -> None:
     """The oracle's bias is in the axes of each image, and so in every view the same."""
     run = RunFolder(tmp_path / "run")
-    execute(experiment(), run, listener=Silent())
+    execute(experiment().with_limits(scenes=1, frames=4), run, listener=Silent())
     curves = run.statistics("curves").filter(statistic="nu", weighting="features", population="visible")
     at_one = curves.filter(pl.col("trimming") == "untrimmed", pl.col("at") == 1)
     views = at_one.select("lighting", "rotation", "direction").rows()

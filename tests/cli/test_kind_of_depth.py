@@ -1,11 +1,13 @@
 """Depths that the program computes are along z: no run says that they are distances along the ray."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import pytest
 from tests.writers.euroc import BODY_FROM_CAMERA, write_euroc, write_images, write_sensor
 
+from tracknoise.cli.app import main
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.store import RunFolder
 
@@ -23,9 +25,6 @@ depth = "stereo"
 
 [[trackers]]
 kind = "lucas-kanade"
-
-[[trackers]]
-kind = "correspondence"
 """
 
 
@@ -56,14 +55,15 @@ def stereo(made_once):
     return made_once("stereo-euroc", write)
 
 
-@pytest.fixture
-def run(stereo, tracknoise, tmp_path):
-    out = tmp_path / "run"
-    status, _, stderr = tracknoise(
-        "run", str(stereo / "stereo.toml"), "--data", str(stereo / "recording"), "--out", str(out), "--no-report",
-        "--workers", "1",
-    )  # fmt: skip
-    assert status == 0, stderr
+@pytest.fixture(scope="module")
+def run(stereo, tmp_path_factory):
+    out = tmp_path_factory.mktemp("stereo") / "run"
+    with pytest.raises(SystemExit) as exit_:
+        main([
+            "run", str(stereo / "stereo.toml"), "--data", str(stereo / "recording"), "--out", str(out), "--no-report",
+            "--quiet", "--workers", "1",
+        ])  # fmt: skip
+    assert exit_.value.code == 0
     return out
 
 
@@ -79,8 +79,9 @@ def test_an_audit_of_stereo_depth_says_that_its_kind_was_not_tried(run, tracknoi
     assert "depth_along_ray" not in (document["corrections"] or "")
 
 
-def test_a_run_that_does_not_say_what_is_known_is_audited_as_before(run, tracknoise) -> None:
+def test_a_run_that_does_not_say_what_is_known_is_audited_as_before(run, tracknoise, tmp_path) -> None:
     """A run of an earlier version: its manifest has no such entry."""
+    run = shutil.copytree(run, tmp_path / "run")
     folder = RunFolder(run)
     manifest = folder.manifest()
     manifest.sequences = {key: replace(entry, z_depth_from=None) for key, entry in manifest.sequences.items()}

@@ -11,7 +11,11 @@ from tests.writers.program import PROGRAM, small_experiment
 
 from tracknoise.tables.store import RunFolder
 
-SMALL = small_experiment('kind = "oracle"')
+SMALL = small_experiment('kind = "oracle"\noptions = { n_features = 20 }')
+REPORTING = "from functools import partial\nfrom tracknoise.report import page\n" + PROGRAM.replace(
+    "main()\n", "page.write_report = partial(page.write_report, figure_formats=())\n    main()\n"
+)
+"""The program, but that reports have no files of figures, so that they are written in a moment."""
 UNWRITABLE = [("2>&-", 2), ("2>/dev/full", 1), ("2>/dev/full", 2), ("2>&1 | head -n 1 >{first}", 1)]
 
 
@@ -19,20 +23,25 @@ UNWRITABLE = [("2>&-", 2), ("2>/dev/full", 1), ("2>/dev/full", 2), ("2>&1 | head
 def shell(tmp_path):
     """Runs the program in a shell, with what is behind its arguments. Gives its status and what it wrote."""
     (tmp_path / "go.py").write_text(PROGRAM)
+    (tmp_path / "reporting.py").write_text(REPORTING)
     (tmp_path / "small.toml").write_text(SMALL)
     folder = tmp_path / "current"
     folder.mkdir()
 
     def go(arguments: str, redirected: str = "") -> tuple[int, str, str]:
-        command = f'"{sys.executable}" ../go.py {arguments} {redirected}; exit ${{PIPESTATUS[0]}}'
+        program = "reporting" if arguments == REPORTED else "go"
+        command = f'"{sys.executable}" ../{program}.py {arguments} {redirected}; exit ${{PIPESTATUS[0]}}'
         ended = subprocess.run(["bash", "-c", command], cwd=folder, capture_output=True, text=True)
         return ended.returncode, ended.stdout, ended.stderr
 
     return go
 
 
-def run(workers: int, *, report: bool = False) -> str:
-    return f"run ../small.toml --out ../run --workers {workers} {'' if report else '--no-report'}"
+REPORTED = "run ../small.toml --out ../run --workers 1"
+
+
+def run(workers: int) -> str:
+    return f"run ../small.toml --out ../run --workers {workers} --no-report"
 
 
 def is_complete(folder: Path) -> bool:
@@ -73,7 +82,7 @@ def test_bars_in_a_terminal_that_closes_do_not_stop_a_run(tmp_path):
 )
 def test_results_that_cannot_be_written_are_one_line(redirected, reason, shell, tmp_path):
     line = f"tracknoise: error: standard output cannot be written ({reason})"
-    status, _, err = shell(run(1, report=True), redirected)
+    status, _, err = shell(REPORTED, redirected)
     assert status == 1
     assert [text for text in err.splitlines() if "error" in text] == [line]
     assert is_complete(tmp_path / "run")
@@ -86,7 +95,7 @@ def test_results_that_cannot_be_written_are_one_line(redirected, reason, shell, 
 
 def test_a_reader_that_has_gone_has_read_enough(shell, tmp_path):
     """The rest of the command is done."""
-    status, _, err = shell(run(1, report=True), "| true")
+    status, _, err = shell(REPORTED, "| true")
     assert (status, [line for line in err.splitlines() if "error" in line]) == (0, [])
     assert (tmp_path / "run" / "report" / "index.html").exists()
     assert shell("findings ../run --json", "| true") == (0, "", "")

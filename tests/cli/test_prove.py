@@ -24,10 +24,10 @@ keep = "{keep}"
 reader = "simulated"
 [dataset.options]
 motions = {motions}
-worlds = 2
+worlds = {worlds}
 frames = {frames}
-width = 240
-height = 180
+width = 200
+height = 150
 [[trackers]]
 kind = "lucas-kanade"
 """
@@ -47,7 +47,7 @@ def _run(out: Path, **options: object) -> Path:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("proof") / "run"
-    return _run(out, keep="observations", motions=["sideways", "forward"], frames=8)
+    return _run(out, keep="observations", motions=["sideways", "forward"], worlds=2, frames=8)
 
 
 def _model(*scenes: str):
@@ -214,6 +214,6 @@ def test_windows_longer_than_the_recording_are_refused(run: Path) -> None:
 
 
 def test_a_run_without_observations_is_refused(tmp_path: Path) -> None:
-    out = _run(tmp_path / "run", keep="statistics", motions=["arvr"], frames=3)
+    out = _run(tmp_path / "run", keep="statistics", motions=["arvr"], worlds=1, frames=2)
     with pytest.raises(StoreError, match="keeps no observations"):
         prove(RunFolder(out), _model("sideways-00"), length=6)

@@ -11,7 +11,6 @@ from tests.writers.wall import N_FRAMES, SIZE
 from tracknoise.cli.app import main
 from tracknoise.tables.store import RunFolder
 
-
 TRACKER = 'kind = "lucas-kanade"\noptions = { max_features = 12, min_features = 8 }'
 IMPORTED = (TRACKER, 'kind = "imported"\noptions = { path = "tracks.csv" }')
 

@@ -29,7 +29,7 @@ def run(tmp_path_factory) -> str:
     """A run with the same tracks in several formats, each a tracker of its own; the report has no files of figures."""
     root = tmp_path_factory.mktemp("imported")
     recording = root / "sim" / SCENE
-    size = ("--frames", str(N_FRAMES), "--width", "240", "--height", "180")
+    size = ("--frames", str(N_FRAMES), "--width", "240", "--height", "180", "--supersampling", "1")
     assert called("simulate", "--motion", SCENE, *size, "--out", str(recording)) == 0
     native = tn.LucasKanade(min_features=150, max_features=200)
     observed = tn.measure(tn.open_sequence("folder", root / "sim", scene=SCENE), native).observations

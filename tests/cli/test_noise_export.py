@@ -13,11 +13,13 @@ reader = "simulated"
 [dataset.options]
 motions = ["arvr"]
 worlds = 2
-frames = 8
+frames = 3
 width = 160
 height = 120
+supersampling = 1
 [[trackers]]
 kind = "correspondence"
+options = { max_features = 20 }
 """
 
 

@@ -28,6 +28,7 @@ worlds = {worlds}
 frames = {frames}
 width = 200
 height = 150
+supersampling = 1
 [[trackers]]
 kind = "lucas-kanade"
 """
@@ -143,13 +144,15 @@ reader = "simulated"
 motions = ["fixating"]
 worlds = 1
 frames = 6
-width = 200
-height = 150
+width = 160
+height = 100
+supersampling = 1
 [dataset.options.imaging]
 rate_hz = 20.0
 readout_s = 0.04
 [[trackers]]
 kind = "lucas-kanade"
+options = { max_features = 40, min_features = 30 }
 """
 
 
@@ -165,7 +168,7 @@ def test_turned_views_are_left_out(turned: RunFolder) -> None:
     """Their noise has other axes than that of a model."""
     assert len(turned.manifest().sequences) == 2
     found = recorded_problems(turned, Cut(tracker="lucas-kanade", speed=1, length=6))
-    assert [(problem.camera.width, problem.camera.height) for problem in found] == [(200, 150)]
+    assert [(problem.camera.width, problem.camera.height) for problem in found] == [(160, 100)]
 
 
 def test_errors_are_those_of_the_run_under_a_rolling_shutter(turned: RunFolder) -> None:

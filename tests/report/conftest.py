@@ -1,6 +1,8 @@
 """Run folders of made-up measurements, and the module that makes them."""
 
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -9,6 +11,7 @@ from tests.report import synthetic as module
 from tests.report.fitted import fitted_run
 from tests.report.runs import make_run
 
+from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder
 
 __all__ = ["fitted_run", "make_run", "planted_run"]
@@ -24,3 +27,22 @@ def synthetic() -> ModuleType:
 def run(make_run: Callable[..., RunFolder]) -> RunFolder:
     """Two scenes, two trackers, two speeds."""
     return make_run()
+
+
+@pytest.fixture(scope="session")
+def whole_report(make_run: Callable[..., RunFolder], made_once: Callable[..., Path]) -> Path:
+    """The folder of a run with its report, whose figures are written in all formats. Not to be changed."""
+    run = make_run(scenes=("forward",), trackers=("lucas-kanade",), speeds=(1,), n_frames=10, born=40)
+
+    def write(folder: Path) -> None:
+        shutil.copytree(run.path, folder)
+        write_report(RunFolder(folder))
+
+    return made_once("whole-report", write)
+
+
+@pytest.fixture
+def own_run(make_run: Callable[..., RunFolder], tmp_path: Path) -> RunFolder:
+    """A small run that a test may change."""
+    run = make_run(scenes=("one",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+    return RunFolder(shutil.copytree(run.path, tmp_path / "run"))

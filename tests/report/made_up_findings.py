@@ -36,8 +36,10 @@ AUDITED = "The focal length is 10 % too long (100 ± 2 px instead of 110)."
 FEW = "a test at 5 % needs at least 6 scenes; found {} scenes"
 
 
-def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) -> dict[str, pl.DataFrame]:
-    """All findings for the statistics of a run: intervals are a tenth of the value to either side."""
+def made_up(
+    tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions
+) -> tuple[dict[str, pl.DataFrame], pl.DataFrame]:
+    """All findings for the statistics of a run, and the results: intervals are a tenth of the value to either side."""
     found = {
         "intervals": intervals(tables, population=scope.population),
         "seed_spread": empty(SEED_SPREAD),
@@ -56,8 +58,9 @@ def made_up(tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions) ->
         "audit": audit(),
         "audit_curves": audit_curves(tables["curves"]),
     }
-    found["findings"] = headline_table(Identified(results_of({**tables, **found}), {**tables, **found}), scope)
-    return found
+    results = results_of({**tables, **found})
+    found["findings"] = headline_table(Identified(results, {**tables, **found}), scope)
+    return found, results
 
 
 def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.DataFrame:

@@ -359,8 +359,8 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     made["image_cells"] = image_cells(run.sequence_tables("image_map"))
     made["ratios"] = ratio_intervals(run.stored_tables("ratio_sums"))
     made["speed_errors"] = speed_errors(run.sequence_tables("image_speeds"))
-    made |= _made_up_findings().made_up(made, scope=_scope(world))
-    run.write_statistics(made)
+    found, results = _made_up_findings().made_up(made, scope=_scope(world))
+    run.write_statistics({**made, **found}, results=results)
 
 
 def _made_up_findings() -> ModuleType:

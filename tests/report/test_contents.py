@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,16 +11,13 @@ from tracknoise.exceptions import StoreError
 from tracknoise.phrases.answer_summary import SUMMARY
 from tracknoise.report.contents import CONTENTS, FORMAT, Section, contents_json, read_contents
 from tracknoise.report.figures.figure import Absence, Figure
-from tracknoise.report.page import write_report
-from tracknoise.tables.store import RunFolder
 
 FIGURE, ABSENCE = Figure("one", "One", "It shows.", "Look.", {}), Absence("two", "Two", "Nothing was found.")
 
 
 @pytest.fixture(scope="module")
-def report(make_run: Callable[..., RunFolder]) -> Path:
-    run = make_run(scenes=("listed",), trackers=("one",), speeds=(1,), n_frames=8, born=10, min_features=5)
-    return write_report(run, figure_formats=("svg",)).parent
+def report(whole_report: Path) -> Path:
+    return whole_report / "report"
 
 
 def test_sections_figures_tables_and_absences_are_listed() -> None:

@@ -1,3 +1,4 @@
+import dataclasses
 import html
 import json
 import re
@@ -46,8 +47,8 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def report(make_run: Callable[..., RunFolder]) -> Path:
-    return write_report(make_run(scenes=("forward",), trackers=("lucas-kanade",), born=40))
+def report(whole_report: Path) -> Path:
+    return whole_report / "report" / "index.html"
 
 
 @pytest.fixture(scope="module")
@@ -117,21 +118,20 @@ def test_what_the_reader_is_told_first(report: Path) -> None:
     assert "poses were projected to the nearest rotation, by up to 0.002" in text
 
 
-def test_the_same_run_gives_the_same_bytes(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(scenes=("repeated",), trackers=("one",), speeds=(1,), n_frames=8)
+def test_the_same_run_gives_the_same_bytes(whole_report: Path, tmp_path: Path) -> None:
+    run = RunFolder(tmp_path / whole_report.name)
+    shutil.copytree(whole_report, run.path, ignore=shutil.ignore_patterns("report"))
+    write_report(run)
 
-    def written() -> dict[Path, bytes]:
-        folder = write_report(run).parent
-        return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    def written(folder: Path) -> dict[Path, bytes]:
+        return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
-    assert written() == written()
+    assert written(run.path / "report") == written(whole_report / "report")
 
 
-def test_a_new_report_replaces_the_old_one_whole(
-    make_run: Callable[..., RunFolder], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_report_replaces_the_old_one_whole(own_run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page_module, "FAMILIES", [family for family in FAMILIES if family.id == "feature-counts"])
-    run = make_run(scenes=("replaced",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+    run = own_run
     write_report(run, figure_formats=("png",))
     (run.path / "report" / "figures" / "stale.svg").write_text("of an earlier run")
     index = write_report(run, figure_formats=("svg",))
@@ -140,8 +140,8 @@ def test_a_new_report_replaces_the_old_one_whole(
     assert [path.name for path in run.path.iterdir() if path.name.startswith(".")] == []
 
 
-def test_what_a_killed_process_left_of_a_report_is_removed(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(scenes=("left",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+def test_what_a_killed_process_left_of_a_report_is_removed(own_run: RunFolder) -> None:
+    run = own_run
     process = subprocess.Popen(["true"])
     process.wait()
     leftover = run.path / f".report.{process.pid}.0123456789abcdef.tracknoise-unfinished"
@@ -158,8 +158,8 @@ def test_names_that_look_like_markup_are_only_names(make_run: Callable[..., RunF
     assert "&lt;script&gt;alert(1)" in text
 
 
-def test_failures_are_told(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(scenes=("failing",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+def test_failures_are_told(own_run: RunFolder) -> None:
+    run = own_run
     manifest = run.manifest()
     manifest.failures["gone@default"] = "gone/depth.png: truncated, expected a PNG"
     run.write_manifest(manifest)
@@ -180,9 +180,13 @@ def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Calla
 
 
 @pytest.mark.parametrize(("dataset", "truth"), [("simulated", "raycast"), ("simulated", "birth"), ("tum", "raycast")])
-def test_simulated_truth_is_not_called_read(make_run: Callable[..., RunFolder], dataset: str, truth: str) -> None:
-    run = make_run(scenes=("one",), trackers=("one",), speeds=(1,), n_frames=6, born=4, dataset=dataset, truth=truth)
-    assert not truth_was_read(ReportData.of(run))
+def test_simulated_truth_is_not_called_read(own_run: RunFolder, dataset: str, truth: str) -> None:
+    manifest = own_run.manifest()
+    ((key, entry),) = manifest.sequences.items()
+    sequence = dataclasses.replace(entry.sequence, dataset=dataset)
+    manifest.sequences[key] = dataclasses.replace(entry, sequence=sequence, truth=truth)
+    own_run.write_manifest(manifest)
+    assert not truth_was_read(ReportData.of(own_run))
 
 
 def test_the_summary_says_which_lifetime_is_which(report: Path) -> None:
@@ -197,8 +201,8 @@ def test_an_unknown_format_is_refused(run: RunFolder) -> None:
         write_report(run, figure_formats=("gif",))
 
 
-def test_a_missing_table_is_named_and_leaves_the_old_report(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(scenes=("torn",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
+def test_a_missing_table_is_named_and_leaves_the_old_report(own_run: RunFolder) -> None:
+    run = own_run
     index = write_report(run, figure_formats=())
     before = index.read_bytes()
     (run.path / "statistics" / "results.parquet").unlink()
@@ -207,10 +211,7 @@ def test_a_missing_table_is_named_and_leaves_the_old_report(make_run: Callable[.
     assert index.read_bytes() == before
 
 
-def test_a_report_that_cannot_be_written_is_one_line(make_run: Callable[..., RunFolder], tmp_path: Path) -> None:
-    source = make_run(scenes=("blocked",), trackers=("one",), speeds=(1,), n_frames=6, born=4)
-    run = RunFolder(tmp_path / "run")
-    shutil.copytree(source.path, run.path)
-    (run.path / "report").write_text("a file where a folder should be")
+def test_a_report_that_cannot_be_written_is_one_line(own_run: RunFolder) -> None:
+    (own_run.path / "report").write_text("a file where a folder should be")
     with pytest.raises(StoreError, match="cannot be written"):
-        write_report(run, figure_formats=())
+        write_report(own_run, figure_formats=())

@@ -12,7 +12,7 @@ from tracknoise.tables.store import RunFolder
 
 @pytest.fixture(scope="module", params=[True, False], ids=["beside a native tracker", "alone"])
 def analysed(request) -> tuple[tn.Run, bool]:
-    sequence = tn.open_sequence("simulated", motions=["forward"], frames=8, width=160, height=120)
+    sequence = tn.open_sequence("simulated", motions=["forward"], frames=6, width=160, height=120, supersampling=1)
     native = tn.LucasKanade(min_features=100, max_features=150)
     columns = tn.measure(sequence, native).observations.select("track", "frame", "u_px", "v_px")
     mine = tn.Imported.from_arrays(*columns)

@@ -16,7 +16,7 @@ from tracknoise.tables.store import RunFolder
 FRAMES, SIGMA_RAD = 40, 0.003
 
 
-def measured(number: int, *, second: bool) -> tracknoise.Measurement:
+def measured(number: int) -> tracknoise.Measurement:
     """Two oracles before a wall; the second truth has turned poses."""
     images, poses = np.zeros((FRAMES, 48, 64), np.uint8), np.tile(np.eye(4), (FRAMES, 1, 1))
     K = np.array([[300.0, 0, 31.5], [0, 300.0, 23.5], [0, 0, 1]])
@@ -25,18 +25,13 @@ def measured(number: int, *, second: bool) -> tracknoise.Measurement:
     turned, rng = poses.copy(), np.random.default_rng(number)
     turned[:, :3, :3] = Rotation.from_rotvec(rng.normal(0.0, SIGMA_RAD, (FRAMES, 3))).as_matrix()
     trackers = {name: tracknoise.Oracle(n_features=20, loss_rate=0.1, margin_px=4) for name in ("one", "two")}
-    other = OtherPoses(sequence, turned, "made") if second else None
-    return tracknoise.measure(sequence, trackers, second_truth=other)
-
-
-def data_of(*, second: bool) -> ReportData:
-    run = tracknoise.analyse([measured(number, second=second) for number in range(2)], min_features=5)
-    return ReportData.of(RunFolder(run.path))
+    return tracknoise.measure(sequence, trackers, second_truth=OtherPoses(sequence, turned, "made"))
 
 
 @pytest.fixture(scope="module")
 def made():
-    return truth_curves.two_truth_figures(data_of(second=True))
+    run = tracknoise.analyse([measured(number) for number in range(2)], min_features=5)
+    return truth_curves.two_truth_figures(ReportData.of(RunFolder(run.path)))
 
 
 def test_each_tracker_and_the_poses_have_a_figure(made):
@@ -59,5 +54,5 @@ def test_the_sentences_state_the_disagreement(made):
         assert "blocks of tracks resampled within 2 scenes" in figure.shows
 
 
-def test_without_a_second_truth_nothing_is_drawn():
-    assert truth_curves.two_truth_figures(data_of(second=False)) == []
+def test_without_a_second_truth_nothing_is_drawn(run):
+    assert truth_curves.two_truth_figures(ReportData.of(run)) == []

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import polars as pl
 import pytest
+from tests.report.figures.test_lightings import LIGHTINGS
 
 from tracknoise.phrases import bands
 from tracknoise.report.figures import error_curves, levels, track_ends
@@ -82,9 +83,8 @@ def test_without_intervals_there_is_no_band(data: ReportData) -> None:
 
 
 def test_of_many_curves_the_first_alone_has_a_band(make_run: Callable[..., RunFolder]) -> None:
-    names = tuple(f"LR{place}" for place in range(8))
-    data = ReportData.of(make_run(lightings=("diffuse", *names), scenes=("only",), trackers=("one",), speeds=(1,)))
-    (figure,) = levels.lighting_figures(data)
+    data = ReportData.of(make_run(scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
+    figure, *_ = levels.lighting_figures(data)
     assert drawn(figure, "u_low", "u_high")["lighting"].unique().to_list() == ["diffuse"]
     assert "Bands around the curve under diffuse:" in figure.shows
 

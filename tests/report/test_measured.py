@@ -49,8 +49,8 @@ def test_settings_and_options_are_all_there(run: RunFolder) -> None:
     assert measured.trackers(data).rows[0] == ["lucas-kanade", "lucas-kanade", "window = 15"]
 
 
-def test_views_are_told_as_an_experiment_file_has_them(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(scenes=("only",), speeds=(1,), n_frames=6))
+def test_views_are_told_as_an_experiment_file_has_them(run: RunFolder) -> None:
+    data = ReportData.of(run)
     views = [{"rotation": 0, "direction": "forward"}, {"rotation": 90, "lightings": ["diffuse", "LR0"]}]
     rows = measured.settings(replace(data, settings={"views": views})).rows
     assert [list(row) for row in rows] == [
@@ -61,8 +61,8 @@ def test_views_are_told_as_an_experiment_file_has_them(make_run: Callable[..., R
     ]
 
 
-def test_sequences_that_failed_of_the_same_are_told_together(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(scenes=("only",), speeds=(1,), n_frames=6))
+def test_sequences_that_failed_of_the_same_are_told_together(run: RunFolder) -> None:
+    data = ReportData.of(run)
     failures = {"x@led-2": "torn", **{f"s@led-{number}": "dark" for number in range(6)}}
     failed = replace(data, manifest=replace(data.manifest, failures=failures))
     assert measured.failures(failed) == [("s@led-0, s@led-1, s@led-2 and 3 others", "dark"), ("x@led-2", "torn")]
@@ -84,8 +84,8 @@ def test_a_page_does_not_depend_on_how_long_measuring_took(run: RunFolder) -> No
     assert measured.scenes(again) == measured.scenes(data)
 
 
-def test_several_lightings_have_a_column(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(lightings=("led-1", "led-2"), scenes=("only",), speeds=(1,))
+def test_several_lightings_have_a_column(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:
+    run = make_run(**synthetic.DEGENERATE["two lightings"])
     assert measured.end_counts(ReportData.of(run)).headings[:3] == ["tracker", "speed", "lighting"]
 
 
@@ -141,12 +141,13 @@ def test_directions_have_a_column_where_there_are_several(make_run: Callable[...
     assert conditions[:2] == [["lucas-kanade", "1", "forward"], ["lucas-kanade", "1", "backward"]]
 
 
-def test_scenes_that_were_left_out_are_told(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(scenes=("kept",), trackers=("one",), speeds=(1,), n_frames=6)
-    manifest = run.manifest()
+def test_scenes_that_were_left_out_are_told(own_run: RunFolder) -> None:
+    manifest = own_run.manifest()
     manifest.excluded_scenes["parked"] = "the camera stands still in 80 of 100 frames."
-    run.write_manifest(manifest)
-    assert measured.excluded_scenes(ReportData.of(run)) == [("parked", "the camera stands still in 80 of 100 frames.")]
+    own_run.write_manifest(manifest)
+    assert measured.excluded_scenes(ReportData.of(own_run)) == [
+        ("parked", "the camera stands still in 80 of 100 frames.")
+    ]
 
 
 def test_the_same_note_of_many_sequences_is_told_once(make_run: Callable[..., RunFolder]) -> None:

@@ -38,10 +38,11 @@ def test_slugs_differ_where_names_do(make_run: Callable[..., RunFolder]) -> None
     assert [data.slug(name) for name in data.trackers] == ["a-b-1", "a-b-2", "lk"]
 
 
-def test_nothing_trimmed_has_no_percentile(make_run: Callable[..., RunFolder]) -> None:
-    assert ReportData.of(make_run()).percentile == 90
-    assert ReportData.of(make_run(percentile=None)).percentile is None
-    assert ReportData.of(make_run(percentile=100.0)).percentile is None
+def test_nothing_trimmed_has_no_percentile(
+    make_run: Callable[..., RunFolder], synthetic: ModuleType, run: RunFolder
+) -> None:
+    assert ReportData.of(run).percentile == 90
+    assert ReportData.of(make_run(**synthetic.DEGENERATE["nothing trimmed"])).percentile is None
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
@@ -49,11 +50,10 @@ def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
         ReportData.of(RunFolder(tmp_path))
 
 
-def test_a_damaged_experiment_is_refused(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(scenes=("damaged",), speeds=(1,))
-    (run.path / "experiment.toml").write_text("name = ")
+def test_a_damaged_experiment_is_refused(own_run: RunFolder) -> None:
+    (own_run.path / "experiment.toml").write_text("name = ")
     with pytest.raises(StoreError, match=r"experiment\.toml: damaged .*expected"):
-        ReportData.of(run)
+        ReportData.of(own_run)
 
 
 def test_every_tracker_has_one_colour_and_speeds_have_its_shades(run: RunFolder) -> None:

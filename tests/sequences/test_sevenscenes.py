@@ -257,11 +257,11 @@ def test_the_real_sample_as_recorded(sample):
 
 
 def test_registered_truth_has_no_bias(sample):
-    """The focal length of the depth camera makes a mean error of -1 px at age 12 in the first 40 frames."""
+    """The focal length of the depth camera makes a mean error of -1 px at age 12 in the first 28 frames."""
     mean = {}
     for calibration in Calibration:
         sequence = open_sequence("sevenscenes", sample("sevenscenes"), calibration=str(calibration))
-        measured = measure(sequence, ["lucas-kanade"], max_frames=40).observations
+        measured = measure(sequence, ["lucas-kanade"], max_frames=28).observations
         of_age = measured.filter(pl.col("kept") & (pl.col("age") == 12) & (pl.col("truth") == "valid"))
         mean[calibration] = of_age["du_px"].mean()
     assert mean[Calibration.raw] < -0.6

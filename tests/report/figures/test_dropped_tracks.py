@@ -3,16 +3,15 @@
 import io
 
 import polars as pl
+from tests.report.synthetic import DEGENERATE
 
 from tracknoise.report.figures import distributions
 from tracknoise.report.figures.frames import trimmed_frame
 from tracknoise.report.report_data import ReportData
 
-ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "born": 40}
-
 
 def test_the_image_has_the_features_that_trimming_kept_and_dropped(make_run):
-    data = ReportData.of(make_run(**ONE))
+    data = ReportData.of(make_run(**DEGENERATE["one of everything"]))
     (figure,) = distributions.trimming_figures(data)
     (entry,) = data.sequences.values()
     observed = data.run.sequence_table("observations", entry.key).filter(frame=entry.snapshot_frame)
@@ -26,8 +25,8 @@ def test_the_image_has_the_features_that_trimming_kept_and_dropped(make_run):
 
 
 def test_without_trimming_or_single_observations_there_is_no_image(make_run):
-    assert trimmed_frame(ReportData.of(make_run(**ONE, percentile=None))) is None
-    data = ReportData.of(make_run(**ONE, keep="statistics"))
+    assert trimmed_frame(ReportData.of(make_run(**DEGENERATE["nothing trimmed"]))) is None
+    data = ReportData.of(make_run(**DEGENERATE["statistics alone are kept"]))
     assert trimmed_frame(data) is None
     (figure,) = distributions.trimming_figures(data)
     assert "true positions." not in figure.shows

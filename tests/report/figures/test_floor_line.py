@@ -53,9 +53,9 @@ def test_the_floor_is_drawn_below_the_root_second_moment_and_around_the_mean(dat
     assert all(legend["symbolDash"] == [6, 4] for legend in legends)
 
 
-@pytest.mark.parametrize("floor_px", [None, 0.0])
-def test_there_is_no_line_where_nothing_is_known_or_the_truth_is_exact(make_run, floor_px) -> None:
-    data = ReportData.of(make_run(scenes=("only",), speeds=(1,), born=40, floor_px=floor_px))
+@pytest.mark.parametrize("world", [{}, {"scenes": ("only",), "speeds": (1,), "born": 40, "floor_px": 0.0}])
+def test_there_is_no_line_where_nothing_is_known_or_the_truth_is_exact(make_run, world) -> None:
+    data = ReportData.of(make_run(**world))
     figure = error_curves.curve_figures(data)[0]
     assert not lines_of(figure)
     assert "truth floor" not in figure.shows

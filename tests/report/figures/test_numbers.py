@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from tests.report.synthetic import DEGENERATE
 
 from tracknoise.report.figures import distributions, error_curves, levels, track_ends
 from tracknoise.report.figures import frames as example_frames
@@ -159,7 +160,7 @@ def test_survival_starts_with_everyone(data: ReportData) -> None:
 
 
 def test_a_survival_that_never_reaches_a_half_says_so(make_run: Callable[..., RunFolder]) -> None:
-    (figure, *_) = track_ends.lifetime_figures(ReportData.of(make_run(loss=1e-12)))
+    (figure, *_) = track_ends.lifetime_figures(ReportData.of(make_run(**DEGENERATE["everything censored"])))
     assert "Median lifetime: longer than the data (more than half are censored)." in figure.look_for
     assert f"Censored: 100.0{SPACE}%." in figure.look_for
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tracknoise import parsing_child
 from tracknoise.exceptions import DataError
 from tracknoise.simulation.sdf_files import (
     MOST_INCLUDE_LEVELS,
@@ -152,8 +153,9 @@ def test_damaged_stl_names_itself(tmp_path: Path, content: str | bytes, remark: 
     assert remarks == (f"{tmp_path}/a.stl: {remark}",)
 
 
-def test_collada_that_grows_exponentially_is_left_out(tmp_path: Path) -> None:
+def test_collada_that_grows_exponentially_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of 40 nodes has the next one twice."""
+    monkeypatch.setattr(parsing_child, "_CPU_S", 1)
     nodes = "".join(
         f"<node id='n{k}'><instance_node url='#n{k + 1}'/><instance_node url='#n{k + 1}'/></node>" for k in range(40)
     )

@@ -1,5 +1,6 @@
 """Where the real samples lie (`TRACKNOISE_DATA`, or ``../shared/data``), and folders that many tests begin with."""
 
+import ctypes
 import fcntl
 import gc
 import os
@@ -25,6 +26,16 @@ def pytest_collection_finish() -> None:
     """What was collected stays until the end: to search it for garbage again and again takes processor time."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def freed_memory() -> Iterator[None]:
+    """What a module needed goes back to the system: the process that runs tests would keep the most of each."""
+    yield
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of the C library of Linux
+    if trim is not None:
+        trim(0)
 
 
 @pytest.fixture(autouse=True)

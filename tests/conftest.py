@@ -38,13 +38,20 @@ def freed_memory() -> Iterator[None]:
         trim(0)
 
 
+_SIGNALS = {number: signal.getsignal(number) for number in processes.ENDING}
+
+
+def _restore_signals() -> None:
+    for number, handler in _SIGNALS.items():
+        signal.signal(number, handler)
+
+
 @pytest.fixture(autouse=True)
 def kept_signals() -> Iterator[None]:
-    """The command line, which tests call in this process, changes how signals are handled until its process ends."""
-    before = {number: signal.getsignal(number) for number in processes.ENDING}
+    """The command line, which tests and what they share call in this process, changes how signals are handled."""
+    _restore_signals()
     yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
+    _restore_signals()
 
 
 @pytest.fixture(scope="session", autouse=True)

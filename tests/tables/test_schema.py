@@ -114,10 +114,18 @@ def test_summary_has_the_same_values_trimmed_and_untrimmed() -> None:
 
 
 def test_an_enumeration_that_was_extended_since_a_table_was_written_is_read() -> None:
-    now, before, other = pl.Enum(["a", "b", "c"]), pl.Enum(["a", "b"]), pl.Enum(["b", "a"])
+    now, before, unknown = pl.Enum(["a", "b", "c"]), pl.Enum(["b", "a"]), pl.Enum(["b", "z"])
     expected = {"name": now, "n": pl.Int64}
     old = pl.DataFrame({"name": ["b", None], "n": [1, 2]}, schema={"name": before, "n": pl.Int64})
     read = schema.with_new_categories(old, expected)
     assert check(read, expected, "old").rows() == old.rows()
-    assert schema.with_new_categories(old.cast({"name": other}), expected).schema["name"] == other
+    assert schema.with_new_categories(old.cast({"name": unknown}), expected).schema["name"] == unknown
     assert schema.with_new_categories(read, {"name": before, "n": pl.Int64}).schema == read.schema
+
+
+def test_names_that_were_strings_are_read() -> None:
+    old = pl.DataFrame({"name": ["lk", None]})
+    assert (
+        check(schema.with_new_categories(old, {"name": pl.Categorical()}), {"name": pl.Categorical()}, "old").rows()
+        == old.rows()
+    )

@@ -918,7 +918,7 @@ def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame
 def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     """A table of an earlier version, whose enumerations lack later categories, or whose names are strings.
 
-    Enumerations are extended only if those of `schema` have all of their categories, and more at their end.
+    Enumerations are extended only if those of `schema` have all of their categories.
     """
     expected = {name: kind for name, kind in dict(schema).items() if name in table.columns}
     changed = [pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, table.schema[name])]
@@ -926,13 +926,12 @@ def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
 
 
 def _continues(new: object, old: object) -> bool:
-    """Whether an enumeration begins with the categories of another and has more, or categories replace strings."""
+    """Whether an enumeration has all categories of another and more, or categories replace strings."""
     if isinstance(new, pl.Categorical):
         return old == pl.String
     if not (isinstance(new, pl.Enum) and isinstance(old, pl.Enum)) or new == old:  # as in almost every table
         return False
-    begins = new.categories[: len(old.categories)].to_list() == old.categories.to_list()
-    return begins and len(new.categories) > len(old.categories)
+    return set(old.categories) < set(new.categories)
 
 
 def joined(tables: Iterable[pl.DataFrame], schema: Schema) -> pl.DataFrame:

@@ -8,6 +8,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import from_quaternion
 from tracknoise.inference.units import SceneGroups, scheme
-from tracknoise.statistics.grouping import group_rows
+from tracknoise.statistics.grouping import without_blocks
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, empty
@@ -298,18 +299,8 @@ def _without_blocks(entries: Iterable[SequenceEntry], groups: SceneGroups) -> Ca
     known = [scene for scene in scenes if (dataset, scene) in groups.names]
     of_group = [[scene for scene in known if groups.names[dataset, scene] == name] for name in {*groups.names.values()}]
     if all(scheme(groups.of(dataset, some)) is not None for some in (scenes, *filter(None, of_group))):
-        return _added_up
+        return partial(without_blocks, by=[*ORIGIN, "product", "age"], schema=NOISE_SUMS)
     return lambda sums: sums
-
-
-def _added_up(sums: pl.DataFrame) -> pl.DataFrame:
-    """Sums of all blocks together, as block 0; null where one of them is."""
-    rows = group_rows(sums, [*ORIGIN, "product", "age"])
-    added = rows.sums(sums, [name for name in NOISE_SUMS if name not in (*ORIGIN, "block", "product", "age")])
-    table = rows.keys.hstack(added.fill_nan(None))
-    return table.select_seq(
-        (pl.lit(0) if name == "block" else pl.col(name)).cast(kind).alias(name) for name, kind in NOISE_SUMS.items()
-    )
 
 
 def _settings(folder: RunFolder, tracker: str) -> dict[str, object]:

@@ -51,11 +51,11 @@ from tracknoise.statistics.grouping import (
     Condition,
     TablesByCondition,
     by_condition,
-    group_rows,
     in_chunks,
     number_names,
+    without_blocks,
 )
-from tracknoise.statistics.lifetimes import COUNTS, horizons
+from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.identity import SequenceId
@@ -184,16 +184,10 @@ def _of(conditions: pl.DataFrame, table: pl.DataFrame) -> pl.DataFrame:
 def _of_all_blocks(ends: TablesByCondition, few: pl.DataFrame) -> TablesByCondition:
     """Counts by block where scenes are few, otherwise of all blocks together."""
     by_block = set(few.rows())
-    return {key: part if key in by_block else _added_up(part) for key, part in ends.items()}
-
-
-def _added_up(ends: pl.DataFrame) -> pl.DataFrame:
-    """Counts of all blocks together, as block 0; null where one of them is."""
-    groups = group_rows(ends, [*ORIGIN, "lifetime"])
-    table = groups.keys.hstack(groups.sums(ends, COUNTS).fill_nan(None))
-    return table.select_seq(
-        (pl.lit(0) if name == "block" else pl.col(name)).cast(kind).alias(name) for name, kind in ENDS.items()
-    )
+    return {
+        key: part if key in by_block else without_blocks(part, [*ORIGIN, "lifetime"], ENDS)
+        for key, part in ends.items()
+    }
 
 
 def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dict[str, pl.DataFrame]:

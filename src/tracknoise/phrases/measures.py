@@ -78,8 +78,7 @@ class Subject:
 
     def first(self, table: str, *filters: pl.Expr, **values: object) -> dict[str, Any] | None:
         """First row of the condition that has some values; None where there is none."""
-        rows = self.of(table).filter(*filters, **values)
-        return rows.row(0, named=True) if rows.height else None
+        return first(self.of(table).filter(*filters, **values))
 
 
 def card_number(estimate: Estimate | None) -> Number:

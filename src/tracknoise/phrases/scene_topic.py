@@ -117,10 +117,6 @@ _HOLD: dict[str, tuple[str, Verdict]] = {
 }
 
 
-_FEW = 8
-"""With fewer scenes than this, intervals contain the true value less often than their level says."""
-
-
 def certainty(data: RunData) -> Judgement:
     """What intervals were made from, and what they hold for."""
     known = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
@@ -131,7 +127,7 @@ def certainty(data: RunData) -> Judgement:
     kinds = kinds.sort("len", "resampled", "level")
     row = kinds.row(-1, named=True)
     hold, verdict = _HOLD[row["resampled"]]
-    few = row["n_scenes"] < _FEW and row["resampled"] != Resampled.blocks
+    few = row["n_scenes"] < ENOUGH_SCENES and row["resampled"] != Resampled.blocks
     text = f"{sentence_case(interval_text(row['level'], row['resampled'], [row['n_scenes']]))}. {hold}"
     text += "; with few scenes they are less reliable." if few else "."
     return Judgement(answer("other scenes", verdict, wished=Verdict.yes), text, "measured")

@@ -144,6 +144,7 @@ def _at_reference(table: pl.DataFrame) -> pl.DataFrame:
     return table.filter(pl.col("age") <= REFERENCE_AGE).filter(pl.col("age") == pl.col("age").max())
 
 
+_HIDDEN = "True positions are fitted to the tracks, which hides drift along epipolar lines."
 _WITHHELD = (
     "Bias, shape and growth of the errors, survivorship bias, and effects of factors on errors are therefore not "
     "reported. True positions also contain the errors of poses and calibration."
@@ -158,8 +159,7 @@ _MEASURES = {
 
 def self_referential(_tables: RunTables, _conditions: ReportedConditions) -> Headline:
     """Say what errors about fitted points cannot contain."""
-    brief = "True positions are fitted to the tracks, which hides drift along epipolar lines."
-    return Headline("truth", f"{SELF_REFERENTIAL} {_WITHHELD}", "limits", "triangulated_noise", brief=brief)
+    return Headline("truth", f"{SELF_REFERENTIAL} {_WITHHELD}", "limits", "triangulated_noise", brief=_HIDDEN)
 
 
 def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -261,7 +261,7 @@ def _doubts(data: RunData) -> tuple[Verdict, str] | None:
 def _fitted_truth(data: RunData) -> tuple[Verdict, str] | None:
     if not data.truth_is_fitted:
         return None
-    return Verdict.undecided, "True positions are fitted to the tracks, which hides drift along epipolar lines."
+    return Verdict.undecided, _HIDDEN
 
 
 def _faults(data: RunData) -> tuple[Verdict, str] | None:

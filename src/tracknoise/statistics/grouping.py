@@ -61,6 +61,21 @@ def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     return Groups(keys[_first_rows(index)], index)
 
 
+def without_blocks(table: pl.DataFrame, by: Sequence[str], schema: Schema) -> pl.DataFrame:
+    """Sums of all blocks together, as block 0; null where one of them is.
+
+    Parameters
+    ----------
+    table
+        With the columns of `schema`, of which `by` are keys, ``block`` is the block, and all others are added up.
+    """
+    rows = group_rows(table, by)
+    added = rows.sums(table, [name for name in schema if name not in (*by, "block")]).fill_nan(None)
+    return rows.keys.hstack(added).select_seq(
+        (pl.lit(0) if name == "block" else pl.col(name)).cast(kind).alias(name) for name, kind in dict(schema).items()
+    )
+
+
 def number_names(names: pl.Series) -> tuple[list[str], NDArray[np.intp]]:
     """Number names in their order.
 

@@ -787,4 +787,4 @@ VIEWS: Mapping[str, View] = {
 """Every view by its name."""
 _SHARED = frozenset[Topic]().union(*(chosen.topics for chosen in VIEWS.values() if len(chosen.topics) > 1))
 _TOGETHER: tuple[frozenset[Topic], ...] = (_SHARED, frozenset(Topic) - _SHARED)
-"""Topics whose views have rows in common, and each of the others: the rows of these are made at once."""
+"""Topics whose views have rows in common, and all others: the rows of these are made at once."""

@@ -141,7 +141,8 @@ def _ids(table: pl.DataFrame) -> pl.Series:
     for some in table.iter_slices(_AT_ONCE):
         words = some.select_seq(name=pl.col("quantity").cast(pl.String), words=pl.concat_str(cells, separator="|"))
         sums = (hashlib.blake2b(text.encode(), digest_size=_BYTES).hexdigest() for text in words["words"])
-        parts.append(pl.Series("id", [f"{name}-{found}" for name, found in zip(words["name"], sums, strict=True)]))
+        names = [f"{name}-{found}" for name, found in zip(words["name"], sums, strict=True)]
+        parts.append(pl.Series("id", names, dtype=pl.String))
     return pl.concat(parts)
 
 

@@ -27,6 +27,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.intervals import Method
 from tracknoise.inference.units import Resampled, Units
 from tracknoise.statistics.definitions import LAGS, LONG_LIVED_AGES
+from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Behaviour
 
 REFUSED = (Behaviour.none, Behaviour.undecided)
@@ -179,7 +180,7 @@ def one_run(
     since = np.arange(1.0, shape[2])
     enough = np.logical_and.accumulate(units.errors.sums[..., 0].sum(axis=0) >= 50)
     fit, _ = growth_fits(units, Ages(since, enough, 1), weights, Method().by_bootstrap())
-    return behaves(fit, Changes(related, None))[0], fit, related
+    return behaves(fit, Changes(related, None), MARGIN)[0], fit, related
 
 
 def growth_units_of(errors: np.ndarray, alive: np.ndarray) -> GrowthUnits:

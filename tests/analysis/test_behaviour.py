@@ -1,32 +1,33 @@
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tracknoise.analysis.growth_models import Agreement, Model
-from tracknoise.analysis.growth_verdict import Changes, Growth, Loss, behaves
+from tracknoise.analysis.growth_models import Agreement
+from tracknoise.analysis.growth_verdict import Changes, Growth, Loss, behaves, grows
 from tracknoise.inference.estimates import Estimate
 
 SIZES = {
     "white": Estimate(0.2, 0.19, 0.21, "px"),
     "walk": Estimate(0.09, 0.08, 0.1, "px per sqrt(frame)"),
-    "drift": Estimate(0.03, 0.02, 0.04, "px per frame"),
+    "drift": Estimate(0.0, 0.0, 0.01, "px per frame"),
+}
+LIMITED = {
     "saturating_white": Estimate(0.01, 0.0, 0.02, "px"),
     "saturating": Estimate(0.3, 0.28, 0.32, "px"),
     "time_constant": Estimate(6.0, 5.0, 8.0, "frames"),
 }
-CLEAR, NOT = Estimate(0.9, 0.7, 1.0), Estimate(0.05, 0.0, 0.2)
+NONE = Estimate(0.01, 0.0, 0.02)
+DRIFT = Estimate(0.03, 0.02, 0.04, "px per frame")
+RISES, FLAT, OPEN = Estimate(1.5, 1.3, 1.7), Estimate(1.02, 0.97, 1.07), Estimate(1.08, 0.95, 1.22)
+MARGIN = 0.1
 FITS = Agreement(0.4, 0.1, np.array([-0.1, 0.0, 0.0, 0.0, 0.0]), np.zeros(5))
 FAILS = Agreement(0.001, 0.02, np.array([0.0, 0.31, 0.0, 0.0, 0.0]), np.zeros(5))
-TERMS = ("white", "walk", "drift")
 
 
-def model(term: str | None, agreement: Agreement = FITS, terms: tuple[str, ...] = TERMS) -> Model:
-    return Model({name: CLEAR if name == term else NOT for name in terms}, agreement)
-
-
-def growth(term: str | None, **changed: object) -> Growth:
-    found = Growth(SIZES, {}, model(term), None, None, 30.0)
+def growth(ratio: Estimate | None = RISES, geometric: Mapping[str, Estimate] = SIZES, **changed: object) -> Growth:
+    found = Growth(ratio, LIMITED, geometric, FITS, None, None, 30.0)
     return replace(found, **changed)
 
 
@@ -39,55 +40,63 @@ def said(text: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("term", "changed", "verdict", "expected"),
+    ("ratio", "verdict"),
     [
-        ("white", changes(-0.5), "white", "independent from frame to frame"),
-        ("white", changes(0.0), "white", "0.200 px (0.190 to 0.210), mostly the same offset"),
-        ("white", changes(-0.25), "white", "0.200 px (0.190 to 0.210)"),
-        ("walk", changes(), "random walk", "random walk: 0.0900 px per sqrt(frame) (0.0800 to 0.100)"),
-        ("drift", changes(mean=0.01), "drift", "0.0300 px per frame (0.0200 to 0.0400); the mean changes by 0.0100 px"),
-        (None, changes(), "undecided", "the intervals do not show which term dominates the second moment"),
+        (RISES, "yes"),
+        (Estimate(1.3, 1.09, 1.5), "undecided"),
+        (FLAT, "no"),
+        (Estimate(0.8, 0.7, 0.9), "no"),
+        (OPEN, "undecided"),
+        (Estimate(1.5), "undecided"),
+        (None, "undecided"),
     ],
 )
-def test_the_sentence_says_what_was_found(term: str | None, changed: Changes, verdict: str, expected: str) -> None:
-    named, why = behaves(growth(term), changed)
-    assert named == verdict
+def test_growth_and_its_absence_are_both_shown_by_the_interval(ratio: Estimate | None, verdict: str) -> None:
+    assert grows(ratio, MARGIN) == verdict
+
+
+def test_every_established_part_is_named_the_larger_one_first() -> None:
+    verdict, why = behaves(growth(), changes(), MARGIN)
+    assert verdict == "random walk"
+    assert said(why) == (
+        "random walk: 0.0900 px per sqrt(frame) (0.0800 to 0.100); constant part: 0.200 px (0.190 to 0.210)"
+    )
+    verdict, why = behaves(growth(geometric={**SIZES, "drift": DRIFT}), changes(mean=0.01), MARGIN)
+    assert verdict == "drift"
+    assert said(why).startswith("drift: 0.0300 px per frame (0.0200 to 0.0400), of which the mean has 0.0100 px per")
+    assert "random walk" in why
+    assert "constant part" in why
+
+
+@pytest.mark.parametrize(
+    ("related", "expected"),
+    [(-0.5, "independent from frame to frame"), (0.0, "mostly the same offset"), (-0.25, "0.200 px (0.190 to 0.210)")],
+)
+def test_errors_are_constant_where_they_are_shown_not_to_grow(related: float, expected: str) -> None:
+    still = {**SIZES, "walk": NONE}
+    verdict, why = behaves(growth(FLAT, still), changes(related), MARGIN)
+    assert verdict == "white"
     assert expected in said(why)
+    verdict, why = behaves(growth(OPEN, still), changes(related), MARGIN)
+    assert (verdict, why) == ("undecided", "neither growth nor its absence is established")
 
 
-def test_what_grows_besides_is_told() -> None:
-    _, why = behaves(growth("white"), changes(-0.5))
-    assert said(why).startswith("mostly constant")
-    assert said(why).endswith("; also a random walk of 0.0900 px per sqrt(frame) (0.0800 to 0.100); also a drift of "
-                              "0.0300 px per frame (0.0200 to 0.0400)")  # fmt: skip
-    still = {**SIZES, "walk": Estimate(0.01, 0.0, 0.02), "drift": Estimate(0.0, 0.0, 0.01)}
-    _, alone = behaves(growth("white", sizes=still), changes())
-    assert alone.startswith("constant")
-    assert "also" not in alone
-
-
-def test_a_term_that_is_large_but_not_for_certain_decides_nothing() -> None:
-    shares = {"white": Estimate(0.6, 0.4, 0.8), "walk": Estimate(0.4, 0.1, 0.6), "drift": NOT}
-    assert behaves(growth(None, polynomial=Model(shares, FITS)), changes())[0] == "undecided"
-    unknown = {name: Estimate(share.value) for name, share in shares.items()}
-    verdict, why = behaves(growth(None, polynomial=Model(unknown, FITS)), changes())
-    assert verdict == "undecided"
-    assert "nan" not in why
-    assert "white 60.0" in why
+def test_growth_whose_kind_is_open_is_still_growth() -> None:
+    assert behaves(growth(RISES, {**SIZES, "walk": NONE}), changes(), MARGIN) == (
+        "undecided",
+        "random walk or drift is open",
+    )
 
 
 def test_a_model_that_the_autocorrelations_refuse_gives_way_or_nothing_fits() -> None:
-    refused = model("walk", FAILS)
-    limited = model("saturating", terms=("white", "saturating"))
-    verdict, why = behaves(growth("walk", polynomial=refused, saturating=limited), changes())
+    verdict, why = behaves(growth(polynomial=FAILS, saturating=FITS), changes(), MARGIN)
     assert verdict == "saturating"
-    assert said(why) == "saturating: 0.300 px (0.280 to 0.320) with a time constant of 6 frames (5 to 8)"
-    worse = model("saturating", FAILS, terms=("white", "saturating"))
-    verdict, why = behaves(growth("walk", polynomial=refused, saturating=worse), changes())
+    assert said(why) == "saturating part: 0.300 px (0.280 to 0.320) with a time constant of 6 frames (5 to 8)"
+    verdict, why = behaves(growth(polynomial=FAILS, saturating=FAILS), changes(), MARGIN)
     assert verdict == "none"
     assert why == "none of the models fits: the autocorrelation of changes at lag 2 is 0.31, and 0.00 was predicted"
-    endless = {**SIZES, "time_constant": Estimate(90.0, 20.0, 120.0, "frames")}
-    verdict, why = behaves(growth("walk", sizes=endless, polynomial=refused, saturating=limited), changes())
+    endless = {**LIMITED, "time_constant": Estimate(90.0, 20.0, 120.0, "frames")}
+    verdict, why = behaves(growth(sizes=endless, polynomial=FAILS, saturating=FITS), changes(), MARGIN)
     assert (verdict, "ages are up to 30" in why) == ("undecided", True)
 
 
@@ -99,9 +108,9 @@ def test_what_is_missed_by_chance_or_by_little_refuses_nothing() -> None:
 
 
 def test_the_loss_of_tracks_refuses_every_model() -> None:
-    verdict, why = behaves(growth("walk", loss=Loss(0.001, 1.0, 20, -0.3)), changes())
+    verdict, why = behaves(growth(loss=Loss(0.001, 1.0, 20, -0.3)), changes(), MARGIN)
     assert verdict == "undecided"
     assert "seen at age 20 or later have a second moment 30.0 % smaller than all tracks" in said(why)
-    assert behaves(growth("walk", loss=Loss(0.001, 1.0, 20, -0.03)), changes())[0] == "random walk"
-    assert behaves(growth("walk", loss=Loss(0.2, 0.001, 20, -0.3)), changes())[0] == "undecided"
-    assert behaves(growth("walk", loss=Loss(0.5, 0.001, 20, -0.3)), changes())[0] == "random walk"
+    assert behaves(growth(loss=Loss(0.001, 1.0, 20, -0.03)), changes(), MARGIN)[0] == "random walk"
+    assert behaves(growth(loss=Loss(0.2, 0.001, 20, -0.3)), changes(), MARGIN)[0] == "undecided"
+    assert behaves(growth(loss=Loss(0.5, 0.001, 20, -0.3)), changes(), MARGIN)[0] == "random walk"

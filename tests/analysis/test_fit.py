@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from tracknoise.analysis.growth_models import GrowthFit, contributions, misfit
+from tracknoise.analysis.growth_models import GrowthFit, misfit
 
 SINCE = np.arange(1.0, 21.0)
 EVEN = np.ones(20)
@@ -33,12 +33,6 @@ def test_curves_of_any_shape_are_fitted_at_once() -> None:
     found = GrowthFit.at(SINCE, EVEN).bounded(second)
     assert found.shape == (3, 2, 3)
     assert found[:, 1, 2] == pytest.approx(GrowthFit.at(SINCE, EVEN).bounded(second[:, 1, 2]), rel=1e-9)
-
-
-def test_shares_are_of_the_mean_over_the_ages() -> None:
-    shares = contributions(np.array([0.2, 0.1, 0.0]), np.array([1.0, 2.0, 3.0]))
-    assert shares == pytest.approx([0.5, 0.5, 0.0])
-    assert np.isnan(contributions(np.zeros(3), SINCE)).all()
 
 
 def test_what_falls_with_age_is_missed() -> None:

@@ -14,7 +14,7 @@ from tracknoise.statistics.trimming import Trimmed
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import INCREMENTS, MOMENTS, VIEW, empty
 
-TRACKS, FRAMES = 60, 15
+TRACKS, FRAMES = 200, 15
 Errors = Callable[[np.random.Generator], np.ndarray]
 
 
@@ -97,7 +97,8 @@ def test_sentences_tell_white_errors_from_an_offset_that_stays(see_errors) -> No
     said = {errors: structured(of_scenes(see_errors, errors))["why"][0] for errors in (white, offset, walk)}
     assert "independent" in said[white]
     assert "mostly the same offset" in said[offset]
-    assert said[walk].startswith("random walk: 0.1")
+    assert said[walk].startswith("random walk: 0.0")
+    assert "px per sqrt(frame)" in said[walk]
 
 
 def test_time_is_of_the_sequence_whatever_the_speed(see_errors) -> None:

@@ -224,13 +224,13 @@ def test_trackers_are_ranked_at_one_age() -> None:
 
 
 def test_a_verdict_that_trimming_changes_is_named() -> None:
-    growing = [
+    found = growing(
         {"trimming": "untrimmed", "coordinate": "u", "verdict": "drift"},
         {"trimming": "trimmed", "coordinate": "u", "verdict": "white"},
         {"trimming": "untrimmed", "coordinate": "v", "verdict": "drift"},
         {"trimming": "trimmed", "coordinate": "v", "verdict": "drift"},
-    ]
-    text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *growing))["trimming"]["text"]
+    )
+    text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *found))["trimming"]["text"]
     assert text == (
         "Trimming changes one of the answers below. The growth of the error of lk in u: drift untrimmed and constant "
         "trimmed."
@@ -395,14 +395,11 @@ def test_a_mean_that_faults_of_the_truth_explain_is_no_bias(left, withheld) -> N
 
 
 def test_growth_that_faults_of_the_truth_explain_is_withheld() -> None:
-    rows = [
-        {"trimming": "trimmed", "coordinate": "u", "verdict": "random walk", "walk_px_per_sqrt_frame": 0.09},
-        {"trimming": "trimmed", "coordinate": "v", "verdict": "drift", "drift_px_per_frame": 0.02},
-    ]
+    rows = growing({"coordinate": "u", "verdict": "random walk"}, {"coordinate": "v", "verdict": "drift"})
     text = read(time_structure=table(TIME_STRUCTURE, *rows), audit_curves=corrected(0.25))["growth"]["text"]
     assert "lk in u: at age 8, the growth of the error is 0.265 px, of which 0.132 px are left" in text
-    assert "random walk" not in text
-    assert "lk in v: drift" in text
+    assert "lk in u: errors grow" not in text
+    assert "lk in v: errors grow" in text
 
 
 @pytest.mark.parametrize("floor", [(None, None), (0.0, 0.0), (0.01, 0.01)])
@@ -443,23 +440,39 @@ def test_the_shape_is_that_of_the_band_which_holds_the_reference_age() -> None:
     assert "Trimmed errors of lk at ages 10 to 19 are light-tailed." in text
 
 
-def test_growth_names_the_behaviour_and_its_size() -> None:
-    walk = {"trimming": "trimmed", "coordinate": "u", "verdict": "random walk", "walk_px_per_sqrt_frame": 0.09}
-    walk |= {"walk_px_per_sqrt_frame_low": 0.08, "walk_px_per_sqrt_frame_high": 0.1}
-    other = {"trimming": "trimmed", "coordinate": "v", "verdict": "undecided", "why": "too few ages"}
-    growth = read(time_structure=table(TIME_STRUCTURE, other, walk))["growth"]
-    assert "lk in u: random walk, 0.0900 px per sqrt(frame) (0.0800 to 0.100)." in growth["text"]
-    assert growth["text"].startswith("Growth of trimmed errors at speed 1, features pooled over scenes. lk in u:")
-    assert growth["text"].endswith("lk in v: undecided; too few ages.")
-    assert growth["value"] == 0.09
+def growing(*rows: dict[str, object]) -> list[dict[str, object]]:
+    """Rows of trimmed errors that are shown to grow from age 1 to 10."""
+    ratio = {"growth_ratio": 1.5, "growth_ratio_low": 1.4, "growth_ratio_high": 1.6}
+    return [{"trimming": "trimmed", "grows": "yes", "growth_from": 1, "growth_to": 10, **ratio, **row} for row in rows]
+
+
+def test_growth_says_by_how_much_and_which_parts_are_established() -> None:
+    parts = {"walk_px_per_sqrt_frame_geometric": (0.09, 0.08, 0.1), "white_px_geometric": (0.2, 0.19, 0.21)}
+    parts |= {"drift_px_per_frame_geometric": (0.01, 0.0, 0.02)}
+    sizes = {f"{name}{end}": value for name, found in parts.items() for end, value in zip(("", "_low", "_high"), found, strict=True)}
+    few = {"growth_ratio": None, "growth_ratio_low": None, "growth_ratio_high": None}
+    other = {"coordinate": "v", "verdict": "undecided", "grows": "undecided", "why": "too few ages", **few}
+    rows = growing({"coordinate": "u", "verdict": "random walk", **sizes}, other)
+    growth = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]
+    assert growth["text"] == (
+        "Growth of trimmed errors in a typical scene at speed 1. lk in u: errors grow: the RMS at age 10, against age "
+        "1, is 1.50 (1.40 to 1.60) times as large. Established: constant part of 0.200 px (0.190 to 0.210) and random "
+        "walk of 0.0900 px per sqrt(frame) (0.0800 to 0.100). lk in v: growth is undecided. How is undecided: too few "
+        "ages."
+    )
+    assert growth["value"] == 1.5
+
+
+def test_growth_is_not_denied_beside_a_wide_interval() -> None:
+    row = {"grows": "undecided", "growth_ratio": 1.05, "growth_ratio_low": 0.9, "growth_ratio_high": 1.2}
+    rows = growing({"coordinate": "u", "verdict": "undecided", **row})
+    text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
+    assert "lk in u: growth is undecided: the RMS at age 10, against age 1, is 1.05 (0.900 to 1.20) times" in text
 
 
 @pytest.mark.parametrize(("floor_uu", "withheld"), [(0.05, True), (0.03, False), (0.0, False), (None, False)])
 def test_growth_that_the_errors_of_the_truth_can_cause_is_withheld(floor_uu, withheld) -> None:
-    rows = [
-        {"trimming": "trimmed", "coordinate": "u", "verdict": "random walk", "walk_px_per_sqrt_frame": 0.09},
-        {"trimming": "trimmed", "coordinate": "v", "verdict": "drift", "drift_px_per_frame": 0.02},
-    ]
+    rows = growing({"coordinate": "u", "verdict": "random walk"}, {"coordinate": "v", "verdict": "drift"})
     at = [{"axis": "age", "at": age} for age in (1, 10)]
     curve = {"population": "visible", "trimming": "trimmed", "weighting": "features", "statistic": "Phi"}
     curves = [{**curve, **place, "u": second, "v": second} for place, second in zip(at, (0.01, 0.1), strict=True)]
@@ -467,23 +480,23 @@ def test_growth_that_the_errors_of_the_truth_can_cause_is_withheld(floor_uu, wit
     floor = [{**place, "source": "all", "floor_uu": uu, "floor_vv": 1e-3} for place, uu in zip(at, grown, strict=True)]
     given = {"curves": table(CURVES, *curves), "floor": table(FLOOR, *floor)}
     text = read(time_structure=table(TIME_STRUCTURE, *rows), **given)["growth"]["text"]
-    assert ("lk in u: random walk" in text) is not withheld
+    assert ("lk in u: errors grow" in text) is not withheld
     sentence = (
         "lk in u: at age 10, the growth of the error is within what the errors of the truth can cause (0.300 of "
         "0.315 px in u)"
     )
     assert (f"{sentence}: no growth is claimed." in text) is withheld
-    assert "lk in v: drift" in text
+    assert "lk in v: errors grow" in text
 
 
 def test_of_two_coordinates_that_differ_each_has_its_own_words() -> None:
     rows = [
-        {"trimming": "trimmed", "coordinate": "u", "verdict": "white", "white_px": 0.2},
-        {"trimming": "trimmed", "coordinate": "v", "verdict": "drift", "drift_px_per_frame": 0.02},
+        *growing({"coordinate": "u", "verdict": "white", "grows": "no"}, {"coordinate": "v", "verdict": "drift"}),
         {"trimming": "untrimmed", "coordinate": "v", "verdict": "none"},
     ]
     text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
-    assert "lk in u: constant, 0.200 px. lk in v: drift, 0.0200 px per frame." in text
+    assert "lk in u: errors do not grow: " in text
+    assert "lk in v: errors grow: " in text
     assert "neither" not in text
 
 

@@ -60,8 +60,7 @@ With many scenes every model fails. A model is therefore refused if p is at most
 more than `CURVE_TOLERANCE` or an autocorrelation by more than `LAG_TOLERANCE`.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -111,8 +110,8 @@ class SceneCurves:
         (autocorrelation).
     log_scale : (1 + units,)
         Mean over scenes of the logarithm of (scale), log px^2.
-    sizes : (units,)
-        Errors of each unit.
+    sizes, own : (units,)
+        Errors of each unit, and (scale) of its scene.
     """
 
     n: Array
@@ -120,6 +119,7 @@ class SceneCurves:
     related: Array
     log_scale: Array
     sizes: Array
+    own: Array
 
 
 def scene_curves(sums: UnitSums) -> SceneCurves:
@@ -136,6 +136,7 @@ def scene_curves(sums: UnitSums) -> SceneCurves:
         np.where(np.isnan(related), related[:, :1], related),
         _log_scales(sums, scales, second[:, 0]),
         sums.n.sum(axis=1),
+        scales[sums.scene],
     )
 
 
@@ -240,18 +241,6 @@ class GrowthFit:
     def _observed(self, second: Array) -> Array:
         """Weighted second moments, (ages, curves)."""
         return self.root * second.reshape(len(self.root), -1)
-
-
-def contributions(coefficients: Array, since: Array) -> Array:
-    """Share of each term in the fitted second moment, mean over the ages, (3, ...); NaN where all are zero.
-
-    Shapes: coefficients (3, ...), since (ages,) frames.
-    """
-    mean = (since[:, None] ** _POWERS).mean(axis=0)
-    parts = coefficients * mean.reshape(-1, *[1] * (coefficients.ndim - 1))
-    total = parts.sum(axis=0)
-    shares: Array = parts / np.where(total > 0, total, np.nan)
-    return shares
 
 
 def misfit(second: Array, since: Array, coefficients: Array) -> float:
@@ -529,6 +518,8 @@ def by_chance(statistics: Array, sizes: Array) -> float:
     return share_at_most(chance, p)
 
 
+_FEWEST = 2
+"""Units of an interval of (growth ratio)."""
 OWN = 0.05
 """How far off a model may be, relative to the second moment: that much is added to each age's standard error."""
 
@@ -553,30 +544,14 @@ class Ages:
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
-    """A fitted model of one coordinate.
-
-    Attributes
-    ----------
-    shares
-        By term, of the fitted second moment, mean over the ages.
-    agreement
-        With the curve and the autocorrelations.
-    """
-
-    shares: Mapping[str, Estimate]
-    agreement: Agreement
-
-
-@dataclass(frozen=True, slots=True)
 class _Curve:
     since: Array
     second: Array
     weight: Array
 
 
-def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Model, dict[str, Estimate]]:
-    """Fit (growth): the model, and its sizes as geometric means over scenes."""
+def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Agreement, dict[str, Estimate]]:
+    """Fit (growth): how it agrees, and its sizes as geometric means over scenes."""
     curve = _fitted(curves, ages)
     fit = GrowthFit.at(curve.since, curve.weight)
     bounded, free = fit.bounded(curve.second), fit.free(curve.second)
@@ -584,14 +559,13 @@ def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Model, di
     none = np.zeros_like(white)
     process = Parts(white, walk * ages.step, drift * ages.step**2, none, none)
     found = _agreement(curves, ages, curve, curve.since[:, None] ** np.arange(len(TERMS)) @ bounded, process)
-    shares = _model_shares(TERMS, contributions(bounded, curve.since), curves.sizes, level)
-    scale = np.exp(curves.log_scale)
-    return Model(shares, found), {
-        term: _size(one * scale, other * scale, level) for term, one, other in zip(TERMS, bounded, free, strict=True)
-    }
+    scale, least = np.exp(curves.log_scale), _ROUNDING * curve.second.max() / curve.since.max() ** _POWERS[:, None]
+    known = (np.where(np.abs(one) > least, one * scale, 0.0) for one in (bounded, free))
+    both = zip(TERMS, TERM_UNITS, *known, strict=True)
+    return found, {term: replace(_size(one, other, level), unit=unit) for term, unit, one, other in both}
 
 
-def saturating(curves: SceneCurves, ages: Ages, level: float) -> Model:
+def saturating(curves: SceneCurves, ages: Ages) -> Agreement:
     """Fit (saturating); errors may be measured from birth or from the first error, whichever agrees better."""
     curve = _fitted(curves, ages)
     white, size, tau = SaturatingFit.at(curve.since, curve.weight).fit(curve.second)
@@ -599,9 +573,26 @@ def saturating(curves: SceneCurves, ages: Ages, level: float) -> Model:
     fitted = saturating_curve(np.stack([white, size, tau]), curve.since)
     decays = ((np.exp(-ages.step / (2 * tau)), False), (np.exp(-ages.step / tau), True))
     both = [_agreement(curves, ages, curve, fitted, Parts(white, none, none, size, *decay)) for decay in decays]
-    share = size * -np.expm1(-curve.since[:, None] / tau).mean(axis=0) / fitted.mean(axis=0)
-    shares = _model_shares(("white", "saturating"), np.stack([1 - share, share]), curves.sizes, level)
-    return Model(shares, max(both, key=lambda found: found.p))
+    return max(both, key=lambda found: found.p)
+
+
+def growth_ratio(n: Array, squares: Array, own: Array, level: float) -> Estimate:
+    """RMS at an age over that at an earlier one, of the same tracks, whose scenes count alike.
+
+    Squared errors are in units of the scale of their scene. The interval is Student's, of the logarithm, by leaving out
+    each unit. Shapes: n, squares (units, 2), first the earlier age, px^2; own (units,), (scale) of each unit's scene.
+    """
+    second = _and_without(squares / own[:, None]) / np.maximum(_and_without(n), 1)
+    logs = np.log(np.where(second > 0, second, np.nan)) / 2
+    ratio = logs[1] - logs[0]
+    sizes = n[:, 1]
+    there = sizes > 0
+    if np.isnan(ratio[0]) or np.count_nonzero(there) < _FEWEST:
+        return Estimate(None if np.isnan(ratio[0]) else float(np.exp(ratio[0])))
+    moved = parts(np.nan_to_num(ratio[0] - ratio[1:])[there, None], sizes[there, None])
+    width = _student(degrees(sizes[there, None]), level) * np.sqrt((moved**2).sum(axis=0))
+    value, low, high = np.exp(ratio[0] + np.array([0.0, -width[0], width[0]]))
+    return Estimate(float(value), float(low), float(high))
 
 
 def _fitted(curves: SceneCurves, ages: Ages) -> _Curve:
@@ -617,30 +608,28 @@ def _agreement(curves: SceneCurves, ages: Ages, curve: _Curve, fitted: Array, pr
     return agreement(curve.second, fitted, curves.related, expected, directions, curves.sizes)
 
 
-def _model_shares(names: tuple[str, ...], shares: Array, sizes: Array, level: float) -> dict[str, Estimate]:
-    there = sizes > 0
-    moved = parts((shares[:, :1] - shares[:, 1:]).T[there], sizes[there, None])
-    width = special.stdtrit(degrees(sizes[there, None]), (1 + level) / 2) * np.sqrt((moved**2).sum(axis=0))
-    ends = np.clip(shares[:, 0] - width, 0.0, 1.0), np.clip(shares[:, 0] + width, 0.0, 1.0)
-    rows = zip(names, shares[:, 0], *ends, strict=True)
-    return {name: Estimate(float(value), float(low), float(high)) for name, value, low, high in rows}
-
-
-def _size(square: Array, free: Array, level: float) -> Estimate:
+def _size(bounded: Array, free: Array, level: float) -> Estimate:
     """Root of a coefficient of all units and of all but one, with Student's interval.
 
-    It is on the log scale where the coefficient is clearly not zero, otherwise on that of the coefficient without
-    bounds, which is right on average where the true one is zero.
+    A term that may not be negative takes from the others where its true size is 0, and a jackknife does not show that.
+    The bounds are therefore those of the fit without bounds, which is right on average, moved so that they contain both
+    fits. They are on the log scale where the coefficient is clearly not zero.
     """
-    units = len(square) - 1
-    tail = special.stdtrit(units - 1.0, (1 + level) / 2)
+    units = len(free) - 1
+    tail = _student(units - 1.0, level)
 
     def width(values: Array) -> float:
         return float(tail * np.sqrt((units - 1) / units * np.square(values[1:] - values[0]).sum()))
 
-    value = float(square[0])
-    if value > 0 and (square > 0).all() and width(free) < value:
-        factor = np.exp(width(np.log(square)) / 2)
-        return Estimate(value**0.5, value**0.5 / factor, value**0.5 * factor)
-    low, high = min(value, float(free[0])) - width(free), max(value, float(free[0])) + width(free)
-    return Estimate(value**0.5, max(low, 0.0) ** 0.5, high**0.5)
+    value, other = float(bounded[0]), float(free[0])
+    low, high = min(value, other), max(value, other)
+    if (free > 0).all() and width(free) < low:
+        factor = np.exp(width(np.log(free)))
+        low, high = low / factor, high * factor
+    else:
+        low, high = max(low - width(free), 0.0), high + width(free)
+    return Estimate(value**0.5, low**0.5, max(high, 0.0) ** 0.5)
+
+
+def _student(freedom: Array | float, level: float) -> Array:
+    return np.asarray(special.stdtrit(freedom, (1 + level) / 2))

@@ -18,16 +18,21 @@ effect. If tracks are independent, a second test shows it better: at the last ag
 the variance n (N - n) / (N - 1) times that of e^2 among the N tracks (drawn), as of n tracks drawn without replacement.
 Tracks may depend on each other. This test therefore refuses only where the first points the same way.
 
-How errors behave over time: a verdict from how their second moment grows, and the reason in words.
+Whether errors grow, and how, with the reason in words.
 
-The verdict (behaviour) is the first of these that holds:
+Whether they grow is told by (growth ratio): the RMS at the reference age over that at the first, of the tracks that
+live to it. They grow if all of its interval is above 1 + margin. They do not if all of it is below. Otherwise it is
+undecided.
+
+How they grow (behaviour) is told by the parts that are established: those whose interval in a scene of typical scale
+does not reach 0. The first of these rules that applies decides:
 
 1. undecided: the tracks that live long have other errors than all tracks at the same age
    (`tracknoise.analysis.growth_verdict`). The loss of tracks then shapes the curve.
 2. The polynomial of (growth) is not refused by the curve or by the autocorrelations
-   (`tracknoise.analysis.growth_models`): the term whose share of the fitted second moment is above a half, and whose
-   size is above zero, with all of their intervals. Where there is none, undecided.
-3. The model of (saturating) is not refused: saturating, or white, in the same way. The time constant must be known.
+   (`tracknoise.analysis.growth_models`): its part that grows, of two the larger. White, if no part that grows is
+   established, and errors do not grow. Otherwise undecided.
+3. The model of (saturating) is not refused: the same with its parts. The time constant must be known.
 4. none: none of the models fits.
 
 What each means:
@@ -48,9 +53,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.analysis.growth_models import ALPHA, Agreement, Model, by_chance
+from tracknoise.analysis.growth_models import ALPHA, Agreement, by_chance
 from tracknoise.inference.estimates import Estimate
-from tracknoise.tables.enumerations import Behaviour
+from tracknoise.tables.enumerations import Behaviour, Verdict
 from tracknoise.words import SPACE, format_as, format_estimate, number, percent
 
 Array = NDArray[np.float64]
@@ -168,21 +173,15 @@ def _all_and_without(excess: Array, size: Array) -> Array:
     return np.append(total / max(weight, _LEAST), np.where(left > 0, without, total / max(weight, _LEAST)))
 
 
-MAJORITY = 0.5
 _BEHAVIOURS: Mapping[str, Behaviour] = {
     "white": Behaviour.white,
     "walk": Behaviour.random_walk,
     "drift": Behaviour.drift,
     "saturating": Behaviour.saturating,
 }
+_NAMES: Mapping[str, str] = {**_BEHAVIOURS, "white": "constant part", "saturating": "saturating part"}
 _INDEPENDENT = -0.25
 """Half way between the autocorrelations of independent errors and of a constant offset."""
-_BESIDES = {
-    "white": "a constant part",
-    "walk": "a random walk",
-    "drift": "a drift",
-    "saturating": "a saturating part",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,23 +190,26 @@ class Growth:
 
     Attributes
     ----------
+    ratio
+        (growth ratio); None where there is none.
     sizes
         By term, of all errors together: white, saturating_white and saturating (px), walk (px per sqrt(frame)), drift
         (px per frame), and time_constant (frames). Those of (saturating) are there where it was fitted.
     geometric
         Of the terms of the polynomial: geometric means over scenes.
     polynomial, saturating
-        The models; the latter where the polynomial is refused.
+        How the models agree; the latter where the polynomial is refused.
     loss
         How long-lived tracks differ from all; None where unknown.
     longest
         Frames over which the fit goes.
     """
 
+    ratio: Estimate | None
     sizes: Mapping[str, Estimate]
     geometric: Mapping[str, Estimate]
-    polynomial: Model
-    saturating: Model | None
+    polynomial: Agreement
+    saturating: Agreement | None
     loss: Loss | None
     longest: float
 
@@ -228,32 +230,59 @@ class Changes:
     mean_px_per_frame: float | None
 
 
-def behaves(growth: Growth, changes: Changes) -> tuple[Behaviour, str]:
+def grows(ratio: Estimate | None, margin: float) -> Verdict:
+    """Whether errors grow, by (growth ratio). `margin`: relative; growth by less counts as none."""
+    if ratio is not None and ratio.above(1 + margin):
+        return Verdict.yes
+    return Verdict.no if ratio is not None and ratio.below(1 + margin) else Verdict.undecided
+
+
+def behaves(growth: Growth, changes: Changes, margin: float) -> tuple[Behaviour, str]:
     """Verdict by (behaviour), and the reason in words."""
     if growth.loss is not None and growth.loss.refused:
         return Behaviour.undecided, _lost(growth.loss)
-    if not growth.polynomial.agreement.refused:
-        return _dominated(growth.sizes, changes, growth.polynomial)
-    if growth.saturating is None or growth.saturating.agreement.refused:
-        return Behaviour.none, f"none of the models fits: {_missed(growth.polynomial.agreement)}"
+    rising = grows(growth.ratio, margin)
+    if not growth.polynomial.refused:
+        return _of_parts(growth.geometric, ("walk", "drift"), changes, growth.longest, rising)
+    if growth.saturating is None or growth.saturating.refused:
+        return Behaviour.none, f"none of the models fits: {_missed(growth.polynomial)}"
     constant = growth.sizes["time_constant"]
     if not constant.below(growth.longest):
         seen = f"the time constant is {format_estimate(constant)}, and ages are up to {number(int(growth.longest))}"
         return Behaviour.undecided, f"errors grow more slowly than a random walk, but not how: {seen}"
     sizes = {**growth.sizes, "white": growth.sizes["saturating_white"]}
-    return _dominated(sizes, changes, growth.saturating)
+    return _of_parts(sizes, ("saturating",), changes, growth.longest, rising)
 
 
-def _dominated(sizes: Mapping[str, Estimate], changes: Changes, model: Model) -> tuple[Behaviour, str]:
-    """The term that dominates a model."""
-    terms = list(model.shares)
-    for term in terms:
-        if model.shares[term].above(MAJORITY) and sizes[term].above(0.0):
-            besides = [other for other in terms if other != term and sizes[other].above(0.0)]
-            others = [f"; also {_BESIDES[other]} of {format_estimate(sizes[other])}" for other in besides]
-            return _BEHAVIOURS[term], _reason(sizes, changes, term, mostly=bool(besides)) + "".join(others)
-    shares = ", ".join(f"{_BEHAVIOURS[term]} {format_as(model.shares[term], percent)}" for term in terms)
-    return Behaviour.undecided, f"the intervals do not show which term dominates the second moment: {shares}"
+def _of_parts(
+    sizes: Mapping[str, Estimate], growing: tuple[str, ...], changes: Changes, longest: float, rising: Verdict
+) -> tuple[Behaviour, str]:
+    """The established part that grows, of two the one that is larger at the longest age, or that none does."""
+    established = [term for term in ("white", *growing) if sizes[term].above(0.0)]
+    parts = sorted(established, key=lambda term: -_reaches(term, sizes[term], longest))
+    found = [term for term in parts if term != "white"]
+    if found:
+        return _BEHAVIOURS[found[0]], "; ".join(_part(term, sizes, changes) for term in parts)
+    if rising == Verdict.no:
+        return Behaviour.white, _white(sizes["white"], changes.autocorrelation)
+    names = " or ".join(_NAMES[term] for term in growing)
+    open_ = f"{names} is open" if rising == Verdict.yes else "neither growth nor its absence is established"
+    return Behaviour.undecided, open_
+
+
+def _reaches(term: str, size: Estimate, longest: float) -> float:
+    """RMS of a part at the longest age, px."""
+    return float((size.value or 0.0) * {"walk": longest**0.5, "drift": longest}.get(term, 1.0))
+
+
+def _part(term: str, sizes: Mapping[str, Estimate], changes: Changes) -> str:
+    """A part with its size."""
+    text = f"{_NAMES[term]}: {format_estimate(sizes[term])}"
+    if term == "saturating":
+        return f"{text} with a time constant of {format_estimate(sizes['time_constant'])}"
+    if term == "drift" and changes.mean_px_per_frame is not None:
+        return f"{text}, of which the mean has {number(changes.mean_px_per_frame)}{SPACE}px per frame"
+    return text
 
 
 def _lost(loss: Loss) -> str:
@@ -279,19 +308,8 @@ def _missed(agreement: Agreement) -> str:
     return "; ".join(parts)
 
 
-def _reason(sizes: Mapping[str, Estimate], changes: Changes, term: str, *, mostly: bool) -> str:
-    if term == "white":
-        return _white(sizes["white"], changes.autocorrelation, mostly=mostly)
-    reason = f"{_BEHAVIOURS[term]}: {format_estimate(sizes[term])}"
-    if term == "saturating":
-        return f"{reason} with a time constant of {format_estimate(sizes['time_constant'])}"
-    if term == "drift" and changes.mean_px_per_frame is not None:
-        return f"{reason}; the mean changes by {number(changes.mean_px_per_frame)}{SPACE}px per frame"
-    return reason
-
-
-def _white(size: Estimate, related: Estimate | None, *, mostly: bool) -> str:
-    reason = f"{'mostly ' if mostly else ''}constant: {format_estimate(size)}"
+def _white(size: Estimate, related: Estimate | None) -> str:
+    reason = f"constant: {format_estimate(size)}"
     if related is not None and related.below(_INDEPENDENT):
         return f"{reason}, independent from frame to frame"
     if related is not None and related.above(_INDEPENDENT):

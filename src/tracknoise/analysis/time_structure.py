@@ -35,23 +35,25 @@ from tracknoise.analysis.growth_models import (
     TERM_UNITS,
     TERMS,
     Ages,
+    Agreement,
     GrowthFit,
-    Model,
     SaturatingFit,
+    SceneCurves,
     UnitSums,
+    growth_ratio,
     polynomial,
     range_tried,
     saturating,
     scene_curves,
 )
-from tracknoise.analysis.growth_verdict import Changes, Growth, Loss, behaves, loss
+from tracknoise.analysis.growth_verdict import Changes, Growth, Loss, behaves, grows, loss
 from tracknoise.analysis.truth_shares import NO_KEY_FRAMES, anchored
 from tracknoise.inference.bootstrap import Draws, draws_by_dataset, leave_one_out
 from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
 from tracknoise.inference.estimates import Estimate, EstimateArray
 from tracknoise.inference.intervals import Method, Statistics, pooled_by
 from tracknoise.inference.units import NO_GROUPS, JoinedScenes, Resampled, SceneGroups, Units
-from tracknoise.statistics.definitions import LAGS, POOLED
+from tracknoise.statistics.definitions import LAGS, POOLED, REFERENCE_AGE
 from tracknoise.statistics.grouping import (
     Tables,
     TablesByCondition,
@@ -61,8 +63,8 @@ from tracknoise.statistics.grouping import (
     reduce_each,
     scenes_by_dataset,
 )
-from tracknoise.tables.defaults import MIN_FEATURES
-from tracknoise.tables.enumerations import Aspect, Behaviour
+from tracknoise.tables.defaults import MARGIN, MIN_FEATURES
+from tracknoise.tables.enumerations import Aspect, Behaviour, Verdict
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, SEQUENCE, check
 
@@ -347,14 +349,15 @@ def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], me
     sizes = pooled_sizes(units.errors, weights, ages.fitted, method)
     curves = [scene_curves(units.of(axis)) for axis in (0, 1)]
     polynomials = [_known(units, *polynomial(curve, ages, method.level)) for curve in curves]
-    refused = [model.agreement.refused for model, _ in polynomials]
+    refused = [found.refused for found, _ in polynomials]
     limits = pooled_saturating(units.errors, weights[:_DRAWS], ages.fitted, method) if any(refused) else ({}, {})
     u, v = (
         Growth(
+            _ratio(units, ages, axis, curves[axis], method.level),
             {**sizes[axis], **(limits[axis] if refused[axis] else {})},
             polynomials[axis][1],
             polynomials[axis][0],
-            saturating(curves[axis], ages, method.level) if refused[axis] else None,
+            saturating(curves[axis], ages) if refused[axis] else None,
             _loss(units, ages, axis),
             float(ages.since[ages.fitted].max()),
         )
@@ -363,13 +366,29 @@ def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], me
     return u, v
 
 
-def _known(units: GrowthUnits, model: Model, sizes: Sizes) -> tuple[Model, Sizes]:
+def _known(units: GrowthUnits, found: Agreement, sizes: Sizes) -> tuple[Agreement, Sizes]:
     """The same without bounds, and not refused, where nothing can be resampled."""
     if units.errors.resampled is not None:
-        return model, sizes
-    shares = {term: Estimate(share.value) for term, share in model.shares.items()}
-    unknown = Model(shares, replace(model.agreement, p=1.0))
-    return unknown, {term: Estimate(size.value) for term, size in sizes.items()}
+        return found, sizes
+    return replace(found, p=1.0), {term: Estimate(size.value) for term, size in sizes.items()}
+
+
+def rise_ages(ages: Ages) -> tuple[float, float]:
+    """The ages that (growth ratio) compares: the first, and the last that is fitted and not above the reference age."""
+    since = ages.since[ages.fitted]
+    return float(since[0]), float(since[since <= REFERENCE_AGE].max(initial=since[0]))
+
+
+def _ratio(units: GrowthUnits, ages: Ages, axis: int, curves: SceneCurves, level: float) -> Estimate | None:
+    """(growth ratio) of the tracks that live to the reference age, or of all where these are not known."""
+    first, last = rise_ages(ages)
+    if first == last:
+        return None
+    places = np.searchsorted(ages.since, [first, last])
+    sums = units.of(axis)
+    n, squares = units.lived_of(axis).get(REFERENCE_AGE, (sums.n, sums.squares))
+    found = growth_ratio(n[:, places], squares[:, places], curves.own, level)
+    return found if units.errors.resampled is not None else Estimate(found.value)
 
 
 def _loss(units: GrowthUnits, ages: Ages, axis: int) -> Loss | None:
@@ -405,6 +424,7 @@ def time_structure(
     groups: SceneGroups = NO_GROUPS,
     key_frames: Mapping[str, int] = NO_KEY_FRAMES,
     min_features: int = MIN_FEATURES,
+    margin: float = MARGIN,
     kind: str = KIND_OF_INTERVAL,
     level: float = LEVEL,
     n_draws: int = 1000,
@@ -429,6 +449,8 @@ def time_structure(
         Where a scan makes errors zero in one frame: that frame, by direction. Time is then the distance from it.
     min_features
         Ages are fitted up to the first at which all scenes together have fewer features than this.
+    margin
+        Growth of the RMS by less than this share counts as none.
     kind, level, n_draws, seed
         As in `tracknoise.analysis.curve_intervals.interval_table`. For what is fitted, `bca` takes the place of
         `student` (`Method.by_bootstrap`); columns `kind` and `autocorrelation_kind` say which was made. Geometric means
@@ -461,7 +483,7 @@ def time_structure(
     every: list[dict[str, Any]] = []
     for key, part in by_scene.items():
         sums = _Sums.of(part, *(table.get(key) for table in (changes, by_block, lived, lived_blocks)))
-        rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, key[_KEY.index("speed")])
+        rows = _rows(sums, drawn[key[0]], Method(kind, level), min_features, margin, key[_KEY.index("speed")])
         labels = {**dict(zip(_KEY, key, strict=True)), "level": level}
         names = part["scene"].unique().sort().to_list()
         of_groups = [{**row, "resampled": joined.resampled(row["resampled"], key[0], names)} for row in rows]
@@ -544,7 +566,9 @@ def _long_lived(aspects: pl.DataFrame) -> pl.DataFrame:
     return aspects.filter(LONG_LIVED)
 
 
-def _rows(tables: _Sums, draws: Draws, method: Method, min_features: int, step: int) -> Iterator[dict[str, Any]]:
+def _rows(
+    tables: _Sums, draws: Draws, method: Method, min_features: int, margin: float, step: int
+) -> Iterator[dict[str, Any]]:
     """Rows of a condition and trimming, by the columns of `TIME_STRUCTURE`."""
     units = growth_units(tables.scenes, tables.blocks, tables.changes, tables.lived, tables.lived_blocks, draws.groups)
     errors, fitted = units.errors, fit_ages(units.errors, min_features=min_features)
@@ -561,17 +585,21 @@ def _rows(tables: _Sums, draws: Draws, method: Method, min_features: int, step: 
         if fit is None:
             few = f"ages with enough errors: {n_ages}; at least {MIN_AGES} are needed"
             why = few if n_ages < MIN_AGES else "all errors are zero at some age"
-            found = {**_bounds(correlations), "verdict": Behaviour.undecided, "why": why}
+            found = {**_bounds(correlations), "grows": Verdict.undecided, "verdict": Behaviour.undecided, "why": why}
         else:
-            verdict, why = behaves(fit, Changes(correlations.get("autocorrelation"), tables.mean_px_per_frame[place]))
-            found = {**_bounds({**correlations, **_named(fit)}), "verdict": verdict, "why": why}
+            changes = Changes(correlations.get("autocorrelation"), tables.mean_px_per_frame[place])
+            verdict, why = behaves(fit, changes, margin)
+            first, last = rise_ages(ages)
+            found = {**_bounds({**correlations, **_named(fit)}), "verdict": verdict, "why": why,
+                     "grows": grows(fit.ratio, margin), "growth_from": first, "growth_to": last}  # fmt: skip
         yield {"coordinate": coordinate, **labels, **found}
 
 
 def _named(fit: Growth) -> dict[str, Estimate]:
     """Sizes by their columns."""
     geometric = {f"{_COLUMNS[term]}_geometric": size for term, size in fit.geometric.items()}
-    return {_COLUMNS[term]: size for term, size in fit.sizes.items()} | geometric
+    ratio = {} if fit.ratio is None else {"growth_ratio": fit.ratio}
+    return {_COLUMNS[term]: size for term, size in fit.sizes.items()} | geometric | ratio
 
 
 def _bounds(found: Mapping[str, Estimate]) -> dict[str, float | None]:

@@ -346,7 +346,13 @@ def _tables(
         "gaussianity": shapes.gaussianity,
         "radii": shapes.radii,
         "time_structure": time_structure(  # after the intervals, which read the aspects
-            read.moments, pairs, blocks=read.blocks, aspects=lived, aspect_blocks=read.aspect_blocks, **options
+            read.moments,
+            pairs,
+            blocks=read.blocks,
+            aspects=lived,
+            aspect_blocks=read.aspect_blocks,
+            margin=asked.margin,
+            **options,
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
     }

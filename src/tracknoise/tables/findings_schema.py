@@ -348,6 +348,7 @@ _GROWTH = (
     *("saturating_white_px", "saturating_px", "saturating_frames"),
     *("white_px_geometric", "walk_px_per_sqrt_frame_geometric", "drift_px_per_frame_geometric"),
     *("autocorrelation", "autocorrelation_2", "autocorrelation_3", "autocorrelation_4", "autocorrelation_5"),
+    "growth_ratio",
 )
 
 TIME_STRUCTURE: Schema = {
@@ -361,6 +362,9 @@ TIME_STRUCTURE: Schema = {
     "autocorrelation_kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
+    "growth_from": pl.Int64,
+    "growth_to": pl.Int64,
+    "grows": VERDICT,
     "verdict": BEHAVIOUR,
     "why": pl.String,
 }
@@ -372,6 +376,10 @@ saturating_px and saturating_frames are white, size and tau of white^2 + size^2 
 polynomial agrees with the data. autocorrelation is that of the changes at one step of the tracker, about zero;
 autocorrelation_2 to autocorrelation_5 are those at 2 to 5 steps. coordinate is u or v. white_px is the root of the
 constant term: sqrt(2) times the noise of a single position, if the first position is as noisy as the others.
+
+growth_ratio is the RMS at age growth_to over that at growth_from, of the tracks that live to age 10 where these are
+known, with scenes counted alike. `grows` says whether it is above 1 + margin, and `verdict` how errors grow: by the
+established part that grows, white if there is none and errors do not grow.
 """
 
 DEPENDENCE: Schema = {

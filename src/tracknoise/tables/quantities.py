@@ -179,7 +179,13 @@ QUANTITIES: Mapping[str, Quantity] = {
         "1", "Quantile of the Mahalanobis distance: of a Gaussian (expected) and of the errors (observed)."
     ),
     # growth
-    "growth": Quantity("1", "Verdict on how the second moment grows with age."),
+    "growth": Quantity("1", "Verdict on how the second moment grows with age: by its established parts."),
+    "growth_ratio": Quantity(
+        "1",
+        "RMS at age 10 over that at the first age, of the tracks that live to age 10; scenes count alike.",
+        _RATIO,
+        _SMALLER,
+    ),
     "white": Quantity("px", "Part of the error that is the same at every age.", _RATIO, _SMALLER),
     "random_walk": Quantity("px per sqrt(frame)", "Part whose variance grows linearly with age.", _RATIO, _SMALLER),
     "drift": Quantity("px per frame", "Part that grows linearly with age.", _RATIO, _SMALLER),

@@ -111,7 +111,7 @@ FAULTS = (
             '{**(found := _observations(recording, positions)), "age": found["age"] // setup.speed,',
         ),
     ),
-    fault("second moment divided by n", (CURVES, "divisor = np.where(n > 1, n - 1.0, np.nan)", "divisor = n * 1.0")),
+    fault("second moment divided by n - 1", (CURVES, '"second": about_zero / count', '"second": about_zero / freedom')),
     fault("second moment about the mean", (CURVES, "about_zero = central + n *", "about_zero = central + 0.0 * n *")),
     fault(
         "u and v of errors exchanged",
@@ -246,7 +246,7 @@ FAULTS = (
         ),
     ),
     fault("verdicts on too few scenes", (GROUPS, "MIN_SCENES = 6", "MIN_SCENES = 3")),
-    fault("growth: any share is a majority", ("analysis/growth_verdict.py", "MAJORITY = 0.5", "MAJORITY = -1.0")),
+    fault("growth: any ratio is growth", ("analysis/growth_verdict.py", "ratio.above(1 + margin)", "ratio.above(0.0)")),
     fault("heavy tails within the margin", ("analysis/gaussianity.py", "MARGIN_NATS = 0.01", "MARGIN_NATS = 1.0")),
     fault(
         "imported tracks one frame late",

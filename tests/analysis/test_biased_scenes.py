@@ -63,10 +63,9 @@ def test_the_formula_by_hand_of_scenes_without_noise():
     mean = np.mean(biases**2)
     degrees = min(8, 2 * mean**2 / (np.var(biases**2, ddof=1) / 8)) * 7 / 8
     high, low = (degrees / stats.chi2.ppf(tail, degrees) for tail in (0.025, 0.975))
-    factor = TRACKS / (TRACKS - 1)
-    np.testing.assert_allclose(found.value[4], factor * mean)
-    np.testing.assert_allclose(found.high[4], factor * mean * high)
-    np.testing.assert_allclose(found.low[4], factor * mean * low)
+    np.testing.assert_allclose(found.value[4], mean)
+    np.testing.assert_allclose(found.high[4], mean * high)
+    np.testing.assert_allclose(found.low[4], mean * low)
 
 
 def test_heavy_tails_are_stated_where_biases_decide_and_not_elsewhere():

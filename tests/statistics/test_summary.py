@@ -37,10 +37,10 @@ def test_one_row_says_it_all(observations, tracks, frames) -> None:
     assert (row["mean_lifetime"], row["median_lifetime"], row["outlier_ratio"]) == (4.0, 2, 0.1)
     assert (row["at"], row["untrimmed_n"], row["trimmed_n"]) == (8, 3, 2)
     expected = {
-        "trimmed_nu_u_px": 2.0, "trimmed_eta_u_px": 2.0, "trimmed_rms_u_px": math.sqrt(10),
+        "trimmed_nu_u_px": 2.0, "trimmed_eta_u_px": 2.0, "trimmed_rms_u_px": math.sqrt(5),
         "trimmed_nu_v_px": 0.0, "trimmed_eta_v_px": 0.0, "trimmed_rms_v_px": 0.0,
-        "untrimmed_nu_u_px": -2.0, "untrimmed_eta_u_px": 14 / 3, "untrimmed_rms_u_px": math.sqrt(110 / 2),
-        "untrimmed_nu_v_px": 2 / 3, "untrimmed_eta_v_px": 2 / 3, "untrimmed_rms_v_px": math.sqrt(4 / 2),
+        "untrimmed_nu_u_px": -2.0, "untrimmed_eta_u_px": 14 / 3, "untrimmed_rms_u_px": math.sqrt(110 / 3),
+        "untrimmed_nu_v_px": 2 / 3, "untrimmed_eta_v_px": 2 / 3, "untrimmed_rms_v_px": math.sqrt(4 / 3),
     }  # fmt: skip
     assert {name: row[name] for name in expected} == pytest.approx(expected)
 

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy import special
 
 from tracknoise.analysis.condition_units import SUMS, CurveSums, aspect_sums, error_sums, moments_to_order_2, units_of
 from tracknoise.analysis.lifetime_intervals import SCALAR_UNITS, lifetime_bounds, outlier_bounds
@@ -321,11 +322,11 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     NaN where undefined.
     """
     n, u, v, uu, uv, vv, abs_u, abs_v = sums
-    count, divisor = np.where(n > 0, n, np.nan), np.where(n > 1, n - 1, np.nan)
+    count, freedom = np.where(n > 0, n, np.nan), np.where(n > 1, n - 1, np.nan)
     mean_u, mean_v = u / count, v / count
     central = [np.maximum(uu - u * mean_u, 0.0), np.maximum(vv - v * mean_v, 0.0), uv - u * mean_v]
-    spread = [total / divisor for total in (uu, vv, uv, *central)]
-    return np.stack([mean_u, mean_v, abs_u / count, abs_v / count, *spread])
+    second = [total / count for total in (uu, vv, uv)]
+    return np.stack([mean_u, mean_v, abs_u / count, abs_v / count, *second, *(total / freedom for total in central)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -366,7 +367,7 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
     beside = _stated(with_estimates(between, units, _SCALES, found), units, by_scene, found)
     yield _weighing(Weighting.scenes, LabelledEstimates(labels, found, units, beside))
     labels = roles[_GEOMETRIC].join(units.points, how="cross")
-    found = geometric(units, weights, _interval_logarithms, method)
+    found = geometric(units, weights, curve_logarithms, method)
     beside = geometric_rows(between, _GEOMETRIC)
     yield _weighing(Weighting.geometric, LabelledEstimates(labels, found, units, beside))
 
@@ -385,10 +386,18 @@ def _stated(between: BetweenScenes, units: Units, parts: Parts, found: EstimateA
     return with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=found.level))
 
 
-def _interval_logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Logarithms of the statistics that have a geometric mean; minus infinity where they are 0."""
+def curve_logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Logarithms of eta and Phi of u and of v, (4, ...), from sums (8, ...); minus infinity where these are 0.
+
+    The logarithm of a mean of n values is too low on average. That of Gaussian errors is added: ln(n / 2) - psi(n / 2)
+    of a second moment, and (pi / 2 - 1) / (2 n) of a mean absolute error, to first order.
+    """
     values = curve_statistics(sums)[_GEOMETRIC]
-    return np.log(values, out=np.where(values == 0, -np.inf, np.nan), where=values > 0)
+    n = np.where(sums[0] > 0, sums[0], np.nan)
+    of_second, of_absolute = np.log(n / 2) - special.digamma(n / 2), (np.pi / 2 - 1) / (2 * n)
+    too_low = np.stack([of_absolute if _CURVES[row][0] == "absolute" else of_second for row in _GEOMETRIC])
+    logs = np.log(values, out=np.where(values == 0, -np.inf, np.nan), where=values > 0)
+    return np.asarray(logs + too_low)
 
 
 def _core_rows(

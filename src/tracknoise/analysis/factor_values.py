@@ -219,11 +219,11 @@ def _of_condition(
 
 
 def _of_moments(table: pl.DataFrame) -> _Columns:
-    """Values in u and v, (rows, 2), of rows of moments; NaN where there is at most one feature."""
+    """Values in u and v, (rows, 2), of rows of moments; NaN where there is no feature."""
     sums, n = additive(table), table["n"].to_numpy()[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         mean, absolute = (_columns(sums, *names) / n for names in (("u", "v"), ("abs_u", "abs_v")))
-        second = _columns(sums, "uu", "vv") / (n - 1)
+        second = _columns(sums, "uu", "vv") / n
         return {SIGNED: mean, "absolute": np.log(absolute), "second": np.log(second)}
 
 

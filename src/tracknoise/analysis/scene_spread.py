@@ -129,8 +129,8 @@ class Parts:
         first, second = (np.concatenate([sums[u], sums[v]], axis=-1) for u, v in (("u", "v"), ("uu", "vv")))
         squares = np.square(first) / np.maximum(n, 1.0)
         pooled_features = weighting == Weighting.features
-        size = n if pooled_features else (n > 1).astype(np.float64)
-        each = np.ones_like(n) if pooled_features else size / np.maximum(n - 1, 1.0)
+        size = n if pooled_features else (n > 0).astype(np.float64)
+        each = np.ones_like(n) if pooled_features else size / np.maximum(n, 1.0)
         parts = (first * each, squares * each, np.maximum(second - squares, 0.0) * each)
         return cls(units.joined(size), *(units.joined(part) for part in parts))
 

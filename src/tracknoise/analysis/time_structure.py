@@ -193,7 +193,7 @@ def _observed(units: Units) -> tuple[Array, Array]:
 def _second(sums: Array) -> Array:
     """(Phi) of u and of v from `GROWTH_SUMS`, (2, ages, ...), NaN where undefined."""
     n, uu, vv = sums
-    return np.stack([uu, vv]) / np.where(n > 1, n - 1, np.nan)
+    return np.stack([uu, vv]) / np.where(n > 0, n, np.nan)
 
 
 def _of_terms(found: list[Estimate]) -> Sizes:

@@ -4,13 +4,14 @@ With n the features at age k (the paper's Psi(k)) and du_i, dv_i their errors:
 
 - nu_u(k) = sum(du_i) / n, px (nu)
 - eta_u(k) = sum(|du_i|) / n, px (eta)
-- Phi_uv(k) = sum(du_i dv_i) / (n - 1), px^2 (Phi): the second moment about zero, which the paper calls covariance
+- Phi_uv(k) = sum(du_i dv_i) / n, px^2 (Phi): the second moment about zero, which the paper calls covariance
 - central_uv(k) = sum((du_i - nu_u) (dv_i - nu_v)) / (n - 1), px^2: the covariance in the usual sense
 
 If a single scan anchors the features that are visible in its key frame, the same values of the M features in frame t
 are called mu_u(t), kappa_u(t) and Sigma_uv(t) (mu), (kappa), (Sigma).
 
-Differences from the paper: its printed sum limit of nu is a misprint for Psi(k), and it has no central covariance.
+Differences from the paper: it divides Phi by n - 1, its printed sum limit of nu is a misprint for Psi(k), and it has
+no central covariance.
 """
 
 from collections.abc import Iterable, Sequence
@@ -169,8 +170,8 @@ def _statistics(moments: pl.DataFrame) -> dict[str, NDArray[np.float64]]:
     )
     central = moments.select("m_uu", "m_vv", "m_uv").to_numpy()
     about_zero = central + n * np.column_stack([mean**2, mean.prod(axis=1)])
-    divisor = np.where(n > 1, n - 1.0, np.nan)
-    return {"mean": mean, "absolute": absolute, "second": about_zero / divisor, "central": central / divisor}
+    count, freedom = np.where(n > 0, n, np.nan), np.where(n > 1, n - 1.0, np.nan)
+    return {"mean": mean, "absolute": absolute, "second": about_zero / count, "central": central / freedom}
 
 
 def _by_features(points: pl.DataFrame) -> _Values:

@@ -34,7 +34,7 @@ def curve_point(oracle: Oracle, *, statistic: str, coordinate: str, age: int, n:
     """A point of a curve, with the definitions of `tracknoise.statistics.curves`.
 
     Let a, b be the means of the two coordinates and A, B, C their variances and covariance. Phi has the variance of a
-    product of two Gaussians, n / (n - 1)^2 (A B + C^2 + a^2 B + b^2 A + 2 a b C). eta is the mean of a folded Gaussian.
+    product of two Gaussians, (A B + C^2 + a^2 B + b^2 A + 2 a b C) / n. eta is the mean of a folded Gaussian.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def curve_point(oracle: Oracle, *, statistic: str, coordinate: str, age: int, n:
     if statistic == "central":
         return Known(C, math.sqrt((A * B + C * C) / (n - 1)))
     variance = A * B + C * C + a * a * B + b * b * A + 2 * a * b * C
-    return Known((C + a * b) * n / (n - 1), math.sqrt(variance * n) / (n - 1))
+    return Known(C + a * b, math.sqrt(variance / n))
 
 
 def share(probability: float, n: int) -> Known:

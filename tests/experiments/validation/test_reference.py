@@ -49,7 +49,7 @@ def test_curves_of_visible_and_projected_errors():
     where = {"trimming": "untrimmed", "weighting": "features"}
     assert points(table, **where, population="visible", statistic="nu") == {0: (4, 0.0), 2: (2, -0.5), 4: (1, 3.0)}
     assert points(table, **where, population="projected", statistic="nu")[2] == (3, pytest.approx(7 / 3))
-    assert points(table, **where, population="projected", statistic="Phi")[2] == (3, pytest.approx(69 / 2))
+    assert points(table, **where, population="projected", statistic="Phi")[2] == (3, pytest.approx(69 / 3))
     central = points(table, **where, population="projected", statistic="central")[2]
     assert central == (3, pytest.approx((69 - 49 / 3) / 2))
 

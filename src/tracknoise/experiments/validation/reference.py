@@ -206,7 +206,7 @@ def _statistics(sums: Array) -> Array:
     """Mean u, v; absolute u, v; second and central u, v, uv from sums (..., 8); NaN where undefined."""
     n, u, v, abs_u, abs_v, uu, vv, uv = np.moveaxis(sums, -1, 0)
     some, several = np.where(n > 0, n, np.nan), np.where(n > 1, n - 1, np.nan)
-    second = np.stack([uu, vv, uv]) / several
+    second = np.stack([uu, vv, uv]) / some
     central = np.stack([uu - u * u / some, vv - v * v / some, uv - u * v / some]) / several
     return np.moveaxis(np.concatenate([np.stack([u, v, abs_u, abs_v]) / some, second, central]), 0, -1)
 

@@ -279,8 +279,7 @@ def interval_checks(intervals: pl.DataFrame, *, scenes: int) -> Iterator[pl.Data
         pl.col("at") > 0, aspect="all", population="visible", trimming="untrimmed", weighting="features"
     )
     means = chosen.filter(pl.col("tracker").str.starts_with("mean"), statistic="nu")
-    n = N_TRACKS * scenes
-    second = NOISE_PX**2 * math.exp(2 * LOG_SPREAD**2) * n / (n - 1)
+    second = NOISE_PX**2 * math.exp(2 * LOG_SPREAD**2)
     scales = chosen.filter(pl.col("tracker").str.starts_with("scale"), pl.col("coordinate") != "uv", statistic="Phi")
     covered = [(part["low"] <= value) & (part["high"] >= value) for part, value in ((means, 0.0), (scales, second))]
     yield from _coverage(pl.concat(covered).drop_nulls().to_list())

@@ -186,7 +186,7 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
 
 
 def coverage_text(level: float, coverage: float) -> str:
-    """Write the coverage of untested intervals: ``a 95 % interval covers about 88 % in data like yours``.
+    """Write the coverage of untested intervals: ``a 95 % interval can cover as little as 88 % in data like yours``.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def coverage_text(level: float, coverage: float) -> str:
     coverage
         Share of intervals that contain the true value: the column of `INTERVALS`.
     """
-    return f"a {100 * level:g}{SPACE}% interval covers about {100 * coverage:.0f}{SPACE}% in data like yours"
+    return f"a {100 * level:g}{SPACE}% interval can cover as little as {100 * coverage:.0f}{SPACE}% in data like yours"
 
 
 def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:

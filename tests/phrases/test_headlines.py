@@ -153,11 +153,11 @@ def test_the_spread_between_scenes_and_the_next_scene_stand_beside_the_core() ->
     summary = table(SUMMARY, {**SUMMED, **CORES})
     text = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, scale))["noise"]["text"]
     assert "Of this number, scenes differ by a factor of 1.9; the next scene: 0.020 to 0.310 px." in text
-    assert "covers about" not in text
+    assert "can cover" not in text
     outside = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, {**scale, "coverage": 0.884}))["noise"][
         "text"
     ]
-    assert "There a 95 % interval covers about 88 % in data like yours." in outside
+    assert "There a 95 % interval can cover as little as 88 % in data like yours." in outside
 
 
 def test_a_core_of_fewer_scenes_says_so() -> None:

@@ -42,6 +42,7 @@ from tracknoise.analysis.scene_spread import (
     with_biases,
     with_coverage,
     with_estimates,
+    with_heavy_scales,
 )
 from tracknoise.inference.bootstrap import N_DRAWS, Draws, draws_by_dataset
 from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
@@ -215,6 +216,8 @@ _SECOND = [_CURVES.index(("second", coordinate)) for coordinate in "uv"]
 _SCALARS: Mapping[str, str] = {**SCALAR_UNITS, AUTOCORRELATION: "1"}
 _BETWEEN = ("spread", "next_low", "next_high", "coverage")
 _NUMBERS = ["value", "low", "high", *_BETWEEN]
+_POWERS = {row: 1.0 if _CURVES[row][0] == "second" else 0.5 for row in _GEOMETRIC}
+"""Power of the squared scale that a statistic is, by row."""
 _STATISTIC = pl.coalesce(
     pl.when(axis=axis).then(pl.col("role").replace_strict(called)) for axis, called in NAMES.items()
 )
@@ -380,10 +383,11 @@ def _weighing(weighting: Weighting, found: LabelledEstimates) -> pl.DataFrame:
 
 
 def _stated(between: BetweenScenes, units: Units, parts: Parts, found: EstimateArray) -> BetweenScenes:
-    """The same with the coverage of second moments if biases of scenes have heavy tails."""
+    """The same with the coverage if biases or scales of scenes have heavy tails."""
     if found.kind != IntervalKind.student:
         return between
-    return with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=found.level))
+    stated = with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=found.level))
+    return with_heavy_scales(stated, units, curve_statistics, found, _POWERS)
 
 
 def curve_logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:

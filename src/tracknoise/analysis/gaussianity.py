@@ -78,7 +78,7 @@ from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
-from tracknoise.words import SPACE, format_as, number, thousandths
+from tracknoise.words import SPACE, format_as, listing, number, thousandths
 
 Array = NDArray[np.float64]
 
@@ -247,13 +247,23 @@ def judge(evidence: ShapeEvidence, *, margin: float = MARGIN_NATS) -> tuple[Shap
         return Shape.skewed, f"skewness b1 is {_text(evidence.skewness)}, above {12 * margin:g}"
     if kurtosis.below(light) and evidence.tail_99 is not None and evidence.tail_99 < 1:
         return Shape.light_tailed, f"kurtosis is {_text(kurtosis)}, below {number(light)}; that of a Gaussian is 8"
-    gains = f"Student's t gains {_text(student)} nat per error over a Gaussian, a mixture {_text(mixture)}"
-    small = student.below(margin) and mixture.below(margin)
-    if small and evidence.skewness.below(12 * margin) and kurtosis.above(light):
+    open_ = list(_open(evidence, margin, light))
+    if not open_:
+        gains = f"Student's t gains {_text(student)} nat per error over a Gaussian, a mixture {_text(mixture)}"
         small_gains = f"{gains}. Both are below {margin:g}. Kurtosis is {_text(kurtosis)}"
         return Shape.gaussian, small_gains + _of_scales(evidence)
-    moments = f"Kurtosis is {_text(kurtosis)}, skewness {_text(evidence.skewness)}"
-    return Shape.undecided, f"{gains}. {moments}. No interval decides"
+    return Shape.undecided, f"too few errors ({evidence.n_sampled}) to tell: {listing(open_)}" + _of_scales(evidence)
+
+
+def _open(evidence: ShapeEvidence, margin: float, light: float) -> Iterator[str]:
+    """What keeps errors from being called Gaussian: bounds of intervals that lie beyond their limits."""
+    for name, gain in (("Student's t", evidence.student), ("a mixture", evidence.mixture)):
+        if not gain.below(margin):
+            yield f"{name} may gain {thousandths(gain.high)} nat per error, limit {margin:g}"
+    if not evidence.skewness.below(12 * margin):
+        yield f"skewness may be {thousandths(evidence.skewness.high)}, limit {12 * margin:g}"
+    if not evidence.kurtosis.above(light):
+        yield f"kurtosis may be {thousandths(evidence.kurtosis.low)}, limit {number(light)}"
 
 
 def _heavy(evidence: ShapeEvidence, margin: float) -> tuple[Shape, str]:

@@ -27,7 +27,7 @@ whose biases have Student's distribution of 3 degrees of freedom. It is stated w
 `TOLERATED` of the coverage. `python -m benchmarks.validity.differing_scenes` measures what they cost.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -40,7 +40,15 @@ from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.estimates import EstimateArray
 from tracknoise.inference.intervals import BetweenScenes, Method, Statistics, column_means, pooled
 from tracknoise.inference.jackknife import shares_of, student_interval
-from tracknoise.inference.next_scene import RUNS, coverage_outside, next_scene, parts_of_runs, rounded_count
+from tracknoise.inference.next_scene import (
+    RUNS,
+    TOLERATED,
+    coverage_of_heavy_scales,
+    coverage_outside,
+    next_scene,
+    parts_of_runs,
+    rounded_count,
+)
 from tracknoise.inference.units import MIN_SCENES, Resampled, Units, by_number
 from tracknoise.tables.enumerations import Weighting
 
@@ -80,6 +88,22 @@ def with_coverage(between: BetweenScenes, rows: Sequence[int], coverage: NDArray
     lowest = between.coverage.copy()
     lowest[list(rows)] = np.fmin(lowest[list(rows)], coverage)
     return replace(between, coverage=lowest)
+
+
+def with_heavy_scales(
+    between: BetweenScenes, units: Units, statistics: Statistics, estimates: EstimateArray, powers: Mapping[int, float]
+) -> BetweenScenes:
+    """The same with the coverage of some statistics if the scales of scenes have a heavy tail.
+
+    `powers`: of the squared scale, by row.
+    """
+    if estimates.kind != IntervalKind.student or units.resampled not in OF_SCENES:
+        return between
+    own, found = own_values(units, statistics), between
+    for row, power in powers.items():
+        covered = coverage_of_heavy_scales(own[row], estimates.n_units[row], power=power, level=estimates.level)
+        found = with_coverage(found, [row], covered[None])
+    return found
 
 
 def geometric_rows(between: BetweenScenes, rows: Sequence[int]) -> BetweenScenes:
@@ -209,8 +233,6 @@ def _degrees(parts: Parts) -> Array:
     return np.asarray(np.clip(np.fmin(gaussian, 2 * mean**2 / variance) * (1 - together), *_DEGREES))
 
 
-TOLERATED = 0.02
-"""Coverage that may be lost before it is stated."""
 _STEP = 0.2
 """Shares and spreads are rounded to multiples of this."""
 

@@ -20,6 +20,12 @@ that are as good as `MIN_SCENES` equal scenes (`python -m benchmarks.validity.in
 is measured: many sets of scenes are drawn from a Gaussian (for scales, on the logarithmic scale) with the number, the
 spread and the effective number of scenes of the data, and each set gets its interval. Spread and effective number are
 rounded, so that few such simulations are needed.
+
+Where squared scales of scenes have an inverse gamma distribution, errors of all scenes together have Student's, and a
+few large values decide a mean over scenes. A few scenes do not show such a tail. The share of intervals that contain
+the true value is measured in the same way, with scenes of the same number and spread. Their degrees of freedom are
+those that lead to the spread, but not below `FREEDOM`; what is left of the spread is Gaussian. Where the logarithms of
+the data are less skewed than those of 95 % of the simulated sets, this tail is excluded.
 """
 
 import math
@@ -103,6 +109,12 @@ MOST_SPREAD = 1.4
 """Largest tested standard deviation between scenes of the logarithm: a factor of 4."""
 RUNS = 4000
 """Simulated sets of scenes."""
+TOLERATED = 0.02
+"""Coverage that may be lost before it is stated."""
+FREEDOM = 3.0
+"""Fewest degrees of freedom of the heavy tail of scales; with two or less there is no mean."""
+EXCLUDED = 0.05
+"""Share of simulated sets that would wrongly exclude the heavy tail."""
 _STEP = 0.2
 """Spreads are rounded to multiples of this."""
 _RATIO = 1.15
@@ -142,6 +154,71 @@ def coverage_outside(
         between = round(float(spread[place]) / _STEP) * _STEP if skewed else 1.0
         found[place] = _covered(n, between, effective, level, skewed=skewed)
     return found
+
+
+def coverage_of_heavy_scales(
+    own: NDArray[np.float64], n_units: NDArray[np.intp], *, power: float, level: float
+) -> NDArray[np.float64]:
+    """Share of intervals of a mean scale that contain the true value if scales have a heavy tail.
+
+    Parameters
+    ----------
+    own : (points, scenes)
+        Each scene's own value; NaN where it has none.
+    n_units : (points,)
+        Number of scenes or groups that are resampled.
+    power
+        Of the squared scale that the values are: 1 of second moments, a half of mean absolute errors.
+    level
+        Of the intervals.
+
+    Returns
+    -------
+    (points,) float64
+        NaN where the tail is excluded, or costs no more than `TOLERATED`.
+    """
+    found = np.full(len(own), np.nan)
+    for place in np.flatnonzero(n_units >= MIN_SCENES):
+        values = own[place][~np.isnan(own[place])]
+        if len(values) < MIN_SCENES or not (values > 0).all():
+            continue
+        logs = np.log(values) / power
+        spread = round(float(logs.std(ddof=1)) / _STEP) * _STEP
+        n = rounded_count(float(n_units[place]), least=MIN_SCENES)
+        if spread >= _STEP:
+            covered, least_skewed = _covered_if_heavy(n, spread, power, level)
+            found[place] = np.nan if _skewness(logs) < least_skewed else covered
+    return np.where(found < level - TOLERATED, found, np.nan)
+
+
+@lru_cache(maxsize=4096)
+def _covered_if_heavy(n: int, spread: float, power: float, level: float) -> tuple[float, float]:
+    """Share of intervals of simulated scenes that contain the true mean, and a low quantile of their skewness."""
+    rng = np.random.default_rng(n)
+    half = max(_half_freedom(spread), FREEDOM / 2)
+    rest = max(spread**2 - float(special.polygamma(1, half)), 0.0)
+    logs = np.log(half) - np.log(rng.gamma(half, size=(n, RUNS))) + np.sqrt(rest) * rng.normal(size=(n, RUNS))
+    true = half**power * np.exp(special.gammaln(half - power) - special.gammaln(half) + power**2 * rest / 2)
+    sizes = np.ones((n, 1))
+    found = [_intervals(np.exp(power * logs[:, part]), sizes, "log", level) for part in parts_of_runs(n)]
+    low, high = np.concatenate(found, axis=1)
+    held = float(((low <= true) & ~(high < true)).mean())
+    return held, float(np.quantile(_skewness(logs), EXCLUDED))
+
+
+def _half_freedom(spread: float) -> float:
+    """Half the degrees of freedom of an inverse gamma distribution whose logarithm has this standard deviation."""
+    low, high = 1e-3, 1e6
+    for _ in range(80):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if special.polygamma(1, middle) > spread**2 else (low, middle)
+    return low
+
+
+def _skewness(logs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the values of scenes (scenes, ...)."""
+    apart = logs - logs.mean(axis=0)
+    return np.asarray((apart**3).mean(axis=0) / np.maximum((apart**2).mean(axis=0), 1e-300) ** 1.5)
 
 
 def rounded_count(count: float, *, least: int) -> int:

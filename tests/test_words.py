@@ -74,7 +74,8 @@ def test_what_intervals_resample_is_said(resampled: str, expected: str) -> None:
 
 
 def test_how_much_scenes_differ_is_said() -> None:
-    assert coverage_text(0.95, 0.883).replace(SPACE, " ") == "a 95 % interval can cover as little as 88 % in data like yours"
+    said = coverage_text(0.95, 0.883).replace(SPACE, " ")
+    assert said == "a 95 % interval can cover as little as 88 % in data like yours"
     assert spread_text(0.64, "px", is_scale=True) == "scenes differ by a factor of 1.9"
     assert spread_text(0.64, "share", is_scale=True) == "scenes differ by a factor of 1.9 in odds"
     assert spread_text(0.12, "px", is_scale=False).replace(SPACE, " ") == "scenes differ by 0.120 px"

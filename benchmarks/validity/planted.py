@@ -32,6 +32,7 @@ class World:
     `scale`: how scenes differ: the standard deviation of the logarithm of their scale, or the degrees of freedom of an
     inverse gamma distribution of their squared scale where it is 2 or more. `tracker`: the standard deviation of
     the logarithm of a scale that each tracker has in each scene. `freedom`: of the scale of tracks, as that of scenes.
+    `noise`: degrees of freedom of e and of the steps, which have Student's distribution.
     `lives`: equal, geometric, unequal (hazards that differ by scene) or lost (where errors are large).
     """
 
@@ -44,9 +45,14 @@ class World:
     scale: float = 0.0
     tracker: float = 0.0
     freedom: float = np.inf
+    noise: float = np.inf
     bursts: bool = False
     lives: str = "geometric"
     groups: bool = False
+
+    def is_gaussian(self) -> bool:
+        """Whether errors of a scene at one age are Gaussian."""
+        return np.isinf(self.freedom) and np.isinf(self.noise) and not self.bursts
 
     def squared_scale(self) -> float:
         """Mean squared scale of scenes, trackers and tracks together."""
@@ -98,6 +104,7 @@ WORLDS: Mapping[str, World] = {
     "log sd .7, white": World(scale=0.7),
     "scenes t3": World(walk=0.1, scale=3),
     "tracks t3": World(walk=0.1, freedom=3),
+    "noise t3": World(walk=0.1, noise=3),
     "bursts": World(walk=0.1, bursts=True),
     "groups": World(walk=0.1, scale=0.7, groups=True),
     "own scale": World(walk=0.1, scale=0.7, tracker=0.35),
@@ -112,7 +119,7 @@ class Scenes:
     """Errors (scenes, tracks, ages, 2), px, which of them were seen (scenes, tracks, ages), the others are not there.
 
     `ended` (scenes, tracks): whether a track was lost, not cut by the end of its scene. `outliers` (scenes, frames, 2):
-    features that were offered, and rejected. `group` (scenes,).
+    features that were offered, and rejected. `group` (scenes,). `birth` (scenes, tracks): first frame.
     """
 
     errors: Array
@@ -120,6 +127,7 @@ class Scenes:
     ended: Array
     outliers: Array
     group: Array
+    birth: Array
 
 
 def draw(world: World, n_scenes: int, rng: np.random.Generator, *, tracks: int = TRACKS) -> Scenes:
@@ -134,9 +142,9 @@ def draw(world: World, n_scenes: int, rng: np.random.Generator, *, tracks: int =
     now = 1.0 if burst is None else np.take_along_axis(burst[:, None], frames, axis=2)[..., None]
     errors = np.zeros((*shape, AGES, 2))
     if world.white:
-        errors += world.white * now * rng.normal(size=errors.shape)
+        errors += world.white * now * _noise(world.noise, errors.shape, rng)
     if world.walk:
-        errors += world.walk * _summed(now * rng.normal(size=errors.shape))
+        errors += world.walk * _summed(now * _noise(world.noise, errors.shape, rng))
     if world.drift:
         errors += world.drift * rng.normal(size=(*shape, 1, 2)) * np.arange(AGES)[:, None]
     if world.ar:
@@ -146,7 +154,7 @@ def draw(world: World, n_scenes: int, rng: np.random.Generator, *, tracks: int =
     left = np.minimum(FRAMES - birth, AGES)
     life = _lives(world, errors / of_scene[:, None, None, None], rng)
     alive = np.arange(AGES) < np.minimum(life, left)[..., None]
-    return Scenes(errors, alive, life < left, _outliers(n_scenes, rng), group)
+    return Scenes(errors, alive, life < left, _outliers(n_scenes, rng), group, birth)
 
 
 def _scales(scale: float, n_scenes: int, group: Array, rng: np.random.Generator) -> Array:
@@ -161,6 +169,13 @@ def _scales(scale: float, n_scenes: int, group: Array, rng: np.random.Generator)
 def _t_scales(freedom: float, shape: tuple[int, int], rng: np.random.Generator) -> Array:
     """Of squared mean 1."""
     return np.sqrt((freedom - 2) / rng.chisquare(freedom, shape))
+
+
+def _noise(freedom: float, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Of variance 1."""
+    if np.isinf(freedom):
+        return rng.normal(size=shape)
+    return rng.standard_t(freedom, size=shape) / np.sqrt(freedom / (freedom - 2))
 
 
 def _summed(steps: Array) -> Array:

@@ -3,7 +3,8 @@
     python -m benchmarks.validity.planted_coverage [--runs N] [--scenes 6 8 12 28] [--worlds NAME ...] [--seed N]
 
 Intervals and verdicts are those that `tracknoise` makes of scenes of `benchmarks.validity.planted`. Printed are the
-shares of 95 % intervals that hold the true value, and in brackets those that lie below it. Errors are those of u at
+shares of 95 % intervals that hold the true value, in brackets those that lie below it, and in square brackets what
+their rows say that they cover where most do. Errors are those of u at
 age 10, untrimmed. Sizes of growth that are not planted are 0, and an interval that begins at 0 holds them.
 """
 
@@ -17,13 +18,14 @@ import polars as pl
 
 from benchmarks.validity.planted import AGES, AT, WORLDS, Scenes, World, draw, mean_power
 from benchmarks.validity.time_structure import growth_units_of
-from tracknoise.analysis.curve_intervals import curve_statistics
+from tracknoise.analysis.curve_intervals import curve_logarithms, curve_statistics
 from tracknoise.analysis.growth_models import Ages
 from tracknoise.analysis.growth_verdict import Changes, Growth, behaves, grows
-from tracknoise.analysis.scene_spread import Parts, with_biases
+from tracknoise.analysis.scene_spread import Parts, own_values, with_biases
 from tracknoise.analysis.time_structure import GrowthUnits, fit_ages, growth_fits
 from tracknoise.inference.bootstrap import draws
-from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.coverage import coverage_of_heavy_errors, coverage_of_heavy_scales
+from tracknoise.inference.estimates import Estimate, EstimateArray
 from tracknoise.inference.intervals import Method, averaged, geometric, pooled
 from tracknoise.inference.units import Units, scheme
 from tracknoise.tables.defaults import MARGIN
@@ -36,20 +38,23 @@ SCALES = ["linear", "linear", "log", "log", "log", "log", "linear", "log", "log"
 
 @dataclass(frozen=True)
 class Held:
-    """Shares of intervals that hold a value, and that lie below it."""
+    """Shares of intervals that hold a value, and that lie below it; what their rows say that they cover, on average."""
 
     held: float
     below: float
+    stated: float | None = None
 
     @classmethod
-    def of(cls, low: np.ndarray, high: np.ndarray, true: float) -> "Held":
-        """Of intervals of one value; those without bounds hold it."""
+    def of(cls, low: np.ndarray, high: np.ndarray, true: float, stated: np.ndarray | None = None) -> "Held":
+        """Of intervals of one value; those without bounds hold it. `stated`: NaN where a row states nothing."""
         rounding = 1e-9
         below, above = high < true - rounding, low > true + rounding
-        return cls(float(np.mean(~below & ~above)), float(np.mean(below)))
+        some = stated is not None and np.isfinite(stated).mean() > 0.5
+        return cls(float(np.mean(~below & ~above)), float(np.mean(below)), float(np.nanmean(stated)) if some else None)
 
     def __str__(self) -> str:
-        return f"{100 * self.held:.1f} ({100 * self.below:.1f})"
+        stated = "" if self.stated is None else f" [{100 * self.stated:.0f}]"
+        return f"{100 * self.held:.1f} ({100 * self.below:.1f}){stated}"
 
 
 def coverage(world: World, n_scenes: int, *, runs: int, seed: int) -> tuple[dict[str, Held], Counter[str]]:
@@ -113,14 +118,33 @@ def _of_curves(world: World, units: Units) -> Iterator[tuple[str, Held]]:
         found = with_biases(units, Parts.of(units, weighting), found, [SECOND, SECOND + 1])
         for name, row in (("mean", MEAN), ("eta", ETA), ("second", SECOND)):
             if name in true:
-                yield f"{name}, {weighting}", Held.of(found.low[row], found.high[row], true[name])
+                yield (
+                    f"{name}, {weighting}",
+                    Held.of(found.low[row], found.high[row], true[name], _stated(units, found, row)),
+                )
     if world.lives != "lost":
         found = geometric(units, none, _logarithms, method)
-        yield "second, geometric", Held.of(found.low[0], found.high[0], world.second() * np.exp(2 * world.log_scale()))
+        true = world.second() * np.exp(2 * world.log_scale())
+        stated = _if_heavy(units, level=found.level)[1]
+        yield "second, geometric", Held.of(found.low[0], found.high[0], true, stated)
+
+
+def _stated(units: Units, found: EstimateArray, row: int) -> np.ndarray | None:
+    """What the rows say that the intervals cover."""
+    if row == MEAN:
+        return None
+    own, power = own_values(units, curve_statistics), 1.0 if row == SECOND else 0.5
+    stated = coverage_of_heavy_scales(own[row], found.n_units[row], power=power, level=found.level)
+    return np.fmin(stated, _if_heavy(units, level=found.level)[0]) if row == SECOND else stated
+
+
+def _if_heavy(units: Units, *, level: float) -> tuple[np.ndarray, np.ndarray]:
+    own = own_values(units, curve_statistics)
+    return coverage_of_heavy_errors(own[SECOND], own[ETA], units.sums[..., 0].T, level=level)
 
 
 def _logarithms(sums: np.ndarray) -> np.ndarray:
-    return np.log(curve_statistics(sums)[[SECOND]])
+    return curve_logarithms(sums)[[2]]
 
 
 def _true(world: World) -> dict[str, float]:
@@ -131,7 +155,7 @@ def _true(world: World) -> dict[str, float]:
         return {"mean": 0.0, "second": float(np.mean(u**2)), "eta": float(np.mean(np.abs(u)))}
     noise = world.second() - world.bias**2
     true = {"mean": world.bias, "second": noise * world.squared_scale() + world.bias**2}
-    if world.bias or world.bursts or np.isfinite(world.freedom):
+    if world.bias or not world.is_gaussian():
         return true
     scale = mean_power(world.scale, 1) * mean_power(world.tracker, 1)
     return {**true, "eta": float(np.sqrt(2 / np.pi * noise)) * scale}

@@ -5,7 +5,8 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from tracknoise.inference.next_scene import MOST_SPREAD, coverage_outside, next_scene
+from tracknoise.inference.coverage import MOST_SPREAD, coverage_outside
+from tracknoise.inference.next_scene import next_scene
 from tracknoise.inference.units import Units
 
 

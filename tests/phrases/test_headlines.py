@@ -449,7 +449,8 @@ def growing(*rows: dict[str, object]) -> list[dict[str, object]]:
 def test_growth_says_by_how_much_and_which_parts_are_established() -> None:
     parts = {"walk_px_per_sqrt_frame_geometric": (0.09, 0.08, 0.1), "white_px_geometric": (0.2, 0.19, 0.21)}
     parts |= {"drift_px_per_frame_geometric": (0.01, 0.0, 0.02)}
-    sizes = {f"{name}{end}": value for name, found in parts.items() for end, value in zip(("", "_low", "_high"), found, strict=True)}
+    ends = ("", "_low", "_high")
+    sizes = {f"{name}{end}": value for name, found in parts.items() for end, value in zip(ends, found, strict=True)}
     few = {"growth_ratio": None, "growth_ratio_low": None, "growth_ratio_high": None}
     other = {"coordinate": "v", "verdict": "undecided", "grows": "undecided", "why": "too few ages", **few}
     rows = growing({"coordinate": "u", "verdict": "random walk", **sizes}, other)

@@ -35,20 +35,23 @@ from scipy import special
 from tracknoise.analysis.condition_units import SUMS, CurveSums, aspect_sums, error_sums, moments_to_order_2, units_of
 from tracknoise.analysis.lifetime_intervals import SCALAR_UNITS, lifetime_bounds, outlier_bounds
 from tracknoise.analysis.scene_spread import (
+    OF_SCENES,
     Parts,
     between_scenes,
     coverage_of_heavy_tails,
     geometric_rows,
+    own_values,
     with_biases,
     with_coverage,
     with_estimates,
+    with_heavy_errors,
     with_heavy_scales,
 )
 from tracknoise.inference.bootstrap import N_DRAWS, Draws, draws_by_dataset
 from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
 from tracknoise.inference.estimates import EstimateArray
 from tracknoise.inference.intervals import BetweenScenes, LabelledEstimates, Method, averaged, geometric, pooled
-from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, Units
+from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, Units, by_number
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
 from tracknoise.statistics.grouping import Tables, TablesByCondition, by_condition, scenes_by_dataset
 from tracknoise.statistics.lifetimes import horizons, lifetimes_of_ends
@@ -218,6 +221,11 @@ _BETWEEN = ("spread", "next_low", "next_high", "coverage")
 _NUMBERS = ["value", "low", "high", *_BETWEEN]
 _POWERS = {row: 1.0 if _CURVES[row][0] == "second" else 0.5 for row in _GEOMETRIC}
 """Power of the squared scale that a statistic is, by row."""
+_ERRORS_OF = {
+    _CURVES.index(("second", axis)): (_CURVES.index(("second", axis)), _CURVES.index(("absolute", axis)))
+    for axis in "uv"
+}
+"""Rows of the second moment and of the mean absolute error of a coordinate, by that of its second moment."""
 _STATISTIC = pl.coalesce(
     pl.when(axis=axis).then(pl.col("role").replace_strict(called)) for axis, called in NAMES.items()
 )
@@ -360,18 +368,21 @@ def _curve_rows(sums: Iterable[CurveSums], made: _Making) -> Iterator[pl.DataFra
 def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Iterator[pl.DataFrame]:
     """Rows of each weighting."""
     roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
-    labels = roles.join(units.points, how="cross")
+    labels, own = roles.join(units.points, how="cross"), own_values(units, curve_statistics)
     by_feature, by_scene = (Parts.of(units, weighting) for weighting in (Weighting.features, Weighting.scenes))
     found = with_biases(units, by_feature, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
     between = between_scenes(units, curve_statistics, _SCALES, found)
-    beside = _stated(between, units, by_feature, found)
+    beside = _stated(between, units, own, by_feature, found)
     yield _weighing(Weighting.features, LabelledEstimates(labels, found, units, beside))
     found = with_biases(units, by_scene, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
-    beside = _stated(with_estimates(between, units, _SCALES, found), units, by_scene, found)
+    beside = _stated(with_estimates(between, units, _SCALES, found), units, own, by_scene, found)
     yield _weighing(Weighting.scenes, LabelledEstimates(labels, found, units, beside))
     labels = roles[_GEOMETRIC].join(units.points, how="cross")
     found = geometric(units, weights, curve_logarithms, method)
     beside = geometric_rows(between, _GEOMETRIC)
+    if _is_stated(units, found):
+        rows = {_GEOMETRIC.index(row): places for row, places in _ERRORS_OF.items()}
+        beside = with_heavy_errors(beside, own, _counts(units), rows, typical=True, level=found.level)
     yield _weighing(Weighting.geometric, LabelledEstimates(labels, found, units, beside))
 
 
@@ -382,12 +393,25 @@ def _weighing(weighting: Weighting, found: LabelledEstimates) -> pl.DataFrame:
     return rows.hstack([name.new_from_index(0, rows.height)])
 
 
-def _stated(between: BetweenScenes, units: Units, parts: Parts, found: EstimateArray) -> BetweenScenes:
-    """The same with the coverage if biases or scales of scenes have heavy tails."""
-    if found.kind != IntervalKind.student:
+def _stated(
+    between: BetweenScenes, units: Units, own: NDArray[np.float64], parts: Parts, found: EstimateArray
+) -> BetweenScenes:
+    """The same with the coverage if biases or scales of scenes, or single errors, have heavy tails."""
+    if not _is_stated(units, found):
         return between
     stated = with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=found.level))
-    return with_heavy_scales(stated, units, curve_statistics, found, _POWERS)
+    stated = with_heavy_scales(stated, own, found, _POWERS)
+    return with_heavy_errors(stated, own, _counts(units), _ERRORS_OF, typical=False, level=found.level)
+
+
+def _is_stated(units: Units, found: EstimateArray) -> bool:
+    """Whether the coverage of intervals is known under heavy tails."""
+    return found.kind == IntervalKind.student and units.resampled in OF_SCENES
+
+
+def _counts(units: Units) -> NDArray[np.float64]:
+    """Number of errors, (points, scenes)."""
+    return by_number(units.scene, units.sums)[..., 0].T
 
 
 def curve_logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -561,8 +561,10 @@ def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Agreement
     found = _agreement(curves, ages, curve, curve.since[:, None] ** np.arange(len(TERMS)) @ bounded, process)
     scale, least = np.exp(curves.log_scale), _ROUNDING * curve.second.max() / curve.since.max() ** _POWERS[:, None]
     known = (np.where(np.abs(one) > least, one * scale, 0.0) for one in (bounded, free))
-    both = zip(TERMS, TERM_UNITS, *known, strict=True)
-    return found, {term: replace(_size(one, other, level), unit=unit) for term, unit, one, other in both}
+    second, sizes = scale * curve.second.mean(axis=0), {}
+    for term, unit, one, other in zip(TERMS, TERM_UNITS, *known, strict=True):
+        sizes[term] = replace(_size(one, other, second, level), unit=unit)
+    return found, sizes
 
 
 def saturating(curves: SceneCurves, ages: Ages) -> Agreement:
@@ -608,12 +610,13 @@ def _agreement(curves: SceneCurves, ages: Ages, curve: _Curve, fitted: Array, pr
     return agreement(curve.second, fitted, curves.related, expected, directions, curves.sizes)
 
 
-def _size(bounded: Array, free: Array, level: float) -> Estimate:
+def _size(bounded: Array, free: Array, second: Array, level: float) -> Estimate:
     """Root of a coefficient of all units and of all but one, with Student's interval.
 
     A term that may not be negative takes from the others where its true size is 0, and a jackknife does not show that.
     The bounds are therefore those of the fit without bounds, which is right on average, moved so that they contain both
-    fits. They are on the log scale where the coefficient is clearly not zero.
+    fits. They are on the log scale where the share of the term in the second moment (mean over ages) is clearly not 0,
+    whatever the scale of scenes.
     """
     units = len(free) - 1
     tail = _student(units - 1.0, level)
@@ -623,7 +626,7 @@ def _size(bounded: Array, free: Array, level: float) -> Estimate:
 
     value, other = float(bounded[0]), float(free[0])
     low, high = min(value, other), max(value, other)
-    if (free > 0).all() and width(free) < low:
+    if (free > 0).all() and width(free / second) < low / float(second[0]):
         factor = np.exp(width(np.log(free)))
         low, high = low / factor, high * factor
     else:

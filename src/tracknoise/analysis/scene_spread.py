@@ -37,20 +37,23 @@ from scipy import special
 
 from tracknoise.analysis.condition_units import SUMS
 from tracknoise.inference.conventions import IntervalKind
-from tracknoise.inference.estimates import EstimateArray
-from tracknoise.inference.intervals import BetweenScenes, Method, Statistics, column_means, pooled
-from tracknoise.inference.jackknife import shares_of, student_interval
-from tracknoise.inference.next_scene import (
+from tracknoise.inference.coverage import (
     RUNS,
     TOLERATED,
+    coverage_of_heavy_errors,
     coverage_of_heavy_scales,
     coverage_outside,
-    next_scene,
     parts_of_runs,
     rounded_count,
 )
+from tracknoise.inference.estimates import EstimateArray
+from tracknoise.inference.intervals import BetweenScenes, Method, Statistics, column_means, pooled
+from tracknoise.inference.jackknife import shares_of, student_interval
+from tracknoise.inference.next_scene import next_scene
 from tracknoise.inference.units import MIN_SCENES, Resampled, Units, by_number
 from tracknoise.tables.enumerations import Weighting
+
+Array = NDArray[np.float64]
 
 OF_SCENES = (Resampled.scenes, Resampled.groups)
 """What is resampled where (biased) is used, and where coverage was tested."""
@@ -91,18 +94,31 @@ def with_coverage(between: BetweenScenes, rows: Sequence[int], coverage: NDArray
 
 
 def with_heavy_scales(
-    between: BetweenScenes, units: Units, statistics: Statistics, estimates: EstimateArray, powers: Mapping[int, float]
+    between: BetweenScenes, own: Array, estimates: EstimateArray, powers: Mapping[int, float]
 ) -> BetweenScenes:
     """The same with the coverage of some statistics if the scales of scenes have a heavy tail.
 
-    `powers`: of the squared scale, by row.
+    `own`: (statistics, points, scenes), of each scene. `powers`: of the squared scale, by row.
     """
-    if estimates.kind != IntervalKind.student or units.resampled not in OF_SCENES:
-        return between
-    own, found = own_values(units, statistics), between
+    found = between
     for row, power in powers.items():
         covered = coverage_of_heavy_scales(own[row], estimates.n_units[row], power=power, level=estimates.level)
         found = with_coverage(found, [row], covered[None])
+    return found
+
+
+def with_heavy_errors(
+    between: BetweenScenes, own: Array, n: Array, rows: Mapping[int, tuple[int, int]], *, typical: bool, level: float
+) -> BetweenScenes:
+    """The same with the coverage of second moments if single errors have a heavy tail.
+
+    Shapes: own (statistics, points, scenes), n (points, scenes). `rows`: of each second moment, the places of it and of
+    the mean absolute error in `own`. `typical`: whether the rows are geometric means.
+    """
+    found = between
+    for row, (second, absolute) in rows.items():
+        covered = coverage_of_heavy_errors(own[second], own[absolute], n, level=level)
+        found = with_coverage(found, [row], covered[1 if typical else 0][None])
     return found
 
 
@@ -122,8 +138,6 @@ def _coverage(
     parts = zip(estimates.n_units, spread, estimates.n_effective, scales, strict=True)
     return np.stack([coverage_outside(n, own, worth, scale, level=estimates.level) for n, own, worth, scale in parts])
 
-
-Array = NDArray[np.float64]
 
 _DEGREES = (1.0, 1e6)
 

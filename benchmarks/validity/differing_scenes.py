@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from tracknoise.analysis.curve_intervals import curve_statistics
+from tracknoise.analysis.curve_intervals import curve_logarithms, curve_statistics
 from tracknoise.analysis.scene_spread import Parts, with_biases
 from tracknoise.inference.intervals import Method, averaged, geometric, pooled
 from tracknoise.inference.next_scene import next_scene
@@ -148,7 +148,8 @@ def coverage(n_scenes: int, world: World, *, runs: int, seed: int) -> Iterator[t
         yield f"second, {name}", _held(found.low[SECOND], found.high[SECOND], simulated.second)
     if world.bias_px == 0 or world.groups:  # otherwise the geometric mean is not known in closed form
         unbiased = replace(units, sums=units.sums.copy())
-        unbiased.sums[..., 3] -= unbiased.sums[..., 1] ** 2 / unbiased.sums[..., 0]
+        n, u = unbiased.sums[..., 0], unbiased.sums[..., 1]
+        unbiased.sums[..., 3] = (unbiased.sums[..., 3] - u**2 / n) * n / (n - 1)
         found = geometric(unbiased, none, _log_second, method)
         yield "second, geometric", _held(found.low[0], found.high[0], simulated.geometric)
     own = curve_statistics(np.transpose(units.sums, (2, 1, 0)))[[SECOND, MEAN]]
@@ -159,7 +160,7 @@ def coverage(n_scenes: int, world: World, *, runs: int, seed: int) -> Iterator[t
 
 
 def _log_second(sums: np.ndarray) -> np.ndarray:
-    return np.log(curve_statistics(sums)[[SECOND]])
+    return curve_logarithms(sums)[[2]]
 
 
 def _held(low: np.ndarray, high: np.ndarray, true: np.ndarray) -> float:

@@ -218,3 +218,28 @@ def test_the_kind_that_is_asked_for_changes_bounds_alone_and_is_named(see_errors
     assert student.select(fitted).equals(bca.select(fitted))
     assert (student[fitted[0]] != percentile[fitted[0]]).all()
     assert len({table[related][0] for table in found.values()}) == 3
+
+
+@pytest.mark.parametrize(
+    ("errors", "grows", "ratio"), [(white, "no", 1.0), (offset, "no", 1.0), (walk, "yes", 10**0.5), (drift, "yes", 8.4)]
+)
+def test_growth_is_shown_by_the_ratio_of_the_same_tracks(see_errors, errors: Errors, grows: str, ratio: float) -> None:
+    for row in structured(of_scenes(see_errors, errors)).filter(trimming="untrimmed").iter_rows(named=True):
+        assert row["grows"] == grows
+        assert (row["growth_from"], row["growth_to"]) == (1, 10)
+        assert row["growth_ratio_low"] <= row["growth_ratio"] <= row["growth_ratio_high"]
+        assert row["growth_ratio"] == pytest.approx(ratio, rel=0.1)
+
+
+def test_a_slow_walk_is_growth_within_a_wider_margin_only(see_errors) -> None:
+    """RMS at age 10 is 1.19 times that at age 1: more than 1.1 times, less than 1.3 times."""
+
+    def slow(rng: np.random.Generator) -> np.ndarray:
+        return noise(rng, 0.2) + noise(rng, 0.044).cumsum(axis=1)
+
+    seen = of_scenes(see_errors, slow, scenes=28)
+    for margin, grows in ((0.1, "yes"), (0.3, "no")):
+        rows = structured(seen, margin=margin).filter(trimming="untrimmed")
+        assert rows["grows"].to_list() == [grows] * 2
+        assert rows["verdict"].to_list() == ["random walk"] * 2
+        assert all("constant part" in why for why in rows["why"])

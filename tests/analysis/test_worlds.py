@@ -2,7 +2,12 @@
 
 import numpy as np
 import pytest
-from benchmarks.validity.time_structure import REFUSED, WORLDS, one_run
+from benchmarks.validity.time_structure import REFUSED, WORLDS, growth_units_of, one_run, white
+
+from tracknoise.analysis.growth_models import Ages
+from tracknoise.analysis.time_structure import growth_fits
+from tracknoise.inference.bootstrap import draws
+from tracknoise.inference.intervals import Method
 
 RUNS = 6
 
@@ -31,3 +36,19 @@ def test_pooled_sizes_hold_the_truth_if_scenes_differ_by_factors() -> None:
     true = 0.1 * float(np.exp(0.7**2))
     held = sum(size.low <= true <= size.high for size in sizes)  # type: ignore[operator]
     assert held >= 25  # of 30; with resampling alone they hold it in 75 % of runs
+
+
+def test_tracks_that_are_lost_do_not_make_the_others_grow() -> None:
+    """Tracks of small errors are lost first, so that those left have larger ones: no track's error grows."""
+    rng = np.random.default_rng(6)
+    scale = np.exp(0.5 * rng.standard_normal((12, 200, 1)))
+    errors = scale * white(rng, (12, 200, 16))
+    alive = np.ones(errors.shape, dtype=bool)
+    alive[..., 8:] = scale > 1
+    units = growth_units_of(errors, alive)
+    ages = Ages(np.arange(1.0, 16), np.ones(15, dtype=bool), 1)
+    fit, _ = growth_fits(units, ages, draws(12, n_draws=100), Method().by_bootstrap())
+    second = units.errors.sums[..., 1].sum(axis=0) / units.errors.sums[..., 0].sum(axis=0)
+    assert second[9] > 1.2 * second[0]
+    assert fit.ratio is not None
+    assert fit.ratio.value == pytest.approx(1.0, abs=0.05)

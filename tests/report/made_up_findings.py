@@ -165,7 +165,9 @@ def radii(curves: pl.DataFrame) -> pl.DataFrame:
 
 
 def time_structure(curves: pl.DataFrame) -> pl.DataFrame:
-    walk = {"white_px": 0.05, "walk_px_per_sqrt_frame": 0.09, "drift_px_per_frame": 0.0, "autocorrelation": -0.03}
+    walk = {"white_px": 0.05, "walk_px_per_sqrt_frame": 0.09, "drift_px_per_frame": 0.0}
+    walk = {**walk, **{f"{name}_geometric": value for name, value in walk.items()}}
+    walk |= {"autocorrelation": -0.03, "growth_ratio": 1.5}
     bounds = {
         f"{name}{end}": value + step
         for name, value in walk.items()
@@ -176,6 +178,9 @@ def time_structure(curves: pl.DataFrame) -> pl.DataFrame:
         n_ages=pl.lit(12),
         level=pl.lit(0.95),
         resampled=_resampled(TIME_STRUCTURE),
+        growth_from=pl.lit(1),
+        growth_to=pl.lit(10),
+        grows=pl.lit("yes", dtype=TIME_STRUCTURE["grows"]),
         verdict=pl.lit("random walk", dtype=TIME_STRUCTURE["verdict"]),
         why=pl.lit("random walk: 0.09 px per sqrt(frame)"),
     )

@@ -193,11 +193,7 @@ def _fits(data: RunData) -> pl.DataFrame:
     return data.nominal(data.time_structure).filter(pl.col("tracker").is_in(data.trackers), trimming=data.trimming)
 
 
-_HOW: Mapping[str, str] = {
-    Behaviour.white: "constant",
-    Behaviour.none: "no model fits",
-    Behaviour.undecided: "how is open",
-}
+_HOW: Mapping[str, str] = {Behaviour.white: "constant", Behaviour.none: "no model fits"}
 
 
 def growth_measure(subject: Subject) -> Measure | None:
@@ -213,7 +209,7 @@ def growth_measure(subject: Subject) -> Measure | None:
     row = about[axis]
     places = _from_to(subject.conditions, row)
     note = f"RMS in {axis} {places}, typical scene; {_kinds(rows)}"
-    change = f"the RMS in {axis} {places} grows {with_interval(shown)} times"
+    change = f"the RMS in {axis} grows {with_interval(shown)} times"
     errors = f"errors of {subject.tracker}"
     sentence = asked_sentence(verdict, f"{errors} grow with age", f"No growth of {errors} was found", change)
     sentence = sentence_case(sentence) if verdict == Verdict.yes else sentence
@@ -229,10 +225,17 @@ def _from_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
     return f"from {first} to {count(last, 'frame')} from the key frame"
 
 
+def kind_of_growth(row: Mapping[str, Any]) -> str:
+    """How errors grow, in a few words. `row`: of `TIME_STRUCTURE`."""
+    if row["verdict"] == Behaviour.undecided:
+        return "how is open" if _grows(row) == Verdict.yes else "undecided"
+    return _HOW.get(row["verdict"], row["verdict"])
+
+
 def _kinds(rows: list[dict[str, Any]]) -> str:
     named: dict[str, list[str]] = {}
     for row in rows:
-        named.setdefault(_HOW.get(row["verdict"], row["verdict"]), []).append(row["coordinate"])
+        named.setdefault(kind_of_growth(row), []).append(row["coordinate"])
     if len(named) == 1:
         return next(iter(named))
     return ", ".join(f"{name} in {listing(axes)}" for name, axes in named.items())

@@ -5,14 +5,13 @@ from typing import Any
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.growth_topic import growth_ratio, kind_of_growth
 from tracknoise.phrases.headline import ReportedConditions, curve_bounds, scalar_bounds, scale_estimate
 from tracknoise.phrases.measures import first, reported_conditions
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estimate, number
 
-_GROWTH = {"white": "constant", "none": "other"}
-"""Words for verdicts that need more than their name."""
 _METRICS = {
     "delta_avg": "position accuracy",
     "average_jaccard": "average Jaccard",
@@ -168,7 +167,10 @@ def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: 
 def _growth(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
     rows = conditions.of(data.time_structure, tracker).filter(trimming=data.trimming, coordinate=coordinate)
     row = first(rows)
-    return DASH if row is None else _GROWTH.get(row["verdict"], row["verdict"])
+    found = None if row is None else growth_ratio(row)
+    if row is None or found is None:
+        return DASH
+    return f"{format_estimate(found)} times; {kind_of_growth(row)}"
 
 
 def _outliers(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:

@@ -107,17 +107,20 @@ def coverage_of_heavy_scales(
     (points,) float64
         NaN where the tail is excluded, or costs no more than `TOLERATED`.
     """
+    there = ~np.isnan(own)
+    count = there.sum(axis=1)
+    enough = (np.minimum(n_units, count) >= MIN_SCENES) & ((own > 0) | ~there).all(axis=1)
+    logs = np.where(there, np.log(np.where(there & (own > 0), own, 1.0)), 0.0) / power
+    apart = np.where(there, logs - (logs.sum(axis=1) / np.maximum(count, 1))[:, None], 0.0)
+    second, third = ((apart**order).sum(axis=1) / np.maximum(count, 1) for order in (2, 3))
+    skewness = third / np.maximum(second, 1e-300) ** 1.5
+    spread = np.round(np.sqrt(second * count / np.maximum(count - 1, 1)) / _STEP).astype(np.intp)
+    asked = np.where(enough & (spread > 0), spread, 0)
     found = np.full(len(own), np.nan)
-    for place in np.flatnonzero(n_units >= MIN_SCENES):
-        values = own[place][~np.isnan(own[place])]
-        if len(values) < MIN_SCENES or not (values > 0).all():
-            continue
-        logs = np.log(values) / power
-        spread = round(float(logs.std(ddof=1)) / _STEP) * _STEP
-        n = rounded_count(float(n_units[place]), least=MIN_SCENES)
-        if spread >= _STEP:
-            covered, least_skewed = _covered_if_heavy(n, spread, power, level)
-            found[place] = np.nan if _skewness(logs) < least_skewed else covered
+    for n, steps in np.unique(np.stack([n_units, asked])[:, asked > 0], axis=1).T.tolist():
+        held, least_skewed = _covered_if_heavy(rounded_count(n, least=MIN_SCENES), steps * _STEP, power, level)
+        chosen = (n_units == n) & (asked == steps) & (skewness >= least_skewed)
+        found[chosen] = held
     return np.where(found < level - TOLERATED, found, np.nan)
 
 
@@ -168,24 +171,22 @@ def coverage_of_heavy_errors(
     pooled, geometric : (points,) float64
         Of means and of geometric means over scenes; NaN where tails are light or cost no more than `TOLERATED`.
     """
+    there = (n > 1) & (absolute > 0)
+    count = there.sum(axis=1)
+    enough = count >= MIN_SCENES
     found = np.full((2, len(second)), np.nan)
-    for place in range(len(second)):
-        there = (n[place] > 1) & (absolute[place] > 0)
-        if np.count_nonzero(there) < MIN_SCENES:
-            continue
-        ratio = float(np.mean(second[place][there] / absolute[place][there] ** 2))
-        scenes = min(rounded_count(float(np.count_nonzero(there)), least=MIN_SCENES), _MOST_SCENES)
-        errors = min(_ERRORS, key=lambda size: abs(math.log(size / np.median(n[place][there]))))
-        found[:, place] = _covered_if_tailed(scenes, errors, ratio, level)
-    return tuple(np.where(found < level - TOLERATED, found, np.nan))
-
-
-def _covered_if_tailed(scenes: int, errors: int, ratio: float, level: float) -> tuple[float, float]:
-    """What is covered with the degrees of freedom whose ratio is nearest."""
-    if ratio <= _tailed(scenes, errors, TAILS[-1], level)[2]:
-        return np.nan, np.nan
-    tails = (_tailed(scenes, errors, freedom, level) for freedom in TAILS)
-    pooled, typical, _ = min(tails, key=lambda one: abs(one[2] - ratio))
+    if not enough.any():
+        return found[0], found[1]
+    ratio = np.where(there, second / np.where(there, absolute, 1.0) ** 2, 0.0).sum(axis=1) / np.maximum(count, 1)
+    usual = np.exp(np.where(there, np.log(np.maximum(n, 1.0)), 0.0).sum(axis=1) / np.maximum(count, 1))
+    size = np.abs(np.log(usual[:, None] / np.array(_ERRORS))).argmin(axis=1)
+    for scenes, place in np.unique(np.stack([count, size])[:, enough], axis=1).T.tolist():
+        rounded = min(rounded_count(scenes, least=MIN_SCENES), _MOST_SCENES)
+        tails = np.array([_tailed(rounded, _ERRORS[place], freedom, level) for freedom in TAILS])
+        chosen = enough & (count == scenes) & (size == place) & (ratio > tails[-1, 2])
+        nearest = np.abs(ratio[chosen, None] - tails[:, 2]).argmin(axis=1)
+        found[:, chosen] = tails[nearest, :2].T
+    pooled, typical = np.where(found < level - TOLERATED, found, np.nan)
     return pooled, typical
 
 

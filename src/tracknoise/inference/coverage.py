@@ -113,7 +113,7 @@ def coverage_of_heavy_scales(
     logs = np.where(there, np.log(np.where(there & (own > 0), own, 1.0)), 0.0) / power
     apart = np.where(there, logs - (logs.sum(axis=1) / np.maximum(count, 1))[:, None], 0.0)
     second, third = ((apart**order).sum(axis=1) / np.maximum(count, 1) for order in (2, 3))
-    skewness = third / np.maximum(second, 1e-300) ** 1.5
+    skewness = np.where(second > 0, third, 0.0) / np.where(second > 0, second, 1.0) ** 1.5
     spread = np.round(np.sqrt(second * count / np.maximum(count - 1, 1)) / _STEP).astype(np.intp)
     asked = np.where(enough & (spread > 0), spread, 0)
     found = np.full(len(own), np.nan)
@@ -151,7 +151,7 @@ def _half_freedom(spread: float) -> float:
 def _skewness(logs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of the values of scenes (scenes, ...)."""
     apart = logs - logs.mean(axis=0)
-    return np.asarray((apart**3).mean(axis=0) / np.maximum((apart**2).mean(axis=0), 1e-300) ** 1.5)
+    return np.asarray((apart**3).mean(axis=0) / (apart**2).mean(axis=0) ** 1.5)
 
 
 def coverage_of_heavy_errors(

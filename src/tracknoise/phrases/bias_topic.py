@@ -47,11 +47,18 @@ def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
         conditions.trackers,
         lambda tracker: _bias_of(tables, conditions, tracker),
         opening=f"Bias {conditions.where(tables['summary'])}.",
-        closing="Tests and their 95\N{NO-BREAK SPACE}% intervals are for u and v together, and weight scenes equally.",
+        closing=_closing(conditions.reported(tables["zero_mean"])),
         topic="bias",
         figure="error-by-tracker",
         table="zero_mean",
     )
+
+
+def _closing(rows: pl.DataFrame) -> str:
+    """What intervals and tests are about."""
+    if rows["sign_flip_p"].null_count() == rows.height:
+        return "Intervals are for one coordinate alone; scenes weigh equally."
+    return "Tests and their 95\N{NO-BREAK SPACE}% intervals are for u and v together; scenes weigh equally."
 
 
 def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
@@ -157,7 +164,8 @@ def bias_measure(subject: Subject) -> Measure | None:
     means = in_u_and_v([Estimate(there[f"mean_{axis}_px"], unit="px") for axis in "uv"])
     notes = [f"length of the mean error {place}: {means}"]
     notes += ["errors of the truth can cause it"] if covered else []
-    notes += [f"not tested: {there['why']}"] if there["sign_flip_p"] is None and there["why"] else []
+    why = str(there["why"] or "").partition(";")[0]
+    notes += [f"not tested: {why}"] if there["sign_flip_p"] is None and why else []
     wider = "" if covered else _wider(subject, verdict, overall)
     notes += [wider] if wider else []
     sentence = _bias_sentence(subject, there, verdict, shown, covered=covered, wider=wider)
@@ -178,7 +186,7 @@ def _wider(subject: Subject, verdict: Verdict, overall: Mapping[str, Any]) -> st
     p = overall["sign_flip_p_family"]
     if p is None or overall["verdict"] == verdict:
         return ""
-    where = f"over all {subject.conditions.axis}s together"
+    where = f"over all {subject.conditions.axis}s and conditions together"
     found = "the mean is not zero" if overall["verdict"] == Verdict.yes else "this is not established"
     return f"{where} {found} ({chance(p)})"
 
@@ -190,7 +198,7 @@ def _bias_sentence(
     tracker, place = subject.tracker, subject.conditions.place(there["at"])
     size = f"its mean error is {with_interval(shown)}"
     if there["sign_flip_p"] is None:
-        return f"The mean error of {tracker} is {shown.text} {place}; whether it is biased in other scenes is unknown."
+        return f"The mean error of {tracker} is {shown.text} {place}; a bias in other scenes was not tested."
     if covered:
         return f"It is undecided whether {tracker} is biased; {size}, which errors of the truth can cause."
     if wider and verdict == Verdict.yes:

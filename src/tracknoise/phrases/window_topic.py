@@ -239,6 +239,8 @@ def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     """Quantities of the windows that sentences are about, by name; none where points are fitted to whole tracks."""
     conditions = reported_conditions(data, data.slowest)
     length = None if data.truth_is_fitted else shown_window(data.window_sigmas, conditions)
+    if length is None:
+        return {}
     rows = conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length)
     found = {row["quantity"]: row for row in rows.to_dicts()}
     shares = found.get("depth_share")

@@ -65,11 +65,9 @@ def _card(data: ReportData, tracker: str, shown: tuple[str, str]) -> Card:
 
 
 def _limited(subject: Subject, one: Measure) -> Measure:
-    """A measure that says where it holds for these scenes only."""
-    if not subject.limits:
-        return one
-    blocks = "blocks of tracks " if one.number.interval else ""
-    return replace(one, sentence=subject.said(one.sentence), note=f"{one.note}; {blocks}{subject.limits}")
+    """A measure that says where it holds for these scenes only, and its interval is from blocks of tracks."""
+    blocks = f"; blocks of tracks {subject.limits}" if subject.limits and one.number.interval else ""
+    return replace(one, sentence=subject.said(one.sentence), note=f"{one.note}{blocks}")
 
 
 def _size(card: Card) -> Measure | None:

@@ -136,7 +136,7 @@ def scenes_counted(column: str) -> pl.Expr:
 
 
 def these_scenes(n: int) -> str:
-    """Write what a number of few scenes holds for: ``in this scene``, ``in these 3 scenes``."""
+    """Write where sentences hold, with few scenes: ``in this scene``, ``in these 3 scenes``."""
     return "in this scene" if n == 1 else f"in these {count(n, 'scene')}"
 
 

@@ -93,7 +93,7 @@ def _trimming_message(data: ReportData) -> str:
     before, after, rms = rows[Trimming.untrimmed], rows[Trimming.trimmed], rms_of_tracks(Trimming.untrimmed)
     if not apart(before, after, "u"):
         return ""
-    return f"Trimming lowers the {rms} of {data.trackers[0]} in u from {px(before['u'])} to {px(after['u'])}"
+    return f"Trimming lowers {rms} of {data.trackers[0]} in u from {px(before['u'])} to {px(after['u'])}"
 
 
 def _curve_figure(

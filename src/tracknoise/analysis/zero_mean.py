@@ -217,10 +217,11 @@ def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> list[pl.DataFrame]:
 
 def _judged(rows: pl.DataFrame) -> pl.DataFrame:
     """Rows with the verdict, and the reason; that of all ages together has one already."""
-    p, alone = pl.col("sign_flip_p_family"), pl.col("sign_flip_p_adjusted")
+    p, of_ages, own = (pl.col(name) for name in ("sign_flip_p_family", "sign_flip_p_adjusted", "sign_flip_p"))
     differs = (p <= ALPHA).fill_null(value=False)
     few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
-    others = pl.when(alone <= ALPHA).then(pl.lit(f"{_CHANCE} in one of the conditions that were asked"))
+    others = pl.when(of_ages <= ALPHA).then(pl.lit(f"{_CHANCE} in one of the conditions that were asked"))
+    others = others.when(own <= ALPHA).then(pl.lit(f"{_CHANCE} at one of the ages that were asked"))
     why = pl.when(~differs).then(pl.coalesce(others, pl.lit(_CHANCE)))
     untested = pl.when(p.is_null()).then(pl.lit(_FEW_GROUPS))
     limits = pl.when("within").then(pl.lit("; for these groups of scenes only")).otherwise(pl.lit(""))

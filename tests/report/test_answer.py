@@ -136,6 +136,19 @@ def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunF
         assert statement.section in sections
 
 
+@pytest.mark.parametrize(("n_scenes", "opening"), [(1, "In this scene, "), (5, "In these scenes, "), (8, "")])
+def test_sentences_on_few_scenes_say_that_they_hold_for_these(data: ReportData, n_scenes: int, opening: str) -> None:
+    """So do notes beside intervals, which are then from blocks of tracks."""
+    summary = data.summary.with_columns(n_scenes=pl.lit(n_scenes, dtype=data.summary.schema["n_scenes"]))
+    kind = pl.lit("blocks" if n_scenes < 6 else "scenes", dtype=data.intervals.schema["resampled"])
+    few = dataclasses.replace(data, summary=summary, intervals=data.intervals.with_columns(resampled=kind))
+    for one in (one for found in summarise(few).cards for one in found.measures):
+        assert one.sentence.startswith(opening or "In th") is bool(opening)
+        assert ("blocks of tracks in th" in one.note) is (bool(opening) and bool(one.number.interval))
+    named = {one.topic: one.statements[0].text for one in summarise(few).findings}
+    assert all(named[topic].startswith("In th") is bool(opening) for topic in ("ratios", "pose errors", "noise"))
+
+
 def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
     """Their number is that of one row of a table, which says of which tracker, and of which coordinate."""
     found = {one.topic: one.statements[0].text for one in summarise(data).findings}
@@ -143,8 +156,8 @@ def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
     assert found["pose errors"].endswith(f" of the second moment of {first}.")
     pairs = data.nominal(data.tracker_differences).filter("established")
     row = data.in_order(pairs).row(0, named=True)
-    expected = f"At the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
-    assert found["differences"].startswith(expected)
+    expected = f"at the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
+    assert found["differences"].startswith(f"In these scenes, {expected}")
     assert found["differences"].endswith(" in u.")
 
 

@@ -198,7 +198,8 @@ def _bias_sentence(
     tracker, place = subject.tracker, subject.conditions.place(there["at"])
     size = f"its mean error is {with_interval(shown)}"
     if there["sign_flip_p"] is None:
-        return f"The mean error of {tracker} is {shown.text} {place}; a bias in other scenes was not tested."
+        rest = "errors of the truth can cause it" if covered else "a bias in other scenes was not tested"
+        return f"The mean error of {tracker} is {shown.text} {place}; {rest}."
     if covered:
         return f"It is undecided whether {tracker} is biased; {size}, which errors of the truth can cause."
     if wider and verdict == Verdict.yes:

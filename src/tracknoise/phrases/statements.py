@@ -20,7 +20,7 @@ _MEASURES = {
 """Topics whose sentences are those of the cards, and the names of the measures."""
 
 
-_SIZES = ("ratios", "survivorship")
+_NUMBERS = ("ratios", "survivorship", "pose errors", "differences", "depth edges")
 """Topics whose sentences are numbers of the measured scenes."""
 
 
@@ -51,6 +51,6 @@ def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> lis
         return [*first, *([(text, row["figure"])] if (text := answers_counted(data)) else [])]
     if row["topic"] == "depth" and (sentences := [*filter(None, (depth_sentence(data, one) for one in data.trackers))]):
         return [(text, row["figure"]) for text in sentences]
-    if row["topic"] in _SIZES and data.trackers:
+    if row["topic"] in _NUMBERS and data.trackers:
         return [(Subject(data, data.trackers[0]).said(row["brief"]), row["figure"])]
     return [(row["brief"] or f"This run has a finding about {row['topic']}.", row["figure"])]

@@ -75,7 +75,7 @@ def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
         f"{conditions.opening_distance(rows['age'][0])}, {format_estimate(own)} of the second moment of {tracker} is a "
         "motion of the camera that the stated poses do not have."
     )
-    brief = f"A motion that the stated poses do not have is {short(own)} of the second moment of {tracker}."
+    brief = f"A motion that the stated poses lack is {short(own)} of the second moment of {tracker}."
     if others is None:
         unconfirmed = "No other tracker can confirm it, so that a motion common to all features may be its own."
         return Part(f"{text} {unconfirmed}", [own], brief)

@@ -13,6 +13,7 @@ Then six conditions of the same scenes are asked at once, whose scene means have
 them is called different from zero, with the p-value of each condition alone, and with that of the family. Last come
 scenes in groups, whose means have a correlation of 0.8: with every scene taken for independent, and with the groups
 given.
+How often the bounds of the mean at one age hold the true means of both coordinates is printed at the end.
 """
 
 import argparse
@@ -20,7 +21,7 @@ import argparse
 import numpy as np
 from scipy import stats
 
-from tracknoise.analysis.zero_mean import ALPHA
+from tracknoise.analysis.mean_regions import ALPHA, mean_bounds
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.sign_flips import Chance, family_p, flip_test
 from tracknoise.inference.units import MIN_SCENES
@@ -97,6 +98,17 @@ def in_groups(rng: np.random.Generator, groups: int, each: int, runs: int) -> tu
     return tuple(rejected / runs)
 
 
+def held(rng: np.random.Generator, shape: str, n_scenes: int, bias: float, runs: int) -> float:
+    """Share of runs in which the bounds at one age hold the true means of u and of v, with a bias in u."""
+    chance = Chance.of([str(scene) for scene in range(n_scenes)])
+    true, both = np.array([bias, 0.0]), 0
+    for _ in range(runs):
+        bounds = mean_bounds((true + steps(rng, shape, (n_scenes, 2)))[:, None], chance)
+        low, high = (np.array([bounds[f"mean_{axis}_{end}_px"][0] for axis in "uv"]) for end in ("low", "high"))
+        both += bool(((low <= true) & (true <= high)).all())
+    return both / runs
+
+
 def power(rng: np.random.Generator, n_scenes: int, bias: float, runs: int) -> tuple[float, float, float]:
     """Of Hotelling's test, of flips and of theory, with a bias in standard deviations of scene means."""
     batches = -(-runs // 500)  # runs stand in the place of ages
@@ -143,6 +155,12 @@ def main() -> None:
     for groups, each in GROUPS:
         independent, grouped = in_groups(rng, groups, each, runs)
         print(f"{groups:>4} groups of {each}   {independent:.1%}   {grouped:.1%}", flush=True)
+    print(f"\nbounds at one age that hold the true means of u and v, {runs} runs: no bias, one of 3 sd")
+    rng = np.random.default_rng([arguments.seed, 1])
+    for n_scenes in arguments.scenes:
+        for shape in SHAPES:
+            none, large = (held(rng, shape, n_scenes, bias, runs) for bias in (0.0, 3.0))
+            print(f"{n_scenes:>4} scenes, {shape:<11}   {none:.1%}   {large:.1%}", flush=True)
 
 
 if __name__ == "__main__":

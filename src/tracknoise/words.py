@@ -13,7 +13,7 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import Resampled
-from tracknoise.tables.enumerations import Axis, Shape
+from tracknoise.tables.enumerations import Axis, Shape, Trimming
 from tracknoise.text import plural
 
 SELF_REFERENTIAL = (
@@ -49,6 +49,11 @@ STATISTICS: Mapping[str, str] = {
     "outlier_ratio": "outlier ratio",
 }
 """Name of each statistic that a factor may affect, by its role."""
+
+RMS_OF_SCENE = "RMS of a typical scene"
+"""Geometric mean over scenes of each scene's own root mean square error."""
+_RMS_OF_TRACKS = {Trimming.untrimmed: "RMS over all tracks", Trimming.trimmed: "RMS over the kept tracks"}
+
 
 _RESAMPLED: Mapping[str, str] = {
     Resampled.scenes: "over {}",
@@ -130,6 +135,11 @@ def scenes_counted(column: str) -> pl.Expr:
     return pl.format("{} {}", column, noun)
 
 
+def these_scenes(n: int) -> str:
+    """Write where sentences hold, with few scenes: ``in this scene``, ``in these 3 scenes``."""
+    return "in this scene" if n == 1 else f"in these {count(n, 'scene')}"
+
+
 def sentence_case(text: str) -> str:
     """Write the first letter as a capital, and the rest as it is."""
     return f"{text[:1].upper()}{text[1:]}"
@@ -139,6 +149,17 @@ def listing(items: Iterable[str], *, joint: str = "and") -> str:
     """Join items as prose does: ``a``, ``a and b``, ``a, b and c``."""
     parts: Sequence[str] = list(items)
     return f" {joint} ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
+
+
+def rms_of_tracks(trimming: str) -> str:
+    """What the root mean square error of the features of all scenes together is called: ``RMS over all tracks``.
+
+    Parameters
+    ----------
+    trimming
+        Whether the tracks are those that trimming keeps.
+    """
+    return _RMS_OF_TRACKS[Trimming(trimming)]
 
 
 def place(axis: str, since: int) -> str:

@@ -3,7 +3,7 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from tracknoise.analysis.zero_mean import zero_mean
+from tracknoise.analysis.zero_mean import verdict_at, zero_mean
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.curves import curves
 from tracknoise.tables.schema import MOMENTS
@@ -59,6 +59,22 @@ def test_a_bias_is_found_at_its_ages_and_overall():
     assert overall["why"].startswith("strongest evidence at age ")
     strongest = ages.row(by_predicate=pl.col("at") == int(overall["why"].split()[-1]), named=True)
     assert strongest["effect_px"] == overall["effect_px"]
+
+
+def test_bounds_of_an_age_exclude_zero_where_its_own_test_does_and_an_undecided_row_says_why():
+    """The verdict of a row allows for all ages and conditions, which is a wider claim than the bounds are about."""
+    means = scene_means(np.random.default_rng(5), 20, 12, bias=0.6)
+    rows = found_in(means).to_dicts()
+    assert rows[0]["at"] is None
+    assert rows[0]["effect_low_px"] is None
+    excluded = [row for row in rows[1:] if row["effect_low_px"] > 0]
+    assert excluded
+    for row in rows[1:]:
+        assert (row["effect_low_px"] > 0) is (row["sign_flip_p"] <= 0.05) is (verdict_at(row) == "yes")
+        assert row["mean_u_low_px"] < row["mean_u_px"] < row["mean_u_high_px"]
+    undecided = [row["why"] for row in excluded if row["verdict"] == "undecided"]
+    assert undecided
+    assert all(why.endswith("that were asked") for why in undecided)
 
 
 def test_effects_are_lengths_of_the_mean_over_scenes():

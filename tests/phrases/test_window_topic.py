@@ -95,6 +95,19 @@ def test_the_longest_window_up_to_15_that_shows_depth_often_enough_is_taken() ->
     assert "set 0.110 px (0.100 to 0.120) for windows of 10 frames" in found
 
 
+def test_all_trackers_are_described_by_windows_of_one_length() -> None:
+    both = replace(SCOPE, trackers=("lk", "sift"))
+    short = windows(DRIFTING, tracker="sift", window=5)
+    long = pl.concat([windows(DRIFTING, window=length) for length in (5, 10, 15)])
+    found = text(pl.concat([long, short]), both)
+    assert found.count("for windows of 5 frames") == 2
+    assert "windows of 15" not in found
+    without = windows({**DRIFTING, "depth_share": (0.0, 0.0, 0.0)}, tracker="sift", window=5)
+    found = text(pl.concat([long, without]), both)
+    assert "lk: set 0.200 px (0.170 to 0.230) for windows of 15 frames." in found
+    assert "sift: too few windows of 15 frames show the depth of a point." in found
+
+
 def test_without_depth_only_residuals_are_known() -> None:
     rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)})
     assert "lk: residuals in windows of 15 frames look like 0.040 px (0.035 to 0.045)." in text(rare)

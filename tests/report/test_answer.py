@@ -43,8 +43,17 @@ def data(run: RunFolder) -> ReportData:
 
 
 def compared(data: ReportData, verdict: str) -> ReportData:
-    """The run with eight scenes, of which the paired comparison has a verdict."""
-    return dataclasses.replace(data, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
+    """The run with eight scenes, of which the paired comparison has a verdict, and in which all RMS are the same."""
+    alike = with_rms(data, **dict.fromkeys(data.trackers, 1.0))
+    return dataclasses.replace(alike, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
+
+
+def with_rms(data: ReportData, **sizes: float) -> ReportData:
+    """The run with other RMS over its tracks."""
+    rms = pl.col("tracker").replace_strict(sizes, return_dtype=pl.Float64)
+    return dataclasses.replace(
+        data, summary=data.summary.with_columns(rms.alias(f"trimmed_rms_{axis}_px") for axis in "uv")
+    )
 
 
 def card(summary: Summary, tracker: str) -> Card:
@@ -64,11 +73,37 @@ def test_every_tracker_has_a_card_with_every_measure(data: ReportData) -> None:
         assert one.colour == data.colour[one.tracker]
 
 
-def test_the_error_is_the_larger_coordinate_of_the_summary(data: ReportData) -> None:
-    row = data.nominal(data.summary).filter(tracker="correspondence").row(0, named=True)
-    size = "core" if data.nominal(data.summary)["trimmed_core_u_px"].null_count() == 0 else "rms"
-    expected = max(row[f"trimmed_{size}_u_px"], row[f"trimmed_{size}_v_px"])
-    assert measure(summarise(data), "correspondence", "error").number.value == expected
+@pytest.mark.parametrize("axis", ["u", "v"])
+def test_errors_of_all_trackers_are_those_of_one_coordinate(data: ReportData, axis: str) -> None:
+    """The larger one of the first tracker, whichever is the larger one of the others."""
+    first = pl.col("tracker") == data.trackers[0]
+    own, other = (pl.when(first).then(size).otherwise(3.0 - size) for size in (2.0, 1.0))
+    rest = "v" if axis == "u" else "u"
+    sizes = {f"trimmed_core_{axis}_px": own, f"trimmed_core_{rest}_px": other}
+    cards = summarise(dataclasses.replace(data, summary=data.summary.with_columns(**sizes))).cards
+    assert [one.measures[0].number.value for one in cards] == [2.0, 1.0]
+    assert {one.measures[0].note.partition(" at age")[0] for one in cards} == {f"core error in {axis}"}
+
+
+def test_a_tracker_without_errors_at_the_shared_age_says_so(data: ReportData) -> None:
+    gone = pl.col("tracker") == "correspondence"
+    nothing = {name: pl.when(~gone).then(pl.col(name)).alias(name) for name in data.summary.columns if name == "at"}
+    found = summarise(dataclasses.replace(data, summary=data.summary.with_columns(**nothing)))
+    assert measure(found, "correspondence", "error").sentence.endswith(
+        "the error of correspondence is unknown at age 10: too few features."
+    )
+    assert measure(found, "lucas-kanade", "error").number.value is not None
+
+
+def test_lifetimes_are_all_medians_or_all_means(data: ReportData) -> None:
+    alive = pl.when(pl.col("tracker") != "lucas-kanade").then(pl.col("median_lifetime"))
+    mean = data.summary.with_columns(
+        median_lifetime=alive, restricted_mean_lifetime=pl.lit(7.5), restricted_to=pl.lit(20, dtype=pl.Int32)
+    ).cast(data.summary.schema)
+    found = summarise(dataclasses.replace(data, summary=mean))
+    notes = [measure(found, tracker, "lifetime").note for tracker in data.trackers]
+    assert all(note.startswith("mean up to 20 frames") for note in notes)
+    assert measure(found, "lucas-kanade", "lifetime").number.value == 7.5
 
 
 def test_all_trackers_are_compared_by_the_same_size(data: ReportData) -> None:
@@ -77,7 +112,7 @@ def test_all_trackers_are_compared_by_the_same_size(data: ReportData) -> None:
     without = [pl.when(~one).then(pl.col(f"trimmed_core_{axis}_px")).alias(f"trimmed_core_{axis}_px") for axis in "uv"]
     turned = dataclasses.replace(data, summary=data.summary.with_columns(without))
     notes = [measure(summarise(turned), tracker, "error").note for tracker in data.trackers]
-    assert all(note.startswith("RMS error") for note in notes)
+    assert all(note.startswith("RMS over the kept tracks") for note in notes)
 
 
 def test_intervals_are_those_of_the_table(data: ReportData) -> None:
@@ -101,6 +136,19 @@ def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunF
         assert statement.section in sections
 
 
+@pytest.mark.parametrize(("n_scenes", "opening"), [(1, "In this scene, "), (5, "In these scenes, "), (8, "")])
+def test_sentences_on_few_scenes_say_that_they_hold_for_these(data: ReportData, n_scenes: int, opening: str) -> None:
+    """So do notes beside intervals, which are then from blocks of tracks."""
+    summary = data.summary.with_columns(n_scenes=pl.lit(n_scenes, dtype=data.summary.schema["n_scenes"]))
+    kind = pl.lit("blocks" if n_scenes < 6 else "scenes", dtype=data.intervals.schema["resampled"])
+    few = dataclasses.replace(data, summary=summary, intervals=data.intervals.with_columns(resampled=kind))
+    for one in (one for found in summarise(few).cards for one in found.measures):
+        assert one.sentence.startswith(opening or "In th") is bool(opening)
+        assert ("blocks of tracks in th" in one.note) is (bool(opening) and bool(one.number.interval))
+    named = {one.topic: one.statements[0].text for one in summarise(few).findings}
+    assert all(named[topic].startswith("In th") is bool(opening) for topic in ("ratios", "pose errors", "noise"))
+
+
 def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
     """Their number is that of one row of a table, which says of which tracker, and of which coordinate."""
     found = {one.topic: one.statements[0].text for one in summarise(data).findings}
@@ -108,8 +156,8 @@ def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
     assert found["pose errors"].endswith(f" of the second moment of {first}.")
     pairs = data.nominal(data.tracker_differences).filter("established")
     row = data.in_order(pairs).row(0, named=True)
-    expected = f"At the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
-    assert found["differences"].startswith(expected)
+    expected = f"at the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
+    assert found["differences"].startswith(f"In these scenes, {expected}")
     assert found["differences"].endswith(" in u.")
 
 
@@ -132,6 +180,38 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
     assert undecided.accuracy.text.startswith("It is undecided which is more accurate")
     assert measure(undecided, row["better"], "error").answer.verdict == "undecided"
     assert "equally accurate" in summarise(compared(data, "no")).accuracy.text
+
+
+@pytest.mark.parametrize(
+    ("verdict", "expected"),
+    [
+        (
+            "yes",
+            "Typical error: {a} is better than {b} by 1.50 times (1.20 to 1.90) in the core; large errors make its ",
+        ),
+        ("undecided", "Undecided: the core error of {b} is 1.50 times that of {a} (1.20 to 1.90), but its "),
+        ("no", "Typical error: {x} and {y} are equal within a factor of 1.10; large errors make the "),
+    ],
+)
+def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: str, expected: str) -> None:
+    row = compared(data, "yes").dependence.filter(factor="tracker", statistic="core").row(0, named=True)
+    names = {"a": row["better"], "b": next(name for name in data.trackers if name != row["better"])}
+    names |= {"x": row["level_a"], "y": row["level_b"]}
+    turned = with_rms(compared(data, verdict), **{names["a"]: 2.0, names["b"]: 1.0})
+    text = summarise(turned).accuracy.text
+    assert text.startswith(expected.format(**names))
+    end = {"yes": "larger", "undecided": "is smaller", "no": f"of {names['a']} 2.0 times as large"}[verdict]
+    assert text.endswith(f"RMS over the kept tracks {end}.")
+
+
+def test_of_one_scene_the_disagreement_is_told_too(data: ReportData) -> None:
+    bare = dataclasses.replace(data, dependence=data.dependence.clear())
+    sizes = {one.tracker: one.measures[0].number.value for one in summarise(bare).cards}
+    low = min(sizes, key=sizes.__getitem__)
+    turned = with_rms(bare, **{name: 2.0 if name == low else 1.0 for name in sizes})
+    assert summarise(turned).accuracy.text.endswith(f" that of {low}, but its RMS over the kept tracks is smaller.")
+    agreed = with_rms(bare, **{name: 1.0 if name == low else 2.0 for name in sizes})
+    assert "RMS" not in summarise(agreed).accuracy.text
 
 
 def test_a_tracker_that_is_better_at_one_age_is_not_more_accurate(data: ReportData) -> None:
@@ -166,7 +246,60 @@ def test_a_bias_is_undecided_with_two_scenes(data: ReportData) -> None:
     found = measure(summarise(data), "lucas-kanade", "bias")
     assert found.answer.verdict == "undecided"
     assert found.reference == 0.0
-    assert found.sentence.startswith("It is undecided whether lucas-kanade is biased; its mean error in ")
+    assert found.sentence.startswith("In these scenes, the mean error of lucas-kanade is ")
+    assert found.sentence.endswith("px at age 10; a bias in other scenes was not tested.")
+    assert found.number.interval == ""
+
+
+def with_tests(data: ReportData, *, own: float, family: float, low: float) -> ReportData:
+    """The run with tests of the mean: at each age alone, and of all conditions together."""
+    kinds = data.zero_mean.schema
+    verdict = pl.lit("yes" if family <= 0.05 else "undecided", dtype=kinds["verdict"])
+    values = {"effect_px": 0.3, "effect_low_px": low, "effect_high_px": 0.6, "sign_flip_p": own}
+    table = data.zero_mean.with_columns(verdict=verdict, sign_flip_p_family=pl.lit(family), why=None, **values)
+    return dataclasses.replace(data, zero_mean=table.cast(dict(kinds)))
+
+
+@pytest.mark.parametrize(
+    ("own", "family", "verdict", "sentence"),
+    [
+        (0.01, 0.02, "yes", "lucas-kanade is biased; its mean error is 0.300 px (0.100 to 0.600)."),
+        (
+            0.01,
+            0.2,
+            "yes",
+            "at age 10, lucas-kanade is biased by 0.300 px; over all ages and conditions together this is not "
+            "established (p = 0.2).",
+        ),
+        (0.2, 0.3, "undecided", "it is undecided whether lucas-kanade is biased; its mean error is 0.300 px (0 to 0.6"),
+        (
+            0.2,
+            0.02,
+            "undecided",
+            "at age 10 alone no bias of lucas-kanade is shown; over all ages and conditions together the mean is not "
+            "zero (p = 0.02).",
+        ),
+    ],
+)
+def test_the_interval_of_a_bias_is_that_of_its_verdict(
+    data: ReportData, own: float, family: float, verdict: str, sentence: str
+) -> None:
+    low = 0.1 if own <= 0.05 else 0.0
+    found = measure(summarise(with_tests(data, own=own, family=family, low=low)), "lucas-kanade", "bias")
+    assert found.answer.verdict == verdict
+    assert (found.number.low, found.number.high) == (low, 0.6)
+    assert found.sentence.replace(SPACE, " ").removeprefix("In these scenes, ").startswith(sentence)
+    assert ("conditions together" in found.note) is ("conditions together" in sentence)
+
+
+def test_a_bias_that_errors_of_the_truth_can_cause_is_undecided_and_says_why(data: ReportData) -> None:
+    shown = with_tests(data, own=0.01, family=0.02, low=0.1)
+    floor = {f"floor_mean_{axis}_px": pl.lit(9.0) for axis in "uv"}
+    covered = dataclasses.replace(shown, summary=shown.summary.with_columns(**floor))
+    found = measure(summarise(covered), "lucas-kanade", "bias")
+    assert found.answer.verdict == "undecided"
+    assert found.sentence.endswith(" (0.100 to 0.600), which errors of the truth can cause.")
+    assert "errors of the truth can cause it" in found.note
 
 
 def fitted(data: ReportData, coordinate: str, **columns: object) -> ReportData:
@@ -199,7 +332,7 @@ def test_whether_errors_grow_and_how_are_two_answers(data: ReportData, grows: st
         turned = fitted(turned, axis, grows=grows, verdict=kind)
     found = measure(summarise(turned), "lucas-kanade", "growth")
     assert found.answer.verdict == grows
-    assert found.note.endswith(f"; {word}")
+    assert f"; {word}; blocks of tracks in these scenes" in found.note
 
 
 def test_growth_within_the_errors_of_the_truth_is_undecided(data: ReportData) -> None:
@@ -249,7 +382,7 @@ def test_the_errors_of_the_truth_are_those_of_a_tracker_at_an_age_and_no_larger_
     data: ReportData,
 ) -> None:
     text = summarise(with_floor(faultless(data), 4.0)).truth.text
-    found = re.search(r"can cause ([\d.]+) of the ([\d.]+) px RMS error of (.+) at age (\d+)\.", text)
+    found = re.search(r"can cause ([\d.]+) of the ([\d.]+) px RMS over the kept tracks of (.+) at age (\d+)\.", text)
     assert found is not None
     floor_px, error_px, tracker, age = found.groups()
     assert floor_px == error_px
@@ -332,12 +465,24 @@ def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) 
 
 
 def test_the_sigma_to_set_is_that_of_windows_of_fifteen(data: ReportData) -> None:
-    expected = "Set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
+    expected = "In these scenes, set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
     assert card(summarise(data), "lucas-kanade").sigma == expected
     short_ones = dataclasses.replace(data, window_sigmas=data.window_sigmas.filter(pl.col("window") < 15))
     assert "windows of 10 frames" in card(summarise(short_ones), "lucas-kanade").sigma
     none = dataclasses.replace(data, window_sigmas=data.window_sigmas.clear())
     assert card(summarise(none), "lucas-kanade").sigma == ""
+
+
+def test_the_sigmas_of_all_trackers_are_those_of_windows_of_one_length(data: ReportData) -> None:
+    short = (pl.col("tracker") == "correspondence") & (pl.col("window") > 5)
+    made = dataclasses.replace(data, window_sigmas=data.window_sigmas.filter(~short))
+    assert all("windows of 5 frames" in one.sigma for one in summarise(made).cards)
+    residuals = (pl.col("tracker") == "correspondence") & (pl.col("quantity") != "residual_core")
+    made = dataclasses.replace(data, window_sigmas=data.window_sigmas.filter(~residuals))
+    assert "windows of 15 frames" in card(summarise(made), "lucas-kanade").sigma
+    assert card(summarise(made), "correspondence").sigma.endswith(
+        "what to set is unknown: too few windows of 15 frames show the depth of a point."
+    )
 
 
 def test_the_sigma_to_set_may_be_that_of_the_truth(data: ReportData) -> None:
@@ -357,7 +502,7 @@ def test_the_sigma_to_set_is_not_that_of_a_few_windows(data: ReportData) -> None
 def test_the_finding_about_estimators_names_each_tracker_and_leads_to_its_section(data: ReportData) -> None:
     (found,) = (one for one in summarise(data).findings if one.topic == "estimator")
     assert [one.section for one in found.statements] == ["estimator"] * len(data.trackers)
-    expected = "lucas-kanade: set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
+    expected = "lucas-kanade: in these scenes, set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
     assert expected in [one.text for one in found.statements]
 
 

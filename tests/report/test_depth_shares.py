@@ -38,6 +38,13 @@ def test_shares_are_those_of_the_longest_window_with_enough_tracks(data: ReportD
     assert depth_shares(dataclasses.replace(data, depth_intervals=table))["window"].unique().to_list() == [10]
 
 
+def test_shares_of_all_trackers_are_those_of_one_window(data: ReportData) -> None:
+    short = without(data, (pl.col("tracker") != "correspondence") | (pl.col("window") == 5))
+    found = depth_shares(short)
+    assert found["window"].unique().to_list() == [5]
+    assert set(found["tracker"]) == set(data.trackers)
+
+
 def test_a_sentence_compares_both_sigmas(data: ReportData) -> None:
     assert plain(depth_sentence(data, "lucas-kanade")) == SENTENCE
     assert depth_sentence(without(data, pl.col("covariance") != "consistent sigma"), "lucas-kanade") == ""

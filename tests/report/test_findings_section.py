@@ -59,7 +59,7 @@ def test_verdicts_quote_the_tables(data: ReportData) -> None:
     low, high = (pixels(interval[end] ** 0.5) for end in ("low", "high"))
     assert cells.rows[1][3] == pixels(summary["trimmed_core_u_px"])
     assert cells.rows[1][5] == f"{pixels(summary['trimmed_rms_u_px'])} ({low} to {high})"
-    assert cells.rows[1][7] == "no (p = 0.024)"
+    assert cells.rows[1][7] == "no (p = 0.012)"
     assert cells.rows[1][8:12] == ["light-tailed", "heavy-tailed", *["1.50 (1.48 to 1.52) times; random walk"] * 2]
     assert cells.rows[1][12].startswith(percent(summary["outlier_ratio"]))
 

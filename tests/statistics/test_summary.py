@@ -57,6 +57,17 @@ def test_the_reference_age_is_not_cut_trimmed_or_untrimmed(by_age) -> None:
     assert summarise(by_age(ages, kept=kept, min_features=3))["at"] == 1
 
 
+def test_the_reference_age_is_one_that_all_trackers_have(by_age) -> None:
+    long, short, none = (by_age(ages, tracker=name) for name, ages in (("a", [1, 2, 3, 4]), ("b", [1, 2]), ("c", [9])))
+    rows = summary(pl.concat([long, short]), empty(LIFETIMES), empty(OUTLIERS)).to_dicts()
+    assert [row["at"] for row in rows] == [2, 2]
+    faster = long.with_columns(speed=pl.lit(2, dtype=CURVES["speed"]))
+    rows = summary(pl.concat([long, short, faster]), empty(LIFETIMES), empty(OUTLIERS)).to_dicts()
+    assert [(row["tracker"], row["speed"], row["at"]) for row in rows] == [("a", 1, 2), ("a", 2, 4), ("b", 1, 2)]
+    rows = summary(pl.concat([long, short, none]), empty(LIFETIMES), empty(OUTLIERS)).to_dicts()
+    assert [row["at"] for row in rows] == [2, 2, None]  # the third is not compared
+
+
 def test_an_age_that_trimming_emptied_is_not_used(by_age) -> None:
     assert summarise(by_age([1, 2], kept=[True, False]))["at"] == 1
 

@@ -6,6 +6,9 @@ this test rejects most true zeros.
 
 Many conditions are asked at once. The verdict therefore allows for all of a dataset: it is `yes` if the evidence is
 larger than the largest that flips of the same scenes lead to in any condition, at any age.
+
+An age that is chosen beforehand has a verdict of its own (`verdict_at`), and bounds that agree with it
+(`tracknoise.analysis.mean_regions`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +19,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.analysis.mean_regions import ALPHA, BOUNDS, mean_bounds
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.sign_flips import Chance, FlipTest, family_p, flip_test
 from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, Resampled, SceneGroups
@@ -34,8 +38,6 @@ from tracknoise.tables.findings_schema import ZERO_MEAN
 from tracknoise.tables.schema import CURVES, MOMENTS, check, empty
 from tracknoise.words import scenes_counted
 
-ALPHA = 0.05
-"""Probability of a false `yes`: of rejecting a true zero, all ages of a condition together."""
 _FLAT = 1e-12
 """Determinants that are smaller than this, relative to what they are a difference of, are rounding."""
 _FEW_GROUPS = "too few groups of scenes for a test"
@@ -80,7 +82,8 @@ def zero_mean(
         names; these are larger than at an age chosen beforehand. The verdict is `yes` if the flips' p-value, adjusted
         over the ages of all conditions of the dataset (of one trimming and axis), is at most `ALPHA`; it is never `no`:
         a mean that could not be distinguished from zero may differ from it by as much as its interval is wide. Under
-        `MIN_SCENES` scenes there is no test.
+        `MIN_SCENES` scenes there is no test. Bounds are those of one age alone, u and v together; the row of all ages
+        has none.
 
     Raises
     ------
@@ -103,28 +106,42 @@ def zero_mean(
         for curve, p in zip(family, family_p([curve.test for curve in family]), strict=True):
             tables += _of_curve(curve, p)
     rows = pl.concat(tables, how="diagonal_relaxed").with_columns_seq(
-        pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None)
+        pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None), pl.col(BOUNDS).fill_nan(None)
     )
     table = _judged(rows).select_seq(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items())
     return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
 
 
+def verdict_at(row: Mapping[str, Any]) -> Verdict:
+    """Whether the mean differs from zero at one age alone, u and v together: `yes`, or `undecided`.
+
+    Parameters
+    ----------
+    row
+        Of `ZERO_MEAN`, with an age.
+    """
+    p = row["sign_flip_p"]
+    return Verdict.yes if p is not None and p <= ALPHA else Verdict.undecided
+
+
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """A curve that is tested: its key, the points, how many scenes it has, and the test."""
+    """A curve that is tested: its key, the points, how many scenes it has, the test, and bounds of its means."""
 
     key: tuple[Any, ...]
     points: pl.DataFrame
     n_scenes: int
     test: FlipTest
+    bounds: Mapping[str, NDArray[np.float64]]
     within: bool
 
     @classmethod
     def of(cls, key: tuple[Any, ...], points: pl.DataFrame, scenes: pl.DataFrame, chance: Chance) -> "_Curve":
         """Test the means of some scenes."""
         groups = group_rows(scenes, ["scene"])
-        test = flip_test(_means(points, scenes, groups), chance=chance.some(groups.keys["scene"].to_list()))
-        return cls(key, points, groups.count, test, chance.kind == Resampled.within)
+        means, own = _means(points, scenes, groups), chance.some(groups.keys["scene"].to_list())
+        test, bounds = flip_test(means, chance=own), mean_bounds(means, own)
+        return cls(key, points, groups.count, test, bounds, chance.kind == Resampled.within)
 
 
 def _families(curves: Sequence[_Curve]) -> Iterator[list[_Curve]]:
@@ -190,7 +207,8 @@ def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> list[pl.DataFrame]:
         "sign_flip_p_family": family,
     }
     means = {"mean_u_px": "mean_u", "mean_v_px": "mean_v"}
-    ages = curve.points.with_columns_seq(**means, **{name: pl.Series(p) for name, p in tests.items()})
+    found_at = {**tests, **curve.bounds}
+    ages = curve.points.with_columns_seq(**means, **{name: pl.Series(p) for name, p in found_at.items()})
     known = {name: pl.lit(value) for name, value in zip(_CURVE, curve.key, strict=True)}
     return [
         rows.with_columns_seq(**known, within=curve.within) for rows in (_overall(ages, found, curve.n_scenes), ages)
@@ -199,10 +217,12 @@ def _of_curve(curve: _Curve, family: NDArray[np.float64]) -> list[pl.DataFrame]:
 
 def _judged(rows: pl.DataFrame) -> pl.DataFrame:
     """Rows with the verdict, and the reason; that of all ages together has one already."""
-    p, alone = pl.col("sign_flip_p_family"), pl.col("sign_flip_p_adjusted")
+    p, of_ages, own = (pl.col(name) for name in ("sign_flip_p_family", "sign_flip_p_adjusted", "sign_flip_p"))
     differs = (p <= ALPHA).fill_null(value=False)
     few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
-    others = pl.when(alone <= ALPHA).then(pl.lit(f"{_CHANCE} in one of the conditions that were asked"))
+    among = pl.when(of_ages <= ALPHA).then(pl.lit(" in one of the conditions that were asked"))
+    others = among.when(own <= ALPHA).then(pl.lit(" at one of the ages that were asked")).otherwise(pl.lit(""))
+    why = pl.when(~differs).then(pl.lit(_CHANCE) + others)
     why = pl.when(~differs).then(pl.coalesce(others, pl.lit(_CHANCE)))
     untested = pl.when(p.is_null()).then(pl.lit(_FEW_GROUPS))
     limits = pl.when("within").then(pl.lit("; for these groups of scenes only")).otherwise(pl.lit(""))

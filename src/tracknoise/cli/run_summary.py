@@ -8,6 +8,7 @@ import polars as pl
 
 from tracknoise.cli.text_table import aligned
 from tracknoise.phrases.names import by_statement, together
+from tracknoise.report.answer import accuracy
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
@@ -15,6 +16,7 @@ from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import counted
+from tracknoise.words import rms_of_tracks
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
@@ -33,9 +35,11 @@ _AT = ("at\n{axis}", "at", "{}")
 _ERRORS = (
     ("mean {axis}\npx", "nu", "{:+.3f}"),
     ("core {axis}\npx", "core", "{:.3f}"),
-    ("rms {axis}\npx", "rms", "{:.3f}"),
+    ("rms {axis}\n{tracks}", "rms", "{:.3f}"),
 )
 """Headings, the statistic in the names of columns, and how numbers are written."""
+_TRACKS_OF = {Trimming.untrimmed: "all px", Trimming.trimmed: "kept px"}
+"""Which tracks an RMS is over."""
 _FLOOR = tuple((f"floor {axis}\npx", f"floor_{axis}_px", "{:.3f}") for axis in "uv")
 """Beside errors, where anything is known of the errors of the truth."""
 _NOISE = (
@@ -81,7 +85,15 @@ def summary_text(run: RunFolder) -> str:
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
     rows += [[_cell(row[name], form) for _, name, form in shown] for row in table.iter_rows(named=True)]
     lines = aligned(rows, numeric=[place > 0 for place in range(len(shown))])
-    texts = [*_others(data), *_for_estimators(data), *_fitted(data), *_where_trimming_matters(data), *_machines(data)]
+    texts = [
+        *_others(data),
+        *_sizes(data),
+        *_more_accurate(data),
+        *_for_estimators(data),
+        *_fitted(data),
+        *_where_trimming_matters(data),
+        *_machines(data),
+    ]
     return "\n".join([*_doubts(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
 
 
@@ -93,7 +105,11 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
     if data.truth_is_fitted:
         return list(_NOISE)
     shown = [
-        (heading.replace("{axis}", axis), f"{data.trimming}_{statistic}_{axis}_px", form)
+        (
+            heading.replace("{axis}", axis).replace("{tracks}", _TRACKS_OF[data.trimming]),
+            f"{data.trimming}_{statistic}_{axis}_px",
+            form,
+        )
         for heading, statistic, form in _ERRORS
         for axis in "uv"
     ]
@@ -101,7 +117,11 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
     return [
         _AT,
         *shown,
-        *((f"rms {axis}\n{other}", f"{other}_rms_{axis}_px", "{:.3f}") for other in others for axis in "uv"),
+        *(
+            (f"rms {axis}\n{_TRACKS_OF[other]}", f"{other}_rms_{axis}_px", "{:.3f}")
+            for other in others
+            for axis in "uv"
+        ),
         *(_FLOOR if (data.summary["floor_u_px"] > 0).any() else ()),
     ]
 
@@ -122,6 +142,20 @@ def _doubts(data: ReportData) -> list[str]:
     """The findings that say why the data look wrong and which scenes are copies, before any number."""
     about = data.findings.filter(pl.col("topic").is_in(["data", "copies"]))
     return [f"{textwrap.fill(text, _WIDTH)}\n" for text in about["text"]]
+
+
+def _sizes(data: ReportData) -> list[str]:
+    """What the columns of errors are."""
+    if data.truth_is_fitted:
+        return []
+    kept = "" if data.percentile is None else f", or {rms_of_tracks(Trimming.trimmed)}"
+    return [f"core: of a typical scene. rms: {rms_of_tracks(Trimming.untrimmed)}{kept}."]
+
+
+def _more_accurate(data: ReportData) -> list[str]:
+    """The sentence that says which tracker is more accurate."""
+    found = accuracy(data)
+    return [textwrap.fill(found, _WIDTH)] if found else []
 
 
 def _for_estimators(data: ReportData) -> list[str]:

@@ -1,12 +1,13 @@
 """Whether the mean error is zero."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.zero_mean import verdict_at
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import Measure
+from tracknoise.phrases.answer_summary import Measure, Number
 from tracknoise.phrases.headline import (
     Headline,
     Part,
@@ -19,10 +20,8 @@ from tracknoise.phrases.headline import (
 from tracknoise.phrases.measures import (
     Subject,
     answer,
-    asked_sentence,
     card_number,
     first,
-    larger,
     trimmed_word,
     with_interval,
 )
@@ -37,23 +36,29 @@ from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
 from tracknoise.words import (
     chance,
     count,
-    format_estimate,
     percent,
     sentence_case,
 )
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Whether the mean error is zero."""
+    """Whether the mean error is zero at the reference age, and at any age."""
     return by_tracker(
         conditions.trackers,
         lambda tracker: _bias_of(tables, conditions, tracker),
         opening=f"Bias {conditions.where(tables['summary'])}.",
-        closing=f"The test takes all {conditions.axis}s together and weights scenes equally.",
+        closing=_closing(conditions.reported(tables["zero_mean"])),
         topic="bias",
         figure="error-by-tracker",
         table="zero_mean",
     )
+
+
+def _closing(rows: pl.DataFrame) -> str:
+    """What intervals and tests are about."""
+    if rows["sign_flip_p"].null_count() == rows.height:
+        return "Intervals are for one coordinate alone; scenes weigh equally."
+    return "Tests and their 95\N{NO-BREAK SPACE}% intervals are for u and v together; scenes weigh equally."
 
 
 def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
@@ -61,31 +66,28 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     overall, summary = first(rows.filter(pl.col("at").is_null())), first(conditions.of(tables["summary"], tracker))
     if overall is None:
         return None
-    at = None if summary is None else summary["at"]
-    there = None if at is None else first(rows.filter(at=at))
-    covers = {} if summary is None or there is None else bias_covers(summary, there)
-    withheld = None if there is None else withheld_bias(tracker, conditions.opening_place(there["at"]), covers)
-    if withheld is None and there is not None:
-        withheld = audited_bias(tables, conditions, tracker, there["at"])
-    if withheld is not None and overall["verdict"] == Verdict.yes:
-        return Part(withheld, [Estimate.verdict(overall, "effect_px")])
-    trimming = conditions.trimmings[0]
-    estimates = [] if there is None else _means(tables, conditions, tracker, there, trimming)
-    text = _zero_or_not(f"the mean {trimmed_word(conditions)}error of {tracker}", overall)
-    if there is not None and len(estimates) == 2:
-        u, v = map(format_estimate, estimates)
-        text += f" {conditions.opening_place(there['at'])}, the mean in u is {u}. In v it is {v}."
-        intervals = conditions.of(tables["intervals"], tracker)
-        scenes = curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")
-        text += f" {scenes}" if scenes else ""
-        if there["share_of_second"] is not None:
-            share = percent(there["share_of_second"])
-            text += f" The square of the mean is {share} of the second moment, u and v together."
-        text += covered_coordinates(covers)
-        untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
-        text += f" Without trimming, the mean is {in_u_and_v(untrimmed)}." if len(untrimmed) == 2 else ""
-        estimates += untrimmed
-    return Part(text, [*estimates, Estimate.verdict(overall, "effect_px")])
+    verdict = Estimate.verdict(overall, "effect_px")
+    mean = f"the mean {trimmed_word(conditions)}error of {tracker}"
+    there = None if summary is None or summary["at"] is None else first(rows.filter(at=summary["at"]))
+    if there is None or summary is None:
+        return Part(_at_all_ages(mean, overall), [verdict])
+    covers = bias_covers(summary, there)
+    withheld = withheld_bias(tracker, conditions.opening_place(there["at"]), covers)
+    withheld = withheld or audited_bias(tables, conditions, tracker, there["at"])
+    if withheld is not None and Verdict.yes in (verdict_at(there), overall["verdict"]):
+        return Part(withheld, [verdict])
+    estimates = _means(tables, conditions, tracker, there, conditions.trimmings[0])
+    sentences = [_at_one_age(mean, conditions.opening_place(there["at"]), there, estimates)]
+    sentences += [_wider_claim(conditions, there, overall)]
+    intervals = conditions.of(tables["intervals"], tracker)
+    sentences += [curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")]
+    if there["share_of_second"] is not None:
+        share = percent(there["share_of_second"])
+        sentences += [f"The square of the mean is {share} of the second moment, u and v together."]
+    sentences += [covered_coordinates(covers).strip()]
+    untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
+    sentences += [f"Without trimming, the mean is {in_u_and_v(untrimmed)}." if len(untrimmed) == 2 else ""]
+    return Part(" ".join(filter(None, sentences)), [*estimates, *untrimmed, verdict])
 
 
 def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> list[Estimate]:
@@ -97,7 +99,8 @@ def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker:
     return [] if there is None else _means(tables, conditions, tracker, there, Trimming.untrimmed)
 
 
-def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
+def _at_all_ages(mean: str, overall: Mapping[str, Any]) -> str:
+    """Where nothing is known at the reference age."""
     p = overall["sign_flip_p_family"]
     test = "" if p is None else f" ({chance(p)}, {count(overall['n_scenes'], 'scene')})"
     if overall["verdict"] == Verdict.yes:
@@ -106,43 +109,102 @@ def _zero_or_not(mean: str, overall: Mapping[str, Any]) -> str:
     return f"It is undecided whether {mean} is zero{test}{why}."
 
 
+def _at_one_age(mean: str, where: str, there: Mapping[str, Any], estimates: Sequence[Estimate]) -> str:
+    """The verdict at one age alone, with the means that it is about."""
+    size = in_u_and_v(estimates) if len(estimates) == 2 else "unknown"
+    p = there["sign_flip_p"]
+    if p is None:
+        why = f": {there['why']}" if there["why"] else ""
+        return f"{where}, {mean} is {size}. Whether it is zero in other scenes was not tested{why}."
+    test = f"({chance(p)}, {count(there['n_scenes'], 'scene')}): {size}"
+    if verdict_at(there) == Verdict.yes:
+        return f"{where}, {mean} is not zero {test}."
+    return f"{where}, it is undecided whether {mean} is zero {test}."
+
+
+def _wider_claim(conditions: ReportedConditions, there: Mapping[str, Any], overall: Mapping[str, Any]) -> str:
+    """What the test of all ages and conditions together says; empty where there is none."""
+    p = overall["sign_flip_p_family"]
+    if p is None:
+        return ""
+    if overall["verdict"] == Verdict.yes:
+        found = "it is not zero"
+    else:
+        found = "this is not established" if verdict_at(there) == Verdict.yes else "this is undecided too"
+    return f"Over all {conditions.axis}s and conditions together {found} ({chance(p)})."
+
+
 def _means(
     tables: RunTables, conditions: ReportedConditions, tracker: str, row: Mapping[str, Any], trimming: Trimming
 ) -> list[Estimate]:
+    """Mean errors in u and in v: with the bounds of the test, or where there is none those of these scenes."""
     found = []
     intervals, scenes = conditions.of(tables["intervals"], tracker), Weighting.scenes
     for coordinate in "uv":
-        value = row[f"mean_{coordinate}_px"]
-        bounds = curve_bounds(intervals, conditions, "mean", row["at"], coordinate, trimming=trimming, weighting=scenes)
-        found += [] if value is None else [Estimate.of(value, bounds, "px")]
+        name = f"mean_{coordinate}"
+        value = row[f"{name}_px"]
+        one = Estimate.of_row(row, f"{name}_px", f"{name}_low_px", f"{name}_high_px", "px")
+        if row["sign_flip_p"] is None:
+            where = intervals, conditions, "mean", row["at"], coordinate
+            one = Estimate.of(value, curve_bounds(*where, trimming=trimming, weighting=scenes), "px")
+        found += [] if value is None else [one]
     return found
 
 
 def bias_measure(subject: Subject) -> Measure | None:
-    """Mean error at the reference age in the coordinate where it is larger, and the test of all ages."""
+    """Length of the mean error at the reference age, and whether it is zero there, u and v together."""
     rows = subject.of("zero_mean").filter(trimming=subject.conditions.trimming, axis=subject.conditions.axis)
     overall, there = (first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
-    if overall is None or there is None or subject.at is None or subject.row is None:
+    if overall is None or there is None or subject.at is None or subject.row is None or there["effect_px"] is None:
         return None
-    found = larger({axis: _mean(subject, there, axis) for axis in "uv"})
-    if found is None:
-        return None
-    axis, shown = found[0], card_number(found[1])
+    shown = card_number(Estimate.of_row(there, "effect_px", "effect_low_px", "effect_high_px", "px"))
+    covered = _is_covered(subject, there)
+    verdict = Verdict.undecided if covered else verdict_at(there)
     place = subject.conditions.place(subject.at)
-    by_floor = withheld_bias(subject.tracker, place, bias_covers(subject.row, there)) is not None
+    means = in_u_and_v([Estimate(there[f"mean_{axis}_px"], unit="px") for axis in "uv"])
+    notes = [f"length of the mean error {place}: {means}"]
+    notes += ["errors of the truth can cause it"] if covered else []
+    why = str(there["why"] or "").partition(";")[0]
+    notes += [f"not tested: {why}"] if there["sign_flip_p"] is None and why else []
+    wider = "" if covered else _wider(subject, verdict, overall)
+    notes += [wider] if wider else []
+    sentence = _bias_sentence(subject, there, verdict, shown, covered=covered, wider=wider)
+    found = answer("biased", verdict, wished=Verdict.no)
+    return Measure("bias", "px", shown, None, 0.0, found, "; ".join(notes), sentence, "error-by-tracker")
+
+
+def _is_covered(subject: Subject, there: Mapping[str, Any]) -> bool:
+    """Whether errors of the truth can cause the mean error at the reference age."""
+    conditions, tracker, at = subject.conditions, subject.tracker, there["at"]
+    covers = bias_covers(subject.row or {}, there)
     curves = {"audit_curves": subject.data.audit_curves}
-    covered = by_floor or audited_bias(curves, subject.conditions, subject.tracker, subject.at) is not None
-    verdict = Verdict.undecided if covered and overall["verdict"] == Verdict.yes else Verdict(overall["verdict"])
-    note = f"mean error in {axis} {place}" + ("; errors of the truth can cause it" if covered else "")
-    size = f"its mean error in {axis} is {with_interval(shown)}"
-    sentence = asked_sentence(verdict, f"{subject.tracker} is biased", f"No bias of {subject.tracker} was found", size)
-    found_answer = answer("biased", verdict, wished=Verdict.no)
-    return Measure("bias", "px", shown, None, 0.0, found_answer, note, sentence, "error-by-tracker")
+    return (withheld_bias(tracker, "", covers) or audited_bias(curves, conditions, tracker, at)) is not None
 
 
-def _mean(subject: Subject, row: Mapping[str, Any], axis: str) -> Estimate | None:
-    """Mean over scenes, as it is tested."""
-    if row[f"mean_{axis}_px"] is None:
-        return None
-    bounds = curve_bounds(subject.intervals, subject.conditions, "mean", row["at"], axis, weighting=Weighting.scenes)
-    return Estimate.of(row[f"mean_{axis}_px"], bounds, "px")
+def _wider(subject: Subject, verdict: Verdict, overall: Mapping[str, Any]) -> str:
+    """The verdict on all ages and conditions together, where it is another one; else empty."""
+    p = overall["sign_flip_p_family"]
+    if p is None or overall["verdict"] == verdict:
+        return ""
+    where = f"over all {subject.conditions.axis}s and conditions together"
+    found = "the mean is not zero" if overall["verdict"] == Verdict.yes else "this is not established"
+    return f"{where} {found} ({chance(p)})"
+
+
+def _bias_sentence(
+    subject: Subject, there: Mapping[str, Any], verdict: Verdict, shown: Number, *, covered: bool, wider: str
+) -> str:
+    """The verdict at the reference age with the length of the mean; why it is undecided where zero is excluded."""
+    tracker, place = subject.tracker, subject.conditions.place(there["at"])
+    size = f"its mean error is {with_interval(shown)}"
+    if there["sign_flip_p"] is None:
+        rest = "errors of the truth can cause it" if covered else "a bias in other scenes was not tested"
+        return f"The mean error of {tracker} is {shown.text} {place}; {rest}."
+    if covered:
+        return f"It is undecided whether {tracker} is biased; {size}, which errors of the truth can cause."
+    if wider and verdict == Verdict.yes:
+        return f"{subject.conditions.opening_place(there['at'])}, {tracker} is biased by {shown.text}; {wider}."
+    if wider:
+        return f"{sentence_case(place)} alone no bias of {tracker} is shown; {wider}."
+    opening = f"{tracker} is biased" if verdict == Verdict.yes else f"It is undecided whether {tracker} is biased"
+    return f"{opening}; {size}."

@@ -6,6 +6,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
+from tracknoise.statistics.yardstick import shared_places
 from tracknoise.words import SPACE, format_as, px
 
 _RESIDUAL, _CONSISTENT, _WHOLE = "residual sigma", "consistent sigma", "whole tracks"
@@ -16,9 +17,11 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     shares = tables["depth_intervals"].filter(quantity="coverage_95", trimming=conditions.trimming)
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     brackets = in_brackets(conditions.reported(shares))
+    enough = conditions.reported(shares).filter(pl.col("n") >= LEAST_WINDOWS, covariance=_RESIDUAL)
+    shown = _at_shared_window(enough, shares)
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _depths_of(conditions.of(shares, tracker), tracker),
+        lambda tracker: _depths_of(conditions.of(shown, tracker), tracker),
         opening=f"Depth intervals {conditions.where(tables['summary'])}{errors}.",
         closing=f"The noise was learned from other scenes than it was tried on.{brackets}",
         topic="depth",
@@ -27,11 +30,16 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     )
 
 
-def _depths_of(shares: pl.DataFrame, tracker: str) -> Part | None:
-    enough = shares.filter(pl.col("window") <= LONGEST_WINDOW, pl.col("n") >= LEAST_WINDOWS, covariance=_RESIDUAL)
-    if enough.is_empty():
+def _at_shared_window(enough: pl.DataFrame, shares: pl.DataFrame) -> pl.DataFrame:
+    """Rows of `shares` at the longest window of those at which most trackers have a row in `enough`, as these have."""
+    near = enough.filter(pl.col("window") <= LONGEST_WINDOW)
+    there = near.join(shared_places(near, [], "window"), on="window", how="semi").select("tracker", "window").unique()
+    return shares.join(there, on=["tracker", "window"], how="semi", maintain_order="left")
+
+
+def _depths_of(own: pl.DataFrame, tracker: str) -> Part | None:
+    if own.is_empty():
         return None
-    own = shares.filter(pl.col("window") == enough["window"].max())
     rows = {row["covariance"]: row for row in own.to_dicts()}
     found = {name: Estimate.of_row(row, "value", "low", "high", "share") for name, row in rows.items()}
     length = own["window"][0]
@@ -56,7 +64,7 @@ LEVELS = {f"coverage_{level}": level for level in (50, 90, 95, 99)}
 
 
 def depth_shares(data: RunData) -> pl.DataFrame:
-    """Shares at the lowest speed, of the longest window of each tracker that has enough tracks.
+    """Shares at the lowest speed, of the longest window at which most trackers have enough tracks.
 
     Returns: columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at
     (the level of the claimed interval, %).
@@ -64,7 +72,7 @@ def depth_shares(data: RunData) -> pl.DataFrame:
     wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= LONGEST_WINDOW)
     rows = data.nominal(data.depth_intervals).filter(wanted, trimming=data.trimming)
     enough = rows.filter(pl.col("n").min().over("tracker", "window") >= LEAST_WINDOWS)
-    longest = enough.filter(pl.col("window") == pl.col("window").max().over("tracker"))
+    longest = _at_shared_window(enough, enough)
     levels = pl.col("quantity").replace_strict(LEVELS, return_dtype=pl.Int64)
     return longest.with_columns(pl.col("value", "low", "high") * 100.0, at=levels)
 

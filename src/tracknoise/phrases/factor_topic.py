@@ -17,7 +17,7 @@ from tracknoise.phrases.headline import (
     ids_of,
     leading,
 )
-from tracknoise.phrases.measures import answer
+from tracknoise.phrases.measures import answer, shown_size
 from tracknoise.phrases.run_data import RunData
 from tracknoise.statistics.yardstick import FACTORS
 from tracknoise.tables.enumerations import Verdict
@@ -29,6 +29,7 @@ from tracknoise.words import (
     factor_name,
     listing,
     ratio,
+    rms_of_tracks,
     sentence_case,
 )
 
@@ -167,7 +168,7 @@ def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None
 
 
 def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
-    """Which tracker is more accurate, and by how much."""
+    """Which tracker is more accurate, and by how much: by the core, and by the RMS over tracks where that differs."""
     row = compared(data, "core")
     if len(data.trackers) < 2:
         return _alone(errors)
@@ -183,15 +184,44 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
     pair = [row["level_a"], row["level_b"]]
     bounds = "" if row["low"] is None else f" ({ratio(row['low'])} to {ratio(row['high'])})"
     size, everywhere = f"{ratio(row['effect'])} times", f"over shared {data.axis.name}s"
+    rms = rms_of_tracks(data.trimming)
     if verdict == Verdict.yes and row["better"] in pair:
-        worse = pair[1 - pair.index(row["better"])]
+        better, worse = row["better"], pair[1 - pair.index(row["better"])]
+        if _rms_ratio(data, better, worse) > 1.0:
+            core = f"{better} is better than {worse} by {size}{bounds} in the core"
+            return f"Typical error: {core}; large errors make its {rms} larger."
         than = f" than {worse}" if row["n_levels"] > len(pair) else ""
         core = f"the core error of {worse} is {size} as large{bounds}"
-        return f"{row['better']} is more accurate{than}: {core} {everywhere}."
+        return f"{better} is more accurate{than}: {core} {everywhere}."
     if verdict == Verdict.no:
-        return f"{pair[0]} and {pair[1]} are equally accurate: core errors differ by less than {_margin(row)}."
-    core = f"the core error of {row['larger'] or pair[0]} is {size} that of {_smaller(row)}{bounds}"
+        return _equal(data, row, pair)
+    larger, smaller = row["larger"] or pair[0], _smaller(row)
+    if _rms_ratio(data, smaller, larger) > 1.0:
+        return f"Undecided: the core error of {larger} is {size} that of {smaller}{bounds}, but its {rms} is smaller."
+    core = f"the core error of {larger} is {size} that of {smaller}{bounds}"
     return f"It is undecided which is more accurate: {core} {everywhere}."
+
+
+def _equal(data: RunData, row: dict[str, Any], pair: Sequence[str]) -> str:
+    """No difference in the core; one in the RMS over tracks is named where it is larger than the margin."""
+    first, second = pair
+    times = {larger: _rms_ratio(data, larger, smaller) for larger, smaller in ((first, second), (second, first))}
+    larger = max(times, key=lambda name: times[name])
+    if times[larger] > row["margin"]:
+        of = f"{rms_of_tracks(data.trimming)} of {larger} {ratio(times[larger])} times as large"
+        return f"Typical error: {first} and {second} are equal within {_margin(row)}; large errors make the {of}."
+    return f"{first} and {second} are equally accurate: core errors differ by less than {_margin(row)}."
+
+
+def _rms_ratio(data: RunData, one: str, other: str) -> float:
+    """RMS of a tracker over that of another at their shared age (or frame), u and v together; 1 where unknown."""
+    rows = {row["tracker"]: row for row in data.nominal(data.summary).drop_nulls("at").to_dicts()}
+    if {one, other} - set(rows) or rows[one]["at"] != rows[other]["at"]:
+        return 1.0
+    length, beside = (
+        math.hypot(*(rows[name][f"{data.trimming}_rms_{axis}_px"] for axis in "uv")) for name in (one, other)
+    )
+    return length / beside if beside else 1.0
 
 
 def _at_one_place(data: RunData, row: dict[str, Any]) -> str:
@@ -231,9 +261,17 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
         text = f"Undecided from {scenes}: the errors are not known at the same {data.axis.name}."
         return Judgement(undecided, text, _SECTION)
     low, high = min(sizes, key=lambda name: sizes[name] or 0.0), max(sizes, key=lambda name: sizes[name] or 0.0)
-    times = ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))
-    text = f"Undecided from {scenes}; there, the error of {high} is {times} times as large as that of {low}."
+    what = "noise" if data.truth_is_fitted else _core_or_rms(data)
+    text = f"Undecided from {scenes}: the {what} of {high} is {ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))} times"
+    reverse = "" if data.truth_is_fitted or _rms_ratio(data, low, high) <= 1.0 else rms_of_tracks(data.trimming)
+    text += f" that of {low}, but its {reverse} is smaller." if reverse else f" that of {low} there."
     return Judgement(undecided, text, _SECTION)
+
+
+def _core_or_rms(data: RunData) -> str:
+    """What the cards call the size of errors."""
+    name, axis = shown_size(data)
+    return f"{'core error' if name == 'core' else rms_of_tracks(data.trimming)} in {axis}"
 
 
 def answers_counted(data: RunData) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.inference.units import NO_GROUPS, SceneGroups
+from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, SceneGroups
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION, TRIMMING
@@ -25,7 +25,9 @@ from tracknoise.words import (
     next_scene_text,
     opening_place,
     place,
+    rms_of_tracks,
     spread_text,
+    these_scenes,
     view_text,
 )
 
@@ -258,11 +260,21 @@ class ReportedConditions:
         """Write an age that counts frames from where errors are zero, before it and after it, as `opening_place`."""
         return opening_place(Axis.age, age) if self.axis == Axis.age else f"At {count(age, 'frame')} from the key frame"
 
+    @property
+    def rms(self) -> str:
+        """What root mean square errors are called whose features are pooled over scenes."""
+        return rms_of_tracks(self.trimming)
+
     def where(self, conditions: pl.DataFrame) -> str:
-        """Write the speed, and the parts of the view of which `conditions` have several."""
+        """Write the speed, the parts of the view of which `conditions` have several, and whether scenes are few.
+
+        `conditions`: schema `SUMMARY`.
+        """
         several = [name for name in VIEW if conditions[name].n_unique() > 1]
         view = {name: getattr(self.reference, name) for name in VIEW}
-        return f"at speed {self.reference.speed}{view_text(view, several)}"
+        n_scenes = self.reported(conditions)["n_scenes"].max()
+        limits = f", {these_scenes(n_scenes)} only" if isinstance(n_scenes, int) and n_scenes < MIN_SCENES else ""
+        return f"at speed {self.reference.speed}{view_text(view, several)}{limits}"
 
 
 def curve_bounds(

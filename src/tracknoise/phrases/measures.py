@@ -8,10 +8,9 @@ from typing import Any
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.units import MIN_SCENES, Resampled
 from tracknoise.phrases.answer_summary import Answer, Number
-from tracknoise.phrases.headline import (
-    ReportedConditions,
-)
+from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.phrases.run_data import RunData
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import (
@@ -20,6 +19,7 @@ from tracknoise.tables.enumerations import (
 from tracknoise.words import (
     bounds_text,
     format_estimate,
+    sentence_case,
 )
 
 
@@ -68,9 +68,31 @@ class Subject:
         return self.of("intervals")
 
     @property
+    def limits(self) -> str:
+        """What sentences hold for, where intervals do not resample scenes: ``in this scene``; else empty."""
+        n_scenes = 0 if self.row is None else self.row["n_scenes"] or 0
+        resampled = self.intervals["resampled"].drop_nulls()
+        if n_scenes >= MIN_SCENES and not (resampled.len() and (resampled == Resampled.blocks).all()):
+            return ""
+        return "in this scene" if n_scenes == 1 else "in these scenes"
+
+    def said(self, sentence: str) -> str:
+        """A sentence that begins with what it holds for, where that is these scenes only."""
+        if not self.limits or not sentence:
+            return sentence
+        rest = sentence if sentence.startswith(self.tracker) else f"{sentence[0].lower()}{sentence[1:]}"
+        return f"{sentence_case(self.limits)}, {rest}"
+
+    @property
     def at(self) -> int | None:
         """The reference age or frame; None where no age has enough features."""
         return None if self.row is None else self.row["at"]
+
+    @property
+    def shared_at(self) -> int | None:
+        """The reference age or frame of the run; None where no tracker has one."""
+        found = self.conditions.reported(self.data.summary)["at"].drop_nulls()
+        return int(found[0]) if found.len() else None
 
     def of(self, table: str) -> pl.DataFrame:
         """Rows of the condition in a table of the run."""
@@ -79,6 +101,24 @@ class Subject:
     def first(self, table: str, *filters: pl.Expr, **values: object) -> dict[str, Any] | None:
         """First row of the condition that has some values; None where there is none."""
         return first(self.of(table).filter(*filters, **values))
+
+
+SIZES = ("core", "rms")
+"""Sizes of errors that trackers may be compared by, the first that all have."""
+
+
+def shown_size(data: RunData) -> tuple[str, str]:
+    """The size of errors, one of `SIZES`, and the coordinate that the cards of all trackers show.
+
+    It is the coordinate in which the error of the first tracker is larger.
+    """
+    rows = [row for tracker in data.trackers if (row := Subject(data, tracker).row) and row["at"] is not None]
+    for name in SIZES:
+        columns = {axis: f"{data.trimming}_{name}_{axis}_px" for axis in "uv"}
+        known = [axis for axis, column in columns.items() if rows and all(row[column] is not None for row in rows)]
+        if known:
+            return name, max(known, key=lambda axis: rows[0][columns[axis]])
+    return SIZES[-1], "u"
 
 
 def card_number(estimate: Estimate | None) -> Number:

@@ -7,7 +7,9 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.phrases.measures import first
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.quantities import QUANTITIES, RATIOS
 from tracknoise.words import format_estimate
 
@@ -19,7 +21,9 @@ _NAMED = 2
 
 def ratios(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Every ratio of every tracker, of the tracks that verdicts are about."""
-    rows = tables["ratios"].filter(pl.col("n") >= _LEAST, trimming=conditions.trimming, axis=conditions.axis)
+    enough = tables["ratios"].filter(pl.col("n") >= _LEAST, trimming=conditions.trimming, axis=conditions.axis)
+    near = conditions.reported(enough).filter((pl.col("at") - conditions.at_zero).abs() <= REFERENCE_AGE)
+    rows = near.join(shared_places(near, ["quantity"], "at"), on=["quantity", "at"], how="semi", maintain_order="left")
     headline = by_tracker(
         conditions.trackers,
         lambda tracker: _ratios_of(rows, conditions, tracker),
@@ -48,10 +52,8 @@ def _within(name: str) -> str:
 
 
 def _at_reference(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str, name: str) -> dict[str, Any] | None:
-    """The row at the last age up to the reference age, or the nearest to the key frame."""
-    own = conditions.of(rows, tracker).filter(quantity=name)
-    near = own.with_columns(since=(pl.col("at") - conditions.at_zero).abs()).filter(pl.col("since") <= REFERENCE_AGE)
-    return near.sort("since", "at").row(-1, named=True) if near.height else None
+    """The row of a tracker at the place that trackers share."""
+    return first(conditions.of(rows, tracker).filter(quantity=name))
 
 
 def _estimate(name: str, row: dict[str, Any]) -> Estimate:

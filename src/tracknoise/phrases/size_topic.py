@@ -20,7 +20,7 @@ from tracknoise.phrases.headline import (
     in_brackets,
     scale_estimate,
 )
-from tracknoise.phrases.measures import Subject, card_number, first, larger, with_interval
+from tracknoise.phrases.measures import Subject, card_number, first, with_interval
 from tracknoise.phrases.truth_topic import fitted_measure
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import (
@@ -30,12 +30,15 @@ from tracknoise.tables.enumerations import (
     Weighting,
 )
 from tracknoise.words import (
+    RMS_OF_SCENE,
     SPACE,
     count,
     format_estimate,
     listing,
     percent,
 )
+
+_SECTION = "error-by-tracker"
 
 
 def size(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -48,7 +51,8 @@ def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
     """Core and root mean square of all tracks, and the share of far errors."""
     closing = (
         "The core is the sigma of the Gaussian with the same median error. Of the errors of a Gaussian, "
-        f"0.3{SPACE}% exceed three cores. Core and RMS are geometric means over scenes.{_population(conditions)}"
+        f"0.3{SPACE}% exceed three cores. Core and {RMS_OF_SCENE} are geometric means over "
+        f"scenes.{_population(conditions)}"
         f"{_brackets(tables, conditions, Weighting.geometric)}"
     )
     return _of_trackers(tables, conditions, _robust_of, "of all tracks", closing)
@@ -63,11 +67,11 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     lengths = [scale_estimate(intervals, conditions, "second", row["at"], axis) for axis in "uv"]
     pooled = [rms(intervals, conditions, row, axis, conditions.trimming) for axis in "uv"]
     sentences = list(_cores(intervals, conditions, row["at"], tracker, cores))
-    which = "" if all(lengths) else ", features pooled,"
-    u, v = (format_estimate(one) for one in (lengths if all(lengths) else pooled) if one is not None)
-    sentences += [f"The RMS{which} of {tracker} is {u} in u.", f"In v it is {v}."]
+    which, roots = (RMS_OF_SCENE, lengths) if all(lengths) else (conditions.rms, pooled)
+    u, v = (format_estimate(one) for one in roots if one is not None)
+    sentences += [f"Its {which} is {u} in u.", f"In v it is {v}."]
     sentences += [*_beyond(row, conditions.trimming), *_grid(tables, conditions, tracker)]
-    every = [*cores, *(lengths if all(lengths) else pooled)]
+    every = [*cores, *roots]
     return Part(" ".join(sentences), [one for one in every if one is not None])
 
 
@@ -162,7 +166,7 @@ def _of_trackers(
         opening=f"Error size {conditions.where(tables['summary'])}, {what}.",
         closing=closing.strip(),
         topic="noise",
-        figure="error-by-tracker",
+        figure=_SECTION,
         table="intervals",
     )
 
@@ -194,33 +198,23 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
     return in_brackets(conditions.reported(known))
 
 
-_SIZE_NAMES = {"core": "core error", "rms": "RMS error"}
-
-
-def size_name(subjects: Sequence[Subject]) -> str:
-    """Which size of the error all trackers can be compared by: the core, or the RMS where one has no core."""
-    known = [subject for subject in subjects if subject.at is not None]
-    return "core" if all(larger(_both_sizes(subject, "core")) for subject in known) else "rms"
-
-
-def size_measure(subject: Subject, smallest: Answer | None, *, name: str) -> Measure | None:
-    """Size of the error at the reference age, in the coordinate where it is larger."""
+def size_measure(subject: Subject, smallest: Answer | None, *, shown: tuple[str, str]) -> Measure | None:
+    """Size of the error at the reference age. `shown`: see `tracknoise.phrases.measures.shown_size`."""
     if subject.data.truth_is_fitted:
         return fitted_measure(subject, smallest)
-    found = _both_sizes(subject, name)
-    largest = larger(found)
-    if largest is None or subject.at is None:
+    (name, axis), at = shown, subject.shared_at
+    if at is None or subject.row is None:
         return None
-    axis, estimate = largest
-    shown, place = card_number(estimate), subject.conditions.place(subject.at)
-    other = card_number(found["v" if axis == "u" else "u"])
-    note = f"{_SIZE_NAMES[name]} in {axis} {place}; in {'v' if axis == 'u' else 'u'} {other.text}"
-    sentence = f"The {_SIZE_NAMES[name]} of {subject.tracker} in {axis} is {with_interval(shown)}."
-    return Measure("error", "px", shown, None, None, smallest, note, sentence, "error-by-tracker")
-
-
-def _both_sizes(subject: Subject, name: str) -> dict[str, Estimate | None]:
-    return {axis: _own_size(subject, name, axis) for axis in "uv"}
+    what, place = "core error" if name == "core" else subject.conditions.rms, subject.conditions.place(at)
+    number = card_number(_own_size(subject, name, axis))
+    if number.value is None:
+        missing = f"unknown {place}: too few features"
+        sentence = f"The error of {subject.tracker} is {missing}."
+        return Measure("error", "px", number, None, None, smallest, f"{what} in {axis} {missing}", sentence, _SECTION)
+    rest = "v" if axis == "u" else "u"
+    note = f"{what} in {axis} {place}; in {rest} {card_number(_own_size(subject, name, rest)).text}"
+    sentence = f"The {what} of {subject.tracker} in {axis} is {with_interval(number)}."
+    return Measure("error", "px", number, None, None, smallest, note, sentence, _SECTION)
 
 
 def _own_size(subject: Subject, name: str, axis: str) -> Estimate | None:

@@ -6,6 +6,7 @@ from typing import Any
 from tracknoise.phrases.answer_summary import Card, Finding, Judgement, Statement
 from tracknoise.phrases.depth_topic import depth_sentence
 from tracknoise.phrases.factor_topic import answers_counted
+from tracknoise.phrases.measures import Subject
 from tracknoise.phrases.run_data import RunData
 
 _MEASURES = {
@@ -17,6 +18,10 @@ _MEASURES = {
     "lifetimes": ("lifetime",),
 }
 """Topics whose sentences are those of the cards, and the names of the measures."""
+
+
+_NUMBERS = ("ratios", "survivorship", "pose errors", "differences", "depth edges")
+"""Topics whose sentences are numbers of the measured scenes."""
 
 
 def findings(data: RunData, cards: Sequence[Card], accuracy: Judgement) -> tuple[Finding, ...]:
@@ -46,4 +51,6 @@ def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> lis
         return [*first, *([(text, row["figure"])] if (text := answers_counted(data)) else [])]
     if row["topic"] == "depth" and (sentences := [*filter(None, (depth_sentence(data, one) for one in data.trackers))]):
         return [(text, row["figure"]) for text in sentences]
+    if row["topic"] in _NUMBERS and data.trackers:
+        return [(Subject(data, data.trackers[0]).said(row["brief"]), row["figure"])]
     return [(row["brief"] or f"This run has a finding about {row['topic']}.", row["figure"])]

@@ -43,6 +43,6 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
                 f"{conditions.opening_place(row['at'])}, the error of {tracker} in u is {format_estimate(long)} "
                 f"for tracks that live to age {age}. For all tracks it is {format_estimate(every)}."
             )
-            brief = f"The RMS in u of tracks of {tracker} that live long is {short(long)}."
+            brief = f"The RMS over the tracks of {tracker} that live long is {short(long)} in u."
             return Part(text, [long, every], brief)
     return None

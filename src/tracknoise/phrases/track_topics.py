@@ -138,25 +138,19 @@ def outliers_measure(subject: Subject, fewest: Answer | None) -> Measure | None:
 
 
 def lifetime_measure(subject: Subject, longest: Answer | None) -> Measure | None:
-    """Median lifetime, or the mean up to a horizon where more than half of the tracks are alive at the end."""
+    """Median lifetime, or the mean up to a horizon if more than half of some tracker's tracks are alive at the end."""
     if subject.row is None or not subject.row["n_tracks"]:
         return None
-    if subject.row["median_lifetime"] is not None:
-        return _lifetime_measure(
-            subject, longest, "median_lifetime", "Kaplan-Meier median", "The median lifetime of tracks of"
-        )
-    if subject.row["restricted_mean_lifetime"] is None:
+    rows = subject.conditions.reported(subject.data.summary).filter(pl.col("n_tracks") > 0)
+    statistic = "restricted_mean_lifetime" if rows["median_lifetime"].null_count() else "median_lifetime"
+    if subject.row[statistic] is None:
         return None
-    horizon = f"up to {counted(subject.row['restricted_to'], 'frame')}"
-    note = f"mean {horizon}; over half are alive at the end"
-    return _lifetime_measure(
-        subject, longest, "restricted_mean_lifetime", note, f"The mean lifetime {horizon} of tracks of"
-    )
-
-
-def _lifetime_measure(subject: Subject, longest: Answer | None, statistic: str, note: str, opening: str) -> Measure:
-    value = None if subject.row is None else subject.row[statistic]
-    shown = card_number(Estimate.of(value, scalar_bounds(subject.intervals, statistic), "frames"))
-    bounds = f" ({shown.interval})" if shown.interval and statistic == "median_lifetime" else ""
-    sentence = f"{opening} {subject.tracker} is {shown.text}{bounds}."
+    shown = card_number(Estimate.of(subject.row[statistic], scalar_bounds(subject.intervals, statistic), "frames"))
+    tracks = f"tracks of {subject.tracker} is {with_interval(shown)}"
+    note, sentence = "Kaplan-Meier median", f"The median lifetime of {tracks}."
+    if statistic != "median_lifetime":
+        horizon = f"up to {counted(subject.row['restricted_to'], 'frame')}"
+        alive = subject.row["median_lifetime"] is None
+        note = f"mean {horizon}{'; over half are alive at the end' if alive else ''}"
+        sentence = f"The mean lifetime {horizon} of tracks of {subject.tracker} is {shown.text}."
     return Measure("lifetime", "frames", shown, None, None, longest, note, sentence, "lifetimes")

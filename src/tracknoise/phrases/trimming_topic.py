@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import polars as pl
 
+from tracknoise.analysis.zero_mean import verdict_at
 from tracknoise.phrases.bands import FRAME
 from tracknoise.phrases.headline import (
     Headline,
@@ -16,12 +17,14 @@ from tracknoise.phrases.measures import first
 from tracknoise.phrases.names import MOST_NAMED, condition_name, together
 from tracknoise.phrases.run_data import RunData
 from tracknoise.tables.enumerations import Behaviour, Trimming
+from tracknoise.tables.schema import VERDICT
 from tracknoise.words import (
     count,
     listing,
     number,
     percent,
     px,
+    rms_of_tracks,
 )
 
 _BOTH = (Trimming.untrimmed, Trimming.trimmed)
@@ -66,9 +69,11 @@ def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, a
     best = {trimming: min(each, key=lambda tracker: each[tracker]) for trimming, each in values.items()}
     if len(set(best.values())) == 1:
         return ""
-    untrimmed, trimmed = (_smallest(values[trimming], best[trimming]) for trimming in _BOTH)
-    order = f"that of {untrimmed} without trimming, and that of {trimmed} after it"
-    return f"In the measured scenes, features pooled, the smallest RMS in {axis} {conditions.place(at)} is {order}."
+    untrimmed, trimmed = (
+        f"the smallest {rms_of_tracks(trimming)} is that of {_smallest(values[trimming], best[trimming])}"
+        for trimming in _BOTH
+    )
+    return f"In {axis} {conditions.place(at)}, in the measured scenes, {untrimmed}; {trimmed}."
 
 
 def _rms(
@@ -97,7 +102,11 @@ def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:
         for coordinate in "uv":
             rows = conditions.of(tables["time_structure"], tracker).filter(coordinate=coordinate)
             sentences += _differs(rows, f"The growth of the error of {tracker} in {coordinate}")
-        zero = conditions.of(tables["zero_mean"], tracker).filter(pl.col("at").is_null(), axis=conditions.axis)
+        summary = first(conditions.of(tables["summary"], tracker))
+        at = None if summary is None else summary["at"]
+        zero = conditions.of(tables["zero_mean"], tracker).filter(pl.col("at").eq_missing(at), axis=conditions.axis)
+        if at is not None:
+            zero = zero.with_columns(verdict=pl.Series([verdict_at(row) for row in zero.to_dicts()], dtype=VERDICT))
         sentences += _differs(zero, f"Whether {tracker} has a mean error")
     return sentences
 

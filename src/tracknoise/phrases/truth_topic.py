@@ -46,6 +46,7 @@ from tracknoise.words import (
     opening_place,
     percent,
     pixels,
+    rms_of_tracks,
 )
 
 _LEAST_SHARE = 0.1
@@ -74,7 +75,7 @@ def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
         f"{conditions.opening_distance(rows['age'][0])}, {format_estimate(own)} of the second moment of {tracker} is a "
         "motion of the camera that the stated poses do not have."
     )
-    brief = f"A motion that the stated poses do not have is {short(own)} of the second moment of {tracker}."
+    brief = f"A motion that the stated poses lack is {short(own)} of the second moment of {tracker}."
     if others is None:
         unconfirmed = "No other tracker can confirm it, so that a motion common to all features may be its own."
         return Part(f"{text} {unconfirmed}", [own], brief)
@@ -291,7 +292,7 @@ def _floor(data: RunData) -> tuple[Verdict, str]:
     if floor_px == 0.0:
         return Verdict.yes if audited else Verdict.undecided, f"{opening} It is stated to be exact."
     error_px = math.hypot(row["u"], row["v"])
-    of = f"{pixels(error_px)} px RMS error of {row['tracker']} {data.axis.place(row['since'])}"
+    of = f"{pixels(error_px)} px {rms_of_tracks(data.trimming)} of {row['tracker']} {data.axis.place(row['since'])}"
     text = f"{opening} Its errors can cause {pixels(min(floor_px, error_px))} of the {of}."
     return Verdict.no if share > _MOST_SHARE else Verdict.yes, text
 

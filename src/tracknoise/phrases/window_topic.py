@@ -17,6 +17,7 @@ from tracknoise.phrases.headline import (
 )
 from tracknoise.phrases.measures import reported_conditions, short
 from tracknoise.phrases.run_data import RunData
+from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import (
     Axis,
     FloorSource,
@@ -44,6 +45,7 @@ _ALIKE = 1.1
 
 
 _UNITS = {"consistent_sigma": "px", "residual_core": "px"}
+_ABOUT_DEPTH = ("consistent_sigma", "core_overconfidence")
 
 
 Quantities = Mapping[str, Estimate]
@@ -52,12 +54,13 @@ Quantities = Mapping[str, Estimate]
 def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """The noise to set for windows of tracks, and how wrong depths are if residuals are believed."""
     windows = tables["window_sigmas"].filter(trimming=conditions.trimming)
+    length = shown_window(windows, conditions)
     brackets = in_brackets(conditions.reported(windows.filter(quantity="residual_core")))
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     meant = "" if conditions.fitted else " The noise to set makes the depths of fitted points as uncertain as they are."
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(windows, tables["floor"], conditions, tracker),
+        lambda tracker: _noise_of(windows, length, tables["floor"], conditions, tracker),
         opening=f"Noise to set in an estimator {conditions.where(tables['summary'])}{errors}.",
         closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{brackets}",
         topic="estimator",
@@ -66,27 +69,58 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     )
 
 
-def _noise_of(windows: pl.DataFrame, floor: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
-    rows = conditions.of(windows, tracker).filter(pl.col("window") <= LONGEST_WINDOW, pl.col("n") >= LEAST_WINDOWS)
-    lengths: list[int] = rows["window"].unique().sort(descending=True).to_list()
-    by_length = {length: _quantities(rows.filter(window=length)) for length in lengths}
-    known = {length: found for length, found in by_length.items() if "residual_core" in found}
-    shown = [length for length, found in known.items() if "consistent_sigma" in found]
-    if shown:
-        floor_px = window_floor_px(floor, conditions, tracker, shown[0])
-        return _with_depth(shown[0], known[shown[0]], tracker, floor_px)
-    return _without_depth(*next(iter(known.items())), tracker, conditions) if known else None
+def shown_window(windows: pl.DataFrame, conditions: ReportedConditions) -> int | None:
+    """Length of the windows that sentences are about, the same for all trackers; None where no length has enough.
+
+    It is the longest up to `LONGEST_WINDOW` of those at which most trackers have `LEAST_WINDOWS` windows that show the
+    depth of their point, or where none has, as many windows. Where all lengths are longer, it is the shortest.
+
+    Parameters
+    ----------
+    windows
+        Schema `WINDOW_SIGMAS`.
+    conditions
+        Which trackers, and which errors.
+    """
+    rows = conditions.reported(windows).filter(trimming=conditions.trimming)
+    own = rows.select("tracker", "window", "quantity", "n", enough=pl.col("n") * pl.col("value") >= LEAST_WINDOWS)
+    deep = own.filter("enough", quantity="depth_share").join(
+        own.filter(quantity="consistent_sigma"), on=["tracker", "window"], how="semi"
+    )
+    usable = deep if deep.height else own.filter(pl.col("n") >= LEAST_WINDOWS, quantity="residual_core")
+    near = usable.filter(pl.col("window") <= max(LONGEST_WINDOW, int(usable["window"].min() or 0)))  # type: ignore[arg-type]
+    found = shared_places(near, [], "window")["window"].to_list()
+    return found[0] if found else None
+
+
+def _noise_of(
+    windows: pl.DataFrame, length: int | None, floor: pl.DataFrame, conditions: ReportedConditions, tracker: str
+) -> Part | None:
+    rows = conditions.of(windows, tracker)
+    if length is None or rows.is_empty():
+        return None
+    found = _quantities(rows.filter(pl.col("n") >= LEAST_WINDOWS, window=length))
+    if "residual_core" not in found:
+        text = f"{tracker}: {_too_few(length)}."
+        return Part(text, [], text)
+    if "consistent_sigma" in found:
+        return _with_depth(length, found, tracker, window_floor_px(floor, conditions, tracker, length))
+    return _without_depth(length, found, tracker, conditions)
+
+
+def _too_few(length: int) -> str:
+    """Why a tracker has no number where others have one."""
+    return f"too few windows of {length} frames show the depth of a point"
 
 
 def _quantities(rows: pl.DataFrame) -> Quantities:
     """Quantities of one length of window; those about depth only where enough windows show it."""
     of = {row["quantity"]: row for row in rows.to_dicts()}
     n_depth = of["depth_share"]["value"] * of["depth_share"]["n"] if "depth_share" in of else 0
-    about_depth = ("consistent_sigma", "core_overconfidence")
     return {
         name: Estimate.of_row(row, "value", "low", "high", _UNITS.get(name, ""))
         for name, row in of.items()
-        if name not in about_depth or n_depth >= LEAST_WINDOWS
+        if name not in _ABOUT_DEPTH or n_depth >= LEAST_WINDOWS
     }
 
 
@@ -148,13 +182,6 @@ def window_floor_px(floor: pl.DataFrame, conditions: ReportedConditions, tracker
     return sqrt((known[0]["floor_uu"] + known[0]["floor_vv"]) / 2) if known else None
 
 
-WINDOW = 15
-"""Length of the windows that sentences are about, in observations, or else the nearest shorter one.
-
-At least `LEAST_WINDOWS` of them show the depth of their point.
-"""
-
-
 def sigma_sentence(data: RunData, tracker: str) -> str:
     """What an estimator should set, and what residuals look like. Empty where windows were not measured.
 
@@ -162,7 +189,8 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     """
     found = _at_window(data, tracker)
     if "consistent_sigma" not in found or "residual_core" not in found:
-        return ""
+        length = next((row["window"] for row in found.values()), None)
+        return "" if length is None else f"What to set is unknown: {_too_few(length)}."
     sigma, residual = found["consistent_sigma"], found["residual_core"]
     floor_px = window_floor_px(data.floor, reported_conditions(data, data.slowest), tracker, sigma["window"])
     covered = floor_px is not None and floor_px >= sigma["value"]
@@ -208,14 +236,14 @@ def _trust(found: dict[str, dict[str, Any]]) -> str:
 
 
 def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
-    """Quantities of the chosen window, by name; none where points are fitted to whole tracks."""
-    if data.truth_is_fitted:
+    """Quantities of the windows that sentences are about, by name; none where points are fitted to whole tracks."""
+    conditions = reported_conditions(data, data.slowest)
+    length = None if data.truth_is_fitted else shown_window(data.window_sigmas, conditions)
+    if length is None:
         return {}
-    rows = data.nominal(data.window_sigmas).filter(tracker=tracker, trimming=data.trimming)
-    enough = rows.filter(pl.col("n") * pl.col("value") >= LEAST_WINDOWS, quantity="depth_share")["window"]
-    lengths = rows.filter(pl.col("window").is_in(enough.to_list()), quantity="consistent_sigma")["window"]
-    if lengths.is_empty():
-        return {}
-    shorter = lengths.filter(lengths <= WINDOW)
-    window = shorter.max() if shorter.len() else lengths.min()
-    return {row["quantity"]: row for row in rows.filter(pl.col("window") == window).to_dicts()}
+    rows = conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length)
+    found = {row["quantity"]: row for row in rows.to_dicts()}
+    shares = found.get("depth_share")
+    if shares is None or shares["n"] * shares["value"] < LEAST_WINDOWS:
+        return {name: row for name, row in found.items() if name not in _ABOUT_DEPTH}
+    return found

@@ -1,8 +1,11 @@
 """The answers of a run: its cards, its statements, and how far they can be trusted."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from tracknoise.phrases import bias_topic, factor_topic, growth_topic, shape_topic, size_topic, track_topics
-from tracknoise.phrases.answer_summary import FORMAT, Card, Measure, Summary
-from tracknoise.phrases.measures import Subject
+from tracknoise.phrases.answer_summary import FORMAT, Card, Judgement, Measure, Summary
+from tracknoise.phrases.measures import Subject, shown_size
 from tracknoise.phrases.scene_topic import certainty, measured
 from tracknoise.phrases.statements import findings
 from tracknoise.phrases.truth_topic import truth
@@ -14,10 +17,8 @@ from tracknoise.report.templates import template
 
 def summarise(data: ReportData) -> Summary:
     """Answer what a reader asks first."""
-    size = size_topic.size_name([Subject(data, tracker) for tracker in data.trackers])
-    cards = tuple(_card(data, tracker, size) for tracker in data.trackers)
-    errors = {card.tracker: _size(card) for card in cards}
-    accuracy = factor_topic.accuracy(data, errors)
+    cards = _cards(data)
+    accuracy = _accuracy(data, cards)
     return Summary(
         FORMAT,
         data.name,
@@ -30,13 +31,27 @@ def summarise(data: ReportData) -> Summary:
     )
 
 
-def _card(data: ReportData, tracker: str, size: str) -> Card:
+def accuracy(data: ReportData) -> str:
+    """Which tracker is more accurate, in a sentence; empty where there is one tracker."""
+    return _accuracy(data, _cards(data)).text if len(data.trackers) > 1 else ""
+
+
+def _accuracy(data: ReportData, cards: Sequence[Card]) -> Judgement:
+    return factor_topic.accuracy(data, {card.tracker: _size(card) for card in cards})
+
+
+def _cards(data: ReportData) -> tuple[Card, ...]:
+    shown = shown_size(data)
+    return tuple(_card(data, tracker, shown) for tracker in data.trackers)
+
+
+def _card(data: ReportData, tracker: str, shown: tuple[str, str]) -> Card:
     subject = Subject(data, tracker)
     smallest, fewest, longest = (
         factor_topic.best(data, tracker, role, question)
         for role, question in (("core", "smallest"), ("outlier_ratio", "fewest"), ("lifetime", "longest"))
     )
-    about_errors = [size_topic.size_measure(subject, smallest, name=size)]
+    about_errors = [size_topic.size_measure(subject, smallest, shown=shown)]
     if not data.truth_is_fitted:
         makes = bias_topic.bias_measure, shape_topic.shape_measure, growth_topic.growth_measure
         about_errors += [make(subject) for make in makes]
@@ -45,8 +60,14 @@ def _card(data: ReportData, tracker: str, size: str) -> Card:
         track_topics.outliers_measure(subject, fewest),
         track_topics.lifetime_measure(subject, longest),
     ]
-    measures = tuple(one for one in found if one is not None)
-    return Card(tracker, data.colour[tracker], measures, sigma_sentence(data, tracker))
+    measures = tuple(_limited(subject, one) for one in found if one is not None)
+    return Card(tracker, data.colour[tracker], measures, subject.said(sigma_sentence(data, tracker)))
+
+
+def _limited(subject: Subject, one: Measure) -> Measure:
+    """A measure that says where it holds for these scenes only, and its interval is from blocks of tracks."""
+    blocks = f"; blocks of tracks {subject.limits}" if subject.limits and one.number.interval else ""
+    return replace(one, sentence=subject.said(one.sentence), note=f"{one.note}{blocks}")
 
 
 def _size(card: Card) -> Measure | None:

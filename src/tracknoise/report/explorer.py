@@ -43,10 +43,10 @@ _OF_ERRORS = (
     ),
     Chart(
         "second",
-        "RMS error (px)",
+        "RMS over tracks (px)",
         "If errors were a random walk, the curve would be a square root of age; with a drift it would be a line.",
     ),
-    Chart("core", "Core error (px)", "If errors were Gaussian, the core would be equal to the RMS."),
+    Chart("core", "Core error (px)", "If errors were Gaussian, the core of a scene would be equal to its RMS."),
 )
 _SURVIVAL = Chart(
     "survival",

@@ -4,13 +4,14 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.zero_mean import verdict_at
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.growth_topic import growth_ratio, kind_of_growth
 from tracknoise.phrases.headline import ReportedConditions, curve_bounds, scalar_bounds, scale_estimate
 from tracknoise.phrases.measures import first, reported_conditions
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
-from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estimate, number
+from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estimate, number, rms_of_tracks
 
 _METRICS = {
     "delta_avg": "position accuracy",
@@ -39,7 +40,7 @@ def verdicts(data: ReportData) -> Cells:
     groups = [
         ("", 3),
         ("core (px)", 2),
-        ("rms (px)", 2),
+        (f"{rms_of_tracks(data.trimming)} (px)", 2),
         ("mean", 1),
         ("Gaussian?", len(shapes)),
         ("growth", 2),
@@ -47,7 +48,7 @@ def verdicts(data: ReportData) -> Cells:
     ]
     rows = [_row(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
     which = f"Errors are {data.trimming} unless the heading says otherwise. " if dropped else ""
-    combined = "Core: geometric mean over scenes. RMS: features pooled."
+    combined = f"Core: of a typical scene. Whether the mean is zero: at this {axis.name} alone, u and v together."
     lifetimes = "Median lifetimes are Kaplan-Meier estimates in whole frames."
     caption = f"Verdicts{data.where}. {which}{combined} {lifetimes}"
     shown = [row for row in rows if row]
@@ -111,7 +112,7 @@ def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
         tracker,
         str(speed),
         *_sizes(data, chosen, tracker, summary["at"]),
-        _zero_mean(data, chosen, tracker),
+        _zero_mean(data, chosen, tracker, summary["at"]),
         *_shapes(data, chosen, tracker, summary["at"]),
         *(_growth(data, chosen, tracker, coordinate) for coordinate in "uv"),
         _outliers(data, chosen, tracker),
@@ -146,13 +147,14 @@ def _px(value: float | None, bounds: Estimate | None) -> str:
     return DASH if value is None else format_estimate(Estimate.of(value, bounds, "px")).replace(f"{SPACE}px", "")
 
 
-def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
-    rows = conditions.of(data.zero_mean, tracker).filter(pl.col("at").is_null(), trimming=data.trimming)
-    row = first(rows.filter(axis=data.axis.name))
+def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> str:
+    """The verdict at the reference age alone."""
+    rows = conditions.of(data.zero_mean, tracker).filter(trimming=data.trimming, axis=data.axis.name)
+    row = first(rows.filter(pl.col("at") == at)) if at is not None else None
     if row is None:
         return DASH
-    p = row["sign_flip_p_family"]
-    return _ZERO[row["verdict"]] + ("" if p is None else f" ({chance(p)})")
+    p = row["sign_flip_p"]
+    return _ZERO[verdict_at(row)] + ("" if p is None else f" ({chance(p)})")
 
 
 def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> list[str]:

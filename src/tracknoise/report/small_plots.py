@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 from tracknoise.phrases.answer_summary import Card, Measure, Number
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import printable
+from tracknoise.words import rms_of_tracks
 
 CURVE_PLOT_WIDTH, CURVE_PLOT_HEIGHT = 268, 132
 _LEFT, _RIGHT, _TOP, _BOTTOM = 34, 6, 16, 20
@@ -49,7 +50,7 @@ def curves(data: ReportData) -> list[Markup]:
 
 def curves_caption(data: ReportData) -> str:
     """What the panels show."""
-    return f"RMS error by {data.axis.name}; bands are intervals. Colours are those of the cards."
+    return f"{rms_of_tracks(data.trimming)} by {data.axis.name}; bands are intervals. Colours are those of the cards."
 
 
 def _axes(points: pl.DataFrame) -> _Axes:
@@ -65,7 +66,7 @@ def _axes(points: pl.DataFrame) -> _Axes:
 def _panel(data: ReportData, points: pl.DataFrame, axes: _Axes, coordinate: str) -> Markup:
     parts = [*_grid(axes), *(_curve(points.filter(tracker=name), axes, coordinate, data.colour[name])
              for name in data.trackers)]  # fmt: skip
-    title = f"RMS error in {coordinate} (px) by {data.axis.name}"
+    title = f"{rms_of_tracks(data.trimming)} in {coordinate} (px) by {data.axis.name}"
     return Markup(
         '<svg class="curves" role="img" aria-label="{title}: one curve per tracker, with intervals as bands" '
         'viewBox="0 0 {width} {height}">{parts}<text x="2" y="10" class="title">{title}</text></svg>'

@@ -8,6 +8,7 @@ from tracknoise.exceptions import UnknownNameError
 from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.statistics.prepared import POPULATIONS
+from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, FloorSource, Weighting
 from tracknoise.tables.schema import CORES, CURVES, FLOOR, OUTLIERS, SUMMARY, TRIMMING, check, empty
@@ -36,9 +37,9 @@ def summary(
         What `tracknoise.statistics.truth_errors.truth_floor` returned for these scenes; without it there is no truth
         floor.
     age
-        The reference age of a condition is the largest one from 1 to this, in frames of the nominal sequence, at which
-        neither its trimmed nor its untrimmed curves are cut. It differs between speeds whose frames do not coincide.
-        At age 0 errors are zero by construction.
+        The reference age is the same for all trackers of a view and speed: of the ages from 1 to this, in frames of the
+        nominal sequence, the last of those at which most trackers have trimmed and untrimmed curves that are not cut.
+        It differs between speeds whose frames do not coincide. At age 0 errors are zero by construction.
     key_frame
         If the axis of the curves is the frame: the frame in which errors are zero, for all directions or by direction.
         The reference frame is then the last one up to `age` frames after it.
@@ -50,7 +51,8 @@ def summary(
     polars.DataFrame
         Schema `SUMMARY`, sorted by condition: every condition of any of the three tables. `outliers` has every
         condition that was measured. A condition without features has 0 tracks. Other missing values are null, and so
-        are errors if every age is cut. Features are pooled over scenes, except for core and beyond, see `CORES`.
+        are errors and their age if the tracker's curves are cut at the reference age. Features are pooled over scenes,
+        except for core and beyond, see `CORES`.
 
     Raises
     ------
@@ -85,11 +87,12 @@ def _key_frame(key_frame: int | Mapping[str, int]) -> pl.Expr:
 
 
 def _at_reference(points: pl.DataFrame) -> pl.DataFrame:
-    """Errors of every condition, trimmed and untrimmed, at the last place where both are there and neither is cut."""
+    """Errors of every condition, trimmed and untrimmed, at the place that its trackers share; both are there uncut."""
     usable = (pl.col("trimming").n_unique() == len(TRIMMING.categories)) & ~pl.col("cut").any()
     places = points.group_by(*POOLED, "axis", "at").agg(usable=usable).filter("usable")
-    reference = places.group_by(*POOLED, "axis").agg(at=pl.col("at").max())
-    return points.join(reference, on=[*POOLED, "axis", "at"]).group_by(*POOLED, "axis", "at").agg(**_columns())
+    shared = shared_places(places, [name for name in (*POOLED, "axis") if name != "tracker"], "at")
+    reference = places.join(shared, on=shared.columns).select(*POOLED, "axis", "at")
+    return points.join(reference, on=reference.columns).group_by(*POOLED, "axis", "at").agg(**_columns())
 
 
 def _with_cores(errors: pl.DataFrame, cores: pl.DataFrame) -> pl.DataFrame:

@@ -1,6 +1,7 @@
 """Effects of factors by the paper's yardstick: the largest difference between levels, relative to common variation.
 
 - Factors whose effects are reported, and the conditions at which they are compared.
+- The age, or the length of windows, at which all trackers of a run are compared.
 
 How far curves differ, relative to how far they vary together.
 
@@ -23,7 +24,7 @@ construction. A single number such as the lifetime has no curve. Its effect is t
 their mean (effect.scalar).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -71,6 +72,32 @@ class ReferenceCondition:
     speed: int = 1
     key_frames: Mapping[str, int] = field(default_factory=dict)
     camera: str = ""
+
+
+def shared_places(places: pl.DataFrame, by: Sequence[str], place: str) -> pl.DataFrame:
+    """Where trackers are compared: the place that most trackers have, or the last of these.
+
+    Parameters
+    ----------
+    places
+        One row for each place of each tracker: columns of `by`, tracker and `place`.
+    by
+        Columns whose values are not compared with one another.
+    place
+        Name of a column: an age, a frame, or the length of a window.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns of `by` and `place`: one row for each combination of values.
+    """
+    counted = places.group_by(*by, place).agg(trackers=pl.col("tracker").n_unique())
+    last = pl.col(place).sort_by("trackers", place).last()
+    return (
+        counted.with_columns(chosen=last.over(by) if by else last)
+        .filter(pl.col(place) == pl.col("chosen"))
+        .select(*by, place)
+    )
 
 
 def comparable(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame:

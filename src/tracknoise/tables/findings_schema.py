@@ -253,8 +253,14 @@ ZERO_MEAN: Schema = {
     "n": pl.Int64,
     "n_scenes": pl.Int32,
     "mean_u_px": pl.Float64,
+    "mean_u_low_px": pl.Float64,
+    "mean_u_high_px": pl.Float64,
     "mean_v_px": pl.Float64,
+    "mean_v_low_px": pl.Float64,
+    "mean_v_high_px": pl.Float64,
     "effect_px": pl.Float64,
+    "effect_low_px": pl.Float64,
+    "effect_high_px": pl.Float64,
     "share_of_second": pl.Float64,
     "hotelling_p": pl.Float64,
     "hotelling_p_adjusted": pl.Float64,
@@ -267,11 +273,12 @@ ZERO_MEAN: Schema = {
 }
 """Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
 
-effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Adjusted
-p-values are over the ages of a condition: Hotelling's by Holm, that of the sign flips by the largest statistic of each
-flip. sign_flip_p_family is over all ages of all conditions of the dataset, and the verdict is about it. iid_p is the
-p-value of a test that assumes independent features. The verdict `yes` means that the mean differs from zero,
-`undecided` that it may or may not.
+effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Bounds
+are of 95 %, for one age alone, u and v together: effect_low_px is above 0 exactly where sign_flip_p is at most 0.05.
+They are null where there is no test, and in the row of all ages. Adjusted p-values are over the ages of a condition:
+Hotelling's by Holm, that of the sign flips by the largest statistic of each flip. sign_flip_p_family is over all ages
+of all conditions of the dataset, and the verdict is about it. iid_p is the p-value of a test that assumes independent
+features. The verdict `yes` means that the mean differs from zero, `undecided` that it may or may not.
 """
 
 GAUSSIANITY: Schema = {

@@ -413,6 +413,11 @@ def _floor() -> View:
     return View(Topic.truth_floor, schema.FLOOR, keys, values, [*_CONDITION, "source", "axis", "at"])
 
 
+def _bounds_of(stem: str) -> Columns:
+    """Columns of the bounds of a length."""
+    return {"low": f"{stem}_low_px", "high": f"{stem}_high_px"}
+
+
 def _bias() -> View:
     tests = (
         "hotelling_p",
@@ -423,8 +428,11 @@ def _bias() -> View:
         "iid_p",
     )
     values = [
-        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why")}),
-        *(Value("bias_component", f"mean_{name}_px", {"coordinate": name}) for name in "uv"),
+        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_of("effect")}),
+        *(
+            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_of(f"mean_{name}"))
+            for name in "uv"
+        ),
         Value("bias_share", "share_of_second"),
         *(Value("p_value", name, {"part": name}) for name in tests),
     ]

@@ -24,7 +24,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LEAST_MOTION_PX, LONG_LIVED_AGES, REFERENCE_AGE
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS
 from tracknoise.tables.enumerations import Aspect, Trimming
-from tracknoise.words import SPACE, count, listing, number, percent, px, ratio
+from tracknoise.words import SPACE, count, listing, number, percent, px, ratio, rms_of_tracks
 
 _LAYOUT = (
     "Rows: mean error, mean absolute error, and root of the second moment. In the third row, the second moment is "
@@ -90,10 +90,10 @@ def _trimming_message(data: ReportData) -> str:
     if shared.is_empty():
         return ""
     rows = {row["trimming"]: row for row in shared.filter(since=shared["since"].max()).to_dicts()}
-    before, after = rows[Trimming.untrimmed], rows[Trimming.trimmed]
+    before, after, rms = rows[Trimming.untrimmed], rows[Trimming.trimmed], rms_of_tracks(Trimming.untrimmed)
     if not apart(before, after, "u"):
         return ""
-    return f"Trimming lowers the RMS of {data.trackers[0]} in u from {px(before['u'])} to {px(after['u'])}"
+    return f"Trimming lowers {rms} of {data.trackers[0]} in u from {px(before['u'])} to {px(after['u'])}"
 
 
 def _curve_figure(
@@ -381,8 +381,8 @@ def _survivorship_message(tracker: str, points: pl.DataFrame, found: Sequence[Re
     every, longest = rows
     if not apart(every, longest, "u"):
         return ""
-    share = longest["u"] / every["u"]
-    return f"Tracks of {tracker} living {found[1].name} have {number(share)} times the RMS of all in u"
+    times, rms = number(longest["u"] / every["u"]), rms_of_tracks(every["trimming"])
+    return f"Tracks of {tracker} living {found[1].name} have {times} times the {rms} in u"
 
 
 def _survivorship_points(data: ReportData, tracker: str) -> pl.DataFrame:

@@ -61,11 +61,9 @@ class Measure:
     name
         What was measured.
     unit
-        Of its numbers: px, frames, share, or empty.
+        Of its numbers: px, frames, times, share, or empty.
     number
         Its value.
-    first
-        Its value at the first age, where it is about growth.
     reference
         Value that it would have without what is asked about: 0 for a mean, 8 for the kurtosis of a Gaussian.
     answer
@@ -81,7 +79,6 @@ class Measure:
     name: str
     unit: str
     number: Number
-    first: Number | None
     reference: float | None
     answer: Answer | None
     note: str

@@ -170,7 +170,7 @@ def bias_measure(subject: Subject) -> Measure | None:
     notes += [wider] if wider else []
     sentence = _bias_sentence(subject, there, verdict, shown, covered=covered, wider=wider)
     found = answer("biased", verdict, wished=Verdict.no)
-    return Measure("bias", "px", shown, None, 0.0, found, "; ".join(notes), sentence, "error-by-tracker")
+    return Measure("bias", "px", shown, 0.0, found, "; ".join(notes), sentence, "error-by-tracker")
 
 
 def _is_covered(subject: Subject, there: Mapping[str, Any]) -> bool:

@@ -1,6 +1,7 @@
 """How errors grow with age, as far as the truth lets it be known."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import polars as pl
@@ -20,8 +21,8 @@ from tracknoise.phrases.measures import (
     asked_sentence,
     card_number,
     first,
-    larger,
     reported_conditions,
+    shown_size,
     trimmed_word,
     with_interval,
 )
@@ -64,7 +65,8 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     return by_tracker(
         conditions.trackers,
         lambda tracker: _growth_of(tables, conditions, tracker),
-        opening=f"Growth of {trimmed_word(conditions)}errors in a typical scene {conditions.where(tables['summary'])}.",
+        opening=f"Growth of {trimmed_word(conditions)}errors of the same tracks {conditions.where(tables['summary'])}, "
+        "scenes counted alike.",
         topic="growth",
         figure="time-structure",
         table="time_structure",
@@ -193,28 +195,26 @@ def _fits(data: RunData) -> pl.DataFrame:
     return data.nominal(data.time_structure).filter(pl.col("tracker").is_in(data.trackers), trimming=data.trimming)
 
 
+_NO_GROWTH = 1.0
 _HOW: Mapping[str, str] = {Behaviour.white: "constant", Behaviour.none: "no model fits"}
 
 
 def growth_measure(subject: Subject) -> Measure | None:
-    """RMS at the reference age over that at the first, and how errors grow: of the coordinate that grows most."""
+    """RMS at the reference age over that at the first, in the coordinate of the run, and how errors grow."""
     rows = subject.of("time_structure").filter(trimming=subject.conditions.trimming).sort("coordinate").to_dicts()
-    verdicts = {row["coordinate"]: growth_verdict(subject.data, subject.conditions, row, subject.at) for row in rows}
-    verdict = next((one for one in (Verdict.yes, Verdict.undecided) if one in verdicts.values()), Verdict.no)
-    about = {row["coordinate"]: row for row in rows if verdicts[row["coordinate"]] == verdict}
-    found = larger({axis: growth_ratio(row) for axis, row in about.items()})
-    if found is None:
+    axis = shown_size(subject.data)[1]
+    row = next((one for one in rows if one["coordinate"] == axis), None)
+    found = None if row is None else growth_ratio(row)
+    if row is None or found is None:
         return None
-    axis, shown = found[0], card_number(found[1])
-    row = about[axis]
-    places = _from_to(subject.conditions, row)
-    note = f"RMS in {axis} {places}, typical scene; {_kinds(rows)}"
-    change = f"the RMS in {axis} grows {with_interval(shown)} times"
-    errors = f"errors of {subject.tracker}"
+    verdict = growth_verdict(subject.data, subject.conditions, row, subject.at)
+    shown, errors = card_number(replace(found, unit="times")), f"errors of {subject.tracker}"
+    note = f"RMS in {axis} of the same tracks {_from_to(subject.conditions, row)}; {_kinds(rows)}"
+    change = f"their RMS in {axis} grows {with_interval(shown)}"
     sentence = asked_sentence(verdict, f"{errors} grow with age", f"No growth of {errors} was found", change)
     sentence = sentence_case(sentence) if verdict == Verdict.yes else sentence
     answered = answer("grows", verdict, wished=Verdict.no)
-    return Measure("growth", "times", shown, None, None, answered, note, sentence, "time-structure")
+    return Measure("growth", "times", shown, _NO_GROWTH, answered, note, sentence, "time-structure")
 
 
 def _from_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:

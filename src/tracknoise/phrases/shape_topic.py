@@ -119,7 +119,7 @@ def shape_measure(subject: Subject) -> Measure | None:
     sentence = f"Errors of {subject.tracker} are {SHAPES[row['verdict']]}: their kurtosis is {with_interval(shown)}."
     ages = band_text(subject.conditions.axis, row["age_low"], row["age_high"])
     note = f"{part_name}, {ages} (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_far_share(subject)}"
-    return Measure("tails", "", shown, None, _GAUSSIAN_KURTOSIS, found, note, sentence, "gaussianity")
+    return Measure("tails", "", shown, _GAUSSIAN_KURTOSIS, found, note, sentence, "gaussianity")
 
 
 def _far_share(subject: Subject) -> str:

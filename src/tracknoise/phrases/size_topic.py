@@ -210,11 +210,11 @@ def size_measure(subject: Subject, smallest: Answer | None, *, shown: tuple[str,
     if number.value is None:
         missing = f"unknown {place}: too few features"
         sentence = f"The error of {subject.tracker} is {missing}."
-        return Measure("error", "px", number, None, None, smallest, f"{what} in {axis} {missing}", sentence, _SECTION)
+        return Measure("error", "px", number, None, smallest, f"{what} in {axis} {missing}", sentence, _SECTION)
     rest = "v" if axis == "u" else "u"
     note = f"{what} in {axis} {place}; in {rest} {card_number(_own_size(subject, name, rest)).text}"
     sentence = f"The {what} of {subject.tracker} in {axis} is {with_interval(number)}."
-    return Measure("error", "px", number, None, None, smallest, note, sentence, _SECTION)
+    return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 
 
 def _own_size(subject: Subject, name: str, axis: str) -> Estimate | None:

@@ -134,7 +134,7 @@ def outliers_measure(subject: Subject, fewest: Answer | None) -> Measure | None:
     shown = card_number(Estimate.of(value, scalar_bounds(subject.intervals, "outlier_ratio"), "share"))
     sentence = f"{subject.tracker} rejects {with_interval(shown)} of the features carried into a frame."
     note = "share of features carried into a frame that is rejected"
-    return Measure("outliers", "share", shown, None, None, fewest, note, sentence, "outlier-ratio")
+    return Measure("outliers", "share", shown, None, fewest, note, sentence, "outlier-ratio")
 
 
 def lifetime_measure(subject: Subject, longest: Answer | None) -> Measure | None:
@@ -153,4 +153,4 @@ def lifetime_measure(subject: Subject, longest: Answer | None) -> Measure | None
         alive = subject.row["median_lifetime"] is None
         note = f"mean {horizon}{'; over half are alive at the end' if alive else ''}"
         sentence = f"The mean lifetime {horizon} of tracks of {subject.tracker} is {shown.text}."
-    return Measure("lifetime", "frames", shown, None, None, longest, note, sentence, "lifetimes")
+    return Measure("lifetime", "frames", shown, None, longest, note, sentence, "lifetimes")

@@ -223,7 +223,7 @@ def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
     shown = card_number(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
     note = "standard deviation of one coordinate, corrected for the fit"
     sentence = f"The noise of {subject.tracker} in one coordinate is {with_interval(shown)}."
-    return Measure("noise", "px", shown, None, None, smallest, note, sentence, "findings")
+    return Measure("noise", "px", shown, None, smallest, note, sentence, "findings")
 
 
 _MOST_SHARE = 0.5

@@ -150,7 +150,7 @@ class Scale:
 def scale(measures: Iterable[Measure]) -> Scale:
     """Axis that holds the values and intervals of measures, and zero where it is not logarithmic."""
     shown = list(measures)
-    numbers = [one for measure in shown for one in (measure.number, measure.first) if one is not None]
+    numbers = [measure.number for measure in shown]
     ends = [end for one in numbers for end in (one.value, one.low, one.high) if end is not None]
     ends += [measure.reference for measure in shown if measure.reference is not None]
     if ends and min(ends) > 0.0 and max(ends) > _MANY_TIMES * min(ends):
@@ -171,9 +171,7 @@ def scales(cards: Sequence[Card]) -> dict[str, Scale]:
 def draw(measure: Measure, axis: Scale, colour: str) -> Markup:
     """Draw the values of a measure as points, their intervals as bars, and the reference as a line."""
     marks = [] if measure.reference is None else [_reference(axis.place(measure.reference))]
-    if measure.first is not None:
-        marks += _mark(measure.first, axis, colour, filled=False)
-    marks += _mark(measure.number, axis, colour, filled=True)
+    marks += _mark(measure.number, axis, colour)
     label = escape(printable(_label(measure)))
     return Markup(
         '<svg class="interval" role="img" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
@@ -191,8 +189,7 @@ def draw(measure: Measure, axis: Scale, colour: str) -> Markup:
 
 def _label(measure: Measure) -> str:
     interval = f", interval {measure.number.interval}" if measure.number.interval else ", no interval"
-    first = "" if measure.first is None else f", at first {measure.first.text}"
-    return f"{measure.name}: {measure.number.text}{interval}{first}"
+    return f"{measure.name}: {measure.number.text}{interval}"
 
 
 def _reference(x: float) -> Markup:
@@ -201,7 +198,7 @@ def _reference(x: float) -> Markup:
     )
 
 
-def _mark(number: Number, axis: Scale, colour: str, *, filled: bool) -> list[Markup]:
+def _mark(number: Number, axis: Scale, colour: str) -> list[Markup]:
     """A bar for the interval and a point for the value."""
     if number.value is None:
         return []
@@ -210,6 +207,5 @@ def _mark(number: Number, axis: Scale, colour: str, *, filled: bool) -> list[Mar
         bar = '<line class="bar" x1="{low:.1f}" x2="{high:.1f}" y1="{y}" y2="{y}" stroke="{colour}"/>'
         low, high = axis.place(number.low), axis.place(number.high)
         marks.append(Markup(bar).format(low=low, high=max(high, low + 1.0), y=y, colour=colour))
-    point = '<circle cx="{x:.1f}" cy="{y}" r="3" stroke="{colour}" fill="{fill}"/>'
-    fill = colour if filled else "var(--paper)"
-    return [*marks, Markup(point).format(x=axis.place(number.value), y=y, colour=colour, fill=fill)]
+    point = '<circle cx="{x:.1f}" cy="{y}" r="3" stroke="{colour}" fill="{colour}"/>'
+    return [*marks, Markup(point).format(x=axis.place(number.value), y=y, colour=colour)]

@@ -489,8 +489,7 @@ def test_growth_says_by_how_much_and_which_parts_are_established() -> None:
         "Growth of trimmed errors of the same tracks at speed 1, scenes counted alike. lk in u: errors grow: the RMS "
         "at age 10, against age 1, is 1.50 (1.40 to 1.60) times as large. Established: constant part of 0.200 px "
         "(0.190 to 0.210) and random walk of 0.0900 px per sqrt(frame) (0.0800 to 0.100). lk in v: growth is "
-        "undecided. How is undecided: too few "
-        "ages."
+        "undecided. How is undecided: too few ages. Growth by less than the margin counts as none."
     )
     assert growth["value"] == 1.5
 

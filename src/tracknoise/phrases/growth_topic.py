@@ -67,6 +67,7 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
         lambda tracker: _growth_of(tables, conditions, tracker),
         opening=f"Growth of {trimmed_word(conditions)}errors of the same tracks {conditions.where(tables['summary'])}, "
         "scenes counted alike.",
+        closing="Growth by less than the margin counts as none.",
         topic="growth",
         figure="time-structure",
         table="time_structure",
@@ -104,7 +105,8 @@ def _how(row: Mapping[str, Any], parts: Mapping[str, Estimate]) -> tuple[str, li
         return f"Established: {listed}.", list(parts.values())
     if row["verdict"] == Behaviour.none:
         return f"{sentence_case(row['why'] or 'none of the models fits')}.", []
-    return f"How is undecided: {row['why']}." if row["why"] else "", []
+    is_told = _grows(row) == Verdict.undecided and growth_ratio(row) is not None
+    return f"How is undecided: {row['why']}." if row["why"] and not is_told else "", []
 
 
 def _parts(row: Mapping[str, Any]) -> dict[str, Estimate]:

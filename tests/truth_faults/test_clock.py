@@ -8,7 +8,7 @@ from tests.truth_faults.planted import shifted, without_depth
 
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.truth_faults.check_report import Severity
-from tracknoise.truth_faults.clock_check import Rates, clock, estimate_offset
+from tracknoise.truth_faults.clock_check import Rates, clock, estimate_offset, measured_offset
 from tracknoise.truth_faults.image_evidence import Evidence, Flow
 
 
@@ -144,8 +144,9 @@ def test_a_minimum_beyond_the_bound_of_the_first_search_is_found(handheld):
     part = slice(20, 40)
     steps = [replace(one, first=one.first - 20, second=one.second - 20) for one in handheld.flow.steps[part][:-1]]
     early = shifted(-3)(handheld.poses)[part]
-    item = clock(Evidence.of(without_depth(Flow(tuple(steps), ())), early, handheld.camera), None)
-    assert item.values["offset_frames"] == pytest.approx(3.0, abs=3 * item.values["sd_frames"])
+    found = measured_offset(Evidence.of(without_depth(Flow(tuple(steps), ())), early, handheld.camera))
+    assert np.isfinite(found.sd_frames)
+    assert found.frames == pytest.approx(3.0, abs=3 * found.sd_frames)
 
 
 @pytest.mark.parametrize("offset", [-3.0, 3.0])

@@ -392,12 +392,22 @@ def test_outliers_that_never_were_decide_nothing() -> None:
     assert (row["effect"], row["verdict"], row["high"]) == (None, "undecided", None)
 
 
-def test_more_questions_make_a_weak_answer_weaker() -> None:
+def test_more_trackers_make_a_weak_answer_weaker() -> None:
     weak = moments({1: 1.0, 2: 1.16}, own=0.05)
     alone = answer(weak)
     others = [moments({1: 1.0, 2: 1.0}, own=0.2, seed=number, tracker=f"t{number}") for number in range(1, 8)]
     among = asked(pl.concat([weak, *others])).filter(factor="speed", statistic="eta", tracker="lk").to_dicts()[0]
     assert among["q_yes"] > alone["q_yes"]
+
+
+def test_what_else_is_asked_about_a_factor_leaves_an_answer_as_it_is() -> None:
+    table = moments({1: 1.0, 2: 1.3}, own=0.2)
+    more = ends_of({1: 20, 2: 20}, scenes=12), frames_of({1: 500, 2: 500}, scenes=12)
+    about_sizes = pl.col("statistic").is_in(["core", "Phi"]), pl.col("factor") == "speed"
+    alone, among = asked(table).filter(about_sizes), asked(table, *more).filter(about_sizes)
+    columns = ["statistic", "q_yes", "q_no", "verdict"]
+    assert among.select(columns).equals(alone.select(columns))
+    assert alone["verdict"].to_list() == ["yes", "yes"]
 
 
 def test_the_rows_are_those_of_the_effects_without_central_moments_and_with_the_core() -> None:

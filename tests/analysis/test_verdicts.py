@@ -62,6 +62,14 @@ def test_many_questions_make_a_weak_answer_undecided():
     assert "multiple tests" in among.why
 
 
+def test_what_else_is_compared_leaves_the_answers_about_sizes_and_lifetimes_as_they_are():
+    main = [asked(name, np.log(1.5), spread=0.3, seed=seed) for seed, name in enumerate(("core", "lifetime"))]
+    names = ("bias", "tails", "growth", "residual_sigma", "overconfidence", "feature_count", "tap_delta_avg")
+    more = [asked(name, 0.0, seed=place, scale_px=1.0) for place, name in enumerate(names)]
+    alone, among = verdicts(main), verdicts([*main, *more])[: len(main)]
+    assert [(row.verdict, row.p_adjusted) for row in among] == [(row.verdict, row.p_adjusted) for row in alone]
+
+
 def test_a_zero_in_one_run_alone_cannot_be_within_the_margin():
     pair = PairedValues(np.zeros((10, 1)), np.ones(10, bool), np.ones(1, bool), NO_PLACES)
     (row,) = verdicts([Asked(OF, "core", pair, [f"s{i}" for i in range(10)], np.arange(10))])

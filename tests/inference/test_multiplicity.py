@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracknoise.inference.multiple_tests import benjamini_hochberg, holm
+from tracknoise.inference.multiple_tests import benjamini_hochberg, hochberg, holm, in_families
 
 P = [0.04, 0.01, 0.03]
 
@@ -16,8 +16,21 @@ def test_benjamini_and_hochberg_by_hand() -> None:
     assert benjamini_hochberg(P) == pytest.approx([0.04, 0.03, 0.04])
 
 
-@pytest.mark.parametrize("adjust", [holm, benjamini_hochberg])
-class TestBoth:
+def test_hochberg_by_hand() -> None:
+    # 0.04, then 2 x 0.03 and 3 x 0.01, which may not be more than the ones after
+    assert hochberg(P) == pytest.approx([0.04, 0.03, 0.04])
+    assert hochberg([0.03, 0.02, 0.9]) == pytest.approx([0.06, 0.06, 0.9])
+
+
+def test_a_family_is_adjusted_as_if_there_were_no_other() -> None:
+    found = in_families(holm, [0.04, 0.9, 0.01, None, 0.03, 0.2], ["a", "b", "a", "a", "a", "b"])
+    assert found[[0, 2, 4]] == pytest.approx(holm(P))
+    assert found[[1, 5]] == pytest.approx(holm([0.9, 0.2]))
+    assert np.isnan(found[3])
+
+
+@pytest.mark.parametrize("adjust", [holm, hochberg, benjamini_hochberg])
+class TestEach:
     def test_a_single_test_stays_as_it_is(self, adjust) -> None:
         assert adjust([0.2]).tolist() == [0.2]
 
@@ -49,4 +62,5 @@ class TestBoth:
 
 def test_holm_is_the_more_careful() -> None:
     p = np.random.default_rng(2).uniform(size=30) ** 2
-    assert (holm(p) >= benjamini_hochberg(p)).all()
+    assert (holm(p) >= hochberg(p)).all()
+    assert (hochberg(p) >= benjamini_hochberg(p)).all()

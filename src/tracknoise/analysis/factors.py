@@ -26,10 +26,16 @@ in their difference. Scales of errors, lifetimes and outlier ratios are compared
 difference of logarithms, and thus the geometric mean over scenes of the ratio. Every scene has the same weight. Mean
 errors have a sign; their differences are in px (`tracknoise.analysis.factors`).
 
-q-values are computed over the rows of a factor, for all trackers and speeds together. The verdict is `yes` if q_yes
-is at most 1 - level. It is `no` if every difference
-at every age is below the margin: p_no is at most half of 1 - level, q_no is at most 1 - level, and every pair of levels
-was compared. Otherwise it is `undecided`.
+A cell is a factor with all others held, such as one tracker at one speed. Its questions form families, each with the
+whole level: sizes (core and second moment), ends of tracks (lifetime and outlier ratio), and the others (mean and
+mean absolute error). q_yes is p_yes by Hochberg in the family of a cell, and then by Benjamini and Hochberg over the
+cells of a factor that ask the same. The verdict is `yes` if q_yes is at most 1 - level. In one family of one cell,
+any false `yes` then has at most that probability. Of all `yes` about one factor and statistic, at most that share is
+false on average.
+
+The verdict is `no` if every difference at every age is below the margin, and every pair of levels was compared: p_no
+is at most half of 1 - level, so that any false `no` in a family of two has at most the probability 1 - level, and
+q_no, p_no by Benjamini and Hochberg over the cells, is at most 1 - level. Otherwise it is `undecided`.
 """
 
 import math
@@ -53,7 +59,7 @@ from tracknoise.analysis.factor_values import (
     scene_values,
 )
 from tracknoise.inference.conventions import LEVEL
-from tracknoise.inference.multiple_tests import benjamini_hochberg, rotations
+from tracknoise.inference.multiple_tests import benjamini_hochberg, hochberg, in_families, rotations
 from tracknoise.inference.paired_differences import (
     Averages,
     Differences,
@@ -72,7 +78,7 @@ from tracknoise.statistics.grouping import Tables, TablesByCondition, by_conditi
 from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, VERDICT, Schema, check, empty
+from tracknoise.tables.schema import CONDITION, ENDS, FRAME_COUNTS, MOMENTS, SCALES, VERDICT, Schema, check, empty
 from tracknoise.words import STATISTICS, count
 
 ROLES: Mapping[str, str] = {
@@ -82,6 +88,18 @@ ROLES: Mapping[str, str] = {
     "outlier_ratio": "outlier_ratio",
 }
 """Role of each statistic, by its name in the tables."""
+
+
+_OTHERS = "others"
+_FAMILIES: Mapping[str, str] = {
+    **dict.fromkeys(("core", "second", "second_moment", "consistent_sigma"), "sizes"),
+    **dict.fromkeys(("lifetime", "outlier_ratio"), "ends"),
+}
+
+
+def family(statistic: str) -> str:
+    """Family of questions that a statistic, or a role of one, belongs to: `sizes`, `ends` or `others`."""
+    return _FAMILIES.get(ROLES.get(statistic, statistic), _OTHERS)
 
 
 OVERALL_SHARE = 0.8
@@ -401,21 +419,25 @@ def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
     table = pl.DataFrame(rows, schema={**known, "gap": pl.String}, orient="row").with_columns_seq(
         pl.lit(level).alias("level"), kind=pl.lit(EffectIntervalKind.paired, dtype=DEPENDENCE["kind"])
     )
-    table = table.with_columns_seq(_q(table, "yes"), _q(table, "no")).with_columns_seq(verdict=_verdict(level))
+    table = table.with_columns_seq(_q_values(table)).with_columns_seq(verdict=_verdict(level))
     table = table.with_columns_seq(why=_why(level), more_scenes=pl.when(_is_open()).then("more_scenes"))
     return check(
         table.select_seq(pl.col(name).cast(kind) for name, kind in DEPENDENCE.items()), DEPENDENCE, "dependence"
     )
 
 
-def _q(table: pl.DataFrame, name: str) -> pl.Series:
-    """q-values over the rows of each dataset and factor."""
-    values = table[f"p_{name}"].to_numpy().astype(np.float64)
-    families = group_rows(table, ["dataset", "factor"])
-    for family in range(families.count):
-        rows = families.index == family
-        values[rows] = benjamini_hochberg(values[rows])
-    return pl.Series(f"q_{name}", values).fill_nan(None)
+def _q_values(table: pl.DataFrame) -> list[pl.Series]:
+    """q_yes and q_no: adjusted in the families of a cell, and over the cells of a factor that ask the same."""
+    families = table.with_columns_seq(family=pl.col("statistic").map_elements(family, return_dtype=pl.String))
+    of_cell, of_statistic = (
+        group_rows(families, keys).index
+        for keys in (["dataset", "factor", *CONDITION, "family"], ["dataset", "factor", "statistic"])
+    )
+    yes, no = (table[name].to_numpy().astype(np.float64) for name in ("p_yes", "p_no"))
+    adjusted = {"q_yes": in_families(hochberg, yes, of_cell), "q_no": no}
+    return [
+        pl.Series(name, in_families(benjamini_hochberg, p, of_statistic)).fill_nan(None) for name, p in adjusted.items()
+    ]
 
 
 def _is_open() -> pl.Expr:

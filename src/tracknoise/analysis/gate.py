@@ -4,10 +4,12 @@
 
 Verdicts of a comparison: worse, better, no difference or undecided, for all statistics together.
 
-A statistic is `worse` or `better` if its p-value is at most 1 - level after Holm's correction over all rows. The
-probability of any false claim in the whole comparison is then at most 1 - level. It has `no difference` if a change by
-the margin is excluded in both directions, at half of 1 - level and by Benjamini and Hochberg over all rows. Otherwise
-it is `undecided`.
+Statistics form families, each with the whole level: sizes (core, second moment and sigma to set), ends of tracks
+(lifetime and outlier ratio), and the others. A statistic is `worse` or `better` if its p-value is at most 1 - level
+after Holm's correction over all rows of its family. The probability of any false claim in a family is then at most 1
+- level, and what else is compared does not count. It has `no difference` if a change by the margin is excluded in
+both directions, at half of 1 - level and by Benjamini and Hochberg over all rows of the same statistic. Otherwise it
+is `undecided`.
 
 A gate: tolerances for changes for the worse, and whether two runs are within them.
 
@@ -28,6 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.analysis.factors import family
 from tracknoise.analysis.run_changes import (
     ESTIMANDS,
     Asked,
@@ -42,7 +45,7 @@ from tracknoise.analysis.run_changes import (
     place_words,
 )
 from tracknoise.inference.conventions import LEVEL
-from tracknoise.inference.multiple_tests import benjamini_hochberg, holm
+from tracknoise.inference.multiple_tests import benjamini_hochberg, holm, in_families
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
 
@@ -70,7 +73,8 @@ def verdicts(
         Largest relative change that counts as no difference: 0.1 for ratios of 1.1, for mean errors 10 % of the core,
         and for shares 0.02.
     level
-        Probability that an interval contains the true change; any false claim has a probability of at most 1 - level.
+        Probability that an interval contains the true change; any false claim in a family has a probability of at most
+        1 - level.
     ages
         Whether single ages are tested besides their mean.
     """
@@ -78,7 +82,9 @@ def verdicts(
     tested = [one.tested(limit, level=level, ages=ages) for one, limit in zip(asked, margins, strict=True)]
     p_change = [None if one.found is None else one.found.p_change for one in tested]
     p_none = [None if one.found is None else one.found.p_none for one in tested]
-    adjusted, q_none = holm(p_change), benjamini_hochberg(p_none)
+    statistics = [one.statistic for one in asked]
+    adjusted = in_families(holm, p_change, [family(name) for name in statistics])
+    q_none = in_families(benjamini_hochberg, p_none, statistics)
     rows = []
     for place, (one, tests) in enumerate(zip(asked, tested, strict=True)):
         verdict, why = _verdict(one, tests, margins[place], adjusted[place], q_none[place], level)

@@ -451,7 +451,8 @@ class Row(OfStatistic):
     horizon
         Horizon of lifetimes, frames.
     p_change, p_adjusted
-        P-value of the hypothesis that nothing changes by more than the margin, and that by Holm over all rows.
+        P-value of the hypothesis that nothing changes by more than the margin, and that by Holm over all rows of its
+        family (`tracknoise.analysis.factors.family`).
     p_none
         P-value of the hypothesis that something changes by at least the margin.
     n_scenes

@@ -6,16 +6,23 @@ With p_(1) <= ... <= p_(m) the p-values that there are, those that are missing l
 
 - Holm's adjusted p_(i) = max over j <= i of min(1, (m - j + 1) p_(j)) (holm): to reject where it is at most alpha
   keeps the probability of any false rejection under alpha, however the tests depend on each other.
+- Hochberg's adjusted p_(i) = min over j >= i of (m - j + 1) p_(j) (hochberg): the same if the tests are independent or
+  positively dependent, as two-sided ones about two numbers are. It is never larger than Holm's.
 - Benjamini and Hochberg's q_(i) = min over j >= i of min(1, m p_(j) / j) (bh): to reject where it is at most alpha
   keeps the expected share of false rejections among all rejections under alpha, if the tests are independent or
   positively dependent.
+
+Questions that are answered on their own, such as those about sizes and those about lifetimes, are families: each of
+them has the whole level (families). Then what is asked in one family makes no answer of another one harder to get. What
+is promised above holds in each family, not for all of them together.
 
 The interval of a number that was chosen among k has the level 1 - (1 - level) / k (bonferroni): then all k hold
 together with at least the probability `level`, however they depend on each other. Student's intervals grow by the ratio
 of the quantiles of both levels.
 
-Sources: S. Holm, Scandinavian Journal of Statistics 6 (1979); Y. Benjamini and Y. Hochberg, Journal of the Royal
-Statistical Society B 57 (1995).
+Sources: S. Holm, Scandinavian Journal of Statistics 6 (1979); Y. Hochberg, Biometrika 75 (1988), and S. Sarkar, Annals
+of Statistics 26 (1998), on dependence; Y. Benjamini and Y. Hochberg, Journal of the Royal Statistical Society B 57
+(1995); B. Efron, Annals of Applied Statistics 2 (2008), on separate families.
 
 Distribution of the best of many tests by chance alone, from random rotations of the data.
 
@@ -56,6 +63,22 @@ def holm(p: Values) -> NDArray[np.float64]:
     return _adjusted(p, lambda ordered: np.maximum.accumulate(np.arange(len(ordered), 0, -1) * ordered))
 
 
+def hochberg(p: Values) -> NDArray[np.float64]:
+    """Adjusted p-values by (hochberg).
+
+    Parameters
+    ----------
+    p : (tests,)
+        P-values; None or NaN where there was no test, which then does not count.
+
+    Returns
+    -------
+    (tests,) float64
+        NaN where there was no test.
+    """
+    return _adjusted(p, lambda ordered: _least_from(np.arange(len(ordered), 0, -1) * ordered))
+
+
 def benjamini_hochberg(p: Values) -> NDArray[np.float64]:
     """q-values by (bh).
 
@@ -69,7 +92,31 @@ def benjamini_hochberg(p: Values) -> NDArray[np.float64]:
     (tests,) float64
         NaN where there was no test.
     """
-    return _adjusted(p, lambda ordered: np.minimum.accumulate((_shares(len(ordered)) * ordered)[::-1])[::-1])
+    return _adjusted(p, lambda ordered: _least_from(len(ordered) / np.arange(1, len(ordered) + 1) * ordered))
+
+
+def in_families(adjust: Callable[[Values], NDArray[np.float64]], p: Values, family: ArrayLike) -> NDArray[np.float64]:
+    """Adjusted p-values by (families).
+
+    Parameters
+    ----------
+    adjust
+        `holm`, `hochberg` or `benjamini_hochberg`.
+    p : (tests,)
+        P-values; None or NaN where there was no test, which then does not count.
+    family : (tests,)
+        Name or number of the family of each test.
+
+    Returns
+    -------
+    (tests,) float64
+        NaN where there was no test.
+    """
+    values = np.array(p, dtype=np.float64)
+    names, number = np.unique(np.asarray(family), return_inverse=True)
+    for one in range(len(names)):
+        values[number == one] = adjust(values[number == one])
+    return values
 
 
 def chosen_among(one: Estimate, choices: int, *, degrees: float) -> Estimate:
@@ -92,8 +139,9 @@ def chosen_among(one: Estimate, choices: int, *, degrees: float) -> Estimate:
     return replace(one, low=low, high=high, level=level)
 
 
-def _shares(count: int) -> NDArray[np.float64]:
-    return count / np.arange(1, count + 1)
+def _least_from(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The least of each value and all after it."""
+    return np.minimum.accumulate(values[::-1])[::-1]
 
 
 def _adjusted(p: Values, adjust: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> NDArray[np.float64]:

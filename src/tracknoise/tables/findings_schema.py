@@ -443,7 +443,9 @@ restricted means to the common horizon (frames that the tracker saw). more_scene
 an `undecided` with a probability of 80 %, where that is known.
 
 p_yes is the p-value of the hypothesis that no difference exceeds the margin, p_no of the hypothesis that some
-difference is at least the margin. The q-values are Benjamini and Hochberg's, over the rows of a factor.
+difference is at least the margin. q_yes and q_no are adjusted p-values: q_yes by Hochberg in a family (core and second
+moment; lifetime and outlier ratio; the others) of one cell, such as one tracker at one speed, and both by Benjamini and
+Hochberg over the rows of a factor about the same statistic.
 """
 
 

@@ -200,7 +200,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         "1", "p-value: yes (no difference exceeds the margin) and no (some difference is at least the margin)."
     ),
     "effect_q": Quantity(
-        "1", "The same with the false discovery rate controlled over a factor (Benjamini and Hochberg)."
+        "1", "The same adjusted for the other questions of its family, and for the other cells of the factor."
     ),
     "effect_count": Quantity("1", "Numbers of levels, pairs, ages and scenes behind an effect."),
     "effect_horizon": Quantity("frames", "Horizon to which lifetimes are restricted."),

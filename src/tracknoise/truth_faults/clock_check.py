@@ -2,9 +2,16 @@
 
 - Motion of the camera between two images, estimated from the images and, where there is depth, from depth.
 - Offset between the clocks of images and poses, from the rotation rates that images and poses show.
+
+The axes of the camera may show different offsets, by more than their noise explains. An offset of all axes together
+then depends on how the camera happened to turn. Axes that show an offset have offsets d_a and variances v_a. The
+variance b between axes is that of DerSimonian and Laird. The offset is then the mean of d_a with weights 1 / (v_a + b),
+and its variance one over their sum (axes).
+
+Source: R. DerSimonian, N. Laird, Controlled Clinical Trials 7 (1986).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,6 +126,8 @@ _SCALE_LIMITS = 0.7, 1.4
 _REFINED_FRAMES, _AT_BOUND_FRAMES = 0.5, 0.01
 """An offset is refined within the first of its start. Nearer than the second to that bound, it is no minimum."""
 _MOST_REFINEMENTS = 4
+_AXES = slice(None), slice(0, 1), slice(1, 2), slice(2, 3)
+"""All axes of the camera, and each."""
 _FEWEST_REFINED = 4
 """Steps of a refinement; one less than those of a run, because the jackknife leaves out at least one."""
 
@@ -147,9 +156,10 @@ class ClockOffset:
     Attributes
     ----------
     frames, sd_frames
-        Offset, and its standard deviation by a jackknife over stretches of the recording. The pose at the time of
-        frame i plus the offset fits image i. The standard deviation is infinite where no minimum of the differences is
-        found from the best offset of the grid, with all steps or without some. Then the offset is not known.
+        Offset, and its standard deviation by a jackknife over stretches of the recording, and by (axes) where the axes
+        of the camera differ. The pose at the time of frame i plus the offset fits image i. The standard deviation is
+        infinite where no minimum of the differences is found from the best offset of the grid, with all steps or
+        without some. Then the offset is not known.
     unexplained
         Median difference of the rates at this offset, relative to the median variation of the image's rate.
     rate_change
@@ -175,15 +185,41 @@ def estimate_offset(rates: Rates) -> ClockOffset | None:
 
     grid = np.arange(-MOST_FRAMES, MOST_FRAMES + _GRID_FRAMES / 2, _GRID_FRAMES)
     start = float(grid[int(np.nanargmin([_unexplained(predicted(offset), observed) for offset in grid]))])
-    refined = _Refinement(predicted, observed, start)
-    every = np.arange(len(observed))
-    left_out = [refined(np.setdiff1d(every, block)) for block in np.array_split(every, _BLOCKS)]
-    offset = refined(every)
-    is_known = bool(np.isfinite([offset, *left_out]).all())
-    sd = float(np.sqrt((_BLOCKS - 1) * np.var(left_out))) if is_known else np.inf
+    of_all, *of_axes = (_jackknifed(_Refinement(predicted, observed, start, axes)) for axes in _AXES)
+    offset, sd = _of_axes(of_all, [one for one in of_axes if one.sd <= MOST_SD_FRAMES])
     offset = offset if np.isfinite(offset) else start
     changes = np.concatenate([np.linalg.norm(np.diff(run.by_poses, axis=0), axis=1) for run in runs])
     return ClockOffset(offset, sd, _unexplained(predicted(offset), observed), float(np.median(changes)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimate:
+    """An offset and its standard deviation by the jackknife over blocks, frames; infinite where it is not known."""
+
+    offset: float
+    sd: float
+
+
+def _jackknifed(refined: "_Refinement") -> _Estimate:
+    """Offset from all steps, and how it varies as blocks of steps are left out."""
+    every = np.arange(len(refined.observed))
+    left_out = [refined(np.setdiff1d(every, block)) for block in np.array_split(every, _BLOCKS)]
+    offset = refined(every)
+    is_known = bool(np.isfinite([offset, *left_out]).all())
+    return _Estimate(offset, float(np.sqrt((_BLOCKS - 1) * np.var(left_out))) if is_known else np.inf)
+
+
+def _of_axes(of_all: _Estimate, axes: Sequence[_Estimate]) -> tuple[float, float]:
+    """Offset and standard deviation by (axes), from the estimates of single axes; of all axes where these agree."""
+    if not np.isfinite(of_all.sd) or len(axes) < 2:
+        return of_all.offset, of_all.sd
+    offsets, variances = np.array([one.offset for one in axes]), np.array([max(one.sd, 1e-6) ** 2 for one in axes])
+    weights = 1 / variances
+    excess = weights @ (offsets - np.average(offsets, weights=weights)) ** 2 - (len(axes) - 1)
+    if excess <= 0:
+        return of_all.offset, of_all.sd
+    weights = 1 / (variances + excess / (weights.sum() - (weights**2).sum() / weights.sum()))
+    return float(np.average(offsets, weights=weights)), float(max(weights.sum() ** -0.5, of_all.sd))
 
 
 def _runs(rates: Rates) -> list[Rates]:
@@ -220,11 +256,12 @@ def _factors(predicted: NDArray[np.float64], observed: NDArray[np.float64]) -> N
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Refinement:
-    """Robust least squares from a start; the same steps are used at every offset around a start."""
+    """Robust least squares from a start, for some axes; the same steps are used at every offset around a start."""
 
     predicted: Callable[[float], NDArray[np.float64]]
     observed: NDArray[np.float64]
     start: float
+    axes: slice
 
     def __call__(self, chosen: NDArray[np.intp]) -> float:
         """Offset from some of the steps, frames; NaN where there are few of them, or no minimum is found.
@@ -250,11 +287,12 @@ class _Refinement:
         observed = self.observed[known]
         factors = _factors(self.predicted(start)[known], observed)
         at_start = observed - factors * self.predicted(start)[known]
-        scale = max(1.4826 * float(np.median(np.abs(at_start))), 1e-9)
+        scale = max(1.4826 * float(np.median(np.abs(at_start[:, self.axes]))), 1e-9)
 
         def left(moved: NDArray[np.float64]) -> NDArray[np.float64]:
             there = self.predicted(start + float(moved[0]) - 1.0)[known]
-            return np.asarray((observed - _factors(there, observed) * there).ravel() / scale, dtype=np.float64)
+            apart = (observed - _factors(there, observed) * there)[:, self.axes]
+            return np.asarray(apart.ravel() / scale, dtype=np.float64)
 
         limits = 1.0 - _REFINED_FRAMES, 1.0 + _REFINED_FRAMES  # around 1, because differences are relative
         fit = least_squares(left, [1.0], bounds=limits, loss="soft_l1", diff_step=[1e-3])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracknoise.inference.coverage import coverage_of_heavy_errors, coverage_of_heavy_scales
+from tracknoise.inference.coverage import are_heavy, coverage_of_heavy_errors, coverage_of_heavy_scales
 
 SCENES, POINTS = 28, 60
 
@@ -45,3 +45,13 @@ def test_the_coverage_of_heavy_errors_is_stated_where_errors_are_heavy(freedom: 
         assert np.nanmean(typical) < np.nanmean(pooled) < 0.93
     else:
         assert np.isnan([pooled, typical]).all()
+
+
+def test_errors_are_heavy_where_their_second_moment_says_so_and_not_where_they_are_few() -> None:
+    rng, n = np.random.default_rng(4), 100
+    shape = (8, n)
+    errors = np.stack([rng.normal(size=shape), rng.standard_t(3, size=shape), rng.standard_t(3, size=shape)])
+    second, absolute = (errors**2).mean(axis=-1), np.abs(errors).mean(axis=-1)
+    counts = np.full(second.shape, float(n))
+    counts[2, 3:] = 0.0  # three scenes are too few
+    assert are_heavy(second, absolute, counts, level=0.95).tolist() == [False, True, False]

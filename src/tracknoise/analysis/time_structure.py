@@ -47,9 +47,11 @@ from tracknoise.analysis.growth_models import (
     scene_curves,
 )
 from tracknoise.analysis.growth_verdict import Changes, Growth, Loss, behaves, grows, loss
+from tracknoise.analysis.scene_spread import OF_SCENES
 from tracknoise.analysis.truth_shares import NO_KEY_FRAMES, anchored
 from tracknoise.inference.bootstrap import Draws, draws_by_dataset, leave_one_out
 from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
+from tracknoise.inference.coverage import are_heavy
 from tracknoise.inference.estimates import Estimate, EstimateArray
 from tracknoise.inference.intervals import Method, Statistics, pooled_by
 from tracknoise.inference.units import NO_GROUPS, JoinedScenes, Resampled, SceneGroups, Units
@@ -73,6 +75,10 @@ _Fit = Callable[[Array], Array]
 Sizes = Mapping[str, Estimate]
 """By term: white, saturating_white and saturating (px), walk, drift (`TERM_UNITS`), and time_constant (frames)."""
 
+COVERED_IF_HEAVY = 0.90
+"""Share of 95 % intervals of geometric sizes that hold the truth if the scales of tracks lead to errors of Student's
+distribution with 3 degrees of freedom (`python -m benchmarks.validity.planted_coverage --worlds "tracks t3"`).
+"""
 MIN_AGES = 4
 """Fewest ages of a fit."""
 GROWTH_SUMS = ("n", "uu", "vv")
@@ -591,8 +597,21 @@ def _rows(
             verdict, why = behaves(fit, changes, margin)
             first, last = rise_ages(ages)
             found = {**_bounds({**correlations, **_named(fit)}), "verdict": verdict, "why": why,
+                     "coverage": _covered(tables.scenes, coordinate, last, errors, made.level),
                      "grows": grows(fit.ratio, margin), "growth_from": first, "growth_to": last}  # fmt: skip
         yield {"coordinate": coordinate, **labels, **found}
+
+
+def _covered(scenes: pl.DataFrame, coordinate: str, age: float, errors: Units, level: float) -> float | None:
+    """`COVERED_IF_HEAVY` where single errors at an age have a heavy tail, and scenes are resampled; else None."""
+    there = scenes.filter(since=age)
+    if errors.resampled not in OF_SCENES or level != LEVEL:
+        return None
+    n, squares, absolute = (
+        there[name].to_numpy().astype(np.float64)[None] for name in ("n", coordinate * 2, f"abs_{coordinate}")
+    )
+    known = np.maximum(n, 1.0)
+    return COVERED_IF_HEAVY if are_heavy(squares / known, absolute / known, n, level=level)[0] else None
 
 
 def _named(fit: Growth) -> dict[str, Estimate]:

@@ -13,9 +13,10 @@ those that lead to the spread, but not below `FREEDOM`; what is left of the spre
 the data are less skewed than those of 95 % of the simulated sets, this tail is excluded.
 
 Where single errors have a heavy tail, a few of them decide a second moment. Each scene's second moment over the square
-of its mean absolute error, mean over scenes, tells how heavy: pi / 2 of a Gaussian, more of Student's distribution. The
-share is measured with errors of Student's distribution, of the degrees of freedom (`TAILS`) whose median of this ratio
-is nearest to that of the data, with as many scenes, and as many errors in each.
+of its mean absolute error, mean over scenes, tells whether they have: it is pi / 2 of a Gaussian. It does not tell how
+heavy the tail is, because sums of heavy-tailed steps look lighter than they are. Above the median of Student's
+distribution with `LIGHT` degrees of freedom the share is therefore measured with errors of few degrees (`TAILS`,
+whichever leads to a nearer ratio), with as many scenes, and as many errors in each.
 """
 
 import math
@@ -37,8 +38,8 @@ TOLERATED = 0.02
 """Coverage that may be lost before it is stated."""
 FREEDOM = 3.0
 """Fewest degrees of freedom of the heavy tail of scales; with two or less there is no mean."""
-TAILS = (2.5, 3.0, 4.0, 5.0)
-"""Degrees of freedom of simulated errors; with more, nothing is stated."""
+TAILS, LIGHT = (2.5, 3.0), 8.0
+"""Degrees of freedom of simulated errors, and from how many on nothing is stated."""
 EXCLUDED = 0.05
 """Share of simulated sets that would wrongly exclude the heavy tail."""
 _STEP = 0.2
@@ -171,23 +172,41 @@ def coverage_of_heavy_errors(
     pooled, geometric : (points,) float64
         Of means and of geometric means over scenes; NaN where tails are light or cost no more than `TOLERATED`.
     """
-    there = (n > 1) & (absolute > 0)
-    count = there.sum(axis=1)
-    enough = count >= MIN_SCENES
+    ratio, kinds, of_kind = _ratios(second, absolute, n)
     found = np.full((2, len(second)), np.nan)
-    if not enough.any():
-        return found[0], found[1]
-    ratio = np.where(there, second / np.where(there, absolute, 1.0) ** 2, 0.0).sum(axis=1) / np.maximum(count, 1)
-    usual = np.exp(np.where(there, np.log(np.maximum(n, 1.0)), 0.0).sum(axis=1) / np.maximum(count, 1))
-    size = np.abs(np.log(usual[:, None] / np.array(_ERRORS))).argmin(axis=1)
-    for scenes, place in np.unique(np.stack([count, size])[:, enough], axis=1).T.tolist():
-        rounded = min(rounded_count(scenes, least=MIN_SCENES), _MOST_SCENES)
-        tails = np.array([_tailed(rounded, _ERRORS[place], freedom, level) for freedom in TAILS])
-        chosen = enough & (count == scenes) & (size == place) & (ratio > tails[-1, 2])
+    for kind, (scenes, errors) in enumerate(kinds):
+        tails = np.array([_tailed(scenes, errors, freedom, level) for freedom in TAILS])
+        chosen = (of_kind == kind) & (ratio > _tailed(scenes, errors, LIGHT, level)[2])
         nearest = np.abs(ratio[chosen, None] - tails[:, 2]).argmin(axis=1)
         found[:, chosen] = tails[nearest, :2].T
     pooled, typical = np.where(found < level - TOLERATED, found, np.nan)
     return pooled, typical
+
+
+def are_heavy(
+    second: NDArray[np.float64], absolute: NDArray[np.float64], n: NDArray[np.float64], *, level: float
+) -> NDArray[np.bool_]:
+    """Whether single errors have a heavy tail, (points,). Parameters as in `coverage_of_heavy_errors`."""
+    ratio, kinds, of_kind = _ratios(second, absolute, n)
+    limits = np.array([*(_tailed(*kind, LIGHT, level)[2] for kind in kinds), np.inf])
+    return np.asarray(ratio > limits[of_kind])
+
+
+def _ratios(
+    second: NDArray[np.float64], absolute: NDArray[np.float64], n: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], list[tuple[int, int]], NDArray[np.intp]]:
+    """Mean ratios (points,), the numbers of scenes and errors to simulate, and which of these each point has; or -1."""
+    there = (n > 1) & (absolute > 0)
+    count = there.sum(axis=1)
+    ratio = np.where(there, second / np.where(there, absolute, 1.0) ** 2, 0.0).sum(axis=1) / np.maximum(count, 1)
+    usual = np.exp(np.where(there, np.log(np.maximum(n, 1.0)), 0.0).sum(axis=1) / np.maximum(count, 1))
+    size = np.abs(np.log(usual[:, None] / np.array(_ERRORS))).argmin(axis=1)
+    of_kind = np.full(len(second), -1, dtype=np.intp)
+    kinds: list[tuple[int, int]] = []
+    for scenes, place in np.unique(np.stack([count, size])[:, count >= MIN_SCENES], axis=1).T.tolist():
+        of_kind[(count == scenes) & (size == place)] = len(kinds)
+        kinds.append((min(rounded_count(scenes, least=MIN_SCENES), _MOST_SCENES), _ERRORS[place]))
+    return ratio, kinds, of_kind
 
 
 @lru_cache(maxsize=1024)

@@ -35,6 +35,7 @@ from tracknoise.phrases.withheld import (
 from tracknoise.tables.enumerations import Axis, Behaviour, Verdict
 from tracknoise.words import (
     count,
+    coverage_text,
     format_estimate,
     listing,
     ratio,
@@ -102,7 +103,9 @@ def _how(row: Mapping[str, Any], parts: Mapping[str, Estimate]) -> tuple[str, li
     """A sentence on how the error of one coordinate grows, from its established parts."""
     if row["verdict"] in _KNOWN and parts:
         listed = listing(f"{name} of {format_estimate(size)}" for name, size in parts.items())
-        return f"Established: {listed}.", list(parts.values())
+        covered = row["coverage"]
+        stated = "" if covered is None else f" Errors have heavy tails: {coverage_text(row['level'], covered)}."
+        return f"Established: {listed}.{stated}", list(parts.values())
     if row["verdict"] == Behaviour.none:
         return f"{sentence_case(row['why'] or 'none of the models fits')}.", []
     is_told = _grows(row) == Verdict.undecided and growth_ratio(row) is not None

@@ -369,6 +369,7 @@ TIME_STRUCTURE: Schema = {
     "autocorrelation_kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
+    "coverage": pl.Float64,
     "growth_from": pl.Int64,
     "growth_to": pl.Int64,
     "grows": VERDICT,
@@ -385,8 +386,9 @@ autocorrelation_2 to autocorrelation_5 are those at 2 to 5 steps. coordinate is 
 constant term: sqrt(2) times the noise of a single position, if the first position is as noisy as the others.
 
 growth_ratio is the RMS at age growth_to over that at growth_from, of the tracks that live to age 10 where these are
-known, with scenes counted alike. `grows` says whether it is above 1 + margin, and `verdict` how errors grow: by the
-established part that grows, white if there is none and errors do not grow.
+known, with scenes counted alike. coverage is the share of intervals of geometric means that contain the true value
+where single errors have a heavy tail, and null elsewhere. `grows` says whether growth_ratio is above 1 + margin, and
+`verdict` how errors grow: by the established part that grows, white if there is none and errors do not grow.
 """
 
 DEPENDENCE: Schema = {

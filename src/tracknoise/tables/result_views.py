@@ -494,7 +494,7 @@ def _growth() -> View:
     made = _same("level", "resampled") | {"interval": "kind"}
     values = [Value("growth", "growth", carried={"n": "n_ages", **_same("n_scenes", "verdict", "why"), **made})]
     ends = {"low": "growth_ratio_low", "high": "growth_ratio_high", "at_low": "growth_from", "at_high": "growth_to"}
-    of_ratio = {**ends, "verdict": "grows", **_same("level", "resampled")}
+    of_ratio = {**ends, "verdict": "grows", **_same("level", "resampled", "coverage")}
     values.append(Value("growth_ratio", "growth_ratio", carried=of_ratio, always=True))
 
     def bounded(quantity: str, column: str, labels: Constants, *, kind: str = "kind") -> Value:

@@ -20,11 +20,11 @@ Tracks may depend on each other. This test therefore refuses only where the firs
 
 Whether errors grow, and how, with the reason in words.
 
-Whether they grow is told by (growth ratio): the RMS at the reference age over that at the first, of the tracks that
+Whether they grow is decided by (growth ratio): the RMS at the reference age over that at the first, of the tracks that
 live to it. They grow if all of its interval is above 1 + margin. They do not if all of it is below. Otherwise it is
 undecided.
 
-How they grow (behaviour) is told by the parts that are established: those whose interval in a scene of typical scale
+How they grow (behaviour) is decided by the parts that are established: those whose interval in a scene of typical scale
 does not reach 0. The first of these rules that applies decides:
 
 1. undecided: the tracks that live long have other errors than all tracks at the same age

@@ -81,7 +81,7 @@ def test_effects_are_lengths_of_the_mean_over_scenes():
     means = scene_means(np.random.default_rng(6), 10, 2, bias=1.0)
     row = found_in(means).row(by_predicate=pl.col("at") == 2, named=True)
     u, v = means[:, 2].mean(axis=0)
-    second = ((50 + 50 * means[:, 2] ** 2) / 49).mean(axis=0).sum()
+    second = (1 + means[:, 2] ** 2).mean(axis=0).sum()
     assert (row["mean_u_px"], row["mean_v_px"]) == pytest.approx((u, v))
     assert row["effect_px"] == pytest.approx(np.hypot(u, v))
     assert row["share_of_second"] == pytest.approx((u**2 + v**2) / second)

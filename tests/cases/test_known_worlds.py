@@ -173,8 +173,8 @@ def test_every_statistic_of_two_tracks_by_hand(errors):
 
     assert at("nu", 1)[:2] == pytest.approx((2.0, 1.0))
     assert at("eta", 2)[:2] == pytest.approx((2.0, 2.0))
-    assert at("Phi", 1) == pytest.approx((10.0, 4.0, 6.0))  # (1 + 9) / 1, (0 + 4) / 1, (0 + 6) / 1
+    assert at("Phi", 1) == pytest.approx((5.0, 2.0, 3.0))  # (1 + 9) / 2, (0 + 4) / 2, (0 + 6) / 2
     assert at("central", 1) == pytest.approx((2.0, 2.0, 2.0))
-    assert at("Phi", 2) == (None, None, None)
+    assert at("central", 2) == (None, None, None)
     assert table.filter(pl.col("at") == 2)["cut"].all()
     assert measured.tracks["max_error_px"].to_list() == pytest.approx([np.sqrt(8), np.sqrt(13)])

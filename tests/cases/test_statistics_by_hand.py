@@ -90,11 +90,12 @@ def test_curves(trimmed: Trimmed) -> None:
     table = curves(scene_moments(trimmed.sequence.seen))
     assert at(table, "nu") == {0: (0, 0, None), 2: (2, 2, None), 4: (2, -2, None)}
     assert at(table, "eta") == {0: (0, 0, None), 2: (2, 2, None), 4: (2, 2, None)}
-    # (1 + 9) / 1, (0 + 16) / 1, (0 + 12) / 1; one feature has no second moment
-    assert at(table, "Phi") == {0: (0, 0, 0), 2: (10, 16, 12), 4: (None, None, None)}
+    # (1 + 9) / 2, (0 + 16) / 2, (0 + 12) / 2; one feature has no covariance
+    assert at(table, "Phi") == {0: (0, 0, 0), 2: (5, 8, 6), 4: (4, 4, -4)}
     assert at(table, "central") == {0: (0, 0, 0), 2: (2, 8, 4), 4: (None, None, None)}
     assert at(table, "nu", "trimmed") == {0: (0, 0, None), 2: (1, 0, None), 4: (2, -2, None)}
-    assert at(table, "Phi", "trimmed") == {0: (0, 0, 0), 2: (None, None, None), 4: (None, None, None)}
+    assert at(table, "Phi", "trimmed") == {0: (0, 0, 0), 2: (1, 0, 0), 4: (4, 4, -4)}
+    assert at(table, "central", "trimmed") == {0: (0, 0, 0), 2: (None, None, None), 4: (None, None, None)}
 
 
 def test_the_cut(trimmed: Trimmed) -> None:
@@ -121,8 +122,8 @@ def test_two_scenes() -> None:
         ("features", 0.0, 3, 2),
         ("scenes", -1.0, 3, 2),
     ]
-    # (1 + 9 + 16) / 2 over all; scene a alone has (1 + 9) / 1, scene b none
-    assert table.filter(statistic="Phi").select("u", "n_scenes").rows() == [(13.0, 2), (10.0, 1)]
+    # (1 + 9 + 16) / 3 over all; scene a alone has (1 + 9) / 2, scene b 16
+    assert table.filter(statistic="Phi").select("u", "n_scenes").rows() == [(26 / 3, 2), (10.5, 2)]
     pooled = merge(moments, by=["population", "trimming"]).row(0, named=True)
     assert (pooled["n"], pooled["mean_u"], pooled["m_uu"], pooled["m_uuu"]) == (3, 0.0, 26.0, 1.0 + 27.0 - 64.0)
 
@@ -166,8 +167,12 @@ def test_summary(trimmed: Trimmed) -> None:
     row = summary(table, lifetimes(trimmed.tracks), outlier_ratios(table_of_frames()), age=3).row(0, named=True)
     assert (row["n_tracks"], row["mean_lifetime"], row["median_lifetime"], row["outlier_ratio"]) == (3, 2.0, 2, 0.2)
     assert (row["at"], row["untrimmed_n"], row["trimmed_n"]) == (2, 2, 1)
-    assert (row["untrimmed_nu_u_px"], row["untrimmed_rms_u_px"], row["untrimmed_rms_v_px"]) == (2.0, math.sqrt(10), 4.0)
-    assert (row["trimmed_nu_u_px"], row["trimmed_eta_v_px"], row["trimmed_rms_u_px"]) == (1.0, 0.0, None)
+    assert (row["untrimmed_nu_u_px"], row["untrimmed_rms_u_px"], row["untrimmed_rms_v_px"]) == (
+        2.0,
+        math.sqrt(5),
+        math.sqrt(8),
+    )
+    assert (row["trimmed_nu_u_px"], row["trimmed_eta_v_px"], row["trimmed_rms_u_px"]) == (1.0, 0.0, 1.0)
 
 
 def table_of_frames() -> pl.DataFrame:

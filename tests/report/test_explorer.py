@@ -50,9 +50,7 @@ def test_curves_of_a_scene_are_those_of_its_observations(run: RunFolder, data: R
         if age:
             assert curve["mean"]["u"][place] == pytest.approx(errors.mean(), rel=1e-3)
             assert curve["absolute"]["u"][place] == pytest.approx(np.abs(errors).mean(), rel=1e-3)
-            assert curve["second"]["u"][place] == pytest.approx(
-                np.sqrt((errors**2).sum() / (len(errors) - 1)), rel=1e-3
-            )
+            assert curve["second"]["u"][place] == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-3)
 
 
 def test_the_only_scene_has_the_curves_of_the_run(make_run: Callable[..., RunFolder]) -> None:

@@ -181,7 +181,7 @@ def growth_message(data: RunData) -> str:
         value = row["growth_ratio"]
         if value is not None and growth_verdict(data, conditions, row, row["growth_to"]) == Verdict.yes:
             subject = f"The RMS error of {row['tracker']} in {row['coordinate']}"
-            found.append((value, f"{subject} grows {ratio(value)} times {_from_to(conditions, row)}"))
+            found.append((value, f"{subject} grows {ratio(value)} times {_up_to(conditions, row)}"))
     return max(found)[1] if found else ""
 
 
@@ -235,6 +235,12 @@ def kind_of_growth(row: Mapping[str, Any]) -> str:
     if row["verdict"] == Behaviour.undecided:
         return "how is open" if _grows(row) == Verdict.yes else "undecided"
     return _HOW.get(row["verdict"], row["verdict"])
+
+
+def _up_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
+    """The last age that is compared, in a few words."""
+    last = row["growth_to"]
+    return f"up to age {last}" if conditions.axis == Axis.age else f"within {count(last, 'frame')}"
 
 
 def _kinds(rows: list[dict[str, Any]]) -> str:

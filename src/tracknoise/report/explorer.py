@@ -133,7 +133,7 @@ def _of_scene(data: ReportData, name: str) -> pl.DataFrame:
     moments, scales = (data.run.sequence_table(table, name).filter(enough, **chosen) for table in ("moments", "scales"))
     cores = scales.select(*keys, core_u="core_u_px", core_v="core_v_px")
     squares = {axis: pl.col(f"m_{axis}{axis}") + pl.col("n") * pl.col(f"mean_{axis}") ** 2 for axis in "uv"}
-    roots = {f"second_{axis}": (total / (pl.col("n") - 1)).sqrt() for axis, total in squares.items()}
+    roots = {f"second_{axis}": (total / pl.col("n")).sqrt() for axis, total in squares.items()}
     named = {f"absolute_{axis}": pl.col(f"mean_abs_{axis}") for axis in "uv"}
     return moments.with_columns(**roots, **named).join(cores, on=keys, how="left", nulls_equal=True).sort(keys)
 

@@ -30,7 +30,7 @@ def estimates(errors: np.ndarray, statistic: str, first: int, second: int) -> np
     if statistic == "eta":
         return abs(a).mean(axis=1)
     if statistic == "Phi":
-        return (a * b).sum(axis=1) / (N - 1)
+        return (a * b).mean(axis=1)
     return ((a - a.mean(axis=1, keepdims=True)) * (b - b.mean(axis=1, keepdims=True))).sum(axis=1) / (N - 1)
 
 

@@ -24,7 +24,7 @@ def data(run: RunFolder) -> ReportData:
 
 def test_one_age_does_not_stand_for_all(data: ReportData) -> None:
     """A comparison that only a single age and coordinate decides says nothing of the tracker as a whole."""
-    found = judged(with_verdict(data, "undecided"), "yes")
+    found = judged(with_verdict(data, "undecided", "undecided"), "yes")
     assert message(error_curves.curve_figures(found), "error-by-age").startswith("The core error of ")
     at_one_age = found.dependence.with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
     assert message(error_curves.curve_figures(dataclasses.replace(found, dependence=at_one_age)), "error-by-age") == ""

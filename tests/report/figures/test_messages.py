@@ -37,9 +37,12 @@ def judged(data: ReportData, verdict: str) -> ReportData:
     return dataclasses.replace(data, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
 
 
-def with_verdict(data: ReportData, verdict: str) -> ReportData:
-    """The run, of which every fit of growth has a verdict."""
-    fits = data.time_structure.with_columns(verdict=pl.lit(verdict, dtype=data.time_structure["verdict"].dtype))
+def with_verdict(data: ReportData, verdict: str, grows: str = "yes") -> ReportData:
+    """The run, of which every fit of growth has these verdicts."""
+    kinds = data.time_structure.schema
+    fits = data.time_structure.with_columns(
+        verdict=pl.lit(verdict, dtype=kinds["verdict"]), grows=pl.lit(grows, dtype=kinds["grows"])
+    )
     return dataclasses.replace(data, time_structure=fits)
 
 
@@ -67,27 +70,14 @@ def test_most_figures_of_an_ordinary_run_have_a_message(data: ReportData) -> Non
 
 
 def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None:
-    points = data.nominal(data.points).filter(
-        pl.col("since").is_between(1, REFERENCE_AGE), role="second", trimming=data.trimming, population=data.population
-    )
-    grown = {
-        (name, axis): rows[axis][-1] / rows[axis][0]
-        for (name,), rows in points.sort("since").group_by("tracker")
-        for axis in "uv"
-    }
-    (tracker, axis), times = max(grown.items(), key=lambda one: one[1])
-    expected = f"The RMS error of {tracker} in {axis} grows {ratio(times)} times up to age {points['since'].max()}"
-    assert growth_message(with_verdict(data, "random walk")) == expected
-    assert message(error_curves.curve_figures(with_verdict(data, "random walk")), "error-by-age") == expected
-    for verdict in ("white", "undecided", "none"):
-        assert growth_message(with_verdict(data, verdict)) == ""
-    white = with_verdict(data, "white")
-    assert message(growth_curves.time_structure_figures(white), "time-structure") == ""  # a part of it grows
-    level = white.time_structure.with_columns(walk_px_per_sqrt_frame_low=pl.lit(0.0))
-    found = message(
-        growth_curves.time_structure_figures(dataclasses.replace(white, time_structure=level)), "time-structure"
-    )
-    assert found.endswith("is constant")
+    for verdict in ("random walk", "undecided"):
+        grown = with_verdict(data, verdict)
+        assert growth_message(grown).endswith(" grows 1.50 times up to age 10")
+        assert message(error_curves.curve_figures(grown), "error-by-age") == growth_message(grown)
+    for grows in ("no", "undecided"):
+        assert growth_message(with_verdict(data, "white", grows)) == ""
+    level = growth_curves.time_structure_figures(with_verdict(data, "white", "no"))
+    assert message(level, "time-structure").endswith("is constant")
     assert message(growth_curves.time_structure_figures(with_verdict(data, "undecided")), "time-structure") == ""
 
 

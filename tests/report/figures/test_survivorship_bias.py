@@ -35,7 +35,7 @@ def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(dat
     every = observed.with_columns(oldest=oldest).filter(pl.col("truth") == "valid", pl.col("age") == age)
     parts = {"all tracks is": every, f"to age {longest} it is": every.filter(pl.col("oldest") >= longest)}
     for subject, errors in parts.items():
-        u, v = (np.sqrt(np.sum(errors[name].to_numpy() ** 2) / (errors.height - 1)) for name in ("du_px", "dv_px"))
+        u, v = (np.sqrt(np.sum(errors[name].to_numpy() ** 2) / errors.height) for name in ("du_px", "dv_px"))
         assert f"{subject} {px(u)} in u and {px(v)} in v." in figure.look_for
     survivors = every.filter(pl.col("oldest") >= longest).height
     assert (told.group(3), told.group(4)) == (number(survivors), number(every.height))

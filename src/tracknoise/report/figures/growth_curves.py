@@ -180,13 +180,13 @@ def _numbers(tracker: str, points: pl.DataFrame) -> str:
 
 _TIME_STRUCTURE_TITLE = "Error growth"
 _PARTS = {
-    "white_px": ("constant", "px"),
-    "walk_px_per_sqrt_frame": ("random walk", "px/√frame"),
-    "drift_px_per_frame": ("drift", "px/frame"),
+    "white_px_geometric": ("constant", "px"),
+    "walk_px_per_sqrt_frame_geometric": ("random walk", "px/√frame"),
+    "drift_px_per_frame_geometric": ("drift", "px/frame"),
     "saturating_px": ("saturating part", "px"),
     "saturating_frames": ("time constant", "frames"),
 }
-"""Names and units of the parts of the fit."""
+"""Names and units of the parts of the fit: of the polynomial in a typical scene, which the verdict is about."""
 _BEHAVES = {
     "white": "constant",
     "random walk": "a random walk",
@@ -202,7 +202,7 @@ _SENTENCES = {
     "drift": "the error of {} is a drift",
     "saturating": "the error of {} grows towards a limit",
     "none": "the error of {} fits none of the models",
-    "undecided": "the growth of the error of {} is undecided",
+    "undecided": "how the error of {} grows is undecided",
 }
 """How a sentence states each verdict."""
 _POLYNOMIAL = ("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame")
@@ -270,7 +270,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
     parts = [name for name, _ in _PARTS.values()]
     headings = ["tracker", "speed", "coordinate", "trimming", *parts, "autocorrelation", "verdict", "why"]
     numeric = [False, True, False, False, *[True] * (1 + len(parts)), False, False]
-    return [Cells(f"Fitted error growth{data.where}", headings, rows, numeric)] if rows else []
+    return [Cells(f"Fitted error growth{data.where}: in a typical scene", headings, rows, numeric)] if rows else []
 
 
 def _fitted(data: ReportData) -> pl.DataFrame:
@@ -398,7 +398,7 @@ def _sentences(row: Mapping[str, Any]) -> str:
     verdict = _SENTENCES[row["verdict"]].format(f"{row['tracker']} in {row['coordinate']}")
     if row["verdict"] in ("none", "undecided"):
         return f"{verdict}{': ' if row['why'] else ''}{row['why'] or ''}."
-    return f"{verdict}. " + (f"Its fitted parts: {listing(parts)}." if parts else "No model was fitted.")
+    return f"{verdict}. " + (f"Its fitted parts in a typical scene: {listing(parts)}." if parts else "No model was fitted.")
 
 
 def _size(row: Mapping[str, Any], name: str, unit: str) -> str:

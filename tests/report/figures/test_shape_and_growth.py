@@ -39,7 +39,7 @@ def test_the_fit_is_drawn_over_what_was_measured(data: ReportData) -> None:
     np.testing.assert_allclose(
         sorted(measured["moment"]), sorted([*(points["u"] ** 2), *(points["v"] ** 2)]), rtol=1e-3
     )
-    assert "in u is a random walk. Its fitted parts: constant 0.050" in figure.look_for
+    assert "in u is a random walk. Its fitted parts in a typical scene: constant 0.050" in figure.look_for
 
 
 def test_distances_from_a_key_frame_are_never_negative(make_run: Callable[..., RunFolder]) -> None:

@@ -398,7 +398,8 @@ def _sentences(row: Mapping[str, Any]) -> str:
     verdict = _SENTENCES[row["verdict"]].format(f"{row['tracker']} in {row['coordinate']}")
     if row["verdict"] in ("none", "undecided"):
         return f"{verdict}{': ' if row['why'] else ''}{row['why'] or ''}."
-    return f"{verdict}. " + (f"Its fitted parts in a typical scene: {listing(parts)}." if parts else "No model was fitted.")
+    fitted = f"Its fitted parts in a typical scene: {listing(parts)}." if parts else "No model was fitted."
+    return f"{verdict}. {fitted}"
 
 
 def _size(row: Mapping[str, Any], name: str, unit: str) -> str:

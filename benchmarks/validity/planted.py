@@ -11,7 +11,6 @@ every tenth frame of a scene is, e and the steps of all tracks are three times a
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from scipy import special
@@ -211,19 +210,3 @@ def _outliers(n_scenes: int, rng: np.random.Generator) -> Array:
     offered = rng.poisson(TRACKS, (n_scenes, FRAMES))
     by_frame = np.minimum(rate * rng.gamma(2.0, 0.5, offered.shape), 1.0)
     return np.stack([offered, rng.binomial(offered, by_frame)], axis=-1)
-
-
-def outlier_ratio() -> float:
-    """The true one, of all scenes there could be."""
-    return float(OUTLIERS * np.exp(0.6**2 / 2))
-
-
-@cache
-def survival(lives: str) -> Array:
-    """True share of tracks that live longer than each lifetime up to `AGES` - 1, where losses are not by errors."""
-    ages = np.arange(1, AGES)
-    if lives == "equal":
-        return np.ones(len(ages))
-    spread = 0.5 if lives == "unequal" else 0.0
-    hazard = np.minimum(HAZARD * np.exp(spread * np.random.default_rng(1).normal(size=400_000)), 0.5)
-    return np.array([np.mean((1 - hazard) ** (age - 1)) for age in ages])

@@ -4,8 +4,8 @@
 
 Intervals and verdicts are those that `tracknoise` makes of scenes of `benchmarks.validity.planted`. Printed are the
 shares of 95 % intervals that hold the true value, in brackets those that lie below it, and in square brackets what
-their rows say that they cover where most do. Errors are those of u at
-age 10, untrimmed. Sizes of growth that are not planted are 0, and an interval that begins at 0 holds them.
+their rows say that they cover where most do. Errors are those of u at age 10, untrimmed. Sizes of growth that are not
+planted are 0, and an interval that begins at 0 holds them.
 """
 
 import argparse

@@ -111,12 +111,8 @@ def coverage_of_heavy_scales(
     there = ~np.isnan(own)
     count = there.sum(axis=1)
     enough = (np.minimum(n_units, count) >= MIN_SCENES) & ((own > 0) | ~there).all(axis=1)
-    logs = np.where(there, np.log(np.where(there & (own > 0), own, 1.0)), 0.0) / power
-    apart = np.where(there, logs - (logs.sum(axis=1) / np.maximum(count, 1))[:, None], 0.0)
-    second, third = ((apart**order).sum(axis=1) / np.maximum(count, 1) for order in (2, 3))
-    skewness = np.where(second > 0, third, 0.0) / np.where(second > 0, second, 1.0) ** 1.5
-    spread = np.round(np.sqrt(second * count / np.maximum(count - 1, 1)) / _STEP).astype(np.intp)
-    asked = np.where(enough & (spread > 0), spread, 0)
+    spread, skewness = _spread_and_skewness(np.log(np.where(there & (own > 0), own, 1.0)) / power, there)
+    asked = np.where(enough, np.round(spread / _STEP), 0.0).astype(np.intp)
     found = np.full(len(own), np.nan)
     for n, steps in np.unique(np.stack([n_units, asked])[:, asked > 0], axis=1).T.tolist():
         held, least_skewed = _covered_if_heavy(rounded_count(n, least=MIN_SCENES), steps * _STEP, power, level)
@@ -137,7 +133,8 @@ def _covered_if_heavy(n: int, spread: float, power: float, level: float) -> tupl
     found = [_intervals(np.exp(power * logs[:, part]), sizes, "log", level) for part in parts_of_runs(n)]
     low, high = np.concatenate(found, axis=1)
     held = float(((low <= true) & ~(high < true)).mean())
-    return held, float(np.quantile(_skewness(logs), EXCLUDED))
+    skewness = _spread_and_skewness(logs.T, np.ones(logs.T.shape, dtype=np.bool_))[1]
+    return held, float(np.quantile(skewness, EXCLUDED))
 
 
 def _half_freedom(spread: float) -> float:
@@ -149,10 +146,15 @@ def _half_freedom(spread: float) -> float:
     return low
 
 
-def _skewness(logs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the values of scenes (scenes, ...)."""
-    apart = logs - logs.mean(axis=0)
-    return np.asarray((apart**3).mean(axis=0) / (apart**2).mean(axis=0) ** 1.5)
+def _spread_and_skewness(
+    logs: NDArray[np.float64], there: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Standard deviation and skewness between the scenes that are there, (points,). Shapes: (points, scenes)."""
+    count = np.maximum(there.sum(axis=1), 1)
+    apart = np.where(there, logs - (np.where(there, logs, 0.0).sum(axis=1) / count)[:, None], 0.0)
+    second, third = ((apart**order).sum(axis=1) / count for order in (2, 3))
+    skewness = np.where(second > 0, third, 0.0) / np.where(second > 0, second, 1.0) ** 1.5
+    return np.sqrt(second * count / np.maximum(count - 1, 1)), skewness
 
 
 def coverage_of_heavy_errors(

@@ -44,11 +44,11 @@ from tracknoise.analysis.scene_spread import (
     with_biases,
     with_coverage,
     with_estimates,
-    with_heavy_errors,
     with_heavy_scales,
 )
 from tracknoise.inference.bootstrap import N_DRAWS, Draws, draws_by_dataset
 from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
+from tracknoise.inference.coverage import coverage_of_heavy_errors
 from tracknoise.inference.estimates import EstimateArray
 from tracknoise.inference.intervals import BetweenScenes, LabelledEstimates, Method, averaged, geometric, pooled
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, Units, by_number
@@ -221,11 +221,10 @@ _BETWEEN = ("spread", "next_low", "next_high", "coverage")
 _NUMBERS = ["value", "low", "high", *_BETWEEN]
 _POWERS = {row: 1.0 if _CURVES[row][0] == "second" else 0.5 for row in _GEOMETRIC}
 """Power of the squared scale that a statistic is, by row."""
-_ERRORS_OF = {
-    _CURVES.index(("second", axis)): (_CURVES.index(("second", axis)), _CURVES.index(("absolute", axis)))
-    for axis in "uv"
-}
-"""Rows of the second moment and of the mean absolute error of a coordinate, by that of its second moment."""
+_ABSOLUTE_OF = {_CURVES.index(("second", axis)): _CURVES.index(("absolute", axis)) for axis in "uv"}
+"""Row of the mean absolute error of a coordinate, by that of its second moment."""
+_Heavy = Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""By row of a second moment: coverage of its mean and of its geometric mean over scenes, (points,) each."""
 _STATISTIC = pl.coalesce(
     pl.when(axis=axis).then(pl.col("role").replace_strict(called)) for axis, called in NAMES.items()
 )
@@ -372,17 +371,17 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
     by_feature, by_scene = (Parts.of(units, weighting) for weighting in (Weighting.features, Weighting.scenes))
     found = with_biases(units, by_feature, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
     between = between_scenes(units, curve_statistics, _SCALES, found)
-    beside = _stated(between, units, own, by_feature, found)
+    heavy = _if_errors_are_heavy(units, own, found)
+    beside = _stated(between, units, own, by_feature, found, heavy)
     yield _weighing(Weighting.features, LabelledEstimates(labels, found, units, beside))
     found = with_biases(units, by_scene, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
-    beside = _stated(with_estimates(between, units, _SCALES, found), units, own, by_scene, found)
+    beside = _stated(with_estimates(between, units, _SCALES, found), units, own, by_scene, found, heavy)
     yield _weighing(Weighting.scenes, LabelledEstimates(labels, found, units, beside))
     labels = roles[_GEOMETRIC].join(units.points, how="cross")
     found = geometric(units, weights, curve_logarithms, method)
     beside = geometric_rows(between, _GEOMETRIC)
-    if _is_stated(units, found):
-        rows = {_GEOMETRIC.index(row): places for row, places in _ERRORS_OF.items()}
-        beside = with_heavy_errors(beside, own, _counts(units), rows, typical=True, level=found.level)
+    for row, (_, typical) in heavy.items():
+        beside = with_coverage(beside, [_GEOMETRIC.index(row)], typical[None])
     yield _weighing(Weighting.geometric, LabelledEstimates(labels, found, units, beside))
 
 
@@ -394,14 +393,16 @@ def _weighing(weighting: Weighting, found: LabelledEstimates) -> pl.DataFrame:
 
 
 def _stated(
-    between: BetweenScenes, units: Units, own: NDArray[np.float64], parts: Parts, found: EstimateArray
+    between: BetweenScenes, units: Units, own: NDArray[np.float64], parts: Parts, found: EstimateArray, heavy: _Heavy
 ) -> BetweenScenes:
     """The same with the coverage if biases or scales of scenes, or single errors, have heavy tails."""
     if not _is_stated(units, found):
         return between
     stated = with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=found.level))
     stated = with_heavy_scales(stated, own, found, _POWERS)
-    return with_heavy_errors(stated, own, _counts(units), _ERRORS_OF, typical=False, level=found.level)
+    for row, (pooled_errors, _) in heavy.items():
+        stated = with_coverage(stated, [row], pooled_errors[None])
+    return stated
 
 
 def _is_stated(units: Units, found: EstimateArray) -> bool:
@@ -409,9 +410,15 @@ def _is_stated(units: Units, found: EstimateArray) -> bool:
     return found.kind == IntervalKind.student and units.resampled in OF_SCENES
 
 
-def _counts(units: Units) -> NDArray[np.float64]:
-    """Number of errors, (points, scenes)."""
-    return by_number(units.scene, units.sums)[..., 0].T
+def _if_errors_are_heavy(units: Units, own: NDArray[np.float64], found: EstimateArray) -> _Heavy:
+    """Coverage under heavy tails of single errors, by row of a second moment; empty where it is not known."""
+    if not _is_stated(units, found):
+        return {}
+    n = by_number(units.scene, units.sums)[..., 0].T
+    return {
+        second: coverage_of_heavy_errors(own[second], own[absolute], n, level=found.level)
+        for second, absolute in _ABSOLUTE_OF.items()
+    }
 
 
 def curve_logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:

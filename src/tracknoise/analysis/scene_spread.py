@@ -40,7 +40,6 @@ from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.coverage import (
     RUNS,
     TOLERATED,
-    coverage_of_heavy_errors,
     coverage_of_heavy_scales,
     coverage_outside,
     parts_of_runs,
@@ -104,21 +103,6 @@ def with_heavy_scales(
     for row, power in powers.items():
         covered = coverage_of_heavy_scales(own[row], estimates.n_units[row], power=power, level=estimates.level)
         found = with_coverage(found, [row], covered[None])
-    return found
-
-
-def with_heavy_errors(
-    between: BetweenScenes, own: Array, n: Array, rows: Mapping[int, tuple[int, int]], *, typical: bool, level: float
-) -> BetweenScenes:
-    """The same with the coverage of second moments if single errors have a heavy tail.
-
-    Shapes: own (statistics, points, scenes), n (points, scenes). `rows`: of each second moment, the places of it and of
-    the mean absolute error in `own`. `typical`: whether the rows are geometric means.
-    """
-    found = between
-    for row, (second, absolute) in rows.items():
-        covered = coverage_of_heavy_errors(own[second], own[absolute], n, level=level)
-        found = with_coverage(found, [row], covered[1 if typical else 0][None])
     return found
 
 

@@ -31,7 +31,7 @@ different signs. d and s are means over scenes, so that each of the two has Stud
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -55,6 +55,7 @@ from tracknoise.inference.paired_differences import (
 from tracknoise.inference.units import MIN_SCENES, MIN_WITHIN, Resampled
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import count, place
 
 
@@ -499,12 +500,15 @@ class RunSide:
         Settings and versions of packages that differ from those of the first run: name, there, here.
     notes
         What the comparison leaves out, one sentence each.
+    truth
+        The verdict on the truth of the run.
     """
 
     name: str
     path: str
     differs: tuple[tuple[str, str, str], ...] = ()
     notes: tuple[str, ...] = ()
+    truth: TruthVerdict = field(default_factory=TruthVerdict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -579,6 +583,12 @@ class Comparison:
     level: float
     ages: ComparedAges
     gate: GateResult | None = None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is said of the truth of each run whose truth is not trusted, or of which this is unknown."""
+        sides = (self.first, *self.others)
+        return tuple(f"{side.name}: {side.truth.sentence}" for side in sides if not side.truth.is_usable)
 
 
 def place_words(axis: str, at: int) -> str:

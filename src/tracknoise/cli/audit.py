@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from tracknoise.cli.terminal import Terminal
 
+UNUSABLE = 4
+"""Exit status where the truth is not trusted, or this is unknown; that of `tracknoise check` too."""
 _WIDTH = 110
 
 
@@ -30,15 +32,16 @@ def audit(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Say whether the stated truth of a run is wrong: its camera, poses, depths or times.
+    """Say whether the truth of a run can be trusted, and what is wrong with its camera, poses, depths or times.
 
-    Prints the answer, what to add to the experiment file (corrections, and the accuracy of the poses), and the numbers
-    behind it.
+    Prints the verdict, what to add to the experiment file (corrections, and the accuracy of the poses), and the numbers
+    behind it. Exit status 0 if the truth is trusted or limited, 4 if it is not trusted or this is unknown.
 
     Example: `tracknoise audit runs/7scenes`
     """
     from tracknoise.exceptions import StoreError
     from tracknoise.tables.store import RunFolder
+    from tracknoise.tables.trust import TruthVerdict
     from tracknoise.truth_faults.audit_summary import corrections_toml, recorded_step
     from tracknoise.truth_faults.pose_accuracy import accuracy_toml
 
@@ -49,18 +52,24 @@ def audit(
     settings = folder.settings()
     corrections = corrections_toml(found, settings)
     accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), recorded_step(settings))
-    document = _json(found, curves, corrections, accuracy)
+    trust = folder.statistics("trust")
+    verdict = TruthVerdict.of(trust)
+    document = _json(trust, found, curves, corrections, accuracy)
     write_json(context.obj, document, as_json=as_json, file=json_file)
     if not as_json:
+        context.obj.result(f"{textwrap.fill(verdict.sentence, _WIDTH)}\n")
         _print(context.obj, found, curves, corrections, accuracy)
-    return 0
+    return 0 if verdict.is_usable else UNUSABLE
 
 
-def _json(found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None) -> str:
+def _json(
+    trust: "pl.DataFrame", found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None
+) -> str:
     from tracknoise.truth_faults.audit_summary import audit_sentences
 
     document = {
-        "format": 1,
+        "format": 2,
+        "truth": trust.to_dicts(),
         "sentences": audit_sentences(found),
         "corrections": corrections,
         "accuracy": accuracy,

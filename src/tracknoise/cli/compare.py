@@ -90,6 +90,8 @@ def _written(found: "Comparison", *, html: Path | None, markdown: Path | None) -
 
 
 def _print_notes(terminal: "Terminal", found: "Comparison") -> None:
+    for doubt in found.doubts:
+        terminal.warn(doubt)
     for side in found.others:
         for note in side.notes:
             terminal.warn(f"{side.name}: {note}")

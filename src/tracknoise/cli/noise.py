@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.shared_options import (
+    AcceptTruthOption,
+    DebugOption,
+    JsonCommand,
+    JsonFileOption,
+    JsonOption,
+    QuietOption,
+    require_truth,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from tracknoise.estimators.calibration import Calibration
@@ -130,17 +139,20 @@ def export_command(
         Path | None, typer.Option("--tracks", help="Tracks for `--to csv`: a run folder, or a file of tracks.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the files (default: print them).")] = None,
+    accept_truth: AcceptTruthOption = False,
     show_list: Annotated[bool, typer.Option("--list", help="List the estimators.")] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Write the noise of a model in the syntax of an estimator, and say what it makes right.
 
-    A focal length or a rate that the model was not measured at is refused. See docs/estimators/exports.md.
+    A focal length or a rate that the model was not measured at is refused, and so is a model from a truth that is not
+    trusted. The verdict on the truth is in a comment of each file. See docs/estimators/exports.md.
 
     Example: `tracknoise noise export lk.noise.json --to openvins --focal 458.6 --rate 20 -o config`
     """
     from tracknoise.estimators.exports import estimator_name
+    from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.exceptions import SettingsError
 
     if show_list:
@@ -150,7 +162,9 @@ def export_command(
         raise SettingsError(f"no {'FILE' if file is None else '--to'}, expected a noise model and an estimator")
     target = _target(focal, rate, window, {"purpose": purpose, "allow-focal": allow_focal, "allow-rate": allow_rate})
     name = estimator_name(to)
-    files = _files(name, _export(file, name, target, tracks))
+    model = NoiseModel.read(file)
+    require_truth(model.truth, str(file), accepted=accept_truth)
+    files = _files(name, _export(model, file, name, target, tracks))
     if out is None:
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0
@@ -179,12 +193,10 @@ def _target(focal: float | None, rate: float | None, window: int | None, named: 
     )
 
 
-def _export(file: Path, to: str, target: "Target", tracks: Path | None) -> "Export":
+def _export(model: "NoiseModel", file: Path, to: str, target: "Target", tracks: Path | None) -> "Export":
     from tracknoise.estimators.export_render import export
-    from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.estimators.observation_noise import observation_noise, read_tracks
 
-    model = NoiseModel.read(file)
     observations = None if tracks is None else observation_noise(model, read_tracks(tracks, model)).write_csv()
     return export(model, to, target=target, source=file.name, observations=observations)
 
@@ -284,12 +296,15 @@ def fit(
     ] = None,
     window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 10,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the models.")] = Path(),
+    accept_truth: AcceptTruthOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Write a noise model of each tracker and speed of a run, and print what to assume.
 
     Models of the lowest speed are those that the run fitted; others are fitted now.
+
+    Refuses a run whose truth is not trusted, or of which this is unknown: errors of the truth would be in the noise.
 
     A model is written as TRACKER@SPEED.noise.json. `tracknoise noise export` writes it in the syntax of an estimator.
     Trackers and speeds with too few errors are named, and have no model.
@@ -302,7 +317,9 @@ def fit(
     from tracknoise.exceptions import SettingsError
     from tracknoise.report.noise_cells import model_sentences
     from tracknoise.tables.store import RunFolder
+    from tracknoise.tables.trust import TruthVerdict
 
+    require_truth(TruthVerdict.of_run(RunFolder(run)), str(run), accepted=accept_truth)
     wanted = chosen_conditions(RunFolder(run), trackers=tracker, speeds=speed)
     kept = run_models(RunFolder(run))
     failed = list[SettingsError]()

@@ -169,7 +169,7 @@ class RunProgress:
         self._terminal.say(f"measured {name}: {entry.n_frames} frames in {entry.seconds:.1f} s ({self._position()})")
         for note in entry.notes:
             self._terminal.say(f"note: {name}: {note}")
-        for doubt in entry.doubts:
+        for doubt in (*entry.doubts, *entry.cautions):
             self._terminal.warn(f"{name}: {doubt}")
 
     def failed(self, keys: list[str], cause: str) -> None:

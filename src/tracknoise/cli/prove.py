@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import AcceptTruthOption, DebugOption, QuietOption, require_truth
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.estimators.proof import Proof
     from tracknoise.report.cells import Cells
+    from tracknoise.tables.trust import TruthVerdict
 
 _WIDTH = 110
 
@@ -37,13 +38,14 @@ def prove(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="JSON file (default: MODEL with the ending .proof.json).")
     ] = None,
+    accept_truth: AcceptTruthOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Say what an estimator gains from a noise model, on scenes that the model was not fitted to.
 
     Adjusts windows of the run under each noise assumption, and compares poses with the true ones. Prints the answer,
-    whichever it is, and two tables.
+    whichever it is, and two tables. Refuses a run or a model whose truth is not trusted, or of which this is unknown.
 
     Example: `tracknoise prove runs/7scenes lk.noise.json`
     """
@@ -52,8 +54,14 @@ def prove(
     from tracknoise.estimators.proof import prove as proof_of
     from tracknoise.tables.files import write_atomically
     from tracknoise.tables.store import RunFolder
+    from tracknoise.tables.trust import TruthVerdict
 
     read = NoiseModel.read(model)
+    truth = TruthVerdict.of_run(RunFolder(run))
+    for verdict, whose in ((truth, run), (read.truth, model)):
+        require_truth(verdict, str(whose), accepted=accept_truth)
+        if not verdict.is_usable:
+            context.obj.warn(f"{whose}: {verdict.caveat}")
     found = proof_of(RunFolder(run), read, length=window, per_sequence=per_sequence, most_tracks=tracks, seed=seed)
     for sentence in found.sentences:
         context.obj.result(textwrap.fill(sentence, _WIDTH))
@@ -61,17 +69,18 @@ def prove(
         context.obj.result("")
         show(context.obj.result, cells)
     written = model.with_suffix(".proof.json") if out is None else out
-    write_atomically(written, _json(found, read).encode())
+    write_atomically(written, _json(found, read, truth).encode())
     context.obj.result(f"\nwritten: {written.resolve()}")
     return 0
 
 
-def _json(found: "Proof", model: "NoiseModel") -> str:
+def _json(found: "Proof", model: "NoiseModel", truth: "TruthVerdict") -> str:
     document = {
         "format": "tracknoise.proof/1",
         "model_sha256": model.sha256,
         "tracker": model.training.tracker,
         "speed": model.training.speed,
+        "truth": {"of_run": truth.caveat, "of_model": model.truth.caveat},
         "sentences": found.sentences,
         "training_scenes": found.training,
         "tested_scenes": found.tested,

@@ -15,6 +15,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
 from tracknoise.words import rms_of_tracks
 
@@ -94,7 +95,7 @@ def summary_text(run: RunFolder) -> str:
         *_where_trimming_matters(data),
         *_machines(data),
     ]
-    return "\n".join([*_doubts(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
+    return "\n".join([*_truth(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
 
 
 def _errors(data: ReportData) -> list[tuple[str, str, str]]:
@@ -138,10 +139,10 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
     return table
 
 
-def _doubts(data: ReportData) -> list[str]:
-    """The findings that say why the data look wrong and which scenes are copies, before any number."""
-    about = data.findings.filter(pl.col("topic").is_in(["data", "copies"]))
-    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in about["text"]]
+def _truth(data: ReportData) -> list[str]:
+    """The verdict on the truth, and which scenes are copies, before any number."""
+    copies = data.findings.filter(topic="copies")["text"]
+    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in (TruthVerdict.of(data.trust).sentence, *copies)]
 
 
 def _sizes(data: ReportData) -> list[str]:

@@ -11,6 +11,7 @@ from tracknoise.sequences.frame_range import frames_of
 
 if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
+    from tracknoise.tables.trust import TruthVerdict
 
 _JSON, _JSON_FILE = "--json", "--json-file"
 
@@ -18,6 +19,23 @@ _JSON, _JSON_FILE = "--json", "--json-file"
 def _remember_debug(context: typer.Context, value: bool) -> bool:
     context.obj.debug = value
     return value
+
+
+AcceptTruthOption = Annotated[
+    bool, typer.Option("--accept-truth", help="Use numbers although the truth is not trusted, or this is unknown.")
+]
+
+
+def require_truth(truth: "TruthVerdict", whose: str, *, accepted: bool) -> None:
+    """Refuse numbers for estimators from a truth that is not trusted, unless that is accepted.
+
+    Raises
+    ------
+    SettingsError
+        If it is not.
+    """
+    if not (truth.is_usable or accepted):
+        raise SettingsError(f"{whose}: {truth.sentence} Expected a trusted truth, or --accept-truth to use the numbers")
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:

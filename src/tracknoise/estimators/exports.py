@@ -37,6 +37,7 @@ from tracknoise.estimators.model import (
 )
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.tables.trust import TruthVerdict
 
 _SHORTEST = 2
 
@@ -155,6 +156,10 @@ class ExportedModel(Protocol):
     @property
     def equivalents(self) -> tuple[Equivalent, ...]:
         """Standard deviations for all observations, named by what they make right."""
+
+    @property
+    def truth(self) -> TruthVerdict:
+        """The verdict on the truth that it was fitted with."""
 
     @property
     def components(self) -> TrackNoise:
@@ -505,6 +510,7 @@ def header(noise: Noise, source: str, sha256: str) -> str:
         f"{source} sha256 {sha256[:_DIGITS_OF_HASH]}",
         f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
         makes_right(noise),
+        noise.model.truth.caveat,
     ]
     return in_comment("; ".join(parts))
 
@@ -544,6 +550,7 @@ def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
 def _of_model(noise: Noise) -> Iterator[str]:
     if noise.purpose is not None and (others := ", ".join(_other_sigmas(noise))):
         yield f"One sigma does not make everything right. This model has {others}."
+    yield noise.model.truth.sentence
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."
 

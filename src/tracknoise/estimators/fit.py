@@ -51,6 +51,7 @@ from tracknoise.inference.survival import kaplan_meier
 from tracknoise.inference.units import NO_GROUPS, SceneGroups, by_number
 from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.tables.enumerations import Axis, FittedTo, FloorSource, Product
+from tracknoise.tables.trust import TruthVerdict
 
 Array = NDArray[np.float64]
 
@@ -322,6 +323,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.audit_curves),
         "common_share": fit_common(read["rigid"], sums, groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),
+        "truth": TruthVerdict.of_run(read.folder),
         "equivalents": equivalents_of(read, fitted, LENGTHS),
     }
 

@@ -66,6 +66,7 @@ from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.findings_schema import NOISE_LOOKUP
 from tracknoise.tables.schema import check, empty
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 Array = NDArray[np.float64]
 
@@ -407,12 +408,15 @@ class NoiseTable:
         Length of the windows that the standard deviations are for, frames of the tracker.
     level
         Of all intervals.
+    truth
+        The verdict on the truth of the run.
     """
 
     rows: tuple[NoiseRow, ...]
     gains: pl.DataFrame
     window: int
     level: float
+    truth: TruthVerdict
 
 
 def noise_table(
@@ -451,7 +455,7 @@ def noise_table(
     corrected = 1.0 - (1.0 - level) / len(parts)
     rows = tuple(_row(tables, motion, window, level, corrected) for tables, motion in parts)
     gains = noise_lookup(folder.stored_tables("noise_sums"), groups=read[0].groups, level=level)
-    return NoiseTable(rows=rows, gains=gains, window=window, level=level)
+    return NoiseTable(rows=rows, gains=gains, window=window, level=level, truth=TruthVerdict.of_run(folder))
 
 
 def _motions(read: TrainingTables) -> list[str]:
@@ -556,6 +560,7 @@ def noise_table_json(table: NoiseTable) -> str:
         "format": FORMAT,
         "window": table.window,
         "level": table.level,
+        "truth": asdict(table.truth),
         "rows": [asdict(row) for row in table.rows],
         "gains": table.gains.to_dicts(),
     }

@@ -6,7 +6,7 @@
 import hashlib
 import json
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import TypeVar
@@ -48,6 +48,7 @@ from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.tables.files import write_atomically
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 FORMAT = "tracknoise.noise/1"
 _KEY = "format"
@@ -127,6 +128,8 @@ class NoiseModel:
         Share of the variance that all features of a frame have in common, with its interval; None if unknown.
     truth_floor_px
         Root mean square error of the true positions at the ages that were fitted; None if unknown.
+    truth
+        The verdict on the truth of the run. Errors of the truth are part of the noise.
     equivalents
         Standard deviations for all observations, named by what they make right.
     """
@@ -146,6 +149,7 @@ class NoiseModel:
     conditions: tuple[Factor, ...] = ()
     common_share: Interval | None = None
     truth_floor_px: float | None = None
+    truth: TruthVerdict = field(default_factory=TruthVerdict)
     equivalents: tuple[Equivalent, ...] = ()
 
     @classmethod

@@ -46,6 +46,7 @@ from tracknoise.tables.quantities import RATIOS
 from tracknoise.tables.schema import POINT_TRACKING, WINDOW_NOISE
 from tracknoise.tables.schema import RATIOS as RATIO_SUMS
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import parse_toml
 
 _DATA, _TRUTH = "dataset.", "truth."
@@ -639,13 +640,13 @@ def compare(
     found = [questions(known, run, trackers) for run in compared]
     asked = [one for part in found for one in part.asked]
     sides = tuple(
-        RunSide(run.name, str(run.folder.path), differing(known, run), part.notes)
+        RunSide(run.name, str(run.folder.path), differing(known, run), part.notes, TruthVerdict.of_run(run.folder))
         for run, part in zip(compared, found, strict=True)
     )
     rows = verdicts(asked, margin=margin, level=level, ages=ComparedAges(ages))
     missing = [sentence for part in found for sentence in part.missing]
     result = None if gate is None else judge(gate, asked, missing)
-    side = RunSide(known.name, str(known.folder.path))
+    side = RunSide(known.name, str(known.folder.path), truth=TruthVerdict.of_run(known.folder))
     return Comparison(side, sides, tuple(rows), margin, level, ComparedAges(ages), result)
 
 

@@ -1,7 +1,11 @@
-"""Reasons to doubt the data of a sequence, from what was measured in it; no image is read again."""
+"""Reasons to doubt the data of a sequence, from what was measured in it; no image is read again.
+
+What changes gradually, such as errors of poses, is not among them: how much of the errors it explains is measured
+(`tracknoise.truth_faults.assessment`).
+"""
 
 from collections.abc import Iterator, Mapping
-from itertools import combinations
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,20 +29,36 @@ _BASELINES = 1, 2, 3, 4, 6, 8, 12, 16, 24
 _YOUNG_FRAMES = 5
 _RIVAL_SHARE, _LEAST_ERROR_PX = 0.8, 1.0
 _HIDDEN_SHARE = 0.5
-_COMMON_CORRELATION, _COMMON_PX, _FEWEST_CHANGES = 0.8, 0.5, 15
 _KNOWN = ("valid", "occluded", "out_of_image", "behind_camera")
 
 
-def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> tuple[str, ...]:
-    """Sentences that say why the data of a sequence look wrong, the most telling first; empty where nothing does."""
+@dataclass(frozen=True, slots=True)
+class Doubts:
+    """Sentences that say why the data of a sequence look wrong, the most telling first.
+
+    Attributes
+    ----------
+    mistakes
+        With any of them, errors are not those of the trackers.
+    cautions
+        About single parts of the data, such as one jump of the poses.
+    """
+
+    mistakes: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+
+
+def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
+    """Why the data of a sequence look wrong; nothing where only synthetic trackers saw it."""
     of_images = [name for name, kind in kinds.items() if kind not in SYNTHETIC]
     observed = measurement.observations.filter(pl.col("tracker").is_in(of_images))
     if observed.is_empty():
-        return ()
+        return Doubts()
     slowest = observed.filter(pl.col("speed") == observed["speed"].min())
     items = [*_of_poses(measurement), *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0]))]
-    found = [item.text for item in items if item.severity in (Severity.caveat, Severity.fatal)]
-    return (*found, *_of_errors(slowest), *_of_depths(measurement))
+    fatal = [item.text for item in items if item.severity is Severity.fatal]
+    cautions = tuple(item.text for item in items if item.severity is Severity.caveat)
+    return Doubts((*fatal, *_of_errors(slowest), *_of_depths(measurement)), cautions)
 
 
 def _of_poses(measurement: "Measurement") -> list[Item]:
@@ -93,7 +113,7 @@ def _pair(group: pl.DataFrame, depths_m: Mapping[int, float]) -> Pair:
 
 
 def _of_errors(observed: pl.DataFrame) -> Iterator[str]:
-    """What the errors and statuses of young tracks say, and what errors of all features have in common."""
+    """What the errors and statuses of young tracks say."""
     young = observed.filter(pl.col("age").is_between(1, _YOUNG_FRAMES * int(observed["speed"][0])))
     known = young.filter(pl.col("truth").is_in(_KNOWN))
     if known.height >= FEWEST_POINTS:
@@ -104,7 +124,6 @@ def _of_errors(observed: pl.DataFrame) -> Iterator[str]:
                 "Poses, depth or intrinsics are probably wrong."
             )
     yield from _rivals(observed, young)
-    yield from _common(observed)
 
 
 def _rivals(observed: pl.DataFrame, young: pl.DataFrame) -> Iterator[str]:
@@ -120,43 +139,6 @@ def _rivals(observed: pl.DataFrame, young: pl.DataFrame) -> Iterator[str]:
             f"Errors rival the image motion: the median error is {significant(error_px, 2)} px, the median motion "
             f"since birth is {significant(motion_px, 2)} px. Poses, depth or intrinsics are probably wrong."
         )
-
-
-def _common(observed: pl.DataFrame) -> Iterator[str]:
-    """Changes of errors that all features of a frame share, and that unlike trackers agree about."""
-    changes = {name: _frame_changes(table) for (name,), table in observed.partition_by("tracker", as_dict=True).items()}
-    for one, other in combinations(changes, 2):
-        both = changes[one].join(changes[other], on="frame", suffix="_other")
-        if both.height < _FEWEST_CHANGES:
-            continue
-        moved, moved_other = both.select("du", "dv").to_numpy(), both.select("du_other", "dv_other").to_numpy()
-        correlation = min(_correlation(moved[:, axis], moved_other[:, axis]) for axis in (0, 1))
-        size_px = float(np.sqrt((moved**2).sum(axis=1).mean()))
-        if correlation > _COMMON_CORRELATION and size_px > _COMMON_PX:
-            yield (
-                f"Errors of all features change together from frame to frame, by {significant(size_px, 2)} px. These "
-                f"changes correlate by {correlation:.2f} between {one} and {other}: they are errors of poses, clock or "
-                "calibration, and not of the trackers."
-            )
-            return
-
-
-def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Correlation of two series; 0 where one does not vary."""
-    one, other = one - one.mean(), other - other.mean()
-    size = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return float(one @ other) / size if size > 0.0 else 0.0
-
-
-def _frame_changes(observed: pl.DataFrame) -> pl.DataFrame:
-    """Median change of the errors from the frame before, by frame."""
-    errors = observed.drop_nulls("du_px").sort("track", "frame")
-    step = pl.col("frame").cast(pl.Int64).diff().over("track")
-    changed = errors.with_columns(
-        du=pl.col("du_px").diff().over("track"), dv=pl.col("dv_px").diff().over("track"), step=step
-    ).filter(pl.col("step") == int(observed["speed"][0]))
-    median = changed.group_by("frame").agg(pl.col("du", "dv").median(), n=pl.len())
-    return median.filter(pl.col("n") >= FEWEST_POINTS).drop("n").sort("frame")
 
 
 def _of_depths(measurement: "Measurement") -> Iterator[str]:

@@ -1,7 +1,6 @@
-"""Findings of a run from its statistics: intervals, tests, verdicts, the audit of its truth, and sentences.
+"""Findings of a run from its statistics: intervals, tests, verdicts, and sentences.
 
 - Inputs of the findings: the part of the tables of all sequences that they need.
-- The audit of a run's truth from the tables of its sequences.
 
 Conditions of so few scenes, or groups of them, that blocks of tracks are resampled within each scene.
 
@@ -38,12 +37,13 @@ from tracknoise.estimators.lookup_table import USED, noise_lookup
 from tracknoise.estimators.run_models import fitted_models
 from tracknoise.estimators.window_noise import window_sigmas
 from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
-from tracknoise.experiments.run_statistics import first_lighting, reference_condition
-from tracknoise.experiments.settings import FROM_FILES, SYNTHETIC, Experiment
+from tracknoise.experiments.run_statistics import reference_condition
+from tracknoise.experiments.run_truth import run_audit, trust_table
+from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.inference.units import SceneGroups, scheme
 from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.phrases.headlines import findings_json, headline_table
-from tracknoise.sequences.sequence import TRIANGULATED, TruthKind
+from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.changes import change_curves
 from tracknoise.statistics.curves import ASPECT_COLUMNS, aspect_curves
 from tracknoise.statistics.definitions import POOLED, dropped_above
@@ -59,14 +59,12 @@ from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Population
 from tracknoise.tables.identity import SequenceId
-from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.quantities import Topic
 from tracknoise.tables.result_views import Identified, results_of
-from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
+from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
-from tracknoise.truth_faults.audit_summary import usual_mistakes
-from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
-from tracknoise.truth_faults.pose_accuracy import pose_law, rigid_share
+from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
 
 _OF = "population"
 
@@ -190,44 +188,13 @@ def _of_all_blocks(ends: TablesByCondition, few: pl.DataFrame) -> TablesByCondit
     }
 
 
-def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dict[str, pl.DataFrame]:
-    """Audit the truth of a run: tables `audit` and `audit_curves`.
-
-    One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
-    """
-    tables = [_audited(run, key, manifest.sequences[key]) for key in audited_keys(manifest, experiment)]
-    found = audit_tables(
-        tables,
-        groups_of_scenes(manifest.sequences, experiment.dataset.groups),
-        dataset=next(iter(manifest.sequences.values())).sequence.dataset,
-        without=[tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC],
-    )
-    return {"audit": found.audit, "audit_curves": found.audit_curves}
-
-
-def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
-    """What a sequence keeps for the audit; poses at other times only where it has them."""
-    names = ("audit_samples", "cameras", "poses", *(("path",) if "path" in entry.sha256 else ()))
-    found = {name.removeprefix("audit_"): run.sequence_table(name, key) for name in names}
-    return AuditedTables(**found, z_depth_from=entry.z_depth_from)
-
-
-def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:
-    """Keys of one sequence of each scene and camera: upright and forward if there is one, under its first lighting."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
-    for key, entry in sorted(manifest.sequences.items()):
-        name = entry.sequence
-        if name.rotation == 0 and name.direction == "forward":
-            found.setdefault((name.scene, name.camera), {})[name.lighting] = key
-    return sorted(keys[first_lighting(keys, experiment)] for keys in found.values())
-
-
 _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "triangulated_noise": ("fitted_noise", fitted_noise_table),
     "point_tracking_metrics": ("point_tracking", point_tracking_metrics),
     "two_truths": ("truth_differences", two_truths_table),
     "pose_disagreement": ("pose_differences", pose_disagreement_table),
     "rigid_share": ("rigid", rigid_share),
+    "pose_share": ("rigid", pose_share),
     "pose_law": ("pose_growth", pose_law),
     "tracker_differences": ("between_trackers", tracker_differences),
     "surrounding_errors": ("surroundings", surrounding_errors),
@@ -277,6 +244,8 @@ def _write_findings(
 ) -> None:
     """Everything but the models, so that it is no longer in memory when these are fitted."""
     tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
+    rigid = pl.concat([empty(RIGID), *run.stored_tables("rigid")])
+    tables["trust"] = trust_table(manifest, experiment, {**statistics, **tables}, reference, rigid)
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)
@@ -459,19 +428,7 @@ def _reported(
         [tracker.label for tracker in experiment.trackers],
         population=experiment.truth.population,
         percentile=dropped_above(tables["trims"]),
-        recorded=truths != {TruthKind.raycast},
         fitted=TRIANGULATED in truths,
         groups=groups_of_scenes(manifest.sequences, experiment.dataset.groups),
         trimming=experiment.findings.trimming,
-        doubts=doubts_by_scene(manifest),
-        mistakes=usual_mistakes(tables["audit"]),
     )
-
-
-def doubts_by_scene(manifest: Manifest) -> dict[str, list[str]]:
-    """Why data look wrong, by scene; scenes without doubts are left out."""
-    found: dict[str, list[str]] = {}
-    for _, entry in sorted(manifest.sequences.items()):
-        if entry.doubts:
-            found.setdefault(entry.sequence.scene, []).extend(entry.doubts)
-    return {scene: list(dict.fromkeys(sentences)) for scene, sentences in found.items()}

@@ -7,9 +7,9 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.enumerations import Trust, Verdict
 
-FORMAT = 1
+FORMAT = 2
 SUMMARY = "summary.json"
 """Name of its file in the folder of a report."""
 
@@ -42,13 +42,13 @@ class Answer:
     question
         A few words, such as ``biased``.
     verdict
-        The answer.
+        The answer; of the question ``truth``, a verdict on it.
     is_good
         Whether the answer is what one would wish for; null where it is undecided.
     """
 
     question: str
-    verdict: Verdict
+    verdict: Verdict | Trust
     is_good: bool | None
 
 

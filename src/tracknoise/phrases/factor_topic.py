@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from tracknoise.analysis.factors import ROLES
@@ -19,8 +20,10 @@ from tracknoise.phrases.headline import (
 )
 from tracknoise.phrases.measures import answer, shown_size
 from tracknoise.phrases.run_data import RunData
+from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import FACTORS
 from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import (
     STATISTICS,
     bounded_text,
@@ -28,6 +31,7 @@ from tracknoise.words import (
     difference_sentence,
     factor_name,
     listing,
+    pixels,
     ratio,
     rms_of_tracks,
     sentence_case,
@@ -176,7 +180,37 @@ def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
         return _unproven(data, errors)
     verdict = Verdict(row["verdict"]) if row["at"] is None else Verdict.undecided
     text = _sentence(data, row, verdict) if row["at"] is None else _at_one_place(data, row)
-    return Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), text, _SECTION)
+    return Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), f"{text}{_without_truth(data, verdict)}", _SECTION)
+
+
+def _without_truth(data: RunData, verdict: Verdict) -> str:
+    """What an untrusted truth leaves of the comparison; begins with a space, and is empty where the truth is usable.
+
+    Errors of the truth are the same for all trackers: they add to the squared errors of each, so that ratios are nearer
+    to 1 than those of the trackers alone, and the order stays. In differences at the same corners they cancel.
+    """
+    if TruthVerdict.of(data.trust).is_usable:
+        return ""
+    order = {
+        Verdict.yes: "The truth adds to the errors of both alike: the order holds, and the ratio is at least this.",
+        Verdict.no: "The truth adds to the errors of both alike and can hide a difference.",
+        Verdict.undecided: "The truth adds to the errors of both alike and can hide a difference.",
+    }[verdict]
+    return f" {order}{_apart(data)}"
+
+
+def _apart(data: RunData) -> str:
+    """How far two trackers are apart at the same corners, up to the reference age; begins with a space."""
+    near = data.nominal(data.tracker_differences).filter(pl.col("age") <= REFERENCE_AGE)
+    last = near.filter(pl.col("age") == pl.col("age").max())
+    if last.is_empty():
+        return ""
+    one, other = last.select("tracker", "other").row(0)
+    pair = last.filter(pl.col("coordinate").is_in(["u", "v"]), tracker=one, other=other)
+    variance, mean = (pair.filter(statistic=name)["value"].to_numpy() for name in ("central", "mean"))
+    square = float(variance.sum() + np.square(mean).sum())
+    apart = f"{one} and {other} are {pixels(math.sqrt(square))} px apart (RMS)"
+    return f" At the same corners {apart}, whatever the truth is."
 
 
 def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:

@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import polars as pl
@@ -193,30 +193,21 @@ class ReportedConditions:
         Which observations errors are of: `visible` or `projected`.
     percentile
         Percentile of the largest errors of tracks above which tracks were dropped; None where none was.
-    recorded
-        Whether true positions come from recorded poses and depth, whose own errors are part of every number.
     fitted
         Whether true positions were fitted to the tracks, so that errors about them say nothing about drift.
     groups
         Groups of scenes that are not independent of each other.
     trimming
         Errors that verdicts are about.
-    doubts
-        Why data look wrong, by scene: sentences, the most telling first. Scenes without doubts are left out.
-    mistakes
-        Usual mistakes in the truth that the tracks of all scenes together show: sentences.
     """
 
     reference: ReferenceCondition
     trackers: Sequence[str]
     population: str = POPULATION
     percentile: float | None = None
-    recorded: bool = False
     fitted: bool = False
     groups: SceneGroups = NO_GROUPS
     trimming: Trimming = TRIMMING
-    doubts: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    mistakes: Sequence[str] = ()
 
     @property
     def axis(self) -> Axis:

@@ -15,25 +15,24 @@ from tracknoise.phrases.growth_topic import growth
 from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
 from tracknoise.phrases.lookup_topic import noise_by_condition
 from tracknoise.phrases.ratio_topic import ratios
-from tracknoise.phrases.scene_topic import copied_scenes, doubtful_data, few_scenes, grouped_scenes
+from tracknoise.phrases.scene_topic import copied_scenes, few_scenes, grouped_scenes
 from tracknoise.phrases.shape_topic import shape
 from tracknoise.phrases.size_topic import size
 from tracknoise.phrases.survivor_topic import survivorship
 from tracknoise.phrases.track_topics import lifetimes, outliers
 from tracknoise.phrases.trimming_topic import trimming_matters
-from tracknoise.phrases.truth_topic import between_trackers, noise, pose_errors, recorded_truth, self_referential
+from tracknoise.phrases.truth_topic import between_trackers, noise, pose_errors, self_referential, verdict_on_truth
 from tracknoise.phrases.window_topic import estimator_noise
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
 
 _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
-    doubtful_data,
+    verdict_on_truth,
     copied_scenes,
     estimator_noise,
     depths,
     few_scenes,
     grouped_scenes,
-    recorded_truth,
     pose_errors,
     size,
     trimming_matters,
@@ -53,7 +52,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 
 
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
-    doubtful_data,
+    verdict_on_truth,
     copied_scenes,
     self_referential,
     estimator_noise,
@@ -75,7 +74,7 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, noise_lookup,
+        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, noise_lookup, trust,
         window_sigmas and depth_intervals. One without rows has no headline.
     conditions
         Which conditions the sentences are about.

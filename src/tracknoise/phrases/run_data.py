@@ -34,12 +34,12 @@ class RunData:
         State of the run, and its resolved experiment.
     curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
         Its pooled tables.
-    two_truths, pose_disagreement, rigid_share, pose_law, tracker_differences, intervals, incidence, seed_spread,
-    triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
+    two_truths, pose_disagreement, rigid_share, pose_share, pose_law, tracker_differences, intervals, incidence,
+    seed_spread, triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
     noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
-    audit, audit_curves
-        What is wrong with the stated truth, see `tracknoise.tables.findings_schema`.
+    audit, audit_curves, trust
+        What is wrong with the stated truth, and the verdict on it, see `tracknoise.tables.findings_schema`.
     """
 
     run: RunFolder
@@ -77,11 +77,13 @@ class RunData:
     speed_errors: pl.DataFrame
     ratios: pl.DataFrame
     rigid_share: pl.DataFrame
+    pose_share: pl.DataFrame
     pose_law: pl.DataFrame
     tracker_differences: pl.DataFrame
     findings: pl.DataFrame
     audit: pl.DataFrame
     audit_curves: pl.DataFrame
+    trust: pl.DataFrame
 
     @classmethod
     def of(cls, run: RunFolder) -> "Self":

@@ -15,33 +15,8 @@ from tracknoise.tables.results import ENOUGH_SCENES
 from tracknoise.text import counted, counted_of
 from tracknoise.words import TIMES, count, interval_text, listing, sentence_case
 
-MOST_DOUBTS = 3
-"""More reasons to doubt the data than this are counted, but not named."""
-
-
 MOST_NAMED = 6
 """More groups than this are counted, but not named."""
-
-
-def doubtful_data(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Warn where the data themselves look wrong: then the numbers are not those of the trackers."""
-    if not conditions.doubts and not conditions.mistakes:
-        return None
-    of_scenes = [sentence for found in conditions.doubts.values() for sentence in found]
-    sentences = list(dict.fromkeys([*of_scenes, *conditions.mistakes]))
-    more = len(sentences) - MOST_DOUBTS
-    others = [f"There are {count(more, 'further reason')}: see the measurement section."] if more > 0 else []
-    opening = f"{_whose(list(conditions.doubts))} wrong, so that errors are not those of the trackers."
-    text = " ".join([opening, *sentences[:MOST_DOUBTS], *others])
-    brief = "Some data look wrong, so that errors may not be those of the trackers."
-    return Headline("data", text, "limits", "counts", brief=brief)
-
-
-def _whose(scenes: list[str]) -> str:
-    """``Data of office look``; of all scenes where none is doubtful by itself."""
-    if not scenes:
-        return "Data look"
-    return f"Data of {listing(scenes)} look" if len(scenes) <= MOST_NAMED else f"Data of {len(scenes)} scenes look"
 
 
 def copied_scenes(_tables: RunTables, conditions: ReportedConditions) -> Headline | None:

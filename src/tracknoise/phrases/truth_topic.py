@@ -1,7 +1,4 @@
-"""Whether the truth can be trusted: its stated errors, its faults, and what does not depend on it."""
-
-import math
-from typing import Any
+"""Whether the truth can be trusted, and what does not depend on it."""
 
 import polars as pl
 
@@ -24,29 +21,19 @@ from tracknoise.phrases.headline import (
     in_brackets,
     leading,
 )
-from tracknoise.phrases.measures import Subject, answer, card_number, first, short, with_interval
+from tracknoise.phrases.measures import Subject, card_number, first, short, with_interval
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.withheld import excessive_floor
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.prepared import POPULATIONS
-from tracknoise.tables.enumerations import (
-    Axis,
-    FittedMeasure,
-    FittedTo,
-    Trimming,
-    Verdict,
-)
-from tracknoise.tables.findings_schema import AuditVerdict
-from tracknoise.truth_faults.audit_summary import NO_FAULT, fault_brief
-from tracknoise.truth_faults.fault_parameters import Family
+from tracknoise.tables.enumerations import Axis, FittedMeasure, FittedTo, Trimming, Trust
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import (
     SELF_REFERENTIAL,
     count,
     format_estimate,
     opening_place,
     percent,
-    pixels,
-    rms_of_tracks,
 )
 
 _LEAST_SHARE = 0.1
@@ -191,24 +178,22 @@ def _noise_of(table: pl.DataFrame, tracker: str) -> Part | None:
     return Part(" ".join(sentences), estimates) if sentences else None
 
 
-def recorded_truth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """Warn where the truth was measured too."""
-    if not conditions.recorded:
+def verdict_on_truth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """The verdict on the truth, unless it is trusted."""
+    found = TruthVerdict.of(tables["trust"])
+    if found.verdict is Trust.trusted:
         return None
-    size = (
-        "Nothing is known of their size."
-        if tables["floor"].is_empty()
-        else "The truth floor is the size of those that are known."
-    )
-    text = (
-        "True positions come from recorded poses, depth and calibration. Their own errors are part of every number. "
-        f"{size} The errors of the trackers alone may be smaller."
-    )
     rows = (first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers)
     excess = (excessive_floor(row, Trimming.untrimmed) for row in rows if row is not None)
-    text = " ".join([text, *list(filter(None, excess))[:1]])
-    brief = "True positions were recorded, so that their own errors are part of every number."
-    return Headline("truth", text, "limits", "counts", brief=brief)
+    text = " ".join([found.sentence, *list(filter(None, excess))[:1]])
+    return Headline("truth", text, "truth", "trust", brief=_BRIEF[found.verdict])
+
+
+_BRIEF = {
+    Trust.limited: "Errors of the truth can be a part of the errors.",
+    Trust.not_trusted: "The truth is not trusted, so that errors may not be those of the trackers.",
+    Trust.unknown: "Whether the truth can be trusted is unknown.",
+}
 
 
 def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
@@ -226,18 +211,17 @@ def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
     return Measure("noise", "px", shown, None, smallest, note, sentence, "findings")
 
 
-_MOST_SHARE = 0.5
-"""Share of the second moment from which on it is the truth's rather than the tracker's."""
-
-
 _MOSTLY = 0.5
 """Share of observations without a true position from which on it is stated."""
+_IS_GOOD = {Trust.trusted: True, Trust.not_trusted: False}
 
 
 def truth(data: RunData) -> Judgement:
-    """Whether the true positions can be trusted: doubts about the data, faults that were found, and the floor."""
-    verdict, text = _doubts(data) or _fitted_truth(data) or _faults(data) or _floor(data)
-    return Judgement(answer("trusted", verdict, wished=Verdict.yes), f"{text}{_unknown(data)}", "truth")
+    """Whether the true positions can be trusted, and what would help most."""
+    found = TruthVerdict.of(data.trust)
+    step = f" Next: {found.step}" if found.step else ""
+    asked = Answer("truth", found.verdict, _IS_GOOD.get(found.verdict))
+    return Judgement(asked, f"{found.text}{_unknown(data)}{step}", "truth")
 
 
 def _unknown(data: RunData) -> str:
@@ -249,67 +233,3 @@ def _unknown(data: RunData) -> str:
         return ""
     rest = "no error could be measured" if without == total else "errors are those of the rest"
     return f" {percent(without / total)} of the observations have no true position; {rest}."
-
-
-def _doubts(data: RunData) -> tuple[Verdict, str] | None:
-    doubtful = [entry for entry in data.manifest.sequences.values() if entry.doubts]
-    if not doubtful:
-        return None
-    noun = "sequence looks" if len(doubtful) == 1 else "sequences look"
-    return Verdict.no, f"The data of {len(doubtful)} {noun} wrong. Errors may not be those of the trackers."
-
-
-def _fitted_truth(data: RunData) -> tuple[Verdict, str] | None:
-    if not data.truth_is_fitted:
-        return None
-    return Verdict.undecided, _HIDDEN
-
-
-def _faults(data: RunData) -> tuple[Verdict, str] | None:
-    """The first fault of the audit."""
-    faults = data.audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first").sort("rank")
-    if faults.is_empty():
-        return None
-    others = f"; {count(faults.height - 1, 'other fault')} as well" if faults.height > 1 else ""
-    return Verdict.no, f"{fault_brief(faults.row(0, named=True))}{others}. Correct this before using the numbers."
-
-
-def _floor(data: RunData) -> tuple[Verdict, str]:
-    """Whether known errors of the truth are small beside the errors of the trackers."""
-    audited, opening = _checked(data)
-    points = data.nominal(data.points).filter(
-        pl.col("since").is_between(1, REFERENCE_AGE),
-        role="second",
-        trimming=data.trimming,
-        population=data.population,
-    )
-    known = points.drop_nulls(["floor_u", "floor_v"]).sort("since")
-    if known.is_empty():
-        return Verdict.undecided, f"{opening} Its accuracy is not stated."
-    share, floor_px, row = max(
-        (_share(known.filter(tracker=name)) for name in known["tracker"].unique().sort()), key=lambda found: found[:2]
-    )
-    if floor_px == 0.0:
-        return Verdict.yes if audited else Verdict.undecided, f"{opening} It is stated to be exact."
-    error_px = math.hypot(row["u"], row["v"])
-    of = f"{pixels(error_px)} px {rms_of_tracks(data.trimming)} of {row['tracker']} {data.axis.place(row['since'])}"
-    text = f"{opening} Its errors can cause {pixels(min(floor_px, error_px))} of the {of}."
-    return Verdict.no if share > _MOST_SHARE else Verdict.yes, text
-
-
-def _checked(data: RunData) -> tuple[bool, str]:
-    """Whether the audit could have found a fault, and what it says where it found none."""
-    about = data.audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first")
-    if about.is_empty():
-        return False, "The truth was not checked for faults."
-    unknown = about.filter(verdict=str(AuditVerdict.undetermined)).height
-    if unknown == about.height:
-        return False, "The audit could determine no parameter of the truth."
-    return True, f"{NO_FAULT} {unknown} of {about.height} parameters cannot be determined." if unknown else NO_FAULT
-
-
-def _share(points: pl.DataFrame) -> tuple[float, float, dict[str, Any]]:
-    """Share of the second moment that the floor can cause at the last age, its length in px, and that point."""
-    row = points.row(-1, named=True)
-    error_px, floor_px = math.hypot(row["u"], row["v"]), math.hypot(row["floor_u"], row["floor_v"])
-    return min((floor_px / error_px) ** 2 if error_px else 1.0, 1.0), floor_px, row

@@ -18,10 +18,8 @@ from tracknoise.phrases.headline import (
 from tracknoise.phrases.measures import reported_conditions, short
 from tracknoise.phrases.run_data import RunData
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.tables.enumerations import (
-    Axis,
-    FloorSource,
-)
+from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.words import (
     SPACE,
     format_as,
@@ -60,7 +58,7 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     meant = "" if conditions.fitted else " The noise to set makes the depths of fitted points as uncertain as they are."
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(windows, length, tables["floor"], conditions, tracker),
+        lambda tracker: _noise_of(windows, length, tables["trust"], conditions, tracker),
         opening=f"Noise to set in an estimator {conditions.where(tables['summary'])}{errors}.",
         closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{brackets}",
         topic="estimator",
@@ -94,7 +92,7 @@ def shown_window(windows: pl.DataFrame, conditions: ReportedConditions) -> int |
 
 
 def _noise_of(
-    windows: pl.DataFrame, length: int | None, floor: pl.DataFrame, conditions: ReportedConditions, tracker: str
+    windows: pl.DataFrame, length: int | None, trust: pl.DataFrame, conditions: ReportedConditions, tracker: str
 ) -> Part | None:
     rows = conditions.of(windows, tracker)
     if length is None or rows.is_empty():
@@ -104,7 +102,7 @@ def _noise_of(
         text = f"{tracker}: {_too_few(length)}."
         return Part(text, [], text)
     if "consistent_sigma" in found:
-        return _with_depth(length, found, tracker, window_floor_px(floor, conditions, tracker, length))
+        return _with_depth(length, found, tracker, trust)
     return _without_depth(length, found, tracker, conditions)
 
 
@@ -124,21 +122,33 @@ def _quantities(rows: pl.DataFrame) -> Quantities:
     }
 
 
-def _with_depth(length: int, found: Quantities, tracker: str, floor_px: float | None) -> Part:
+def _with_depth(length: int, found: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
     consistent, residual, factor = (
         found[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
     )
-    sentences = [
-        f"{tracker}: set {format_estimate(consistent)} for windows of {length} frames.",
-        f"Residuals will look like {px(residual.value)}: tuned to them, {_certainty(factor)}.",
-    ]
-    if floor_px is not None and consistent.value is not None and floor_px >= consistent.value:
-        sentences.append(
-            f"The truth floor is {px(floor_px)} there: errors of the truth alone can cause this noise, and that of the "
-            "tracker may be smaller."
-        )
-    brief = f"{tracker}: set {short(consistent)} for windows of {length} frames."
-    return Part(" ".join(sentences), [consistent, residual, factor], brief)
+    caveat = _caveat(consistent.value, trust, tracker)
+    verb = "set at most" if caveat else "set"
+    residuals = f"Residuals will look like {px(residual.value)}: tuned to them, {_certainty(factor)}."
+    text = f"{tracker}: {verb} {format_estimate(consistent)} for windows of {length} frames{caveat}. {residuals}"
+    brief = f"{tracker}: {verb} {short(consistent)} for windows of {length} frames."
+    return Part(text, [consistent, residual, factor], brief)
+
+
+def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
+    """Where the truth is not trusted, or this is unknown, how small the noise of the tracker alone may be; else empty.
+
+    Begins with a colon. If the truth explains the share s of the squared errors, sigma sqrt(1 - s) is left.
+    """
+    found, share = TruthVerdict.of(trust), explained_share(trust, tracker)
+    if found.is_usable or sigma_px is None:
+        return ""
+    opening = _UNTRUSTED if found.verdict is Trust.not_trusted else _UNKNOWN
+    if share is None or share >= 1.0:
+        return opening
+    return f"{opening}, and the tracker alone may have {px(sigma_px * sqrt(1.0 - share))}"
+
+
+_UNTRUSTED, _UNKNOWN = ": the truth is not trusted", ": whether the truth can be trusted is unknown"
 
 
 def _certainty(factor: Estimate) -> str:
@@ -162,42 +172,19 @@ def _without_depth(length: int, found: Quantities, tracker: str, conditions: Rep
     return Part(text, [residual], brief)
 
 
-def window_floor_px(floor: pl.DataFrame, conditions: ReportedConditions, tracker: str, length: int) -> float | None:
-    """Size of the errors of the truth in the last frame of a window, per coordinate; None where it is unknown.
-
-    Parameters
-    ----------
-    floor
-        Table of the run.
-    conditions
-        Which condition of the tracker.
-    tracker
-        Its name.
-    length
-        Of the window, in observations.
-    """
-    since = (length - 1) * conditions.reference.speed
-    rows = conditions.of(floor, tracker).filter(pl.col("at") <= since, source=FloorSource.all, axis=Axis.age)
-    known = rows.drop_nulls(["floor_uu", "floor_vv"]).sort("at").tail(1).to_dicts()
-    return sqrt((known[0]["floor_uu"] + known[0]["floor_vv"]) / 2) if known else None
-
-
 def sigma_sentence(data: RunData, tracker: str) -> str:
     """What an estimator should set, and what residuals look like. Empty where windows were not measured.
 
-    It says where errors of the truth alone can be as large as what to set.
+    Where the truth is not trusted, what to set is an upper bound, and the sentence says so.
     """
     found = _at_window(data, tracker)
     if "consistent_sigma" not in found or "residual_core" not in found:
         length = next((row["window"] for row in found.values()), None)
         return "" if length is None else f"What to set is unknown: {_too_few(length)}."
     sigma, residual = found["consistent_sigma"], found["residual_core"]
-    floor_px = window_floor_px(data.floor, reported_conditions(data, data.slowest), tracker, sigma["window"])
-    covered = floor_px is not None and floor_px >= sigma["value"]
-    return (
-        f"Set {pixels(sigma['value'])} px for windows of {sigma['window']} frames; residuals look like "
-        f"{pixels(residual['value'])} px{'; errors of the truth alone can cause this' if covered else ''}."
-    )
+    caveat = _caveat(sigma["value"], data.trust, tracker)
+    size = f"{'at most ' if caveat else ''}{pixels(sigma['value'])} px for windows of {sigma['window']} frames"
+    return f"Set {size}{caveat}; residuals look like {pixels(residual['value'])} px."
 
 
 def estimator_sentence(data: RunData, tracker: str) -> str:
@@ -207,8 +194,9 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
         return ""
     sigma = found["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
-    size = f"{pixels(sigma['value'])} px{bounds}"
-    return f"For {tracker}, set {size} for windows of {sigma['window']} frames. {_trust(found)}".strip()
+    caveat = _caveat(sigma["value"], data.trust, tracker)
+    size = f"{'at most ' if caveat else ''}{pixels(sigma['value'])} px{bounds}"
+    return f"For {tracker}, set {size} for windows of {sigma['window']} frames{caveat}. {_certain(found)}".strip()
 
 
 def sigma_message(data: RunData) -> str:
@@ -222,7 +210,7 @@ def sigma_message(data: RunData) -> str:
     return f"In windows of {row['window']} frames, set {times}"
 
 
-def _trust(found: dict[str, dict[str, Any]]) -> str:
+def _certain(found: dict[str, dict[str, Any]]) -> str:
     """What an estimator that is tuned to its residuals gets wrong."""
     row = found.get("core_overconfidence")
     if row is None or row["low"] is None or row["high"] is None:

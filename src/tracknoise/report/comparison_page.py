@@ -285,6 +285,7 @@ def _lines(comparison: Comparison) -> Iterator[str]:
     names = ", ".join(side.name for side in comparison.others)
     yield f"## {_escaped(names)} compared with {_escaped(comparison.first.name)}"
     yield ""
+    yield from (f"- {_escaped(doubt)}" for doubt in comparison.doubts)
     if comparison.gate is not None:
         outcome, *reasons = gate_sentences(comparison.gate)
         yield f"**{outcome}**"

@@ -82,7 +82,8 @@ def notes(data: ReportData) -> list[tuple[str, str]]:
 
 def doubts(data: ReportData) -> list[tuple[str, str]]:
     """Why data look wrong: the sequences of each reason."""
-    pairs = ((key, doubt) for key, entry in sorted(data.manifest.sequences.items()) for doubt in entry.doubts)
+    entries = sorted(data.manifest.sequences.items())
+    pairs = ((key, doubt) for key, entry in entries for doubt in (*entry.doubts, *entry.cautions))
     return [(_sequences(keys), doubt) for doubt, keys in by_statement(pairs).items()]
 
 

@@ -14,7 +14,7 @@ from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purp
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
-from tracknoise.tables.enumerations import Product
+from tracknoise.tables.enumerations import Product, Trust
 from tracknoise.text import counted, significant
 from tracknoise.words import DASH, number, percent, ratio, thousandths
 
@@ -42,6 +42,7 @@ def model_sentences(model: NoiseModel) -> list[str]:
     training = model.training
     return [
         f"Noise of {training.tracker} at speed {training.speed:g}.",
+        *([] if model.truth.verdict is Trust.trusted else [model.truth.sentence]),
         *_advice(model),
         _tails(model),
         f"{_percent(model.outlier_share)} of the observations are outliers, with errors beyond about "
@@ -239,10 +240,11 @@ _ALL = "all"
 
 def noise_table_sentences(table: NoiseTable) -> list[str]:
     """Which lookup is worth it on scenes that were left out, and how much bias is warranted."""
+    truth = [] if table.truth.verdict is Trust.trusted else [table.truth.sentence]
     gains = [text for product in (Product.error, Product.change) for text in lookup_sentences(table.gains, product)]
     warranted = sum(_is_warranted(row.bias) for row in table.rows)
     bias = f"A correction of the mean error is warranted in {warranted} of {counted(len(table.rows), 'row')}."
-    return [*gains, bias] if gains else [_no_gain(table), bias]
+    return [*truth, *(gains or [_no_gain(table)]), bias]
 
 
 def _no_gain(table: NoiseTable) -> str:

@@ -133,6 +133,37 @@ class FittedTo(StrEnum):
     others = "others"
 
 
+class Trust(StrEnum):
+    """Verdict on the truth of a run or a recording.
+
+    trusted: what could be wrong was looked for, could have been seen, and is small beside the errors. limited: the
+    truth can explain a part of the errors, up to a stated bound. not_trusted: a fault is established, or the truth
+    explains most of the errors. unknown: how much it explains could not be determined.
+    """
+
+    trusted = "trusted"
+    limited = "limited"
+    not_trusted = "not trusted"
+    unknown = "unknown"
+
+
+class TruthCause(StrEnum):
+    """What a share of the errors may be due to: all causes together, or one of them.
+
+    mistakes: data that cannot be right. faults: constant faults that are established. any_fault: all constant faults
+    together, established or not. poses: a motion of the camera that the poses lack. depths: random errors of single
+    depths. stated: the stated accuracy. every: all together.
+    """
+
+    every = "every"
+    mistakes = "mistakes"
+    faults = "faults"
+    any_fault = "any fault"
+    poses = "poses"
+    depths = "depths"
+    stated = "stated"
+
+
 class TruthQuantity(StrEnum):
     """What a row about two truths describes.
 

@@ -18,7 +18,7 @@ import polars as pl
 
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.units import Resampled
-from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, Lookup, Shape
+from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, Lookup, Shape, Trust, TruthCause
 from tracknoise.tables.schema import (
     ASPECT,
     CAUSES,
@@ -627,6 +627,28 @@ class AuditVerdict(StrEnum):
 
 MEASURED, EVERYTHING = "measured", "all"
 """Corrections in `AUDIT_CURVES` besides the names of parameters: none, and all of them."""
+
+TRUST: Schema = {
+    "dataset": pl.String,
+    "cause": pl.Enum(TruthCause),
+    "tracker": pl.String,
+    "verdict": pl.Enum(Trust),
+    "share": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "age": pl.Int64,
+    "error_px": pl.Float64,
+    "bound_px": pl.Float64,
+    "text": pl.String,
+    "step": pl.String,
+}
+"""The verdict on the truth, and how much of the errors it can explain.
+
+The first row has the verdict, its sentence, and the step that would help most. The others have shares of the squared
+errors up to the reference age: of each tracker by all causes together (`every`), and by single causes. Causes that are
+fitted to all trackers together have no tracker. high is the upper bound. error_px is the RMS of the tracker at `age`,
+and bound_px how much of it the truth can explain at most.
+"""
 
 CAMERAS: Schema = {
     **SEQUENCE,

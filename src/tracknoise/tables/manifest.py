@@ -49,7 +49,11 @@ class SequenceEntry:
     notes
         What was corrected or assumed while reading, one sentence each.
     doubts
-        Why its data look wrong, one or two sentences each; empty where nothing does.
+        Why its data cannot be right, one or two sentences each; empty where nothing looks wrong.
+    cautions
+        What looks wrong in single parts of its data, likewise.
+    states_accuracy
+        Whether the errors of its poses, and of its depths where they count, are stated.
     inputs
         Hash of the files that it was measured from: of their paths, from the folder of the data, and contents.
     key_frame
@@ -80,6 +84,8 @@ class SequenceEntry:
     z_depth_from: str | None = None
     kernels: str = ""
     doubts: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+    states_accuracy: bool = False
     image: str = ""
     sha256: dict[str, str] = field(default_factory=dict)
 
@@ -224,14 +230,14 @@ def _fields_of(record: Manifest | SequenceEntry) -> dict[str, Any]:
     return {each.name: getattr(record, each.name) for each in fields(record)}
 
 
-def _entry(
-    *, sequence: dict[str, Any], notes: list[str], doubts: list[str] | None = None, **rest: Any
-) -> SequenceEntry:
+_LISTS = ("notes", "doubts", "cautions")
+
+
+def _entry(*, sequence: dict[str, Any], **rest: Any) -> SequenceEntry:
     """What `Manifest.to_json` wrote of one sequence."""
     direction = Direction(sequence.pop("direction"))
-    return SequenceEntry(
-        SequenceId(**sequence, direction=direction), notes=tuple(notes), doubts=tuple(doubts or ()), **rest
-    )
+    rest |= {name: tuple(rest.get(name) or ()) for name in _LISTS}
+    return SequenceEntry(SequenceId(**sequence, direction=direction), **rest)
 
 
 @dataclass(frozen=True, slots=True)

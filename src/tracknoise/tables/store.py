@@ -145,6 +145,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "findings": findings_schema.FINDINGS,
     "audit": findings_schema.AUDIT,
     "audit_curves": findings_schema.AUDIT_CURVES,
+    "trust": findings_schema.TRUST,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""
 _RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}

@@ -40,6 +40,7 @@ from tracknoise.truth_faults.audit_summary import (
     other_text,
 )
 from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT, explained
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, JOINT, TIMED, Family, Fit, Parameter, Shown, shown
 from tracknoise.words import listing
 
@@ -268,9 +269,28 @@ def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
     selection = select(samples)
     curve = curves(samples, _corrected_errors(samples, selection), dataset)
     joint = _joint_fits(samples, selection)
-    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(selection, joint)]
+    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(selection, joint), *_bounds(samples)]
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
     return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
+
+
+def _bounds(samples: AuditSamples) -> Iterator[Row]:
+    """What the truth can explain at most, by all constant faults and by random errors of depths."""
+    found = explained(samples, available(samples))
+    for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths)):
+        gains = {"gain": share.value, "gain_low": share.low, "gain_high": share.high}
+        yield {"family": Family.at_most, "parameter": name, "component": "", "unit": "", **_resampled(samples), **gains}
+
+
+def _resampled(samples: AuditSamples) -> Row:
+    """What intervals are from."""
+    return {
+        "level": LEVEL,
+        "resampled": samples.resampled,
+        "n_units": samples.n_clusters,
+        "n_scenes": samples.n_scenes,
+        "n": len(samples.age),
+    }
 
 
 def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, NDArray[np.float64]]:
@@ -346,11 +366,7 @@ def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Itera
     errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: resampled.error}
     second = second_moments(samples, errors)
     fits = {
-        "level": LEVEL,
-        "resampled": samples.resampled,
-        "n_units": samples.n_clusters,
-        "n_scenes": samples.n_scenes,
-        "n": len(samples.age),
+        **_resampled(samples),
         "gain": explained.value,
         "gain_low": explained.low,
         "gain_high": explained.high,

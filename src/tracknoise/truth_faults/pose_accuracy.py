@@ -75,6 +75,21 @@ def _rigid_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
     return rows.with_columns(pl.col("share", "low", "high").fill_nan(None)).drop_nulls("share")
 
 
+def scene_shares(rigid: pl.DataFrame) -> dict[str, float]:
+    """Cut share that pose errors explain in each scene, of the tracker of which they explain most.
+
+    Parameters
+    ----------
+    rigid
+        Schema `RIGID`, of one view and speed.
+    """
+    near = rigid.filter(pl.col("age") <= REFERENCE_AGE)
+    sums = near.group_by("scene", "tracker", "fitted_to").agg(pl.col("cut_error", "cut_rigid").sum())
+    shares = sums.filter(pl.col("cut_error") > 0.0).with_columns(share=pl.col("cut_rigid") / pl.col("cut_error"))
+    best = shares.group_by("scene", "tracker").agg(pl.col("share").min())
+    return dict(best.group_by("scene").agg(pl.col("share").max()).sort("scene").iter_rows())
+
+
 def _shares(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Shares in u, in v and in both, (3, points, ...), of the sums of `_SUMS`; NaN where all errors are 0."""
     error, rigid = _by_coordinate(sums[1:3]), _by_coordinate(sums[5:7])

@@ -1,0 +1,108 @@
+"""The audit of a run's truth, and the verdict on it, from the tables of its sequences."""
+
+from collections.abc import Mapping
+from math import hypot
+from typing import Any
+
+import polars as pl
+
+from tracknoise.analysis.condition_units import groups_of_scenes
+from tracknoise.experiments.run_statistics import first_lighting
+from tracknoise.experiments.settings import SYNTHETIC, Experiment
+from tracknoise.sequences.sequence import TRIANGULATED
+from tracknoise.statistics.yardstick import ReferenceCondition
+from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.schema import VIEW
+from tracknoise.tables.store import RunFolder
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
+from tracknoise.truth_faults.audit_summary import corrections_toml, usual_mistakes
+from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
+from tracknoise.truth_faults.pose_accuracy import scene_shares
+
+
+def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dict[str, pl.DataFrame]:
+    """Audit the truth of a run: tables `audit` and `audit_curves`.
+
+    One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
+    """
+    tables = [_audited(run, key, manifest.sequences[key]) for key in audited_keys(manifest, experiment)]
+    found = audit_tables(
+        tables,
+        groups_of_scenes(manifest.sequences, experiment.dataset.groups),
+        dataset=next(iter(manifest.sequences.values())).sequence.dataset,
+        without=[tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC],
+    )
+    return {"audit": found.audit, "audit_curves": found.audit_curves}
+
+
+def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
+    """What a sequence keeps for the audit; poses at other times only where it has them."""
+    names = ("audit_samples", "cameras", "poses", *(("path",) if "path" in entry.sha256 else ()))
+    found = {name.removeprefix("audit_"): run.sequence_table(name, key) for name in names}
+    return AuditedTables(**found, z_depth_from=entry.z_depth_from)
+
+
+def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:
+    """Keys of one sequence of each scene and camera: upright and forward if there is one, under its first lighting."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for key, entry in sorted(manifest.sequences.items()):
+        name = entry.sequence
+        if name.rotation == 0 and name.direction == "forward":
+            found.setdefault((name.scene, name.camera), {})[name.lighting] = key
+    return sorted(keys[first_lighting(keys, experiment)] for keys in found.values())
+
+
+def trust_table(
+    manifest: Manifest,
+    experiment: Experiment,
+    tables: Mapping[str, pl.DataFrame],
+    reference: ReferenceCondition,
+    rigid: pl.DataFrame,
+) -> pl.DataFrame:
+    """The verdict on the truth of a run.
+
+    Parameters
+    ----------
+    manifest, experiment
+        Of the run.
+    tables
+        With those of the audit, the shares of poses, and the summary.
+    reference
+        View and speed that numbers are shown of.
+    rigid
+        Tables of all sequences, schema `RIGID`.
+    """
+    entries = [manifest.sequences[key] for key in sorted(manifest.sequences)]
+    synthetic = {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC}
+    seen = {tracker.label for tracker in experiment.trackers} - synthetic or synthetic
+    shown = [pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed")]
+    summary = tables["summary"].filter(*shown, pl.col("tracker").is_in(seen))
+    states = all(entry.states_accuracy for entry in entries)
+    evidence = TruthEvidence(
+        audit=tables["audit"],
+        pose_shares=tables["pose_share"].filter(*shown),
+        sizes=_sizes(summary, str(experiment.findings.trimming), states=states),
+        curves=tables["audit_curves"],
+        mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
+        cautions=_each(entries, "cautions"),
+        is_fitted=any(entry.truth == TRIANGULATED for entry in entries),
+        corrections=corrections_toml(tables["audit"]) is not None,
+        scene_shares=scene_shares(rigid.filter(*shown)),
+    )
+    return assess(evidence, entries[0].sequence.dataset)
+
+
+def _each(entries: list[SequenceEntry], name: str) -> list[str]:
+    """Sentences about all sequences, each once."""
+    return list(dict.fromkeys(sentence for entry in entries for sentence in getattr(entry, name)))
+
+
+def _sizes(summary: pl.DataFrame, trimming: str, *, states: bool) -> dict[str, ErrorSize]:
+    """Size of the errors of each tracker whose errors are known, and of what is stated of the truth."""
+    return {row["tracker"]: _size(row, trimming, states=states) for row in summary.drop_nulls("at").to_dicts()}
+
+
+def _size(row: Mapping[str, Any], trimming: str, *, states: bool) -> ErrorSize:
+    floor = (row["floor_u_px"], row["floor_v_px"])
+    stated = hypot(*floor) if states and None not in floor else None
+    return ErrorSize(row["at"], hypot(row[f"{trimming}_rms_u_px"], row[f"{trimming}_rms_v_px"]), stated)

@@ -1,0 +1,69 @@
+"""The verdict on the truth of a run: the same sentence wherever numbers are shown or written."""
+
+from dataclasses import dataclass
+
+import polars as pl
+
+from tracknoise.tables.enumerations import Trust, TruthCause
+from tracknoise.tables.store import RunFolder
+
+_NOT_ASSESSED = "It was not assessed."
+
+
+@dataclass(frozen=True, slots=True)
+class TruthVerdict:
+    """A verdict on the truth.
+
+    Attributes
+    ----------
+    verdict
+        Whether the truth is trusted.
+    text
+        Why, in a sentence or two.
+    step
+        What would help most; empty where the truth is trusted.
+    """
+
+    verdict: Trust = Trust.unknown
+    text: str = _NOT_ASSESSED
+    step: str = "Run the experiment again."
+
+    @classmethod
+    def of(cls, trust: pl.DataFrame) -> "TruthVerdict":
+        """The verdict of a table, schema `TRUST`; unknown where it is empty, as in runs of earlier versions."""
+        if trust.is_empty():
+            return cls()
+        row = trust.row(0, named=True)
+        return cls(Trust(row["verdict"]), row["text"], row["step"] or "")
+
+    @classmethod
+    def of_run(cls, run: RunFolder) -> "TruthVerdict":
+        """The verdict of a run.
+
+        Raises
+        ------
+        StoreError
+            If there is no finished run, or its table is damaged.
+        """
+        return cls.of(run.statistics("trust"))
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether numbers for estimators may be taken from errors about this truth."""
+        return self.verdict in (Trust.trusted, Trust.limited)
+
+    @property
+    def caveat(self) -> str:
+        """The verdict and why: ``Truth: limited. ...``."""
+        return f"Truth: {self.verdict}. {self.text}"
+
+    @property
+    def sentence(self) -> str:
+        """The caveat, and what would help most."""
+        return f"{self.caveat} Next: {self.step}" if self.step else self.caveat
+
+
+def explained_share(trust: pl.DataFrame, tracker: str) -> float | None:
+    """Largest share of the squared errors of a tracker that the truth can explain; None where it is not bounded."""
+    rows = trust.filter(pl.col("cause") == TruthCause.every, tracker=tracker)
+    return None if rows.is_empty() else float(rows["high"][0])

@@ -1,0 +1,371 @@
+"""The verdict on the truth: how much of the errors it can explain, and whether something is established to be wrong.
+
+Three causes are measured from the errors themselves, whatever is stated of the truth: a motion of the camera that the
+poses lack (`tracknoise.truth_faults.pose_errors`), constant faults, and random errors of depths
+(`tracknoise.truth_faults.explained`). What cannot be determined because it moves no true position is in none of them,
+and does no harm. What cannot be told from a bias of the trackers is in the bound. With shares s and upper bounds h,
+
+    bound = sum s + sqrt(sum (h - s)^2)    (truth.bound)
+
+A stated accuracy of poses and depths replaces the bound where it is smaller and nothing established contradicts it. All
+trackers have the same truth: what one of them bounds in px^2 bounds the others too.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import Any
+
+import polars as pl
+
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
+from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST
+from tracknoise.tables.schema import check, empty
+from tracknoise.truth_faults.audit_summary import fault_brief
+from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT
+from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
+from tracknoise.words import listing, percent, pixels
+
+SMALL, MOST = 0.1, 0.5
+"""Shares of the squared errors: up to the first the truth is small beside them, beyond the second it dominates."""
+_EXACT = 1e-3
+"""A smaller stated share is that of a truth that is exact but for rounding."""
+_CLEARER = 0.5
+"""A scene is recommended if poses explain at most this part of what they explain of all scenes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSize:
+    """Size of the errors of a tracker.
+
+    Attributes
+    ----------
+    age
+        At which it was measured, frames.
+    error_px
+        RMS, both coordinates together, px.
+    stated_px
+        Of it, what the stated accuracy of the truth can cause; None where poses or depths have none.
+    """
+
+    age: int
+    error_px: float
+    stated_px: float | None = None
+
+    @property
+    def stated_share(self) -> float | None:
+        """Share of the squared error that the stated accuracy can cause; None where it is not stated."""
+        if self.stated_px is None:
+            return None
+        return min((self.stated_px / self.error_px) ** 2, 1.0) if self.error_px > 0.0 else float(self.stated_px > 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruthEvidence:
+    """What is known about the truth of a run or a recording.
+
+    Attributes
+    ----------
+    audit
+        Schema `AUDIT`.
+    pose_shares
+        Schema `POSE_SHARE`, of one view at the lowest speed.
+    sizes
+        Size of the errors of each tracker.
+    curves
+        Schema `AUDIT_CURVES`; by default unknown.
+    mistakes
+        Sentences about data that cannot be right.
+    cautions
+        Sentences about single parts of the data that look wrong.
+    is_fitted
+        Whether points are fitted to the tracks.
+    corrections
+        Whether corrections can be applied that undo all established faults.
+    scene_shares
+        Share that poses explain in single scenes, by their names.
+    """
+
+    audit: pl.DataFrame
+    pose_shares: pl.DataFrame
+    sizes: Mapping[str, ErrorSize]
+    curves: pl.DataFrame = field(default_factory=lambda: empty(AUDIT_CURVES))
+    mistakes: Sequence[str] = ()
+    cautions: Sequence[str] = ()
+    is_fitted: bool = False
+    corrections: bool = True
+    scene_shares: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class _Share:
+    """A share of the squared errors with its bounds."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, value: float, low: float | None, high: float | None) -> "_Share":
+        """Between 0 and 1; a share without an interval may be anything."""
+        bounds = value, 0.0 if low is None else low, 1.0 if high is None else high
+        return cls(*(min(max(one, 0.0), 1.0) for one in bounds))
+
+
+@dataclass(frozen=True, slots=True)
+class _Bounds:
+    """What the truth can explain of the errors of one tracker."""
+
+    tracker: str
+    causes: Mapping[TruthCause, _Share]
+    high: float
+
+    @property
+    def largest(self) -> TruthCause:
+        """The cause with the largest upper bound."""
+        return max(self.causes, key=lambda cause: self.causes[cause].high)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A verdict with its sentence, and what would help most."""
+
+    verdict: Trust
+    text: str
+    step: str = ""
+
+
+def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
+    """The verdict on the truth, its sentence, and the shares that it rests on.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `TRUST`: the verdict first.
+    """
+    faults = _named(evidence.audit)
+    bounds = _bounds(evidence, faults)
+    found = _verdict(evidence, bounds, faults)
+    rows = [
+        {"cause": TruthCause.every, "verdict": found.verdict, "text": found.text, "step": found.step or None},
+        *_rows(evidence, bounds, faults),
+    ]
+    table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(TRUST))
+    return check(table, TRUST, "trust")
+
+
+def _named(audit: pl.DataFrame) -> list[dict[str, Any]]:
+    """The first row of each established fault, in their order."""
+    ranked = audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first").sort("rank")
+    return ranked.to_dicts()
+
+
+def _named_share(audit: pl.DataFrame) -> _Share:
+    """What all established faults together explain: of errors in scales, or of squared errors if that is more."""
+    rows = audit.filter(family=str(Family.named)).to_dicts()
+    if not rows:
+        return _Share(0.0, 0.0, 0.0)
+    row = rows[0]
+    return _Share.of(max(row["gain"], row["second_moment_share"]), row["gain_low"], row["gain_high"])
+
+
+def _of_audit(audit: pl.DataFrame, parameter: str) -> _Share | None:
+    """A bound of the family `at_most`; None where there was no audit."""
+    rows = audit.filter(family=str(Family.at_most), parameter=parameter).to_dicts()
+    return _Share.of(rows[0]["gain"], rows[0]["gain_low"], rows[0]["gain_high"]) if rows else None
+
+
+def _of_poses(shares: pl.DataFrame, tracker: str) -> _Share | None:
+    """What pose errors explain of a tracker: fitted to the others where there are any, and bounded by its own."""
+    rows = {row["fitted_to"]: row for row in shares.filter(tracker=tracker).to_dicts()}
+    found = [rows[name] for name in (FittedTo.others, FittedTo.own) if name in rows]
+    known = [_Share.of(row["share"], row["low"], row["high"]) for row in found]
+    if not known:
+        return None
+    high = min(one.high for one in known)
+    return _Share(min(known[0].value, high), min(known[0].low, high), high)
+
+
+def _bounds(evidence: TruthEvidence, faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:
+    """Of each tracker; none where the causes could not be measured."""
+    shared = {
+        TruthCause.any_fault: _of_audit(evidence.audit, EVERY_FAULT),
+        TruthCause.depths: _of_audit(evidence.audit, DEPTHS),
+    }
+    found = []
+    for tracker, size in evidence.sizes.items():
+        causes = {**shared, TruthCause.poses: _of_poses(evidence.pose_shares, tracker)}
+        known = {cause: share for cause, share in causes.items() if share is not None}
+        if len(known) == len(causes):
+            found.append(_Bounds(tracker, known, _with_stated(_bound(known), size, known, faults)))
+    return _common(found, evidence.curves)
+
+
+def _bound(causes: Mapping[TruthCause, _Share]) -> float:
+    """(truth.bound)."""
+    value = sum(share.value for share in causes.values())
+    return min(value + sqrt(sum((share.high - share.value) ** 2 for share in causes.values())), 1.0)
+
+
+def _with_stated(
+    bound: float, size: ErrorSize, causes: Mapping[TruthCause, _Share], faults: Sequence[Mapping[str, Any]]
+) -> float:
+    """The bound, or the stated share if that is smaller and nothing established contradicts it."""
+    stated = size.stated_share
+    if stated is None or faults or causes[TruthCause.poses].low > max(stated, SMALL):
+        return bound
+    return min(bound, stated)
+
+
+def _common(bounds: Sequence[_Bounds], curves: pl.DataFrame) -> list[_Bounds]:
+    """Bounds of trackers by what others bound, at the ages that all of them have."""
+    squares = _squares(curves, [one.tracker for one in bounds])
+    if len(squares) < len(bounds):
+        return list(bounds)
+    least = min((one.high * squares[one.tracker] for one in bounds), default=0.0)
+    return [_Bounds(one.tracker, one.causes, min(one.high, least / squares[one.tracker])) for one in bounds]
+
+
+def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
+    """Mean squared errors without outliers, px^2, by tracker."""
+    measured = curves.filter(pl.col("age") <= REFERENCE_AGE, pl.col("tracker").is_in(trackers), correction=MEASURED)
+    shared = measured.group_by("age").agg(n=pl.col("tracker").n_unique()).filter(pl.col("n") == len(trackers))
+    table = (
+        measured.join(shared, on="age", how="semi")
+        .group_by("tracker")
+        .agg(square=(pl.col("second_uu") + pl.col("second_vv")).mean())
+    )
+    return {name: square for name, square in table.iter_rows() if square > 0.0}
+
+
+def _verdict(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequence[Mapping[str, Any]]) -> _Found:
+    if evidence.mistakes:
+        more = len(evidence.mistakes) - 1
+        others = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
+        return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _CORRECT_DATA)
+    if evidence.is_fitted:
+        return _Found(Trust.unknown, _FITTED, _FITTED_STEP)
+    share, worst = _named_share(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
+    if share.value > SMALL:
+        rest = (
+            "" if worst is None or worst.high <= share.value else f" In all, {percent(worst.high)} can be the truth's."
+        )
+        text = f"{_faults_text(faults)}: {_explains(len(faults), share)}.{rest}"
+        return _Found(Trust.not_trusted, text, _corrected(evidence, share))
+    return _unmeasured(evidence) if worst is None else _measured(evidence, worst, faults)
+
+
+def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[str, Any]]) -> _Found:
+    """By how much the truth can explain of the errors of the tracker of which it can explain most."""
+    poses = worst.causes[TruthCause.poses]
+    size = evidence.sizes[worst.tracker]
+    if worst.high > MOST and poses.low > SMALL:
+        of = f"{percent(poses.value)} of the squared errors of {worst.tracker}"
+        text = f"Motions of the camera that the poses lack explain {of}."
+        return _Found(Trust.not_trusted, text, _of_cause(evidence, TruthCause.poses))
+    part = f"{percent(worst.high)} of the squared errors of {worst.tracker}{_in_px(worst, size)}"
+    if worst.high > MOST:
+        text = f"Errors of the truth may explain up to {part}, and nothing is established."
+        return _Found(Trust.unknown, text, _of_cause(evidence, worst.largest))
+    known = f" {_faults_text(faults)}, but that explains little." if faults else ""
+    if worst.high > SMALL or faults or evidence.cautions:
+        caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
+        step = _corrected(evidence, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
+        return _Found(Trust.limited, f"Errors of the truth can explain up to {part}.{known}{caution}", step)
+    if size.stated_share is not None and size.stated_share < _EXACT:
+        return _Found(Trust.trusted, f"{_STATED_EXACT[:-1]}, and the tracks do not contradict it.")
+    return _Found(Trust.trusted, f"No fault was found. Errors of the truth can explain at most {part}.")
+
+
+def _unmeasured(evidence: TruthEvidence) -> _Found:
+    """Where tracks are too few, or see too little: by what is stated."""
+    stated = [size.stated_share for size in evidence.sizes.values()]
+    why = evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW]
+    if stated and all(share is not None and share < _EXACT for share in stated):
+        return _Found(Trust.trusted, f"{_STATED_EXACT} It was not checked: the tracks are too few.")
+    known = [share for share in stated if share is not None]
+    if known and len(known) == len(stated) and max(known) <= MOST:
+        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why[0]}"
+        return _Found(Trust.limited, text, _MORE_DATA)
+    return _Found(Trust.unknown, why[0], _MORE_DATA)
+
+
+def _in_px(bounds: _Bounds, size: ErrorSize) -> str:
+    bound = sqrt(bounds.high) * size.error_px
+    return f" ({pixels(bound)} of {pixels(size.error_px)} px RMS at age {size.age})" if size.error_px > 0.0 else ""
+
+
+def _faults_text(faults: Sequence[Mapping[str, Any]]) -> str:
+    """``The focal length is 12 % too long``, and names of others."""
+    others = [f"the {FAULTS[Parameter(row['parameter'])].name}" for row in faults[1:]]
+    more = f"; {listing(others)} {'is' if len(others) == 1 else 'are'} wrong too" if others else ""
+    return f"{fault_brief(faults[0])}{more}"
+
+
+def _explains(n: int, share: _Share) -> str:
+    return f"{'this explains' if n == 1 else 'together they explain'} {percent(share.value)} of the squared errors"
+
+
+def _corrected(evidence: TruthEvidence, share: _Share) -> str:
+    """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
+    if not evidence.corrections:
+        return "Correct the data, and measure again."
+    return (
+        "Put the [truth.corrections] block of `tracknoise audit` into the experiment, and run it again: squared errors "
+        f"of held-out tracks fall by {percent(share.value)} with it."
+    )
+
+
+def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
+    if cause is TruthCause.poses:
+        clearer = min(evidence.scene_shares, key=evidence.scene_shares.__getitem__, default=None)
+        every = sorted(evidence.scene_shares.values())
+        if clearer is not None and len(every) > 1 and every[0] <= _CLEARER * every[len(every) // 2]:
+            return f"Measure {clearer} alone: poses explain {percent(every[0])} there. {_POSES}"
+        return _POSES
+    return _STEPS[cause]
+
+
+_TOO_FEW = "Too few tracks have a true position to tell."
+_CORRECT_DATA = "Correct the data, and measure again; `tracknoise check` shows what fits."
+_FITTED = "True positions are fitted to the tracks, so that errors of the poses cannot be separated from theirs."
+_FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
+_STATED_EXACT = "The truth is stated to be exact."
+_MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
+_POSES = (
+    "Use poses of a global bundle adjustment, or compare trackers with each other: differences at the same corners do "
+    "not depend on the poses."
+)
+_STEPS: Mapping[TruthCause, str] = {
+    TruthCause.any_fault: (
+        "Measure a recording with more motion and more different depths, or state the accuracy of the calibration and "
+        "the clock in [truth.accuracy]."
+    ),
+    TruthCause.depths: "State the accuracy of the depths in [truth.accuracy], or use a recording with less parallax.",
+}
+
+
+def _rows(
+    evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequence[Mapping[str, Any]]
+) -> Iterator[dict[str, Any]]:
+    """Shares of each tracker, then of causes that are the same for all."""
+    for one in bounds:
+        size = evidence.sizes[one.tracker]
+        bound_px = sqrt(one.high) * size.error_px
+        of_tracker = {"tracker": one.tracker, "age": size.age, "error_px": size.error_px}
+        yield {"cause": TruthCause.every, "high": one.high, "bound_px": bound_px, **of_tracker}
+        yield {"cause": TruthCause.poses, **_columns(one.causes[TruthCause.poses]), "tracker": one.tracker}
+        if size.stated_share is not None:
+            yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
+    for cause in (TruthCause.any_fault, TruthCause.depths):
+        if bounds:
+            yield {"cause": cause, **_columns(bounds[0].causes[cause])}
+    if faults:
+        yield {"cause": TruthCause.faults, **_columns(_named_share(evidence.audit)), "text": _faults_text(faults)}
+    for sentence in evidence.mistakes:
+        yield {"cause": TruthCause.mistakes, "text": sentence}
+
+
+def _columns(share: _Share) -> dict[str, float]:
+    return {"share": share.value, "low": share.low, "high": share.high}

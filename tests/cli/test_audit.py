@@ -47,7 +47,8 @@ def test_the_answer_then_the_numbers_are_printed(tracknoise, finished):
     code, out, err = tracknoise("audit", str(finished))
     assert (code, err) == (0, "")
     lines = out.splitlines()
-    assert lines[0] == "No fault of the stated truth was found."
+    assert lines[0] == "Truth: trusted. The truth is stated to be exact, and the tracks do not contradict it."
+    assert lines[2] == "No fault of the stated truth was found."
     assert "Corrections of the stated truth" in out
     assert "[truth.corrections]" not in out
     assert any(line.startswith("alone") and "focal length" in line for line in lines)

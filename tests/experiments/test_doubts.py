@@ -9,7 +9,7 @@ import pytest
 from tests.truth_faults.planted import MISTAKES, Planted, scaled_positions
 
 import tracknoise
-from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.doubts import Doubts, doubts
 from tracknoise.experiments.measure import measure
 from tracknoise.sequences.arrays import Sequence
 from tracknoise.sequences.reader_registry import open_sequence
@@ -22,7 +22,7 @@ SEEN_IN_THE_ERRORS_OF_ALL = ("ray depth", "one frame late", "one frame early")
 SEEN_IN_SLOW_TRACKS = ("inverted", "ned", "wxyz read as xyzw", "poses in mm", "half the size", "two frames late")
 """One of each kind; all are planted in a real recording."""
 FEW_FRAMES = 17
-"""Recordings are cut to this length. What errors have in common is looked for in at least 15 changes."""
+"""Recordings are cut to this length."""
 
 
 @cache
@@ -54,7 +54,7 @@ def measured(sequence, most=40):
 def test_a_planted_mistake_is_named(name):
     plant, _, words = MISTAKES[name]
     found = doubts(measured(plant(simulated())), KINDS)
-    assert any(words in sentence for sentence in found), found
+    assert any(words in sentence for sentence in sentences(found)), found
 
 
 def test_a_planted_mistake_is_named_where_the_camera_changes():
@@ -63,28 +63,33 @@ def test_a_planted_mistake_is_named_where_the_camera_changes():
     focal = made.camera.fx * (1.0 + 1e-3 * np.sin(np.arange(len(made))))
     changing = replace(made, cameras=tuple(replace(made.camera, fx=fx, fy=fx) for fx in focal.tolist()))
     plant, _, words = MISTAKES["inverted"]
-    assert any(words in sentence for sentence in doubts(measured(plant(changing)), KINDS))
-    assert doubts(measured(changing), KINDS) == ()
+    assert any(words in sentence for sentence in doubts(measured(plant(changing)), KINDS).mistakes)
+    assert doubts(measured(changing), KINDS) == Doubts()
 
 
 def test_clipped_depths_are_named():
     first = simulated().depth(0)
     largest = float(np.quantile(first.depth_m[first.valid], 0.6))
     found = doubts(measured(Planted(simulated(), depths=lambda depth_m, _: np.minimum(depth_m, largest))), KINDS)
-    assert any("Their depths were probably clipped" in sentence for sentence in found), found
+    assert any("Their depths were probably clipped" in sentence for sentence in found.cautions), found
+
+
+def sentences(found):
+    return [*found.mistakes, *found.cautions]
 
 
 def what_a_run_says(measurement):
-    """The sentences with which findings and report begin where data look wrong."""
-    return tracknoise.analyse(measurement).findings().filter(topic="data")["text"].to_list()
+    """Mistakes in the data, with which findings and report begin."""
+    return tracknoise.analyse(measurement).table("trust").filter(cause="mistakes")["text"].to_list()
 
 
 @pytest.mark.parametrize("name", SEEN_IN_THE_ERRORS_OF_ALL)
 def test_a_mistake_below_the_noise_is_named_by_the_errors_of_all_tracks(name):
     plant, _, words = MISTAKES[name]
-    (text,) = what_a_run_says(measured(plant(simulated())))
-    assert text.startswith("Data look wrong, so that errors are not those of the trackers. ")
-    assert words in text
+    found = tracknoise.analyse(measured(plant(simulated())))
+    assert found.truth.verdict == "not trusted"
+    assert words in found.truth.sentence
+    assert not found.truth.is_usable
 
 
 def test_the_errors_of_all_tracks_say_nothing_about_a_recording_that_is_right():
@@ -102,14 +107,14 @@ def slow(sample):
 def test_poses_of_the_wrong_frame_are_named_in_a_slow_recording(name, slow):
     plant, _, words = MISTAKES[name]
     found = doubts(measure(plant(slow), LucasKanade(), max_frames=20), KINDS)
-    assert any(words in sentence for sentence in found), found
+    assert any(words in sentence for sentence in sentences(found)), found
 
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_in_a_real_recording_is_named(name, sample):
     plant, _, words = MISTAKES[name]
     found = doubts(measured(plant(open_sequence("tartanair", sample("tartanair_v2"))), most=24), KINDS)
-    assert any(words in sentence for sentence in found), found
+    assert any(words in sentence for sentence in sentences(found)), found
 
 
 @pytest.fixture
@@ -124,28 +129,28 @@ def test_the_errors_of_all_tracks_say_nothing_about_real_recordings_that_are_rig
 
 @pytest.mark.parametrize("name", ["tartanair_v1", "tartanair_v2", "sevenscenes", "kitti"])
 def test_nothing_is_said_about_recordings_that_are_right(name, recorded):
-    assert doubts(measure(recorded(name), [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES), KINDS) == ()
+    assert doubts(measure(recorded(name), [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES), KINDS) == Doubts()
 
 
 @pytest.mark.parametrize("motion", ["sideways", "fixating", "forward", "arvr"])
 def test_nothing_is_said_about_simulated_motions(motion):
     made = open_sequence("simulated", motions=(motion,), frames=FEW_FRAMES, width=240, height=180, supersampling=1)
-    assert doubts(measured(made), KINDS) == ()
+    assert doubts(measured(made), KINDS) == Doubts()
 
 
-def test_errors_that_all_features_share_are_said_to_be_of_the_poses(sample):
+def test_errors_that_all_features_share_are_said_to_be_of_the_truth(sample):
     sequence = open_sequence("tum", sample("tum_rgbd"))
-    found = doubts(measure(sequence, [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES), KINDS)
-    assert any("change together" in sentence for sentence in found)
+    found = tracknoise.analyse(measure(sequence, [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES))
+    assert found.truth.verdict == "not trusted"
 
 
 def test_positions_that_were_made_up_say_nothing_about_data():
     wrong = measured(Planted(simulated(), poses=scaled_positions(1000)))
-    assert doubts(wrong, KINDS)
-    assert doubts(wrong, {"lucas-kanade": "oracle"}) == ()
+    assert doubts(wrong, KINDS).mistakes
+    assert doubts(wrong, {"lucas-kanade": "oracle"}) == Doubts()
 
 
 def test_depths_that_cannot_be_metres_are_named():
     right = measured(simulated())
     far = replace(right, tracks=right.tracks.with_columns(pl.col("depth_m") * 1e4))
-    assert any("not metres" in sentence for sentence in doubts(far, KINDS))
+    assert any("not metres" in sentence for sentence in doubts(far, KINDS).mistakes)

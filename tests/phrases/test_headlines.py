@@ -27,6 +27,7 @@ from tracknoise.tables.findings_schema import (
     TIME_STRUCTURE,
     TRACKER_DIFFERENCES,
     TRIANGULATED_NOISE,
+    TRUST,
     WINDOW_SIGMAS,
     ZERO_MEAN,
 )
@@ -62,12 +63,18 @@ SCHEMAS: Mapping[str, Schema] = {
     "noise_lookup": NOISE_LOOKUP,
     "depth_intervals": DEPTH_INTERVALS,
     "ratios": RATIO_VALUES,
+    "trust": TRUST,
 }
 
 
 def table(schema: Schema, *rows: Mapping[str, Any]) -> pl.DataFrame:
     """Rows of the one condition; what is not given is null."""
     return pl.DataFrame([{**CONDITION, **row} for row in rows], schema=dict(schema))
+
+
+def trust(verdict: str, text: str, step: str | None = None) -> pl.DataFrame:
+    row = {"dataset": "d", "cause": "every", "verdict": verdict, "text": text, "step": step}
+    return pl.DataFrame([row], schema=dict(TRUST))
 
 
 SUMMED = {
@@ -81,8 +88,8 @@ POINT |= {"axis": "age", "at": 10, "coordinate": "u", "unit": "px^2"}
 
 
 def read(scope: ReportedConditions = SCOPE, **tables: pl.DataFrame) -> dict[str, dict[str, Any]]:
-    """Headlines by topic; tables that are not given are empty, but for the summary."""
-    given = {"summary": table(SUMMARY, SUMMED), **tables}
+    """Headlines by topic; tables that are not given are empty, but for the summary, and the truth is trusted."""
+    given = {"summary": table(SUMMARY, SUMMED), "trust": trust("trusted", "No fault was found."), **tables}
     found = headline_table({name: given.get(name, empty(schema)) for name, schema in SCHEMAS.items()}, scope)
     check(found, FINDINGS, "findings")
     assert found["rank"].to_list() == list(range(1, found.height + 1))
@@ -297,17 +304,15 @@ def test_fitted_noise_names_the_scenes_of_the_interval_that_it_shows() -> None:
     assert found.endswith("In brackets: 95 % intervals over 7 scenes.")
 
 
-def test_a_recorded_truth_is_reported_before_any_number() -> None:
-    recorded = read(ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True))
-    assert recorded["truth"]["rank"] < recorded["noise"]["rank"]
-    assert "Their own errors are part of every number. Nothing is known of their size." in recorded["truth"]["text"]
+@pytest.mark.parametrize("verdict", ["limited", "not trusted", "unknown"])
+def test_a_truth_that_is_not_trusted_comes_before_all_else(verdict: str) -> None:
+    given = trust(verdict, "Poses explain 40 %.", "Use other poses.")
+    found = read(trust=given)
+    assert next(iter(found)) == "truth"
+    assert found["truth"]["text"] == f"Truth: {verdict}. Poses explain 40 %. Next: Use other poses."
     assert "truth" not in read()
-    scope = ReportedConditions(ReferenceCondition("l"), ("lk",), recorded=True)
-    known = read(scope, floor=table(FLOOR, {"source": "all", "axis": "age", "at": 10, "floor_uu": 0.1}))["truth"]
-    assert "The truth floor is the size of those that are known." in known["text"]
-    assert "larger" not in known["text"]
     summed = table(SUMMARY, {**SUMMED, "floor_u_px": 0.5, "floor_v_px": 1.5})
-    larger = read(scope, summary=summed)["truth"]["text"]
+    larger = read(summary=summed, trust=given)["truth"]["text"]
     assert "The floor is larger than the whole error of lk (1.500 of 0.900 px in v): the errors of the truth" in larger
 
 
@@ -323,14 +328,6 @@ def test_copies_are_named_before_the_numbers() -> None:
     assert found["copies"]["text"].startswith(
         "2 scenes have the images of another (b those of a and c those of a). Copies"
     )
-
-
-def test_doubtful_data_come_before_all_else_whatever_the_truth() -> None:
-    doubts = {"hall": ["A pose jumps by 3 m."]}
-    for fitted in (False, True):
-        found = read(replace(SCOPE, doubts=doubts, fitted=fitted))
-        assert next(iter(found)) == "data"
-        assert "A pose jumps by 3 m." in found["data"]["text"]
 
 
 def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:

@@ -10,8 +10,8 @@ from tracknoise.phrases.headline import Headline, ReportedConditions
 from tracknoise.phrases.window_topic import estimator_noise
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import WINDOW_SIGMAS
-from tracknoise.tables.schema import FLOOR, SUMMARY, empty
+from tracknoise.tables.findings_schema import TRUST, WINDOW_SIGMAS
+from tracknoise.tables.schema import SUMMARY, empty
 
 CONDITION = {
     "dataset": "d",
@@ -43,17 +43,17 @@ def windows(
     return pl.DataFrame(rows, schema=dict(WINDOW_SIGMAS))
 
 
-def floor(size_px: float) -> pl.DataFrame:
-    row = {**CONDITION, "source": "all", "axis": "age", "floor_uu": size_px**2, "floor_vv": size_px**2}
-    return pl.DataFrame([{**row, "at": at} for at in (1, 14)], schema=dict(FLOOR))
+def trust(verdict: str, share: float | None = None) -> pl.DataFrame:
+    rows = [{"cause": "every", "verdict": verdict}, {"cause": "every", "tracker": "lk", "high": share}]
+    return pl.DataFrame(rows if share is not None else rows[:1], schema=dict(TRUST))
 
 
-def headline(
-    table: pl.DataFrame, scope: ReportedConditions = SCOPE, truth_floor: pl.DataFrame | None = None
-) -> Headline | None:
+TRUSTED = trust("trusted")
+
+
+def headline(table: pl.DataFrame, scope: ReportedConditions = SCOPE, truth: pl.DataFrame = TRUSTED) -> Headline | None:
     summary = pl.DataFrame([CONDITION], schema=dict(SUMMARY))
-    known = empty(FLOOR) if truth_floor is None else truth_floor
-    return estimator_noise({"window_sigmas": table, "summary": summary, "floor": known}, scope)
+    return estimator_noise({"window_sigmas": table, "summary": summary, "trust": truth}, scope)
 
 
 def text(*given: Any) -> str:
@@ -117,11 +117,23 @@ def test_without_depth_only_residuals_are_known() -> None:
     assert "is unknown, because true positions are fitted to the tracks." in text(without, fitted)
 
 
-def test_a_floor_that_is_larger_is_stated() -> None:
-    assert "The truth floor is 0.300 px there: errors of the truth alone can cause this" in text(
-        windows(DRIFTING), SCOPE, floor(0.3)
+@pytest.mark.parametrize("verdict", ["trusted", "limited"])
+def test_a_usable_truth_has_a_number_to_set(verdict: str) -> None:
+    assert "lk: set 0.200 px (0.170 to 0.230) for windows of 15 frames." in text(
+        windows(DRIFTING), SCOPE, trust(verdict, 0.3)
     )
-    assert "floor" not in text(windows(DRIFTING), SCOPE, floor(0.1))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "says"),
+    [("not trusted", "the truth is not trusted"), ("unknown", "whether the truth can be trusted is unknown")],
+)
+def test_another_truth_has_an_upper_bound_that_is_marked(verdict: str, says: str) -> None:
+    found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.75))
+    bound = "lk: set at most 0.200 px (0.170 to 0.230) for windows of 15 frames"
+    assert f"{bound}: {says}, and the tracker alone may have 0.100 px." in found  # half, if it has a quarter of squares
+    for unbounded in (trust(verdict, 1.0), trust(verdict)):
+        assert f"{bound}: {says}. Residuals" in text(windows(DRIFTING), SCOPE, unbounded)
 
 
 def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:

@@ -24,6 +24,7 @@ from tracknoise.tables.findings_schema import (
     SEED_SPREAD,
     TIME_STRUCTURE,
     TRACKER_DIFFERENCES,
+    TRUST,
     WINDOW_SIGMAS,
     ZERO_MEAN,
 )
@@ -33,6 +34,7 @@ from tracknoise.tables.schema import CAUSES, Schema, empty
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
 AUDITED = "The focal length is 10 % too long (100 ± 2 px instead of 110)."
+LIMITED = "Errors of the truth can explain up to 12.0 % of the squared errors."
 FEW = "a test at 5 % needs at least 6 scenes; found {} scenes"
 
 
@@ -57,6 +59,7 @@ def made_up(
         "tracker_differences": tracker_differences(tables["curves"]),
         "audit": audit(),
         "audit_curves": audit_curves(tables["curves"]),
+        "trust": trust(),
     }
     results = results_of({**tables, **found})
     found["findings"] = headline_table(Identified(results, {**tables, **found}), scope)
@@ -302,6 +305,12 @@ def tracker_differences(curves: pl.DataFrame) -> pl.DataFrame:
         resampled=_resampled(TRACKER_DIFFERENCES),
     )  # fmt: skip
     return _typed(table, TRACKER_DIFFERENCES)
+
+
+def trust() -> pl.DataFrame:
+    """Errors of the truth are a part of the errors."""
+    row = {"dataset": "made-up", "cause": "every", "verdict": "limited", "text": LIMITED, "step": "Use other poses."}
+    return pl.DataFrame([row], schema=dict(TRUST))
 
 
 def audit() -> pl.DataFrame:

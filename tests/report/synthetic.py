@@ -384,7 +384,6 @@ def _scope(world: World) -> ReportedConditions:
         population=world.population,
         percentile=world.percentile,
         trimming=Trimming(world.trimming),
-        recorded=world.dataset != "simulated",
     )
 
 

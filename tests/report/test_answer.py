@@ -356,68 +356,38 @@ def test_tails_are_asked_of_the_errors_that_the_run_is_about(data: ReportData) -
     assert found.note.startswith("pooled kurtosis, ages 10 to 19 (Gaussian: 8)")
 
 
-def faultless(data: ReportData) -> ReportData:
-    """The run with an audit that found nothing."""
-    return dataclasses.replace(data, audit=data.audit.with_columns(rank=pl.lit(None, dtype=data.audit.schema["rank"])))
-
-
-def test_a_fault_of_the_truth_is_told_first(data: ReportData) -> None:
-    found = summarise(data).truth
-    assert found.answer.verdict == "no"
-    assert found.text == f"The focal length is 10.0{SPACE}% too long. Correct this before using the numbers."
-
-
-@pytest.mark.parametrize(("share", "verdict"), [(0.0, "yes"), (0.25, "yes"), (0.75, "no"), (None, "undecided")])
-def test_whether_the_truth_can_be_trusted_depends_on_its_floor(
-    data: ReportData, share: float | None, verdict: str
-) -> None:
-    sound = faultless(data)
-    found = summarise(sound if share is None else with_floor(sound, share)).truth
-    assert found.answer.verdict == verdict
-    assert found.text.startswith("No fault of the stated truth was found.")
-
-
-def test_the_errors_of_the_truth_are_those_of_a_tracker_at_an_age_and_no_larger_than_its_error(
-    data: ReportData,
-) -> None:
-    text = summarise(with_floor(faultless(data), 4.0)).truth.text
-    found = re.search(r"can cause ([\d.]+) of the ([\d.]+) px RMS over the kept tracks of (.+) at age (\d+)\.", text)
-    assert found is not None
-    floor_px, error_px, tracker, age = found.groups()
-    assert floor_px == error_px
-    points = data.nominal(data.points).filter(
-        role="second", trimming=data.trimming, population=data.population, tracker=tracker, since=int(age)
-    )
-    row = points.row(0, named=True)
-    assert float(error_px) == pytest.approx(math.hypot(row["u"], row["v"]), rel=1e-2)
+def with_truth(data: ReportData, verdict: str, **numbers: float) -> ReportData:
+    """The run with another verdict on its truth."""
+    row = {"cause": "every", "verdict": verdict, "text": "A sentence.", "step": "Another one."}
+    bounds = [{"cause": "every", "tracker": name, "high": high} for name, high in numbers.items()]
+    return dataclasses.replace(data, trust=pl.DataFrame([row, *bounds], schema=data.trust.schema))
 
 
 @pytest.mark.parametrize(
-    ("determined", "verdict", "says"),
-    [
-        ("none", "yes", "No fault of the stated truth was found. 1 of 2 parameters cannot be determined."),
-        ("undetermined", "undecided", "The audit could determine no parameter of the truth."),
-    ],
+    ("verdict", "is_good"), [("trusted", True), ("limited", None), ("not trusted", False), ("unknown", None)]
 )
-def test_an_exact_truth_of_which_the_audit_determined_nothing_is_not_called_right(
-    data: ReportData, determined: str, verdict: str, says: str
+def test_the_verdict_on_the_truth_is_that_of_the_run_with_the_next_step(
+    data: ReportData, verdict: str, is_good: bool | None
 ) -> None:
-    sound = with_floor(faultless(data), 0.0)
-    one = sound.audit.filter(family="alone").head(1)
-    verdicts = {"focal_length": "undetermined", "k1": determined}
-    rows = [one.with_columns(parameter=pl.lit(name), verdict=pl.lit(of)) for name, of in verdicts.items()]
-    audit = pl.concat(rows).cast({"verdict": sound.audit.schema["verdict"]})
-    found = summarise(dataclasses.replace(sound, audit=audit)).truth
-    assert found.answer.verdict == verdict
-    assert found.text == f"{says} It is stated to be exact."
+    found = summarise(with_truth(data, verdict)).truth
+    assert (found.answer.verdict, found.answer.is_good) == (verdict, is_good)
+    assert found.text.startswith("A sentence.")
+    assert found.text.endswith("Next: Another one.")
 
 
-def test_doubtful_data_come_before_all(data: ReportData) -> None:
-    key, entry = next(iter(data.manifest.sequences.items()))
-    doubted = {**data.manifest.sequences, key: dataclasses.replace(entry, doubts=("The clock jumps.",))}
-    found = summarise(dataclasses.replace(data, manifest=dataclasses.replace(data.manifest, sequences=doubted))).truth
-    assert found.answer.verdict == "no"
-    assert found.text.startswith("The data of 1 sequence looks wrong.")
+def test_a_run_that_was_not_assessed_has_an_unknown_truth(data: ReportData) -> None:
+    found = summarise(dataclasses.replace(data, trust=data.trust.clear())).truth
+    assert (found.answer.verdict, found.answer.is_good) == ("unknown", None)
+
+
+def test_trackers_are_compared_although_the_truth_is_not_trusted(data: ReportData) -> None:
+    """What the truth adds is the same for all trackers, and cancels in differences at the same corners."""
+    usual = summarise(data).accuracy.text
+    found = summarise(with_truth(data, "not trusted")).accuracy.text
+    assert found.startswith(usual)
+    assert "The truth adds to the errors of both alike" in found
+    assert re.search(r"At the same corners .+ px apart \(RMS\), whatever the truth is\.$", found)
+    assert "adds to the errors" not in usual
 
 
 @pytest.mark.parametrize(
@@ -484,10 +454,12 @@ def test_the_sigmas_of_all_trackers_are_those_of_windows_of_one_length(data: Rep
     )
 
 
-def test_the_sigma_to_set_may_be_that_of_the_truth(data: ReportData) -> None:
-    covered = card(summarise(with_floor(data, 9.0)), "lucas-kanade").sigma
-    assert covered.endswith("residuals look like 0.100 px; errors of the truth alone can cause this.")
-    assert card(summarise(with_floor(data, 1e-6)), "lucas-kanade").sigma.endswith("look like 0.100 px.")
+def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: ReportData) -> None:
+    found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
+    assert card(summarise(found), "lucas-kanade").sigma == (
+        "In these scenes, set at most 0.250 px for windows of 15 frames: the truth is not trusted, and the tracker alone "
+        f"may have 0.125{SPACE}px; residuals look like 0.100 px."
+    )
 
 
 def test_the_sigma_to_set_is_not_that_of_a_few_windows(data: ReportData) -> None:

@@ -13,6 +13,7 @@ import polars as pl
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
 
 if TYPE_CHECKING:
@@ -304,6 +305,11 @@ class Run:
         if tracker not in known:
             raise UnknownNameError("tracker", tracker, known)
         return findings_about(found.sort("rank"), self._folder.results(), tracker)
+
+    @property
+    def truth(self) -> TruthVerdict:
+        """The verdict on the truth, why, and what would help most. The table ``trust`` holds its numbers."""
+        return TruthVerdict.of_run(self._folder)
 
     def audit(self) -> list[str]:
         """Say whether the stated truth is wrong: its camera, poses, depths or times.

@@ -7,15 +7,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.shared_options import (
+    UNUSABLE,
+    DebugOption,
+    JsonCommand,
+    JsonFileOption,
+    JsonOption,
+    QuietOption,
+    write_json,
+)
 
 if TYPE_CHECKING:
     import polars as pl
 
     from tracknoise.cli.terminal import Terminal
 
-UNUSABLE = 4
-"""Exit status where the truth is not trusted, or this is unknown; that of `tracknoise check` too."""
 _WIDTH = 110
 
 

@@ -1,4 +1,4 @@
-"""``tracknoise check``: whether a recording can be measured, and what is wrong with it if it cannot."""
+"""``tracknoise check``: whether the truth of a recording can be trusted, and what is wrong with it."""
 
 import textwrap
 from pathlib import Path
@@ -7,13 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument
-from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.shared_options import (
+    UNUSABLE,
+    DebugOption,
+    JsonCommand,
+    JsonFileOption,
+    JsonOption,
+    QuietOption,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from tracknoise.truth_faults.check_report import CheckReport, Item
 
-STATUS = {"ready": 0, "caveats": 3, "unusable": 4}
-"""Exit status of each verdict."""
 _WIDTH = 110
 
 
@@ -33,10 +39,10 @@ def check(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Check whether a recording can be measured: poses, clock, depth and intrinsics against its images.
+    """Check whether the truth of a recording can be trusted: poses, clock, depth and intrinsics against its images.
 
     Names the usual mistakes: inverted poses, quaternion order, axes, units, intrinsics of another resolution, poses off
-    by frames. Exit status 0 if it is ready, 3 if it is usable with caveats, 4 if it is not usable.
+    by frames. Exit status 0 if the truth is trusted or limited, 4 if it is not trusted or this is unknown.
 
     Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`,
     `tracknoise check /data/euroc --option depth=stereo`
@@ -56,24 +62,16 @@ def check(
         write_atomically(html, pictures.page(report).encode())
     if not as_json:
         context.obj.result(report_text(report))
-    return STATUS[report.verdict.name]
+    return 0 if report.truth.is_usable else UNUSABLE
 
 
 def report_text(report: "CheckReport") -> str:
-    """All items, and the verdict with its reasons as the last lines."""
-    lines = []
+    """The verdict on the truth, then all items; of several sequences, the verdict on each before its items."""
+    lines = [_filled(report.truth.sentence, ""), ""]
     for sequence in report.sequences:
-        lines += [f"{sequence.sequence}:", *map(_line, sequence.items)]
-    lines += map(_line, report.items)
-    return "\n".join([*lines, "", *_verdict(report)])
-
-
-def _verdict(report: "CheckReport") -> list[str]:
-    reasons = report.reasons()
-    if not reasons:
-        return [f"{report.verdict}."]
-    joined = ", because" if report.verdict.name == "unusable" else ""
-    return [f"{report.verdict}{joined}:", *(_filled(f"- {reason}", "  ") for reason in reasons)]
+        own = f" {sequence.truth.caveat}" if len(report.sequences) > 1 else ""
+        lines += [_filled(f"{sequence.sequence}:{own}", "  "), *map(_line, sequence.items)]
+    return "\n".join([*lines, *map(_line, report.items)])
 
 
 def _line(item: "Item") -> str:

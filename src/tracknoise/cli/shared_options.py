@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
     from tracknoise.tables.trust import TruthVerdict
 
+UNUSABLE = 4
+"""Exit status of `check` and `audit` where the truth is not trusted, or this is unknown."""
 _JSON, _JSON_FILE = "--json", "--json-file"
 
 

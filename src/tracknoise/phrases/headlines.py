@@ -52,7 +52,6 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 
 
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
-    verdict_on_truth,
     copied_scenes,
     self_referential,
     estimator_noise,

@@ -12,7 +12,7 @@ trackers have the same truth: what one of them bounds in px^2 bounds the others 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import Any
 
@@ -177,14 +177,15 @@ def _of_audit(audit: pl.DataFrame, parameter: str) -> _Share | None:
 
 
 def _of_poses(shares: pl.DataFrame, tracker: str) -> _Share | None:
-    """What pose errors explain of a tracker: fitted to the others where there are any, and bounded by its own."""
-    rows = {row["fitted_to"]: row for row in shares.filter(tracker=tracker).to_dicts()}
-    found = [rows[name] for name in (FittedTo.others, FittedTo.own) if name in rows]
-    known = [_Share.of(row["share"], row["low"], row["high"]) for row in found]
-    if not known:
-        return None
-    high = min(one.high for one in known)
-    return _Share(min(known[0].value, high), min(known[0].low, high), high)
+    """What pose errors explain of a tracker, fitted to its own other tracks.
+
+    It is established where pose errors that are fitted to other trackers explain something too, or there is no other:
+    the noise of the others is in what they predict, so that they explain less.
+    """
+    rows = shares.filter(tracker=tracker).to_dicts()
+    found = {row["fitted_to"]: _Share.of(row["share"], row["low"], row["high"]) for row in rows}
+    own, others = found.get(FittedTo.own), found.get(FittedTo.others)
+    return replace(own, low=0.0) if own is not None and others is not None and others.low == 0.0 else own
 
 
 def _bounds(evidence: TruthEvidence, faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:

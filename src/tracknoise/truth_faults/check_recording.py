@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.sequence import Reader, Sequence
+from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import readable
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import printable
 from tracknoise.truth_faults.check_report import CheckReport, Item, SequenceReport, Severity
+from tracknoise.truth_faults.check_verdict import sequence_verdict
 from tracknoise.truth_faults.clock_check import clock
 from tracknoise.truth_faults.depth_checks import clipped_depth, depth_share, depths, sampled_depths
 from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, Pair, relative_pose, reprojection_px
@@ -92,6 +95,7 @@ _FROM_POSES: tuple[Callable[[Sequence], Item], ...] = (counts, timestamps, rotat
 def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], None] | None = None) -> SequenceReport:
     """Check one sequence."""
     items: list[Item] = []
+    evidence = None
     try:
         items += (topic(sequence) for topic in _FROM_POSES)
         items += reader_notes(sequence)
@@ -102,7 +106,7 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
                 seen(sequence, evidence)
     except DataError as error:
         items.append(_unreadable(error))
-    return SequenceReport(readable(sequence.id.key), tuple(items))
+    return SequenceReport(readable(sequence.id.key), tuple(items), sequence_verdict(sequence, evidence, items))
 
 
 def check_reader(
@@ -140,7 +144,9 @@ def check_reader(
         try:
             sequence = change(reader.open(name))
         except DataError as error:
-            reports.append(SequenceReport(readable(name.key), (_unreadable(error),)))
+            unreadable = _unreadable(error)
+            refused = TruthVerdict(Trust.not_trusted, unreadable.text, "Correct the data, and check it again.")
+            reports.append(SequenceReport(readable(name.key), (unreadable,), refused))
             continue
         opened.append(sequence)
         if place < most:

@@ -1,10 +1,13 @@
-"""The result of a check as plain data: one item per topic, and the verdict."""
+"""The result of a check as plain data: one item per topic, and the verdict on the truth."""
 
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
+
+from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.trust import TruthVerdict
 
 Values: TypeAlias = Mapping[str, float | int | str | None]
 """Numbers behind a sentence, by name; None where unknown."""
@@ -19,12 +22,9 @@ class Severity(StrEnum):
     fatal = "fatal"
 
 
-class Verdict(StrEnum):
-    """Whether a recording can be measured."""
-
-    ready = "ready"
-    caveats = "usable, with these caveats"
-    unusable = "not usable"
+CAUTIONS = frozenset({"pose jumps", "intrinsics", "clipped depth"})
+"""Topics about single parts of the data, whose caveats count in the verdict; how much others explain is measured."""
+_WORST = (Trust.not_trusted, Trust.unknown, Trust.limited, Trust.trusted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +59,13 @@ class SequenceReport:
         Its name.
     items
         In the order of the topics.
+    truth
+        The verdict on its truth.
     """
 
     sequence: str
     items: tuple[Item, ...]
+    truth: TruthVerdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +88,10 @@ class CheckReport:
     items: tuple[Item, ...] = ()
 
     @property
-    def verdict(self) -> Verdict:
-        """The worst severity decides."""
-        found = {item.severity for item in self.every_item()}
-        if Severity.fatal in found:
-            return Verdict.unusable
-        return Verdict.caveats if Severity.caveat in found else Verdict.ready
+    def truth(self) -> TruthVerdict:
+        """The worst verdict of all sequences."""
+        found = [report.truth for report in self.sequences]
+        return min(found, key=lambda one: _WORST.index(one.verdict), default=TruthVerdict())
 
     def every_item(self) -> Iterable[Item]:
         """Items of all sequences, then those about all together."""
@@ -99,11 +100,18 @@ class CheckReport:
         yield from self.items
 
     def reasons(self) -> list[str]:
-        """Texts of the items that decide the verdict, each once."""
-        worst = {Verdict.unusable: Severity.fatal, Verdict.caveats: Severity.caveat}.get(self.verdict)
-        return list(dict.fromkeys(item.text for item in self.every_item() if item.severity is worst))
+        """Texts of the items that make results wrong, or are to be kept in mind, each once."""
+        telling = (Severity.fatal, Severity.caveat)
+        return list(dict.fromkeys(item.text for one in telling for item in self.every_item() if item.severity is one))
 
     def to_json(self) -> str:
-        """The report as a JSON document with `format`, `verdict`, `reasons` and the items with their values."""
-        document = {"format": 1, "verdict": self.verdict.name, "reasons": self.reasons(), **asdict(self)}
+        """The report as a JSON document with `format`, the verdict on the truth, `reasons` and the items."""
+        truth = self.truth
+        document = {
+            "format": 2,
+            "verdict": truth.verdict,
+            "sentence": truth.sentence,
+            "reasons": self.reasons(),
+            **asdict(self),
+        }
         return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

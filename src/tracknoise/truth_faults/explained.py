@@ -109,7 +109,9 @@ def _by_depths(
     beyond = along**2 - across**2
     x, y = (_within(group, values) for values in (moved, beyond))
     cluster, n = samples.cluster[used], samples.n_clusters
-    products: NDArray[np.float64] = np.stack([np.bincount(cluster, values, n) for values in (x * y, x * x, moved, along**2 + across**2)])
+    products: NDArray[np.float64] = np.stack(
+        [np.bincount(cluster, values, n) for values in (x * y, x * x, moved, along**2 + across**2)]
+    )
     return _share(products)
 
 

@@ -66,7 +66,7 @@ from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
-from tracknoise.truth_faults.pose_accuracy import pose_law, rigid_share
+from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
 
 _OF = "population"
 
@@ -228,6 +228,7 @@ _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "two_truths": ("truth_differences", two_truths_table),
     "pose_disagreement": ("pose_differences", pose_disagreement_table),
     "rigid_share": ("rigid", rigid_share),
+    "pose_share": ("rigid", pose_share),
     "pose_law": ("pose_growth", pose_law),
     "tracker_differences": ("between_trackers", tracker_differences),
     "surrounding_errors": ("surroundings", surrounding_errors),

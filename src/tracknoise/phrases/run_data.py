@@ -77,6 +77,7 @@ class RunData:
     speed_errors: pl.DataFrame
     ratios: pl.DataFrame
     rigid_share: pl.DataFrame
+    pose_share: pl.DataFrame
     pose_law: pl.DataFrame
     tracker_differences: pl.DataFrame
     findings: pl.DataFrame

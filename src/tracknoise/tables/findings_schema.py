@@ -470,6 +470,18 @@ errors, left_px2 what a correction of the poses leaves of it. share does not con
 left_px2 does. coordinate is u, v or both.
 """
 
+POSE_SHARE: Schema = {
+    **_POOLED,
+    "fitted_to": FITTED_TO,
+    "n": pl.Int64,
+    "share": pl.Float64,
+    **_ESTIMATED,
+}
+"""The same share of both coordinates and of all steps up to the reference age together, without outliers: (pose.share).
+
+n counts errors, outliers too.
+"""
+
 POSE_LAW: Schema = {
     "dataset": pl.String,
     **VIEW,

@@ -466,6 +466,7 @@ RIGID: Schema = {
     "age": pl.UInt32,
     "n": pl.Int64,
     **dict.fromkeys(("error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"), pl.Float64),
+    **dict.fromkeys(("cut_error", "cut_rigid"), pl.Float64),
 }
 """What one small pose error per frame explains of the errors of tracks to which it was not fitted; sums, px^2.
 
@@ -474,6 +475,9 @@ with the predicted ones. Their expectation is that of the squared error that is 
 not add to them, and is part of left. age counts frames from where the error is zero: the first frame of the track, or
 the key frame of a scan. Only a sample of the tracks counts, at the lowest speed. Blocks are of frames, from the first
 to the last, as what is common to a frame is a single sample, however many tracks it has.
+
+cut_error and cut_rigid are sums of the same squares and products over both coordinates, without outliers, and without
+unit: in units of the robust scale of the errors at this age (`tracknoise.truth_faults.pose_errors.cut_products`).
 """
 
 POSE_GROWTH: Schema = {

@@ -140,6 +140,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "speed_errors": findings_schema.SPEED_ERRORS,
     "ratios": findings_schema.RATIO_VALUES,
     "rigid_share": findings_schema.RIGID_SHARE,
+    "pose_share": findings_schema.POSE_SHARE,
     "pose_law": findings_schema.POSE_LAW,
     "tracker_differences": findings_schema.TRACKER_DIFFERENCES,
     "findings": findings_schema.FINDINGS,

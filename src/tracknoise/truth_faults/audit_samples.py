@@ -282,11 +282,16 @@ def instants_of(cameras: pl.DataFrame, poses: pl.DataFrame, path: pl.DataFrame |
         return Instants(cameras, _matrices(poses), np.arange(cameras.height))
     frames_s, others_s = cameras["time_s"].to_numpy(), path["time_s"].to_numpy()
     before = np.clip(np.searchsorted(frames_s, others_s, side="right") - 1, 0, None)
-    order = np.argsort(np.concatenate([frames_s, others_s]))
+    order, place = in_order(frames_s, others_s)
     repeated = cameras[before].with_columns(path["time_s"])
     matrices = np.concatenate([_matrices(poses), _matrices(path)])
-    place = np.argsort(order)[: cameras.height]
     return Instants(pl.concat([cameras, repeated])[order], matrices[order], place)
+
+
+def in_order(frames: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Order of the times of frames and of others, one after the other, and where each frame is in it."""
+    order = np.argsort(np.concatenate([frames, others]))
+    return order, np.argsort(order)[: len(frames)]
 
 
 def _matrices(table: pl.DataFrame) -> NDArray[np.float64]:

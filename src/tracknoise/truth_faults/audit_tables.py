@@ -47,7 +47,7 @@ MOST_SAMPLES = 16_000
 """Largest number of observations that are used, shared equally by sequences and trackers."""
 LEAST_SAMPLES, LEAST_CLUSTERS = 200, 4
 """Fewest observations, and fewest scenes or blocks of tracks, of an audit."""
-_BLOCKS_JOINED = 2
+BLOCKS_JOINED = 2
 """Neighbouring blocks of tracks are joined, so that few errors are common to two of them."""
 _REPRODUCED_PX = 0.01
 """An observation is used if its stated true position is reproduced this well."""
@@ -96,10 +96,15 @@ def read_samples(
         return "a readout in seconds is stated, and some recordings have timestamps while others have none"
     names = sorted(set().union(*(one.samples["tracker"].unique() for one in used)))
     trackers = tuple(name for name in names if name not in without) or tuple(names)
-    surrounded = _surrounded(_joined(used, trackers, groups))
-    samples = _reproduced(surrounded)
+    around = surrounded(_joined(used, trackers, groups))
+    samples = _reproduced(around)
+    return enough(samples, unlike=len(around.age) - len(samples.age))
+
+
+def enough(samples: AuditSamples, *, unlike: int = 0) -> AuditSamples | str:
+    """The samples, or why they are too few, where those of `unlike` more are not what poses and cameras give."""
     if len(samples.age) < LEAST_SAMPLES or samples.n_clusters < LEAST_CLUSTERS:
-        return _too_few(samples, unlike=len(surrounded.age) - len(samples.age))
+        return _too_few(samples, unlike=unlike)
     return samples
 
 
@@ -110,10 +115,10 @@ def _too_few(samples: AuditSamples, *, unlike: int) -> str:
     return f"{found}; poses and cameras of the run give other true positions of {unlike} more" if unlike else found
 
 
-def _surrounded(samples: AuditSamples) -> AuditSamples:
+def surrounded(samples: AuditSamples) -> AuditSamples:
     """Observations whose frames have poses around them."""
-    surrounded = samples.paths.surrounded
-    return samples.chosen(np.flatnonzero(surrounded[samples.birth] & surrounded[samples.now]))
+    posed = samples.paths.surrounded
+    return samples.chosen(np.flatnonzero(posed[samples.birth] & posed[samples.now]))
 
 
 def _reproduced(samples: AuditSamples) -> AuditSamples:
@@ -217,7 +222,7 @@ def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp
     scene = np.searchsorted(scenes, table["scene"].to_list())
     group = groups.of(table["dataset"][0] if table.height else "", scenes)
     resampled = scheme(group) or Resampled.blocks
-    within = table["block"].to_numpy().astype(np.intp) // _BLOCKS_JOINED
+    within = table["block"].to_numpy().astype(np.intp) // BLOCKS_JOINED
     block = scene * (int(within.max(initial=0)) + 1) + within
     number = {Resampled.groups: group[scene], Resampled.blocks: block}.get(resampled, scene)
     cluster, block = (np.unique(one, return_inverse=True)[1].astype(np.intp) for one in (number, block))

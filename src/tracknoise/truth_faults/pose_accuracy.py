@@ -1,6 +1,6 @@
 """Errors of stated poses with intervals, and the accuracy of poses for the settings of an experiment.
 
-- The rigid share of the errors of every condition, (rigid.share), with intervals.
+- The rigid share of the errors of every condition, (rigid.share) and (pose.share), with intervals.
 - The accuracy of poses, as tracks of unlike trackers show it, for the settings of an experiment.
 
 The law by which the error of the relative pose of two frames grows, fitted to (pose.growth) of all scenes.
@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
 from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.intervals import Method, pooled
-from tracknoise.statistics.definitions import POOLED
+from tracknoise.statistics.definitions import POOLED, REFERENCE_AGE
 from tracknoise.statistics.grouping import Tables, by_condition
-from tracknoise.tables.findings_schema import POSE_LAW, RIGID_SHARE
+from tracknoise.tables.findings_schema import POSE_LAW, POSE_SHARE, RIGID_SHARE
 from tracknoise.tables.schema import POSE_GROWTH, RIGID, VIEW, check, empty
 
 _SUMS = ["n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"]
@@ -84,6 +84,49 @@ def _shares(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 def _by_coordinate(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sums in u, in v and in both, (3, ...), of those in u and v, (2, ...)."""
     return np.concatenate([sums, sums.sum(axis=0, keepdims=True)])
+
+
+def pose_share(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
+    """Share of the errors, without outliers, that pose errors explain: (pose.share), of steps up to `REFERENCE_AGE`.
+
+    Parameters
+    ----------
+    sums
+        Tables of all scenes, schema `RIGID`.
+    sampling
+        How scenes are resampled.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `POSE_SHARE`, sorted.
+
+    Raises
+    ------
+    SchemaError
+        If a table has other columns.
+    SettingsError
+        If there is no such kind, or the level is not between 0 and 1.
+    """
+    near = pl.col("age") <= REFERENCE_AGE * pl.col("speed").cast(pl.Int64)
+    conditions = {key: part.filter(near) for key, part in by_condition(sums, RIGID, "rigid").items()}
+    table = condition_table(conditions, POSE_SHARE, _pose_share_rows, sampling)
+    return check(table.sort([*POOLED, "fitted_to"]), POSE_SHARE, "pose share")
+
+
+def _pose_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per source of the pose errors of a condition."""
+    columns = ["n", "cut_error", "cut_rigid"]
+    units = units_of(sums, sums, points=["fitted_to"], columns=columns, groups=draws.groups)
+    found = pooled(units, draws.weights(units), _cut_shares, method)
+    rows = estimated(units.points, found, units, POSE_SHARE, value="share")
+    counted = rows.with_columns(pl.Series("n", units.sums[..., 0].sum(axis=0)))
+    return counted.with_columns(pl.col("share", "low", "high").fill_nan(None)).drop_nulls("share")
+
+
+def _cut_shares(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shares (1, points, ...) of the sums of errors, squares and products; NaN where all errors are 0."""
+    return np.asarray(sums[2:] / np.where(sums[1:2] > 0.0, sums[1:2], np.nan))
 
 
 LARGEST_LAG = 24

@@ -45,15 +45,21 @@ is the rigid share of the second moment. The noise of the fit is not in it, as t
 whose errors have nothing in common the share is 0 on average. What is left after the correction, sum((e - p)^2),
 includes the noise of the fit.
 
+A few lost tracks, or frames whose pose errors the tracks hardly determine, can decide second moments. With e and p in
+units of the robust scale of the errors at the same number of steps, the errors of at most three scales have
+
+    share = sum(e p) / sum(e e),  |e| <= 3, p shortened to a length of 3    (pose.share)
+
 What is rigid need not be an error of the poses. A clock offset, a rolling shutter or a wrong focal length move all
 features in a way that is partly a motion of the camera, and so may a tracker. Therefore the pose errors are also fitted
 to all other trackers that saw images: what these predict is not due to the tracker alone.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields
 from functools import reduce
 from operator import add
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -65,6 +71,7 @@ from tracknoise.geometry.pose import invert
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.inference.bootstrap import scattered
 from tracknoise.inference.conventions import LEVEL
+from tracknoise.inference.robust_fits import scales
 from tracknoise.inference.units import BLOCKS
 from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.grouping import number_combinations
@@ -95,8 +102,6 @@ class RigidRows:
 
     Attributes
     ----------
-    row : (n,) intp
-        Row of the observations table.
     zero, frame : (n,) int64
         Where the error is zero, and where the observation is: numbers of the frames that the tracker saw, from 0.
     again : (n,) int64
@@ -109,7 +114,6 @@ class RigidRows:
         Observed minus true position, since `zero` and since `again`.
     """
 
-    row: NDArray[np.intp]
     zero: NDArray[np.int64]
     frame: NDArray[np.int64]
     again: NDArray[np.int64]
@@ -118,8 +122,8 @@ class RigidRows:
     error_px: NDArray[np.float64]
     again_px: NDArray[np.float64]
 
-    def chosen(self, which: NDArray[np.bool_]) -> "RigidRows":
-        """Some of the rows, (n,) bool."""
+    def chosen(self, which: NDArray[np.bool_ | np.intp]) -> "RigidRows":
+        """Some of the rows, (n,) bool or places."""
         return RigidRows(**{item.name: getattr(self, item.name)[which] for item in fields(self)})
 
 
@@ -172,14 +176,23 @@ def _points_world(sequence: PreparedSequence, geometry: FrameGeometry, unit_m: f
 def _hashes(sequence: PreparedSequence) -> NDArray[np.uint64]:
     """A pseudo-random number of the frame and the pixel in which each track began, (tracks,)."""
     born = np.flatnonzero(sequence.seen.age == 0)
-    uv = np.rint(sequence.observations.select("u_px", "v_px").to_numpy()[born]).astype(np.int64)
-    place = np.column_stack([sequence.seen.frame[born], uv]).astype(np.uint64)
+    uv = sequence.observations.select("u_px", "v_px").to_numpy()[born]
     hashed = np.zeros(sequence.tracks.height, np.uint64)
-    mixed = np.zeros(len(born), np.uint64)
-    for column in place.T:
-        mixed = scattered(mixed ^ column)
-    hashed[sequence.track_row[born]] = mixed
+    hashed[sequence.track_row[born]] = hashed_pixels(sequence.seen.frame[born], uv)
     return hashed
+
+
+def hashed_pixels(frame: NDArray[np.integer[Any]], uv: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """Pseudo-random numbers (n,) of frames (n,) and of the pixels at positions (n, 2)."""
+    mixed = np.zeros(len(frame), np.uint64)
+    for column in np.column_stack([frame, np.rint(uv)]).astype(np.int64).astype(np.uint64).T:
+        mixed = scattered(mixed ^ column)
+    return mixed
+
+
+def half_of(hashed: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Half of the tracks that each belongs to, (n,), by their hashed numbers."""
+    return (hashed & np.uint64(1)).astype(bool)
 
 
 def _with_equations(
@@ -195,23 +208,30 @@ def _with_equations(
     zero = first if sequence.key_frame is None else np.full(len(rows), sequence.key_frame)
     again, before = _beginnings(track, frame, zero, seen.speed[rows])
     place = points.world[track]
-    by_point = geometry.jacobian(frame, place)
+    jacobian = by_motion(geometry, frame, place)
     moved = np.zeros_like(errors)
     late = np.flatnonzero(before >= 0)
     shift = _displacement(sequence, geometry, rows[before[late]], points.world)
-    moved[late] = np.einsum("nij,nj->ni", by_point[late], shift)
+    moved[late] = np.einsum("nij,nj->ni", jacobian[late, :, :3], shift)
     speed = seen.speed[rows]
     made = RigidRows(
-        row=rows,
         zero=zero // speed,
         frame=frame // speed,
         again=np.where(again < 0, -1, again // speed),
-        half=(points.hashed[track] & np.uint64(1)).astype(bool),
-        jacobian=np.concatenate([by_point, by_point @ _minus_cross(place)], axis=2),
+        half=half_of(points.hashed[track]),
+        jacobian=jacobian,
         error_px=errors,
         again_px=errors - moved,
     )
     return made.chosen((frame != zero) & np.isfinite(made.jacobian).all(axis=(1, 2)))
+
+
+def by_motion(
+    geometry: FrameGeometry, frame: NDArray[np.int64], points_world: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """J of (rigid) of world points (n, 3) in frames (n,), (n, 2, 6)."""
+    by_point = geometry.jacobian(frame, points_world)
+    return np.concatenate([by_point, by_point @ _minus_cross(points_world)], axis=2)
 
 
 def _beginnings(
@@ -423,18 +443,41 @@ MOST_IN_FRAME = 400
 """Most observations of a tracker that are used, per frame on average."""
 
 
-_SUMS = ("n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv")
+CUT = 3.0
+"""Errors that count in (pose.share), and predictions, are at most this long, in units of the robust scale."""
+
+
+def cut_products(
+    error: NDArray[np.float64], prediction: NDArray[np.float64], step: NDArray[np.integer[Any]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Squares of errors, and their products with predictions, (n,) each, without unit, whose sums give (pose.share).
+
+    Parameters
+    ----------
+    error, prediction : (n, 2)
+        Of one tracker, px.
+    step : (n,)
+        Steps since the error was zero.
+    """
+    scale = scales(step.astype(np.intp), error)[:, None]
+    e, p = error / scale, prediction / scale
+    p = p * np.minimum(1.0, CUT / np.maximum(np.hypot(*p.T), CUT))[:, None]
+    counts = np.hypot(*e.T) <= CUT
+    return counts * np.sum(e * e, axis=1), counts * np.sum(e * p, axis=1)
+
+
+_SUMS = ("n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv", "cut_error", "cut_rigid")
 _KEYS = [name for name in RIGID if name not in _SUMS]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Tracker:
+class PoseWitness:
     """What one tracker says about the poses.
 
     Attributes
     ----------
-    condition
-        Row of the conditions.
+    labels
+        One row with the columns of `tracknoise.tables.schema.ORIGIN`.
     is_witness
         Whether its positions come from images.
     rows
@@ -443,20 +486,22 @@ class _Tracker:
         Normal equations of the first and the second half of its tracks.
     """
 
-    condition: int
+    labels: pl.DataFrame
     is_witness: bool
     rows: RigidRows
     halves: tuple[Normal, Normal]
 
     @classmethod
-    def of(cls, condition: int, rows: RigidRows, axes: NDArray[np.float64], *, is_witness: bool) -> "_Tracker":
+    def of(
+        cls, labels: pl.DataFrame, rows: RigidRows, axes: NDArray[np.float64], *, is_witness: bool = True
+    ) -> "PoseWitness":
         """Weigh the equations of a tracker, with all of its tracks, and add up those of each half."""
         equations = rows.chosen(rows.again >= 0)
         weight = robust_weights(equations, axes)
         halves = [
             normal_equations(equations.chosen(held), weight[held], axes) for held in (~equations.half, equations.half)
         ]
-        return cls(condition, is_witness, rows, (halves[0], halves[1]))
+        return cls(labels, is_witness, rows, (halves[0], halves[1]))
 
 
 def rigid_tables(
@@ -485,20 +530,20 @@ def rigid_tables(
     speed = int(conditions["speed"].min())  # type: ignore[arg-type]
     scaled = geometry.in_units_of(unit_m)
     poses = scaled.world_from_camera[::speed]
-    axes = _axes(poses)
+    axes = axes_of(poses)
     points = TrackPoints.of(sequence, scaled, unit_m)
     slowest = np.flatnonzero(conditions["speed"].to_numpy() == speed).tolist()
     most = min(MOST_IN_FRAME * len(poses), MOST_ROWS // len(slowest))
     trackers = [
-        _Tracker.of(
-            row,
+        PoseWitness.of(
+            conditions[[row]],
             rigid_rows(sequence, row, scaled, points, most=most),
             axes,
             is_witness=conditions["tracker"][row] in witnesses,
         )
         for row in slowest
     ]
-    parts = [_shares(sequence, tracker, trackers, axes) for tracker in trackers]
+    parts = [rigid_sums(tracker, trackers, axes, steps=STEPS) for tracker in trackers]
     rigid = pl.concat([empty(RIGID), *parts]).sort(_KEYS)
     halves = [_solved([one.halves[half] for one in trackers if one.is_witness], axes) for half in (0, 1)]
     grown = pose_growth(conditions.select(*SEQUENCE).head(1), poses, halves, unit_m=unit_m, speed=speed)
@@ -514,7 +559,7 @@ def _unit_m(sequence: PreparedSequence) -> float | None:
     return float(np.median(known))
 
 
-def _axes(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def axes_of(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ad of each pose, (frames, 6, 6); of no motion where there is no pose."""
     known = np.isfinite(poses).all(axis=(1, 2), keepdims=True)
     return adjoints(np.where(known, poses, np.eye(4)))
@@ -525,23 +570,25 @@ def _solved(normals: Sequence[Normal], axes: NDArray[np.float64]) -> NDArray[np.
     return reduce(add, normals).solve(axes) if normals else None
 
 
-def _shares(
-    sequence: PreparedSequence, tracker: _Tracker, trackers: Sequence[_Tracker], axes: NDArray[np.float64]
+def rigid_sums(
+    tracker: PoseWitness, trackers: Sequence[PoseWitness], axes: NDArray[np.float64], *, steps: Iterable[int]
 ) -> pl.DataFrame:
-    """Rows of `RIGID` of one tracker. Of what others predict, frames count whose pose errors they know.
+    """Rows of `RIGID` of one tracker at some steps. Of what others predict, frames count whose pose errors they know.
 
     Where a tracker does not know its own, no pose error is taken off: the share is that of all of its errors.
     """
     others = [other for other in trackers if other.is_witness and other is not tracker]
     by_own = np.nan_to_num(_cross_predicted(tracker.rows, [tracker], axes))
+    by_others = _cross_predicted(tracker.rows, others, axes)
+    taken = np.isin(np.abs(tracker.rows.frame - tracker.rows.zero), list(steps))
     tables = [
-        _summed(sequence, tracker, by_own, FittedTo.own, len(axes)),
-        _summed(sequence, tracker, _cross_predicted(tracker.rows, others, axes), FittedTo.others, len(axes)),
+        _summed(tracker, by, name, len(axes), taken)
+        for name, by in ((FittedTo.own, by_own), (FittedTo.others, by_others))
     ]
     return pl.concat([empty(RIGID), *tables])
 
 
-def _cross_predicted(rows: RigidRows, sources: Sequence[_Tracker], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross_predicted(rows: RigidRows, sources: Sequence[PoseWitness], axes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Errors of the rows as the other half of the tracks of some trackers predicts them, (n, 2), px; NaN if unknown."""
     found = np.full_like(rows.error_px, np.nan)
     for half in (0, 1):
@@ -553,21 +600,23 @@ def _cross_predicted(rows: RigidRows, sources: Sequence[_Tracker], axes: NDArray
 
 
 def _summed(
-    sequence: PreparedSequence, tracker: _Tracker, prediction: NDArray[np.float64], name: FittedTo, n_frames: int
+    tracker: PoseWitness, prediction: NDArray[np.float64], name: FittedTo, n_frames: int, taken: NDArray[np.bool_]
 ) -> pl.DataFrame:
     """Sums of squares and products by block of frames and distance from where errors are zero; of what is predicted."""
-    rows = tracker.rows
-    steps = np.abs(rows.frame - rows.zero)
-    chosen = np.isin(steps, STEPS) & np.isfinite(prediction).all(axis=1)
-    error, fitted, block = rows.error_px[chosen], prediction[chosen], rows.frame[chosen] * BLOCKS // n_frames
-    (block, step), group = number_combinations([block, steps[chosen]])
+    rows, fitted = tracker.rows, prediction
+    chosen = taken & np.isfinite(fitted).all(axis=1)
+    error, fitted, block = rows.error_px[chosen], fitted[chosen], rows.frame[chosen] * BLOCKS // n_frames
+    steps = np.abs(rows.frame - rows.zero)[chosen]
+    (block, step), group = number_combinations([block, steps])
     products = {"error": error * error, "left": np.square(error - fitted), "rigid": error * fitted}
     sums = {
         f"{product}_{2 * axis}": np.bincount(group, values[:, place], len(block))
         for product, values in products.items()
         for place, axis in enumerate("uv")
     }
-    labels = sequence.seen.conditions[[tracker.condition] * len(block)]
+    for product, column in zip(("cut_error", "cut_rigid"), cut_products(error, fitted, steps), strict=True):
+        sums[product] = np.bincount(group, column, len(block))
+    labels = tracker.labels[[0] * len(block)]
     n = pl.Series("n", np.bincount(group, minlength=len(block)))
     counted = labels.with_columns(
         pl.lit(name).alias("fitted_to"), n, block=pl.Series(block), age=pl.Series(step) * pl.col("speed"), **sums

@@ -1,0 +1,204 @@
+"""What the points of a check say about the truth, in the form of the audit and of the rigid share.
+
+- Points that a check followed from one frame to another, as observations of one tracker.
+- The samples of an audit, from points with depth.
+- Sums of the rigid share, from points with depth.
+
+A point is born in the first frame of its pair and observed in the second. Its stated true position is that of the
+stated poses, cameras and depths, (audit.prediction) without a correction.
+"""
+
+from collections.abc import Sequence as ListOf
+from dataclasses import dataclass, replace
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.geometry.cameras import Intrinsics
+from tracknoise.geometry.projection import FrameGeometry
+from tracknoise.inference.units import BLOCKS, Resampled
+from tracknoise.sequences.other_poses import path_between_frames
+from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.schema import ORIGIN, RIGID, SEQUENCE, check, empty
+from tracknoise.truth_faults.audit_samples import AuditSamples, Paths, in_order
+from tracknoise.truth_faults.audit_tables import BLOCKS_JOINED, enough, surrounded
+from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.fault_parameters import COUNT
+from tracknoise.truth_faults.image_evidence import Evidence, Pair
+from tracknoise.truth_faults.pose_errors import (
+    REACH,
+    PoseWitness,
+    RigidRows,
+    axes_of,
+    by_motion,
+    half_of,
+    hashed_pixels,
+    rigid_sums,
+)
+
+NAME = "points of the check"
+"""Of the tracker that the check is."""
+MOST_POINTS = 4_000
+"""Largest number of points in an audit, so that it takes seconds."""
+
+
+def check_samples(evidence: Evidence, sequence: Sequence) -> AuditSamples | str:
+    """Samples of an audit of one sequence, in blocks of frames; or why there is none."""
+    found = _Followed.of(evidence, sequence)
+    return found if isinstance(found, str) else enough(_thinned(found.samples))
+
+
+def check_rigid(evidence: Evidence, sequence: Sequence) -> pl.DataFrame:
+    """Table `RIGID` of one sequence, at all steps up to `REFERENCE_AGE`; without rows where points have no depth."""
+    found = _Followed.of(evidence, sequence)
+    if isinstance(found, str):
+        return empty(RIGID)
+    rows, axes = _rigid_rows(found)
+    names = {**{name: getattr(sequence.id, name) for name in SEQUENCE}, "tracker": NAME, "speed": 1}
+    tracker = PoseWitness.of(pl.DataFrame([names], schema=dict(ORIGIN)), rows, axes)
+    return check(rigid_sums(tracker, [tracker], axes, steps=range(1, REFERENCE_AGE + 1)), RIGID, "rigid")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Followed:
+    """Points with depth whose frames have poses around them.
+
+    Attributes
+    ----------
+    samples
+        With the true positions that are stated.
+    number : (times,) intp
+        Of each time of the paths of the samples: number of the frame among those that the check read; -1 of others.
+    poses : (frames, 4, 4) float64
+        Stated poses of the frames that the check read.
+    """
+
+    samples: AuditSamples
+    number: NDArray[np.intp]
+    poses: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, evidence: Evidence, sequence: Sequence) -> "_Followed | str":
+        """Those of a sequence; or why there are none."""
+        if not isinstance(evidence.camera, Intrinsics):
+            return "the camera model is not known"
+        pairs = [pair for pair in (*evidence.flow.steps, *evidence.flow.wide) if np.isfinite(pair.depth_first_m).any()]
+        if not pairs:
+            return "no point that was followed has a depth"
+        read = _are_read(pairs, len(evidence.poses))
+        place, paths, unit = _paths(evidence, sequence)
+        number = np.full(len(paths.times), -1)
+        number[place[read]] = np.arange(read.sum())
+        points = _Points.of(pairs)
+        first = place[points.first]
+        block = number[first] * BLOCKS // (BLOCKS_JOINED * int(read.sum()))
+        cluster = np.unique(block, return_inverse=True)[1].astype(np.intp)
+        shutter, n = shutter_of(sequence), len(first)
+        samples = AuditSamples(
+            trackers=(NAME,),
+            tracker=np.zeros(n, np.intp),
+            age=points.second - points.first,
+            cluster=cluster,
+            block=cluster,
+            resampled=Resampled.blocks,
+            n_scenes=1,
+            birth=first,
+            now=place[points.second],
+            uv_at_birth=points.uv_first,
+            observed=points.uv_second,
+            stated=points.uv_second,
+            depth=points.depth_m,
+            paths=paths,
+            cameras=(evidence.camera,),
+            camera=np.zeros(len(paths.times), np.intp),
+            readout_of=np.full(len(paths.times), shutter.readout_s / (unit or 1.0) if shutter else 0.0),
+            axis_of=np.full(len(paths.times), shutter.axis if shutter else 1, np.intp),
+            interval_s=unit,
+            z_depth_from=evidence.z_depth_from,
+        )
+        stated = _stated(surrounded(samples))
+        if not len(stated.age):
+            return "no point that was followed has a depth, and poses around its frames"
+        return cls(stated, number, evidence.poses[read])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Points:
+    """Points of pairs, (n,) and (n, 2): frames, positions in px, depths in metres."""
+
+    first: NDArray[np.intp]
+    second: NDArray[np.intp]
+    uv_first: NDArray[np.float64]
+    uv_second: NDArray[np.float64]
+    depth_m: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, pairs: ListOf[Pair]) -> "_Points":
+        """Those with depth."""
+        depth = np.concatenate([pair.depth_first_m for pair in pairs])
+        counts = [len(pair.depth_first_m) for pair in pairs]
+        first = np.repeat([pair.first for pair in pairs], counts).astype(np.intp)
+        second = np.repeat([pair.second for pair in pairs], counts).astype(np.intp)
+        uv_first, uv_second = (
+            np.concatenate(uv) for uv in zip(*((p.uv_first, p.uv_second) for p in pairs), strict=True)
+        )
+        known = np.isfinite(depth)
+        return cls(first[known], second[known], uv_first[known], uv_second[known], depth[known])
+
+
+def _are_read(pairs: ListOf[Pair], n_frames: int) -> NDArray[np.bool_]:
+    """Which frames are in pairs, or between their frames, (n,)."""
+    read = np.zeros(n_frames, np.bool_)
+    for pair in pairs:
+        read[pair.first : pair.second + 1] = True
+    return read
+
+
+def _paths(evidence: Evidence, sequence: Sequence) -> tuple[NDArray[np.intp], Paths, float | None]:
+    """Where frames are among the times of the path, the path, and its unit of time, seconds; None without times."""
+    times, n = times_of(sequence), len(evidence.poses)
+    if times is None or n < 2:
+        return np.arange(n), Paths.of(np.arange(n, dtype=np.float64), evidence.poses, np.zeros(n, np.intp)), None
+    others = path_between_frames(sequence, n)
+    others_s, others_poses = (np.empty(0), np.empty((0, 4, 4))) if others is None else (others.times, others.poses)
+    order, place = in_order(times, others_s)
+    unit = float(np.median(np.diff(times)))
+    joined = np.concatenate([times, others_s])[order] / unit, np.concatenate([evidence.poses, others_poses])[order]
+    return place, Paths.of(*joined, np.zeros(len(order), np.intp)), unit
+
+
+def _stated(samples: AuditSamples) -> AuditSamples:
+    """Samples with the true positions that are stated; those without one are left out."""
+    stated = predict(samples, np.zeros(COUNT)).uv
+    return replace(samples, stated=stated).chosen(np.flatnonzero(np.isfinite(stated).all(axis=1)))
+
+
+def _thinned(samples: AuditSamples) -> AuditSamples:
+    """At most `MOST_POINTS`, of all ages alike as far as there are so many, by a hash of the pixel."""
+    order = np.lexsort((hashed_pixels(samples.birth, samples.uv_at_birth), samples.age))
+    rank = np.empty(len(order), np.intp)
+    rank[order] = np.arange(len(order)) - np.searchsorted(samples.age[order], samples.age[order])
+    return samples.chosen(np.sort(np.argsort(rank, kind="stable")[:MOST_POINTS]))
+
+
+def _rigid_rows(found: _Followed) -> tuple[RigidRows, NDArray[np.float64]]:
+    """Equations of points between the frames that were read, and Ad of the poses of these frames."""
+    samples = found.samples
+    zero, frame = found.number[samples.birth], found.number[samples.now]
+    unit_m = float(np.median(samples.depth))
+    stated = FrameGeometry(found.poses, samples.cameras, np.zeros(len(found.poses), np.intp)).in_units_of(unit_m)
+    error = samples.observed - samples.stated
+    points = stated.unproject(zero, samples.uv_at_birth, samples.depth / unit_m)
+    rows = RigidRows(
+        zero=zero,
+        frame=frame,
+        again=np.where(samples.age <= REACH, zero, -1),
+        half=half_of(hashed_pixels(zero, samples.uv_at_birth)),
+        jacobian=by_motion(stated, frame, points),
+        error_px=error,
+        again_px=error,
+    )
+    known = np.flatnonzero(np.isfinite(rows.jacobian).all(axis=(1, 2)))
+    return rows.chosen(known), axes_of(stated.world_from_camera)

@@ -457,8 +457,8 @@ def test_the_sigmas_of_all_trackers_are_those_of_windows_of_one_length(data: Rep
 def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: ReportData) -> None:
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
-        "In these scenes, set at most 0.250 px for windows of 15 frames: the truth is not trusted, and the tracker alone "
-        f"may have 0.125{SPACE}px; residuals look like 0.100 px."
+        "In these scenes, set at most 0.250 px for windows of 15 frames: the truth is not trusted, and the tracker "
+        f"alone may have 0.125{SPACE}px; residuals look like 0.100 px."
     )
 
 

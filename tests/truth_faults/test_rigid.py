@@ -10,6 +10,7 @@ from benchmarks.validity.rigid import CAMERA, TRACKERS, by_hand, observed, pose_
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.prepared import prepare_sequence
+from tracknoise.truth_faults.pose_accuracy import pose_share
 from tracknoise.truth_faults.pose_errors import rigid_tables
 
 FRAMES = 40
@@ -200,3 +201,25 @@ def test_no_depth_and_points_fitted_to_tracks_have_no_rows():
     fitted = replace(sequence, observations=sequence.observations.with_columns(epipolar_px=0.0, epipolar_variance=1.0))
     for one in (without, fitted):
         assert all(table.is_empty() for table in rigid_tables(one, geometry, witnesses=TRACKERS).values())
+
+
+def near(table, fitted_to="own"):
+    (row,) = pose_share([table]).filter(tracker=TRACKERS[0], fitted_to=fitted_to).iter_rows(named=True)
+    return row
+
+
+@pytest.mark.parametrize("fitted_to", ["own", "others"])
+def test_one_share_up_to_the_reference_age_does_not_depend_on_wild_tracks(fitted_to):
+    seen = both(noise_px=0.3)
+    lost = np.random.default_rng(3).random(len(seen[0].track)) < 0.05
+    wild = replace(seen[0], uv=seen[0].uv + np.where(lost & (seen[0].frame > seen[0].first), 40.0, 0.0)[:, None])
+    stated = faulty("walk", 0.02, 0.001)
+    usual, moved, exact = (
+        near(tables([one, seen[1]], poses)["rigid"], fitted_to)
+        for one, poses in ((seen[0], stated), (wild, stated), (wild, EXACT))
+    )
+    raw = totals(tables([wild, seen[1]], stated)["rigid"], fitted_to, TRACKERS[0])
+    assert usual["low"] > 0.3
+    assert moved["share"] == pytest.approx(usual["share"], abs=0.05)
+    assert raw[2] / raw[0] < 0.1
+    assert abs(exact["share"]) < 0.02

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 
-FORMAT = 8
+FORMAT = 9
 _SEAL = "sha256"
 _REMEDY = "measure again with --fresh"
 

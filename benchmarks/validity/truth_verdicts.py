@@ -1,0 +1,454 @@
+"""What the evidence about a truth is where a known fault of a known share is planted in simulated recordings.
+
+    python -m benchmarks.validity.truth_verdicts [--seeds N] [--frames N] [--only WORD ...] [--cache FILE]
+
+Four scenes are filmed at 320 x 240 px and 30 Hz, and followed once by Lucas-Kanade and by correspondence. Their stated
+truth is then degraded for each seed, and the same tracks are measured again, with replayed trackers. The size of each
+fault is such that it makes about 5, 15 and 40 % of the second moment of the errors of Lucas-Kanade at ages up to 10.
+Seed n is of scene n modulo 4. Exact recordings have no seeds: each scene counts once.
+
+Printed are for each cell, over seeds: the planted share, of errors without outliers as in (pose.share) and of all; the
+pose share of each tracker with its quantiles and the part of its lower bounds that are above 0; how often each fault is
+named and by how much it explains; the gain of all parameters together; and the share of the stated floor where the
+accuracy of the truth is stated rightly. Cells `lucas-kanade alone` have this tracker only.
+"""
+
+import argparse
+import pickle
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from benchmarks.validity.rigid import pose_noise
+from tracknoise.experiments.geometry_tables import audit_samples, cameras_table, frame_geometry, poses_table
+from tracknoise.experiments.measure import Measurement, measure
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.cameras import CameraModel
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import PosePath
+from tracknoise.inference.robust_fits import scales
+from tracknoise.inference.units import NO_GROUPS
+from tracknoise.sequences.reader_registry import open_sequence
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.sequence import Sequence as Recording
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.statistics.truth_errors import truth_floor
+from tracknoise.tables.identity import SequenceId
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
+from tracknoise.trackers.tracker_registry import make_tracker
+from tracknoise.truth.accuracies import AccuracyRule
+from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
+from tracknoise.truth_faults.fault_parameters import Family
+from tracknoise.truth_faults.pose_accuracy import pose_share
+from tracknoise.truth_faults.pose_errors import CUT, rigid_tables
+
+Array = NDArray[np.float64]
+
+TRACKERS = ("lucas-kanade", "correspondence")
+SHARES = (0.15, 0.4, 0.05)
+RATE_HZ = 30.0
+AUDITED = 3
+"""One in so many samples is audited, so that an audit takes seconds."""
+UNKNOWN = TruthAccuracy()
+EXACT = TruthAccuracy(
+    rotation_white_deg=0.0, translation_white_m=0.0, depth_m=0.0, depth_relative=0.0, clock_ms=0.0, focal_relative=0.0
+)
+
+
+@dataclass(eq=False)
+class Recorded:
+    """Settings of a tracker that keeps what another one reports."""
+
+    settings: TrackerSettings
+    steps: list[Step]
+    kind = "recorded"
+
+    def start(self, context: SequenceContext) -> Tracker:
+        """Start the other tracker."""
+        self._tracker = self.settings.start(context)
+        return self
+
+    def step(self, frame: Frame) -> Step:
+        """Track, and keep the step."""
+        self.steps.append(self._tracker.step(frame))
+        return self.steps[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Replayed:
+    """Settings of a tracker that reports what another one did."""
+
+    steps: Sequence[Step]
+    kind = "replayed"
+
+    def start(self, context: SequenceContext) -> Tracker:
+        """It needs nothing of the sequence."""
+        return self
+
+    def step(self, frame: Frame) -> Step:
+        """The step of the frame."""
+        return self.steps[frame.index]
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A recording that was followed: its exact truth, and the steps of the trackers."""
+
+    name: str
+    camera: CameraModel
+    poses: Array
+    depths: tuple[Array, ...]
+    valid: tuple[NDArray[np.bool_], ...]
+    steps: Mapping[str, tuple[Step, ...]]
+
+    def stated(self, poses: Array, depths: Sequence[Array]) -> Recording:
+        """The recording with another truth, and without its images."""
+        maps = [DepthMap(np.where(valid, depth, 1.0), valid) for depth, valid in zip(depths, self.valid, strict=True)]
+        blank = np.zeros((self.camera.height, self.camera.width), np.uint8)
+        return RecordedSequence(
+            id=SequenceId("simulated", self.name),
+            source=self.name,
+            camera=self.camera,
+            world_from_camera=poses,
+            images=lambda index: blank,
+            depths=maps.__getitem__,
+            timestamps_s=np.arange(len(poses)) / RATE_HZ,
+        )
+
+    def measured(self, poses: Array, depths: Sequence[Array], accuracy: TruthAccuracy) -> Measurement:
+        """The tracks against this truth."""
+        trackers = {name: Replayed(steps) for name, steps in self.steps.items()}
+        rule = AccuracyRule(accuracy, shipped=False)
+        return measure(self.stated(poses, depths), trackers, truth="birth", accuracy=rule)
+
+
+def by_hand(poses: Array) -> Array:
+    """Poses with rotations of a hand that shakes, up to 1.5 degrees per frame."""
+    time = np.arange(len(poses))
+    turned = np.column_stack([0.06 * np.sin(time / 3.0), 0.09 * np.sin(time / 4.5 + 1.0), 0.04 * np.cos(time / 5.0)])
+    shaken = poses.copy()
+    shaken[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(turned).as_matrix()
+    return shaken
+
+
+def followed(motion: str, frames: int) -> Followed:
+    """Film and follow one scene."""
+    options = {"motions": [motion.removeprefix("shaken ")], "frames": frames, "width": 320, "height": 240}
+    sequence = open_sequence("simulated", imaging={"rate_hz": RATE_HZ}, **options)
+    if motion.startswith("shaken "):
+        sequence = replace(sequence, world_from_camera=by_hand(sequence.world_from_camera))
+    trackers = {name: Recorded(make_tracker(name, {}), []) for name in TRACKERS}
+    measure(sequence, trackers, truth="birth")
+    maps = [sequence.depth(index) for index in range(frames)]
+    return Followed(
+        motion,
+        sequence.camera,
+        sequence.world_from_camera,
+        tuple(np.asarray(one.depth_m, dtype=np.float64) for one in maps),
+        tuple(np.asarray(one.valid) for one in maps),
+        {name: tuple(one.steps) for name, one in trackers.items()},
+    )
+
+
+USED: Mapping[str, tuple[str, ...]] = {"both trackers": TRACKERS, f"{TRACKERS[0]} alone": TRACKERS[:1]}
+MOTIONS = ("arvr", "shaken arvr", "forward", "sideways")
+
+
+def scenes(frames: int, cache: Path | None) -> list[Followed]:
+    """The scenes, from the cache where it has them."""
+    if cache is not None and cache.is_file():
+        return pickle.loads(cache.read_bytes())
+    made = [followed(motion, frames) for motion in MOTIONS]
+    if cache is not None:
+        cache.write_bytes(pickle.dumps(made))
+    return made
+
+
+Truth = tuple[Array, Sequence[Array]]
+Degrade = Callable[[Followed, float, np.random.Generator], Truth]
+
+
+def moved(law: str) -> Degrade:
+    """Noise of poses of a size in degrees, and of 6 cm for each degree."""
+
+    def degrade(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
+        return scene.poses @ pose_noise(law, size, 0.06 * size, len(scene.poses), rng), scene.depths
+
+    return degrade
+
+
+def late(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
+    """Poses that are late by a number of frames."""
+    frames = np.arange(len(scene.poses), dtype=np.float64)
+    return PosePath(frames, scene.poses).at(frames - size), scene.depths
+
+
+def stretched(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
+    """Positions times 1 + size about the first."""
+    poses = scene.poses.copy()
+    poses[:, :3, 3] = poses[0, :3, 3] + (1.0 + size) * (poses[:, :3, 3] - poses[0, :3, 3])
+    return poses, scene.depths
+
+
+def disparity(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
+    """Inverse depths plus size, 1/m."""
+    return scene.poses, [1.0 / (1.0 / depth + size) for depth in scene.depths]
+
+
+def noisy_depth(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
+    """Depth noise of size Z^2, correlated over a few pixels, independent from frame to frame."""
+    noise = gaussian_filter(rng.standard_normal((len(scene.depths), *scene.depths[0].shape)), (0.0, 2.0, 2.0))
+    noise /= noise.std()
+    return scene.poses, [
+        np.maximum(depth + size * depth**2 * one, 0.05) for depth, one in zip(scene.depths, noise, strict=True)
+    ]
+
+
+def smoothed(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
+    """Poses plus size times their second difference, in steps of at most 1/4."""
+    poses = scene.poses
+    passes = max(1, int(np.ceil(size / 0.25)))
+    for _ in range(passes):
+        before, after = (poses[np.clip(np.arange(len(poses)) + step, 0, len(poses) - 1)] for step in (-1, 1))
+        turned = sum(
+            Rotation.from_matrix(np.swapaxes(poses[:, :3, :3], 1, 2) @ other[:, :3, :3]).as_rotvec()
+            for other in (before, after)
+        )
+        changed = poses.copy()
+        changed[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(size / passes * turned).as_matrix()
+        changed[:, :3, 3] += size / passes * (before[:, :3, 3] + after[:, :3, 3] - 2.0 * poses[:, :3, 3])
+        poses = changed
+    return poses, scene.depths
+
+
+def per_frame_m(scene: Followed) -> float:
+    """Distance from frame to frame along an axis."""
+    return float(np.sqrt(np.mean(np.diff(scene.poses[:, :3, 3], axis=0) ** 2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault of the truth: how a size of it is planted, the size at which it begins, and what states it rightly."""
+
+    degrade: Degrade
+    small: float
+    accuracy: Callable[[Followed, float], TruthAccuracy] = lambda scene, size: UNKNOWN
+
+
+FAULTS: Mapping[str, Fault] = {
+    "pose walk": Fault(
+        moved("walk"),
+        0.01,
+        lambda scene, size: TruthAccuracy(
+            rotation_deg_per_sqrt_frame=size, translation_m_per_sqrt_frame=0.06 * size, depth_m=0.0
+        ),
+    ),
+    "pose jitter": Fault(
+        moved("white"),
+        0.01,
+        lambda scene, size: TruthAccuracy(rotation_white_deg=size, translation_white_m=0.06 * size, depth_m=0.0),
+    ),
+    "late poses": Fault(late, 0.05, lambda scene, size: replace(EXACT, clock_ms=1000.0 * size / RATE_HZ)),
+    "positions scaled": Fault(
+        stretched, 0.01, lambda scene, size: replace(EXACT, translation_m_per_frame=size * per_frame_m(scene))
+    ),
+    "disparity": Fault(disparity, 0.001, lambda scene, size: replace(EXACT, depth_per_m=size)),
+    "depth noise": Fault(noisy_depth, 0.001, lambda scene, size: replace(EXACT, depth_per_m=size)),
+    "smoothed poses": Fault(smoothed, 0.1),
+}
+
+
+def near_errors(measured: Measurement, tracker: str) -> pl.DataFrame:
+    """Visible observations of a tracker at ages up to `REFERENCE_AGE`."""
+    rows = measured.observations.filter(
+        pl.col("age").is_between(1, REFERENCE_AGE), pl.col("truth") == "valid", tracker=tracker
+    )
+    return rows.select("track", "frame", "age", "u_true_px", "v_true_px", "du_px", "dv_px")
+
+
+def planted(exact: Measurement, stated: Measurement, tracker: str = TRACKERS[0]) -> tuple[float, float]:
+    """Share of the second moment that is due to the stated truth: without outliers as in (pose.share), and of all."""
+    both = near_errors(stated, tracker).join(near_errors(exact, tracker), on=["track", "frame"], suffix="_exact")
+    error = both.select("du_px", "dv_px").to_numpy()
+    shift = both.select(
+        pl.col("u_true_px") - pl.col("u_true_px_exact"), pl.col("v_true_px") - pl.col("v_true_px_exact")
+    ).to_numpy()
+    scale = scales(both["age"].to_numpy().astype(np.intp), error)
+    inside = np.hypot(*error.T) <= CUT * scale
+    weight = inside / scale**2
+    cut = (weight * np.sum(shift**2, axis=1)).sum() / (weight * np.sum(error**2, axis=1)).sum()
+    return float(cut), float(np.sum(shift**2) / np.sum(error**2))
+
+
+def size_for(scene: Followed, exact: Measurement, fault: Fault, share: float) -> float:
+    """Size of a fault that is about this share of the second moment: displacements are nearly proportional to it."""
+    size = fault.small
+    for _ in range(3):
+        found = planted(exact, scene.measured(*fault.degrade(scene, size, np.random.default_rng(0)), UNKNOWN))[0]
+        found = min(max(found, 1e-6), 0.95)
+        size *= float(np.clip(np.sqrt(share / (1.0 - share) * (1.0 - found) / found), 0.05, 20.0))
+    return size
+
+
+@dataclass(frozen=True, slots=True)
+class Raw:
+    """What the verdict is made of: named faults and gains, pose shares, gain of all parameters, share of the floor."""
+
+    named: dict[str, tuple[float, float, float]]
+    shares: dict[tuple[str, str], tuple[float, float, float]]
+    everything: tuple[float, float, float] | None
+    floor: float | None
+
+
+def verdict_of(audit: pl.DataFrame, shares: pl.DataFrame, floor: float | None) -> Raw:
+    """The evidence as it is."""
+    bounds = ("gain", "gain_low", "gain_high")
+    named = audit.filter(pl.col("rank").is_not_null(), family=str(Family.alone))
+    joint = audit.filter(family=str(Family.all)).select(bounds).rows()
+    return Raw(
+        {str(row["parameter"]): tuple(row[name] for name in bounds) for row in named.iter_rows(named=True)},
+        {
+            (row["tracker"], str(row["fitted_to"])): (row["share"], row["low"], row["high"])
+            for row in shares.iter_rows(named=True)
+        },
+        joint[0] if joint else None,
+        floor,
+    )
+
+
+def floor_share(measured: Measurement, tracker: str = TRACKERS[0]) -> float | None:
+    """Share of the second moment that the stated accuracy makes at ages up to `REFERENCE_AGE`; None if unknown."""
+    near = truth_floor(measured.floors).filter(
+        pl.col("at").is_between(1, REFERENCE_AGE), tracker=tracker, source="all", axis="age"
+    )
+    if near.is_empty():
+        return None
+    stated = float((near["n"] * (near["floor_uu"] + near["floor_vv"])).sum())
+    error = near_errors(measured, tracker)
+    return stated / float((error["du_px"] ** 2 + error["dv_px"] ** 2).sum())
+
+
+def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:
+    """Audit, pose share and floor of one measured recording, with some of its trackers."""
+    sequence, n = measured.sequence, measured.n_frames
+    prepared = measured.prepared
+    rigid = rigid_tables(prepared, frame_geometry(sequence, n), witnesses=trackers)["rigid"]
+    samples = audit_samples(sequence, prepared, "birth").filter(pl.col("tracker").is_in(trackers))
+    tables = AuditedTables(samples[::AUDITED], cameras_table(sequence, n), poses_table(sequence, n))
+    audit = audit_tables([tables], NO_GROUPS, dataset="simulated").audit
+    shares = pose_share([rigid.filter(pl.col("tracker").is_in(trackers))])
+    if len(trackers) == 1:
+        shares = shares.filter(fitted_to="own")
+    return verdict_of(audit, shares, floor_share(measured))
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A situation; without a fault the truth is exact."""
+
+    fault: str | None
+    share: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Of the cell, from which `--only` chooses."""
+        return "exact" if self.fault is None else f"{self.fault} {self.share:.0%}"
+
+
+def cells() -> Iterator[Cell]:
+    """All situations."""
+    yield Cell(None)
+    for share in SHARES:
+        for fault in FAULTS:
+            yield Cell(fault, share)
+
+
+class Bench:
+    """The scenes with their exact measurements, and the sizes of faults that were found for them."""
+
+    def __init__(self, made: Sequence[Followed]) -> None:
+        self.made = made
+        self.exact = [scene.measured(scene.poses, scene.depths, EXACT) for scene in made]
+        self._sizes: dict[tuple[str, float, int], float] = {}
+
+    def size(self, cell: Cell, place: int) -> float:
+        """Size of the fault of a cell in a scene."""
+        key = (str(cell.fault), cell.share, place)
+        if key not in self._sizes:
+            self._sizes[key] = size_for(self.made[place], self.exact[place], FAULTS[key[0]], cell.share)
+        return self._sizes[key]
+
+    def run(self, cell: Cell, seed: int) -> dict[str, Any]:
+        """One recording of a cell: planted shares and evidence, of both trackers and of one."""
+        place = seed % len(self.made)
+        scene, exact = self.made[place], self.exact[place]
+        measured, size, shares = exact, 0.0, (0.0, 0.0)
+        if cell.fault is not None:
+            fault, size = FAULTS[cell.fault], self.size(cell, place)
+            truth = fault.degrade(scene, size, np.random.default_rng(seed))
+            measured = scene.measured(*truth, fault.accuracy(scene, size))
+            shares = planted(exact, measured)
+        return {
+            "scene": scene.name,
+            "size": size,
+            "planted": shares,
+            **{name: evidence(measured, trackers) for name, trackers in USED.items()},
+        }
+
+
+def lines(cell: Cell, found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """What is printed of a cell."""
+    cut, of_all = (np.array([one["planted"][place] for one in found]) for place in (0, 1))
+    among = f"{cut.min():.3f} to {cut.max():.3f}"
+    yield f"{cell.name}: planted {cut.mean():.3f} ({among}), of all errors {of_all.mean():.3f}"
+    floors = [one["both trackers"].floor for one in found if one["both trackers"].floor is not None]
+    if floors:
+        yield f"    stated floor: {np.mean(floors):.3f} of all errors"
+    for name in USED:
+        every = [one[name] for one in found]
+        for source in sorted({source for one in every for source in one.shares}):
+            yield f"    {name}, share of {' by '.join(source)}: {_spread([one.shares.get(source) for one in every])}"
+        named = Counter(fault for one in every for fault in one.named)
+        for fault, count in named.most_common():
+            gains = [one.named[fault] for one in every if fault in one.named]
+            yield f"    {name}, {fault} named in {count} of {len(every)}: gain {_spread(gains)}"
+        yield f"    {name}, all parameters: gain {_spread([one.everything for one in every])}"
+
+
+def _spread(values: Sequence[tuple[float | None, ...] | None]) -> str:
+    """Mean and quantiles of values, means of their bounds, and how often the lower bound is above 0."""
+    known = np.array([one for one in values if one is not None], dtype=np.float64)
+    if not len(known):
+        return "unknown"
+    low, median, high = np.quantile(known[:, 0], (0.1, 0.5, 0.9))
+    bounds = f"bounds {np.nanmean(known[:, 1]):.3f}, {np.nanmean(known[:, 2]):.3f}"
+    above = f"above 0 in {int((known[:, 1] > 0.0).sum())} of {len(known)}"
+    return f"{known[:, 0].mean():.3f} (10, 50, 90 %: {low:.3f}, {median:.3f}, {high:.3f}), {bounds}, {above}"
+
+
+def main() -> None:
+    """Print the cells."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--frames", type=int, default=45)
+    parser.add_argument("--only", nargs="*", default=[""], help="cells whose names begin like this")
+    parser.add_argument("--cache", type=Path, help="where tracks are kept, of the same frames")
+    given = parser.parse_args()
+    bench = Bench(scenes(given.frames, given.cache))
+    for cell in cells():
+        if cell.name.startswith(tuple(given.only)):
+            seeds = len(MOTIONS) if cell.fault is None else given.seeds
+            for line in lines(cell, [bench.run(cell, seed) for seed in range(seeds)]):
+                print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -4,7 +4,10 @@ import polars as pl
 import pytest
 from tests.estimators.exports.models import detections, lucas_kanade
 
+from tracknoise.estimators.exports import estimators
+from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 TOML = """
 name = "small"
@@ -109,3 +112,32 @@ def test_bad_input_gives_one_line(tracknoise, file, arguments, message):
     assert (code, out) == (1, "")
     assert len(err.strip().splitlines()) == 1
     assert message in err
+
+
+@pytest.mark.parametrize("verdict", ["not trusted", "unknown"])
+def test_a_model_from_an_untrusted_truth_is_refused_and_marked_where_it_is_accepted(tracknoise, tmp_path, verdict):
+    truth = TruthVerdict(Trust(verdict), "Poses explain 89 %.", "Use other poses.")
+    path = tmp_path / "lk.noise.json"
+    lucas_kanade(truth=truth).write(path)
+    for name, about in estimators().items():
+        wanted = ["noise", "export", str(path), "--to", name]
+        code, out, err = tracknoise(*wanted)
+        assert (code, out) == (1, "")
+        assert f"Truth: {verdict}. Poses explain 89 %. Next: Use other poses." in err
+        assert "--accept-truth" in err
+        if "observations" in about.needs:
+            continue
+        code, out, _ = tracknoise(
+            *wanted, "--accept-truth", "--focal", "458.6", "--rate", "20", "-o", str(tmp_path / name)
+        )
+        assert code == 0, name
+        for written in (tmp_path / name).iterdir():
+            assert f"{verdict}" in written.read_text(), written
+
+
+def test_the_files_of_a_trusted_truth_say_so(tracknoise, file, tmp_path):
+    tracknoise("noise", "export", file, "--to", "openvins", "-o", str(tmp_path / "config"))
+    first, second, *_ = (tmp_path / "config/openvins_noise.yaml").read_text().splitlines()
+    assert first == "%YAML:1.0"
+    assert second.startswith("# ")
+    assert second.endswith("Truth: trusted. No fault was found.")

@@ -16,7 +16,10 @@ from tracknoise.estimators.model import (
     Training,
 )
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.trust import TruthVerdict
 
+TRUSTED = TruthVerdict(Trust.trusted, "No fault was found.", "")
 TRAINING = Training(
     dataset="made",
     tracker="lk",
@@ -43,6 +46,7 @@ def made(first: float = 0.0, white: float = 0.0, walk: float = 0.0, drift: float
     sigma = Interval(value=0.3, low=0.2, high=0.4)
     fields = {
         "training": TRAINING,
+        "truth": TRUSTED,
         "camera": CAMERA,
         "tails": Tails(nu=4.0, core_sigma=0.2, core_ratio=0.7),
         "outlier_share": 0.01,

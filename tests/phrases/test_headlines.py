@@ -680,6 +680,7 @@ def test_the_document_is_json_even_where_numbers_are_infinite() -> None:
     tables = {**{name: empty(schema) for name, schema in SCHEMAS.items()}, **factor_rows("yes")}
     tables["dependence"] = tables["dependence"].with_columns(horizon=pl.lit(float("inf")))
     tables["zero_mean"] = table(ZERO_MEAN, OVERALL, AT_TEN)
+    tables["trust"] = trust("trusted", "No fault was found.")
     tables["findings"] = headline_table({**tables, "summary": table(SUMMARY, SUMMED)}, SCOPE)
     document = json.loads(findings_json(tables))
     assert document["dependence"][0]["horizon"] == "Infinity"

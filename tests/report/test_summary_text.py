@@ -10,11 +10,17 @@ from tracknoise.report.measured import summary
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 
 def _table(run: RunFolder) -> list[str]:
-    """The lines before what the columns are."""
-    return summary_text(run).split("core: of")[0].splitlines()
+    """The lines between the verdict on the truth and what the columns are."""
+    return summary_text(run).split("\n\n", 1)[1].split("core: of")[0].splitlines()
+
+
+def test_the_verdict_on_the_truth_comes_first(make_run: Callable[..., RunFolder]) -> None:
+    run = make_run(scenes=("only",), speeds=(1,))
+    assert summary_text(run).startswith(f"{TruthVerdict.of_run(run).sentence}\n")
 
 
 def test_there_is_a_line_a_condition_in_the_order_of_the_experiment(make_run: Callable[..., RunFolder]) -> None:
@@ -31,7 +37,7 @@ def test_there_is_a_line_a_condition_in_the_order_of_the_experiment(make_run: Ca
 
 def test_frames_are_called_so(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("only",), born=40, key_frame=8, truth="scan")
-    assert "frame" in summary_text(run).splitlines()[1].split()
+    assert "frame" in _table(run)[1].split()
     assert {tuple(line.split()[1:6:4]) for line in _table(run)[3:]} == {("1", "16"), ("2", "18")}  # of both trackers
 
 

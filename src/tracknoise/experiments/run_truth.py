@@ -73,14 +73,14 @@ def trust_table(
         Tables of all sequences, schema `RIGID`.
     """
     entries = [manifest.sequences[key] for key in sorted(manifest.sequences)]
-    synthetic = {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC}
-    seen = {tracker.label for tracker in experiment.trackers} - synthetic or synthetic
+    every = {tracker.label for tracker in experiment.trackers}
+    seen = every - {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC}
     shown = [pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed")]
-    summary = tables["summary"].filter(*shown, pl.col("tracker").is_in(seen))
+    summary = tables["summary"].filter(*shown, pl.col("tracker").is_in(seen or every))
     states = all(entry.states_accuracy for entry in entries)
     evidence = TruthEvidence(
         audit=tables["audit"],
-        pose_shares=tables["pose_share"].filter(*shown),
+        pose_shares=tables["pose_share"].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
         sizes=_sizes(summary, str(experiment.findings.trimming), states=states),
         curves=tables["audit_curves"],
         mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -177,26 +178,24 @@ def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     if len(data.trackers) < 2:
         return _alone(errors)
     if row is None or row["effect"] is None:
-        return _unproven(data, errors)
+        return _said_of_truth(data, _unproven(data, errors))
     verdict = Verdict(row["verdict"]) if row["at"] is None else Verdict.undecided
     text = _sentence(data, row, verdict) if row["at"] is None else _at_one_place(data, row)
-    return Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), f"{text}{_without_truth(data, verdict)}", _SECTION)
+    return _said_of_truth(data, Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), text, _SECTION))
 
 
-def _without_truth(data: RunData, verdict: Verdict) -> str:
-    """What an untrusted truth leaves of the comparison; begins with a space, and is empty where the truth is usable.
+def _said_of_truth(data: RunData, found: Judgement) -> Judgement:
+    """The same, with what is left of it where the truth is not trusted, or this is unknown.
 
     Errors of the truth are the same for all trackers: they add to the squared errors of each, so that ratios are nearer
     to 1 than those of the trackers alone, and the order stays. In differences at the same corners they cancel.
     """
     if TruthVerdict.of(data.trust).is_usable:
-        return ""
-    order = {
-        Verdict.yes: "The truth adds to the errors of both alike: the order holds, and the ratio is at least this.",
-        Verdict.no: "The truth adds to the errors of both alike and can hide a difference.",
-        Verdict.undecided: "The truth adds to the errors of both alike and can hide a difference.",
-    }[verdict]
-    return f" {order}{_apart(data)}"
+        return found
+    is_better = found.answer.verdict == Verdict.yes
+    rest = ": the order holds, and the ratio is at least this." if is_better else ", and can hide a difference."
+    alike = f"The truth adds to the errors of all alike{rest}"
+    return replace(found, text=f"{found.text} {alike}{_apart(data)}")
 
 
 def _apart(data: RunData) -> str:

@@ -285,12 +285,12 @@ def _lines(comparison: Comparison) -> Iterator[str]:
     names = ", ".join(side.name for side in comparison.others)
     yield f"## {_escaped(names)} compared with {_escaped(comparison.first.name)}"
     yield ""
-    yield from (f"- {_escaped(doubt)}" for doubt in comparison.doubts)
     if comparison.gate is not None:
         outcome, *reasons = gate_sentences(comparison.gate)
         yield f"**{outcome}**"
         yield from (f"- {_escaped(reason)}" for reason in reasons)
         yield from _table(gate_cells(comparison.gate))
+    yield from (f"- {_escaped(doubt)}" for doubt in comparison.doubts)
     for side, rows in zip(comparison.others, by_run(comparison).values(), strict=True):
         if len(comparison.others) > 1:
             yield f"### {_escaped(side.name)}\n"

@@ -96,6 +96,8 @@ EXPORTS: tuple[Export, ...] = (
     Export("changes", "frame-to-frame changes of errors", lambda data: data.changes),
     Export("dependence", "verdicts on factors, with intervals", lambda data: data.dependence),
     Export("rigid-share", "share of errors that pose errors explain", lambda data: data.rigid_share),
+    Export("pose-share", "share of errors without outliers that pose errors explain", lambda data: data.pose_share),
+    Export("trust", "verdict on the truth, and what it can explain", lambda data: data.trust),
     Export("pose-law", "growth of pose errors", lambda data: data.pose_law),
     Export("tracker-differences", "differences between trackers", lambda data: data.tracker_differences),
     Export("counts", "truth statuses and track ends", lambda data: data.counts),

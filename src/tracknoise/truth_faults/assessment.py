@@ -162,18 +162,19 @@ def _named(audit: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def _named_share(audit: pl.DataFrame) -> _Share:
-    """What all established faults together explain: of errors in scales, or of squared errors if that is more."""
+    """What all established faults together explain of errors that took no part in their fit."""
     rows = audit.filter(family=str(Family.named)).to_dicts()
-    if not rows:
-        return _Share(0.0, 0.0, 0.0)
-    row = rows[0]
-    return _Share.of(max(row["gain"], row["second_moment_share"]), row["gain_low"], row["gain_high"])
+    return _of_row(rows[0]) if rows else _Share(0.0, 0.0, 0.0)
 
 
 def _of_audit(audit: pl.DataFrame, parameter: str) -> _Share | None:
     """A bound of the family `at_most`; None where there was no audit."""
     rows = audit.filter(family=str(Family.at_most), parameter=parameter).to_dicts()
-    return _Share.of(rows[0]["gain"], rows[0]["gain_low"], rows[0]["gain_high"]) if rows else None
+    return _of_row(rows[0]) if rows else None
+
+
+def _of_row(row: Mapping[str, Any]) -> _Share:
+    return _Share.of(row["gain"], row["gain_low"], row["gain_high"])
 
 
 def _of_poses(shares: pl.DataFrame, tracker: str) -> _Share | None:
@@ -284,7 +285,7 @@ def _unmeasured(evidence: TruthEvidence) -> _Found:
     stated = [size.stated_share for size in evidence.sizes.values()]
     why = evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW]
     if stated and all(share is not None and share < _EXACT for share in stated):
-        return _Found(Trust.trusted, f"{_STATED_EXACT} It was not checked: the tracks are too few.")
+        return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
     known = [share for share in stated if share is not None]
     if known and len(known) == len(stated) and max(known) <= MOST:
         text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why[0]}"

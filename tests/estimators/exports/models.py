@@ -17,7 +17,10 @@ from tracknoise.estimators.model import (
     Training,
 )
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.trust import TruthVerdict
 
+TRUSTED = TruthVerdict(Trust.trusted, "No fault was found.", "")
 WINDOWS = (5, 10, 11, 20, 30)
 _LANDMARKS = {Landmark.FREE: 1.0, Landmark.EXACT: 1.5, Landmark.STATE: 0.9}
 _PURPOSES = {Purpose.INNOVATIONS: 0.5, Purpose.ALL_POSES: 0.6, Purpose.NEWEST_POSE: 1.0, Purpose.DEPTH: 1.1}
@@ -58,6 +61,7 @@ def lucas_kanade(**changes: object) -> NoiseModel:
     """White noise .1 px, wider along u, and a walk of .08 px per frame; heavy tails."""
     fields: dict[str, object] = {
         "training": _training("lucas-kanade"),
+        "truth": TRUSTED,
         "camera": CameraOfModel(width=752, height=480, focal_px=458.6, rate_hz=20.0),
         "first": component(0.0),
         "white": component(0.1, 2.0),
@@ -76,6 +80,7 @@ def detections(**changes: object) -> NoiseModel:
     """Noise of .4 px in every frame, the first included; Gaussian."""
     fields: dict[str, object] = {
         "training": _training("correspondence"),
+        "truth": TRUSTED,
         "first": component(0.4),
         "white": component(0.4),
         "walk": component(0.0),

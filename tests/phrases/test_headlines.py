@@ -20,8 +20,8 @@ from tracknoise.tables.findings_schema import (
     GAUSSIANITY,
     INTERVALS,
     NOISE_LOOKUP,
+    POSE_SHARE,
     RATIO_VALUES,
-    RIGID_SHARE,
     SEED_SPREAD,
     SURROUNDING_ERRORS,
     TIME_STRUCTURE,
@@ -57,7 +57,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "time_structure": TIME_STRUCTURE,
     "dependence": DEPENDENCE,
     "surrounding_errors": SURROUNDING_ERRORS,
-    "rigid_share": RIGID_SHARE,
+    "pose_share": POSE_SHARE,
     "tracker_differences": TRACKER_DIFFERENCES,
     "window_sigmas": WINDOW_SIGMAS,
     "noise_lookup": NOISE_LOOKUP,
@@ -708,13 +708,12 @@ def test_groups_of_scenes_are_counted(resampled: str, expected: str | None) -> N
 
 
 def shares(**by_source: tuple[float, float, float]) -> dict[str, pl.DataFrame]:
-    """Rigid shares with bounds at ages 10 and 24, by what pose errors were fitted to."""
+    """Shares that pose errors explain with bounds, by what these were fitted to."""
     rows = [
-        {"fitted_to": source, "age": age, "coordinate": "both", "share": share, "low": low, "high": high, "level": 0.95}
+        {"fitted_to": source, "share": share, "low": low, "high": high, "level": 0.95}
         for source, (share, low, high) in by_source.items()
-        for age in (10, 24)
     ]
-    return {"rigid_share": table(RIGID_SHARE, *rows)}
+    return {"pose_share": table(POSE_SHARE, *rows)}
 
 
 @pytest.mark.parametrize(
@@ -729,16 +728,14 @@ def test_pose_errors_are_blamed_on_the_truth_only_if_other_trackers_agree(
     others: tuple[float, float, float], expected: str
 ) -> None:
     found = read(**shares(own=(0.62, 0.55, 0.7), others=others))["pose errors"]
-    assert "At age 10, 62.0 % (55.0 % to 70.0 %) of the second moment of lk is a motion of the camera" in found["text"]
+    assert "do not have explains 62.0 % (55.0 % to 70.0 %) of the squared errors of lk." in found["text"]
     assert expected in found["text"]
-    assert (found["value"], found["figure"], found["table"]) == (0.62, "pose-errors", "rigid_share")
+    assert (found["value"], found["figure"], found["table"]) == (0.62, "pose-errors", "pose_share")
 
 
 def test_with_a_key_frame_ages_are_not_taken_for_frames() -> None:
-    """Pose errors are by the distance from the key frame, differences of trackers by the age of both tracks."""
+    """Differences of trackers are by the age of both tracks."""
     keyed = replace(SCOPE, reference=ReferenceCondition("l", key_frames={"forward": 24}))
-    poses = read(keyed, **shares(own=(0.62, 0.55, 0.7)))["pose errors"]["text"]
-    assert "At 10 frames from the key frame, 62.0 %" in poses
     assert "At age 10, lk less of is" in read(keyed, **differences(established=True))["differences"]["text"]
 
 

@@ -19,6 +19,7 @@ from tracknoise.tables.findings_schema import (
     INTERVALS,
     NOISE_LOOKUP,
     POSE_LAW,
+    POSE_SHARE,
     RADII,
     RIGID_SHARE,
     SEED_SPREAD,
@@ -55,6 +56,7 @@ def made_up(
         "depth_intervals": depth_intervals(tables["curves"]),
         "dependence": dependence(tables["effects"]),
         "rigid_share": rigid_share(tables["curves"]),
+        "pose_share": pose_share(tables["curves"]),
         "pose_law": pose_law(tables["curves"]),
         "tracker_differences": tracker_differences(tables["curves"]),
         "audit": audit(),
@@ -267,6 +269,12 @@ def rigid_share(curves: pl.DataFrame) -> pl.DataFrame:
     )  # fmt: skip
     coordinates = pl.DataFrame({"coordinate": ["both", "u", "v"]})
     return _typed(table.join(coordinates, how="cross"), RIGID_SHARE)
+
+
+def pose_share(curves: pl.DataFrame) -> pl.DataFrame:
+    """The same shares of all ages together."""
+    shares = rigid_share(curves).filter(coordinate="both").unique([*POOLED, "fitted_to"], keep="first")
+    return _typed(shares.select(pl.col(name) for name in POSE_SHARE if name in shares.columns), POSE_SHARE)
 
 
 def pose_law(curves: pl.DataFrame) -> pl.DataFrame:

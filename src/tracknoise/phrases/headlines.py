@@ -73,7 +73,7 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence, surrounding_errors, rigid_share, tracker_differences, triangulated_noise, noise_lookup, trust,
+        dependence, surrounding_errors, pose_share, tracker_differences, triangulated_noise, noise_lookup, trust,
         window_sigmas and depth_intervals. One without rows has no headline.
     conditions
         Which conditions the sentences are about.

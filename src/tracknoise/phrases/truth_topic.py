@@ -44,25 +44,24 @@ def pose_errors(tables: RunTables, conditions: ReportedConditions) -> Headline |
     """Whether the errors of features are a motion of the camera that the stated poses do not have."""
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _share_of(tables["rigid_share"], conditions, tracker),
+        lambda tracker: _share_of(tables["pose_share"], conditions, tracker),
         opening=f"Errors that all features of a frame share {conditions.where(tables['summary'])}.",
+        closing=f"Outliers do not count, nor do ages above {REFERENCE_AGE}.",
         topic="pose errors",
         figure="pose-errors",
-        table="rigid_share",
+        table="pose_share",
     )
 
 
 def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
-    rows = _at_reference(conditions.of(table, tracker).filter(coordinate="both"))
-    found = {row["fitted_to"]: Estimate.of_row(row, "share", "low", "high", "share") for row in rows.to_dicts()}
+    rows = conditions.of(table, tracker).to_dicts()
+    found = {row["fitted_to"]: Estimate.of_row(row, "share", "low", "high", "share") for row in rows}
     own, others = found.get(FittedTo.own), found.get(FittedTo.others)
     if own is None or not own.above(_LEAST_SHARE):
         return None
-    text = (
-        f"{conditions.opening_distance(rows['age'][0])}, {format_estimate(own)} of the second moment of {tracker} is a "
-        "motion of the camera that the stated poses do not have."
-    )
-    brief = f"A motion that the stated poses lack is {short(own)} of the second moment of {tracker}."
+    of = f"{format_estimate(own)} of the squared errors of {tracker}"
+    text = f"A motion of the camera that the stated poses do not have explains {of}."
+    brief = f"A motion that the stated poses lack explains {short(own)} of the squared errors of {tracker}."
     if others is None:
         unconfirmed = "No other tracker can confirm it, so that a motion common to all features may be its own."
         return Part(f"{text} {unconfirmed}", [own], brief)

@@ -30,6 +30,7 @@ class Topic(StrEnum):
     second_truth = "second truth"
     pose_disagreement = "pose disagreement"
     shared_motion = "shared motion"
+    pose_share = "pose share"
     pose_errors = "pose errors"
     tracker_differences = "tracker differences"
     surroundings = "surroundings"
@@ -244,6 +245,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     "pose_disagreement": Quantity(None, "RMS difference per axis between the relative poses of two truths."),
     "shared_motion": Quantity("share", "Share of the second moment that one small pose error per frame explains."),
     "shared_motion_moment": Quantity("px^2", "Second moment before and after a correction of the poses."),
+    "pose_share": Quantity(
+        "share", "Share of the squared errors up to the reference age, without outliers, that pose errors explain."
+    ),
     "pose_error": Quantity(None, "Growth law of the errors of the stated poses."),
     "tracker_difference": Quantity(None, "Difference of the errors of two trackers at the same corners."),
     # places

@@ -776,6 +776,15 @@ VIEWS: Mapping[str, View] = {
         [*_CONDITION, "quantity", "trimming", "axis", "at"],
     ),
     "rigid_share": _shared_motion(),
+    "pose_share": _one(
+        Topic.pose_share,
+        findings_schema.POSE_SHARE,
+        "pose_share",
+        "share",
+        {**_CONDITION, "part": "fitted_to"},
+        _WITH_N,
+        [*_CONDITION, "fitted_to"],
+    ),
     "pose_law": _one(
         Topic.pose_errors,
         findings_schema.POSE_LAW,

@@ -4,19 +4,18 @@
   be separated from another one, or from a bias, is in the bound. One that moves no true position adds nothing to it.
 - Depths that are wrong by chance, each by itself. Such an error moves a true position along the epipolar line only.
 
-Errors are in units of the robust scale of their tracker and age. Those beyond three scales do not count, as outliers.
-
-The first is the share 1 - sum min(d^2, 9) / sum min(d0^2, 9) for residuals d of a robust linear regression of the
+The first is of errors in units of the robust scale of their tracker and age, in which those beyond three scales do not
+count: the share 1 - sum min(d^2, 9) / sum min(d0^2, 9) for residuals d of a robust linear regression of the
 errors d0 on the derivatives of true positions. It is of the errors that it was fitted to, and so an upper bound.
 (truth.faults)
 
-For the second, with the derivative g of a true position by the logarithm of its depth, and the error along and across
-g,
+For the second, with the derivative g of a true position by the logarithm of its depth, and robust variances of errors
+along and across g, from medians in cells of like g,
 
-    along^2 - across^2 = a + s^2 g^2    (truth.depths)
+    along - across = a + s^2 g^2    (truth.depths)
 
-is fitted to the errors of each tracker and age. A tracker whose noise is larger along the motion of the image has it in
-a. The share is sum s^2 g^2 / sum d0^2.
+is fitted to the cells of each tracker and age. A tracker whose noise is larger along the motion of the image has it in
+a. The share is that of sum s^2 g^2 in the sum of both variances.
 """
 
 from collections.abc import Sequence
@@ -26,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from tracknoise.inference.robust_fits import scales, squared, summed
+from tracknoise.inference.robust_fits import scales, summed
 from tracknoise.truth_faults.audit_fit import LEVEL, Gain, gain, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import predict
@@ -35,10 +34,10 @@ from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
 EVERY_FAULT, DEPTHS = "every_fault", "depths"
 """Names of the two bounds in the family `at_most` of an audit."""
 _ROUNDS = 8
-_MOST = 9.0
-"""Squared distance, in scales, beyond which an error is an outlier."""
-_LONGEST = 0.98
-"""Quantile at which derivatives by depth are cut: few points are so near that they would decide alone."""
+_CELLS, _LEAST_IN_CELL = 5, 12
+"""Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
+_TO_SIGMA = 1.4826
+"""Standard deviation of a Gaussian, in median absolute values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +71,7 @@ def explained(samples: AuditSamples, parameters: Sequence[Parameter]) -> Explain
     stated = predict(samples, np.zeros(COUNT))
     return Explained(
         _by_faults(samples, error, scale, stated.by(parameters), 1.0 / furthest(parameters) ** 2),
-        _by_depths(samples, error, scale, stated.by([Parameter.depth_scale])[:, :, 0]),
+        _by_depths(samples, error, stated.by([Parameter.depth_scale])[:, :, 0]),
     )
 
 
@@ -93,43 +92,76 @@ def _by_faults(
     return Gain(max(found.value, 0.0), found.low, max(found.high, 0.0))
 
 
-def _by_depths(
-    samples: AuditSamples, error: NDArray[np.float64], scale: NDArray[np.float64], by_depth: NDArray[np.float64]
-) -> Gain:
+def _by_depths(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64]) -> Gain:
     """(truth.depths)."""
     length = np.hypot(by_depth[:, 0], by_depth[:, 1])
-    used = np.isfinite(length) & (length > 0.0) & (squared(error, scale) <= _MOST)
-    if not used.any():
+    used = np.flatnonzero(np.isfinite(length) & (length > 0.0) & np.isfinite(error).all(axis=1))
+    if not len(used):
         return Gain(0.0, 0.0, 0.0)
-    unit, size = by_depth[used] / length[used, None], error[used] / scale[used, None]
-    along, across = (np.sum(size * axis, axis=1) for axis in (unit, np.stack([-unit[:, 1], unit[:, 0]], axis=1)))
-    group = np.unique(samples.group[used], return_inverse=True)[1]
-    moved = np.square(length[used] / scale[used])
-    moved = np.minimum(moved, np.quantile(moved, _LONGEST))
-    beyond = along**2 - across**2
-    x, y = (_within(group, values) for values in (moved, beyond))
-    cluster, n = samples.cluster[used], samples.n_clusters
-    products: NDArray[np.float64] = np.stack(
-        [np.bincount(cluster, values, n) for values in (x * y, x * x, moved, along**2 + across**2)]
-    )
-    return _share(products)
+    unit = by_depth[used] / length[used, None]
+    across = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+    sizes = np.stack([np.abs(np.sum(error[used] * axis, axis=1)) for axis in (unit, across)])
+    group, cell = _cells(samples.group[used], length[used])
+    rows = _Rows(sizes, length[used] ** 2, group, cell)
+    every = np.ones(len(used), np.bool_)
+    clusters = np.unique(samples.cluster[used])
+    without = np.array([_depth_share(rows, samples.cluster[used] != one) for one in clusters])
+    return _interval(_depth_share(rows, every), without)
 
 
-def _within(group: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values without the mean of their group."""
-    return np.asarray(values - (np.bincount(group, values) / np.bincount(group))[group])
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Sizes of errors along and across (2, n), px, squared derivatives (n,), and their groups and cells (n,)."""
+
+    sizes: NDArray[np.float64]
+    moved: NDArray[np.float64]
+    group: NDArray[np.intp]
+    cell: NDArray[np.intp]
 
 
-def _share(products: NDArray[np.float64]) -> Gain:
-    """Share that depths explain, by the jackknife over clusters, from sums of each, (4, clusters)."""
-    n = products.shape[1]
-    value, without = _ratio(products.sum(axis=1)), _ratio(products.sum(axis=1)[:, None] - products)
+def _cells(group: NDArray[np.intp], length: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Groups without gaps, and cells of each group by how far depths move positions, alike in number."""
+    place = np.unique(group, return_inverse=True)[1].astype(np.intp)
+    order = np.lexsort((length, place))
+    start = np.searchsorted(place[order], np.arange(place.max(initial=0) + 2))
+    rank = np.empty(len(order), np.intp)
+    rank[order] = np.arange(len(order)) - start[place[order]]
+    return place, place * _CELLS + rank * _CELLS // np.diff(start)[place]
+
+
+def _depth_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
+    """Share that random errors of depths explain, of some rows; 0 where cells are too few."""
+    cell = rows.cell[used]
+    order = np.argsort(cell, kind="stable")
+    names, first, counts = np.unique(cell[order], return_index=True, return_counts=True)
+    full = counts >= _LEAST_IN_CELL
+    some = [order[start : start + count] for start, count in zip(first[full], counts[full], strict=True)]
+    if not some:
+        return 0.0
+    sizes, moved = rows.sizes[:, used], rows.moved[used]
+    variance = np.array([np.square(_TO_SIGMA * np.median(sizes[:, one], axis=1)) for one in some])
+    x = np.array([np.median(moved[one]) for one in some])
+    y, total = variance[:, 0] - variance[:, 1], variance.sum(axis=1)
+    group, weight = names[full] // _CELLS, counts[full] / np.maximum(total, 1e-12) ** 2
+    slope = _slope(group, weight, x, y)
+    scale = (np.bincount(group, counts[full] * total) / np.maximum(np.bincount(group, counts[full]), 1))[group]
+    part, whole = (np.sum(counts[full] * values / scale) for values in (slope * x, total))
+    return float(part / whole)
+
+
+def _slope(
+    group: NDArray[np.intp], weight: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> float:
+    """Slope of y over x within groups, by weighted least squares; 0 where x does not differ."""
+    sums = np.maximum(np.bincount(group, weight), 1e-300)
+    left, right = (values - (np.bincount(group, weight * values) / sums)[group] for values in (x, y))
+    square = float(np.sum(weight * left * left))
+    return float(np.sum(weight * left * right)) / square if square > 0.0 else 0.0
+
+
+def _interval(value: float, without: NDArray[np.float64]) -> Gain:
+    """A share with the interval of the jackknife over clusters, between 0 and 1."""
+    n = len(without)
     error = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
     half = float(special.stdtrit(max(n - 1, 1), 0.5 + 0.5 * LEVEL)) * error
-    low, high = float(value) - half, float(value) + half
-    return Gain(min(max(float(value), 0.0), 1.0), low, min(max(high, 0.0), 1.0))
-
-
-def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    slope = sums[0] / np.maximum(sums[1], 1e-300)
-    return np.asarray(slope * sums[2] / np.maximum(sums[3], 1e-300))
+    return Gain(min(max(value, 0.0), 1.0), value - half, min(max(value + half, 0.0), 1.0))

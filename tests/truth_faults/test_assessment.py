@@ -1,0 +1,190 @@
+"""The verdict on the truth follows from what the causes explain, what is established, and what is stated."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from benchmarks.validity.audit_worlds import World, make_samples, theta_of
+
+from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, POSE_SHARE
+from tracknoise.tables.trust import TruthVerdict, explained_share
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
+from tracknoise.truth_faults.audit_selection import available
+from tracknoise.truth_faults.audit_tables import not_audited
+from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.explained import explained
+from tracknoise.truth_faults.fault_parameters import COUNT, Parameter
+
+Share = tuple[float, float, float]
+SMALL: Share = (0.01, 0.0, 0.02)
+
+
+def audit(faults: Share = SMALL, depths: Share = SMALL, named: Share | None = None) -> pl.DataFrame:
+    bounds = ("gain", "gain_low", "gain_high")
+    rows: list[dict[str, Any]] = [
+        {"family": "at_most", "parameter": name, **dict(zip(bounds, share, strict=True))}
+        for name, share in (("every_fault", faults), ("depths", depths))
+    ]
+    if named is not None:
+        fault = {"parameter": "focal_length", "component": "", "unit": "px", "stated": 110.0, "value": 100.0}
+        rows += [
+            {"family": "alone", "rank": 1, "verdict": "fault", **fault},
+            {"family": "named", **fault, **dict(zip(bounds, named, strict=True))},
+        ]
+    return pl.DataFrame(rows, schema=dict(AUDIT))
+
+
+def poses(**by_tracker: tuple[Share, Share | None]) -> pl.DataFrame:
+    rows = [
+        {"tracker": name, "fitted_to": source, **dict(zip(("share", "low", "high"), share, strict=True))}
+        for name, sources in by_tracker.items()
+        for source, share in zip(("own", "others"), sources, strict=True)
+        if share is not None
+    ]
+    return pl.DataFrame(rows, schema=dict(POSE_SHARE))
+
+
+def verdict(**given: Any) -> TruthVerdict:
+    return TruthVerdict.of(table(**given))
+
+
+def table(**given: Any) -> pl.DataFrame:
+    usual = {"audit": audit(), "pose_shares": poses(lk=(SMALL, None)), "sizes": {"lk": ErrorSize(10, 0.5)}}
+    return assess(TruthEvidence(**{**usual, **given}), "d")
+
+
+def test_a_truth_that_explains_little_is_trusted_and_says_how_much() -> None:
+    found = verdict()
+    assert (found.verdict, found.step) == (Trust.trusted, "")
+    assert found.text.startswith("No fault was found. Errors of the truth can explain at most 4.7")  # .03 + .01 sqrt(3)
+    assert "of the squared errors of lk (0.109 of 0.500 px RMS at age 10)." in found.text
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [((0.05, 0.04, 0.06), "trusted"), ((0.3, 0.2, 0.4), "limited"), ((0.3, 0.0, 0.9), "unknown"),
+     ((0.9, 0.8, 0.95), "not trusted"), ((0.5, 0.15, 0.8), "not trusted")],
+)  # fmt: skip
+def test_motions_that_poses_lack_decide_by_their_bounds(share: Share, expected: str) -> None:
+    found = verdict(pose_shares=poses(lk=(share, None)))
+    assert found.verdict == expected
+    assert bool(found.step) == (expected != "trusted")
+
+
+def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
+    large, seen = (0.9, 0.8, 0.95), (0.3, 0.1, 0.5)
+    assert verdict(pose_shares=poses(lk=(large, (0.0, -0.1, 0.1)))).verdict == Trust.unknown
+    assert verdict(pose_shares=poses(lk=(large, seen))).verdict == Trust.not_trusted
+
+
+@pytest.mark.parametrize(
+    ("cause", "share", "expected"),
+    [("faults", (0.3, 0.2, 0.4), "limited"), ("depths", (0.3, 0.2, 0.4), "limited"),
+     ("faults", (0.7, 0.6, 0.8), "unknown"), ("depths", (0.7, 0.6, 0.8), "unknown")],
+)  # fmt: skip
+def test_what_cannot_be_separated_from_the_trackers_is_never_yes(cause: str, share: Share, expected: str) -> None:
+    assert verdict(audit=audit(**{cause: share})).verdict == expected
+
+
+def test_an_established_fault_decides_by_what_it_explains() -> None:
+    large = verdict(audit=audit(named=(0.4, 0.3, 0.5)))
+    assert large.verdict == Trust.not_trusted
+    assert large.text.startswith("The focal length is 10.0")
+    assert "[truth.corrections]" in large.step
+    small = verdict(audit=audit(named=(0.04, 0.02, 0.06)))
+    assert small.verdict == Trust.limited
+    assert "The focal length is 10.0" in small.text
+    without = verdict(audit=audit(named=(0.4, 0.3, 0.5)), corrections=False)
+    assert "[truth.corrections]" not in without.step
+
+
+def test_mistakes_and_fitted_points_decide_before_all_else() -> None:
+    found = verdict(mistakes=["Poses are inverted.", "Depths are in mm.", "More."], is_fitted=True)
+    assert (found.verdict, found.text) == (Trust.not_trusted, "Poses are inverted. There are 2 more such.")
+    assert verdict(is_fitted=True).verdict == Trust.unknown
+    assert verdict(cautions=["Poses jump in 1 place."]).verdict == Trust.limited
+
+
+@pytest.mark.parametrize(
+    ("stated_px", "expected"), [(0.0, "trusted"), (0.1, "trusted"), (0.3, "limited"), (None, "unknown")]
+)
+def test_a_stated_accuracy_bounds_what_tracks_cannot(stated_px: float | None, expected: str) -> None:
+    wide = {"audit": audit(faults=(0.3, -0.5, 1.0)), "sizes": {"lk": ErrorSize(10, 0.5, stated_px)}}
+    assert verdict(**wide).verdict == expected
+    assert verdict(**wide, pose_shares=poses(lk=((0.8, 0.7, 0.9), None))).verdict == Trust.not_trusted
+
+
+def test_too_few_tracks_leave_what_is_stated() -> None:
+    few = not_audited("only 20 observations can be used", "d").audit
+    assert verdict(audit=few).verdict == Trust.unknown
+    assert "only 20 observations" in verdict(audit=few).text
+    for stated, expected in ((0.0, Trust.trusted), (0.2, Trust.limited), (0.45, Trust.unknown)):
+        assert verdict(audit=few, sizes={"lk": ErrorSize(10, 0.5, stated)}).verdict == expected
+
+
+def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
+    rows = [
+        {"tracker": name, "correction": "measured", "age": 8, "n": 500, "second_uu": square, "second_vv": square}
+        for name, square in (("lk", 1.0), ("sift", 4.0))
+    ]
+    found = table(
+        pose_shares=poses(lk=(SMALL, SMALL), sift=((0.3, 0.0, 0.9), SMALL)),
+        sizes={"lk": ErrorSize(8, 1.4), "sift": ErrorSize(8, 2.8)},
+        curves=pl.DataFrame(rows, schema=dict(AUDIT_CURVES)),
+    )
+    assert TruthVerdict.of(found).verdict == Trust.trusted
+    assert explained_share(found, "sift") == pytest.approx(explained_share(found, "lk") / 4.0)
+
+
+def test_a_clearer_scene_is_recommended() -> None:
+    given = {"pose_shares": poses(lk=((0.3, 0.2, 0.4), None))}
+    assert "Measure hall alone" in verdict(**given, scene_shares={"hall": 0.05, "yard": 0.4, "lab": 0.5}).step
+    assert "Measure" not in verdict(**given, scene_shares={"hall": 0.3, "yard": 0.4}).step
+
+
+def test_a_run_without_a_verdict_is_not_usable() -> None:
+    found = TruthVerdict.of(pl.DataFrame(schema={"verdict": pl.String}))
+    assert (found.verdict, found.is_usable) == (Trust.unknown, False)
+
+
+WORLD = World(n_scenes=8, per_scene=200)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_exact_worlds_leave_next_to_nothing_to_the_truth(seed: int) -> None:
+    samples = make_samples(np.random.default_rng(seed), WORLD, theta_of({}))
+    found = explained(samples, available(samples))
+    assert found.faults.high < 0.06
+    assert found.depths.high < 0.06
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [{Parameter.focal_length: 0.1}, {Parameter.clock_offset: 0.5},
+     {Parameter.mounting_rotation: (0.03, 0.02, -0.04), Parameter.depth_scale: 0.05}],
+)  # fmt: skip
+def test_the_bound_holds_what_constant_faults_explain(fault: dict[Parameter, Any]) -> None:
+    samples = make_samples(np.random.default_rng(1), WORLD, theta_of(fault))
+    exact = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
+    noise = np.median(np.hypot(*(exact.observed - exact.stated).T))
+    error = np.median(np.hypot(*(samples.observed - samples.stated).T))
+    planted = 1.0 - (noise / error) ** 2
+    found = explained(samples, available(samples)).faults
+    assert planted > 0.1
+    assert found.high > 0.9 * planted
+
+
+@pytest.mark.parametrize("relative", [0.01, 0.03])
+def test_the_bound_holds_what_random_depths_explain(relative: float) -> None:
+    """Depths that are wrong by chance, each by itself; the errors that they cause are known."""
+    exact = make_samples(np.random.default_rng(2), WORLD, theta_of({}))
+    rng = np.random.default_rng(3)
+    wrong = replace(exact, depth=exact.depth * (1.0 + relative * rng.standard_normal(len(exact.depth))))
+    stated = predict(wrong, np.zeros(COUNT)).uv
+    planted = np.sum((stated - exact.stated) ** 2) / np.sum((exact.observed - stated) ** 2)
+    found = explained(replace(wrong, stated=stated), available(wrong)).depths
+    assert found.high > 0.5 * planted
+    assert found.low < found.value <= found.high

@@ -1,16 +1,18 @@
-"""What the evidence about a truth is where a known fault of a known share is planted in simulated recordings.
+"""What the verdict on a truth is where a known fault of a known share is planted in simulated recordings.
 
-    python -m benchmarks.validity.truth_verdicts [--seeds N] [--frames N] [--only WORD ...] [--cache FILE]
+    python -m benchmarks.validity.truth_verdicts [--seeds N] [--frames N] [--only WORD ...] [--cache FILE] [--evidence]
 
 Four scenes are filmed at 320 x 240 px and 30 Hz, and followed once by Lucas-Kanade and by correspondence. Their stated
 truth is then degraded for each seed, and the same tracks are measured again, with replayed trackers. The size of each
 fault is such that it makes about 5, 15 and 40 % of the second moment of the errors of Lucas-Kanade at ages up to 10.
 Seed n is of scene n modulo 4. Exact recordings have no seeds: each scene counts once.
 
-Printed are for each cell, over seeds: the planted share, of errors without outliers as in (pose.share) and of all; the
-pose share of each tracker with its quantiles and the part of its lower bounds that are above 0; how often each fault is
-named and by how much it explains; the gain of all parameters together; and the share of the stated floor where the
-accuracy of the truth is stated rightly. Cells `lucas-kanade alone` have this tracker only.
+Printed are for each cell, over seeds: the planted share, of errors without outliers as in (pose.share) and of all; how
+often each verdict is given where nothing is stated, and where the accuracy of the truth is stated rightly; the upper
+bound of what the truth explains of the errors of Lucas-Kanade, and how often it holds the planted share; and with
+`--evidence` also the pose share of each tracker with its quantiles and the part of its lower bounds that are above 0,
+how often each fault is named and by how much it explains, and the gain of all parameters together. Cells
+`lucas-kanade alone` have this tracker only.
 """
 
 import argparse
@@ -41,11 +43,15 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.truth_errors import truth_floor
+from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
 from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import AccuracyRule
-from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
+from tracknoise.truth_faults.audit_summary import corrections_toml, usual_mistakes
+from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, audit_tables
 from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.truth_faults.pose_accuracy import pose_share
 from tracknoise.truth_faults.pose_errors import CUT, rigid_tables
@@ -300,20 +306,42 @@ def size_for(scene: Followed, exact: Measurement, fault: Fault, share: float) ->
 
 @dataclass(frozen=True, slots=True)
 class Raw:
-    """What the verdict is made of: named faults and gains, pose shares, gain of all parameters, share of the floor."""
+    """Verdicts by what is stated, the bound where nothing is, and what they are made of.
 
+    Of the evidence: named faults and gains, pose shares, gain of all parameters, and share of the floor.
+    """
+
+    verdicts: dict[str, TruthVerdict]
+    bound: float | None
     named: dict[str, tuple[float, float, float]]
     shares: dict[tuple[str, str], tuple[float, float, float]]
     everything: tuple[float, float, float] | None
     floor: float | None
 
 
-def verdict_of(audit: pl.DataFrame, shares: pl.DataFrame, floor: float | None) -> Raw:
-    """The evidence as it is."""
+def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, float], floor: float | None) -> Raw:
+    """The verdict on the evidence, and the evidence as it is. `sizes`: RMS of each tracker, px."""
+    audit = found.audit
     bounds = ("gain", "gain_low", "gain_high")
     named = audit.filter(pl.col("rank").is_not_null(), family=str(Family.alone))
     joint = audit.filter(family=str(Family.all)).select(bounds).rows()
+    tables = {}
+    for name, share in (("unstated", None), ("stated", floor)):
+        stated = {one: None if share is None else np.sqrt(share) * px for one, px in sizes.items()}
+        tables[name] = assess(
+            TruthEvidence(
+                audit=audit,
+                pose_shares=shares,
+                sizes={one: ErrorSize(REFERENCE_AGE, px, stated[one]) for one, px in sizes.items()},
+                curves=found.audit_curves,
+                mistakes=usual_mistakes(audit),
+                corrections=corrections_toml(audit) is not None,
+            ),
+            "simulated",
+        )
     return Raw(
+        {name: TruthVerdict.of(table) for name, table in tables.items()},
+        explained_share(tables["unstated"], TRACKERS[0]),
         {str(row["parameter"]): tuple(row[name] for name in bounds) for row in named.iter_rows(named=True)},
         {
             (row["tracker"], str(row["fitted_to"])): (row["share"], row["low"], row["high"])
@@ -343,11 +371,13 @@ def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:
     rigid = rigid_tables(prepared, frame_geometry(sequence, n), witnesses=trackers)["rigid"]
     samples = audit_samples(sequence, prepared, "birth").filter(pl.col("tracker").is_in(trackers))
     tables = AuditedTables(samples[::AUDITED], cameras_table(sequence, n), poses_table(sequence, n))
-    audit = audit_tables([tables], NO_GROUPS, dataset="simulated").audit
+    found = audit_tables([tables], NO_GROUPS, dataset="simulated")
     shares = pose_share([rigid.filter(pl.col("tracker").is_in(trackers))])
     if len(trackers) == 1:
         shares = shares.filter(fitted_to="own")
-    return verdict_of(audit, shares, floor_share(measured))
+    errors = {name: near_errors(measured, name) for name in trackers}
+    sizes = {name: float(np.sqrt((one["du_px"] ** 2 + one["dv_px"] ** 2).mean())) for name, one in errors.items()}
+    return verdict_of(found, shares, sizes, floor_share(measured))
 
 
 @dataclass(frozen=True, slots=True)
@@ -404,7 +434,7 @@ class Bench:
         }
 
 
-def lines(cell: Cell, found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> Iterator[str]:
     """What is printed of a cell."""
     cut, of_all = (np.array([one["planted"][place] for one in found]) for place in (0, 1))
     among = f"{cut.min():.3f} to {cut.max():.3f}"
@@ -414,6 +444,14 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield f"    stated floor: {np.mean(floors):.3f} of all errors"
     for name in USED:
         every = [one[name] for one in found]
+        for stated in ("unstated", "stated"):
+            counts = Counter(str(one.verdicts[stated].verdict) for one in every)
+            told = ", ".join(f"{verdict} {counts[verdict]}" for verdict in Trust if counts[verdict])
+            yield f"    {name}, {stated}: {told}"
+        bounds = np.array([np.nan if one.bound is None else one.bound for one in every])
+        yield f"    {name}, bound {np.nanmean(bounds):.3f}, holds the planted share in {(bounds >= cut).sum()}"
+        if not evidence:
+            continue
         for source in sorted({source for one in every for source in one.shares}):
             yield f"    {name}, share of {' by '.join(source)}: {_spread([one.shares.get(source) for one in every])}"
         named = Counter(fault for one in every for fault in one.named)
@@ -441,12 +479,13 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=45)
     parser.add_argument("--only", nargs="*", default=[""], help="cells whose names begin like this")
     parser.add_argument("--cache", type=Path, help="where tracks are kept, of the same frames")
+    parser.add_argument("--evidence", action="store_true", help="print what the verdicts are made of")
     given = parser.parse_args()
     bench = Bench(scenes(given.frames, given.cache))
     for cell in cells():
         if cell.name.startswith(tuple(given.only)):
             seeds = len(MOTIONS) if cell.fault is None else given.seeds
-            for line in lines(cell, [bench.run(cell, seed) for seed in range(seeds)]):
+            for line in lines(cell, [bench.run(cell, seed) for seed in range(seeds)], evidence=given.evidence):
                 print(line, flush=True)
 
 

@@ -25,7 +25,7 @@ from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
-from tracknoise.words import listing, percent, pixels
+from tracknoise.words import listing, percent, pixels, sentence_case
 
 SMALL, MOST = 0.1, 0.5
 """Shares of the squared errors: up to the first the truth is small beside them, beyond the second it dominates."""
@@ -268,13 +268,14 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
         return _Found(Trust.not_trusted, text, _of_cause(evidence, TruthCause.poses))
     part = f"{percent(worst.high)} of the squared errors of {worst.tracker}{_in_px(worst, size)}"
     if worst.high > MOST:
-        text = f"Errors of the truth may explain up to {part}, and nothing is established."
+        text = f"Errors of the truth may explain up to {part}, and nothing is established.{_of_causes(worst)}"
         return _Found(Trust.unknown, text, _of_cause(evidence, worst.largest))
     known = f" {_faults_text(faults)}, but that explains little." if faults else ""
     if worst.high > SMALL or faults or evidence.cautions:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
         step = _corrected(evidence, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
-        return _Found(Trust.limited, f"Errors of the truth can explain up to {part}.{known}{caution}", step)
+        text = f"Errors of the truth can explain up to {part}.{_of_causes(worst)}{known}{caution}"
+        return _Found(Trust.limited, text, step)
     if size.stated_share is not None and size.stated_share < _EXACT:
         return _Found(Trust.trusted, f"{_STATED_EXACT[:-1]}, and the tracks do not contradict it.")
     return _Found(Trust.trusted, f"No fault was found. Errors of the truth can explain at most {part}.")
@@ -291,6 +292,14 @@ def _unmeasured(evidence: TruthEvidence) -> _Found:
         text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why[0]}"
         return _Found(Trust.limited, text, _MORE_DATA)
     return _Found(Trust.unknown, why[0], _MORE_DATA)
+
+
+def _of_causes(bounds: _Bounds) -> str:
+    """What single causes explain, where it is not small, the largest first; begins with a space."""
+    shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
+    causes = sorted(shares, key=shares.__getitem__, reverse=True)
+    told = listing(f"{_CAUSES[cause]} {percent(shares[cause])}" for cause in causes)
+    return f" {sentence_case(told)}." if told else ""
 
 
 def _in_px(bounds: _Bounds, size: ErrorSize) -> str:
@@ -339,6 +348,11 @@ _POSES = (
     "Use poses of a global bundle adjustment, or compare trackers with each other: differences at the same corners do "
     "not depend on the poses."
 )
+_CAUSES: Mapping[TruthCause, str] = {
+    TruthCause.poses: "motions of the camera that the poses lack explain",
+    TruthCause.any_fault: "constant faults, as of the calibration or the clock, could explain",
+    TruthCause.depths: "random errors of depths could explain",
+}
 _STEPS: Mapping[TruthCause, str] = {
     TruthCause.any_fault: (
         "Measure a recording with more motion and more different depths, or state the accuracy of the calibration and "

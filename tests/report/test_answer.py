@@ -154,7 +154,7 @@ def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
     """Their number is that of one row of a table, which says of which tracker, and of which coordinate."""
     found = {one.topic: one.statements[0].text for one in summarise(data).findings}
     first, _ = data.trackers
-    assert found["pose errors"].endswith(f" of the second moment of {first}.")
+    assert found["pose errors"].endswith(f" of the squared errors of {first}.")
     pairs = data.nominal(data.tracker_differences).filter("established")
     row = data.in_order(pairs).row(0, named=True)
     expected = f"at the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"

@@ -117,6 +117,18 @@ def test_a_stated_accuracy_bounds_what_tracks_cannot(stated_px: float | None, ex
     assert verdict(**wide, pose_shares=poses(lk=((0.8, 0.7, 0.9), None))).verdict == Trust.not_trusted
 
 
+@pytest.mark.parametrize(
+    ("own", "others", "expected"),
+    [((0.2, 0.12, 0.3), None, "trusted"), ((0.2, 0.12, 0.3), (0.0, -0.1, 0.1), "trusted"),
+     ((0.2, 0.12, 0.3), (0.1, 0.05, 0.2), "limited"), ((0.8, 0.7, 0.9), None, "not trusted")],
+)  # fmt: skip
+def test_a_motion_of_a_single_tracker_does_not_contradict_an_exact_truth(
+    own: Share, others: Share | None, expected: str
+) -> None:
+    sizes = {"lk": ErrorSize(10, 0.5, 0.0)}
+    assert verdict(sizes=sizes, pose_shares=poses(lk=(own, others))).verdict == expected
+
+
 def test_too_few_tracks_leave_what_is_stated() -> None:
     few = not_audited("only 20 observations can be used", "d").audit
     assert verdict(audit=few).verdict == Trust.unknown

@@ -26,6 +26,7 @@ _FAMILIES = {
     "optics_and_timing": "optics and timing",
     "all": "all",
     "named": "all faults found",
+    "at_most": "most that can be explained",
 }
 _CAPTION = (
     "Corrections of the stated truth, fitted to the errors of all trackers. Explained: share of the second moment that "

@@ -3,7 +3,7 @@
 Three causes are measured from the errors themselves, whatever is stated of the truth: a motion of the camera that the
 poses lack (`tracknoise.truth_faults.pose_errors`), constant faults, and random errors of depths
 (`tracknoise.truth_faults.explained`). What cannot be determined because it moves no true position is in none of them,
-and does no harm. What cannot be told from a bias of the trackers is in the bound. With shares s and upper bounds h,
+and does no harm. What looks like a bias of the trackers is in the bound. With shares s and upper bounds h,
 
     bound = sum s + sqrt(sum (h - s)^2)    (truth.bound)
 
@@ -183,10 +183,15 @@ def _of_poses(shares: pl.DataFrame, tracker: str) -> _Share | None:
     It is established where pose errors that are fitted to other trackers explain something too, or there is no other:
     the noise of the others is in what they predict, so that they explain less.
     """
+    own, others = _by_source(shares, tracker)
+    return replace(own, low=0.0) if own is not None and others is not None and others.low == 0.0 else own
+
+
+def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Share | None]:
+    """What pose errors explain of a tracker that are fitted to its own other tracks, and to other trackers."""
     rows = shares.filter(tracker=tracker).to_dicts()
     found = {row["fitted_to"]: _Share.of(row["share"], row["low"], row["high"]) for row in rows}
-    own, others = found.get(FittedTo.own), found.get(FittedTo.others)
-    return replace(own, low=0.0) if own is not None and others is not None and others.low == 0.0 else own
+    return found.get(FittedTo.own), found.get(FittedTo.others)
 
 
 def _bounds(evidence: TruthEvidence, faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:
@@ -200,7 +205,10 @@ def _bounds(evidence: TruthEvidence, faults: Sequence[Mapping[str, Any]]) -> lis
         causes = {**shared, TruthCause.poses: _of_poses(evidence.pose_shares, tracker)}
         known = {cause: share for cause, share in causes.items() if share is not None}
         if len(known) == len(causes):
-            found.append(_Bounds(tracker, known, _with_stated(_bound(known), size, known, faults)))
+            is_refuted = bool(faults) or _contradicts(evidence.pose_shares, tracker, size.stated_share)
+            bound = _bound(known)
+            stated = bound if size.stated_share is None or is_refuted else size.stated_share
+            found.append(_Bounds(tracker, known, min(bound, stated)))
     return _common(found, evidence.curves)
 
 
@@ -210,14 +218,18 @@ def _bound(causes: Mapping[TruthCause, _Share]) -> float:
     return min(value + sqrt(sum((share.high - share.value) ** 2 for share in causes.values())), 1.0)
 
 
-def _with_stated(
-    bound: float, size: ErrorSize, causes: Mapping[TruthCause, _Share], faults: Sequence[Mapping[str, Any]]
-) -> float:
-    """The bound, or the stated share if that is smaller and nothing established contradicts it."""
-    stated = size.stated_share
-    if stated is None or faults or causes[TruthCause.poses].low > max(stated, SMALL):
-        return bound
-    return min(bound, stated)
+def _contradicts(shares: pl.DataFrame, tracker: str, stated: float | None) -> bool:
+    """Whether motions that the poses lack explain more than a stated share.
+
+    A single tracker has small motions of its own also on exact data. Without another one to confirm it, a motion
+    contradicts only if it explains most of the errors.
+    """
+    own, others = _by_source(shares, tracker)
+    if own is None or stated is None:
+        return False
+    is_confirmed = others is not None and others.low > 0.0
+    is_denied = others is not None and others.low == 0.0
+    return not is_denied and own.low > max(stated, SMALL if is_confirmed else MOST)
 
 
 def _common(bounds: Sequence[_Bounds], curves: pl.DataFrame) -> list[_Bounds]:
@@ -298,8 +310,8 @@ def _of_causes(bounds: _Bounds) -> str:
     """What single causes explain, where it is not small, the largest first; begins with a space."""
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
-    told = listing(f"{_CAUSES[cause]} {percent(shares[cause])}" for cause in causes)
-    return f" {sentence_case(told)}." if told else ""
+    parts = listing(f"{_CAUSES[cause]} {percent(shares[cause])}" for cause in causes)
+    return f" {sentence_case(parts)}." if parts else ""
 
 
 def _in_px(bounds: _Bounds, size: ErrorSize) -> str:

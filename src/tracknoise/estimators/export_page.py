@@ -24,8 +24,9 @@ With `-o`, the files are written to a folder, with a text and with a patch if th
 From Python: `model.export("openvins")`, with `target=` for another camera, rate, window or purpose. Case, hyphens and
 spaces in names do not matter: `OpenVINS` and `open-vins` are `openvins`.
 
-A model from a truth that is not trusted, or of which this is unknown, is refused without `--accept-truth` ([trust](../trust.md)). The verdict
-on the truth is in a comment of each file. CSV has the comment only where the truth is not trusted or this is unknown.
+A model from a truth that is not trusted, or of which this is unknown, is refused without `--accept-truth`
+([trust](../trust.md)). The verdict on the truth is in a comment of each file. CSV has the comment only where the truth
+is not trusted or this is unknown.
 
 ## Which number is written
 

@@ -1,6 +1,6 @@
 """What the evidence about a truth is where a known fault of a known share is planted in simulated recordings.
 
-    python -m benchmarks.validity.truth_verdicts [--seeds N] [--frames N] [--only WORD ...] [--cache FILE]
+    python -m benchmarks.validity.truth_verdicts [--seeds N] [--frames N] [--only WORD ...] [--alone] [--cache FILE]
 
 Four scenes are filmed at 320 x 240 px and 30 Hz, and followed once by Lucas-Kanade and by correspondence. Their stated
 truth is then degraded for each seed, and the same tracks are measured again, with replayed trackers. The size of each
@@ -10,7 +10,7 @@ Seed n is of scene n modulo 4. Exact recordings have no seeds: each scene counts
 Printed are for each cell, over seeds: the planted share, of errors without outliers as in (pose.share) and of all; the
 pose share of each tracker with its quantiles and the part of its lower bounds that are above 0; how often each fault is
 named and by how much it explains; the gain of all parameters together; and the share of the stated floor where the
-accuracy of the truth is stated rightly. Cells `lucas-kanade alone` have this tracker only.
+accuracy of the truth is stated rightly. With `--alone`, Lucas-Kanade is also taken alone.
 """
 
 import argparse
@@ -158,7 +158,7 @@ def followed(motion: str, frames: int) -> Followed:
     )
 
 
-USED: Mapping[str, tuple[str, ...]] = {"both trackers": TRACKERS, f"{TRACKERS[0]} alone": TRACKERS[:1]}
+TOGETHER, ALONE = "both trackers", f"{TRACKERS[0]} alone"
 MOTIONS = ("arvr", "shaken arvr", "forward", "sideways")
 
 
@@ -374,8 +374,8 @@ def cells() -> Iterator[Cell]:
 class Bench:
     """The scenes with their exact measurements, and the sizes of faults that were found for them."""
 
-    def __init__(self, made: Sequence[Followed]) -> None:
-        self.made = made
+    def __init__(self, made: Sequence[Followed], used: Mapping[str, Sequence[str]]) -> None:
+        self.made, self.used = made, used
         self.exact = [scene.measured(scene.poses, scene.depths, EXACT) for scene in made]
         self._sizes: dict[tuple[str, float, int], float] = {}
 
@@ -400,7 +400,7 @@ class Bench:
             "scene": scene.name,
             "size": size,
             "planted": shares,
-            **{name: evidence(measured, trackers) for name, trackers in USED.items()},
+            **{name: evidence(measured, trackers) for name, trackers in self.used.items()},
         }
 
 
@@ -409,10 +409,10 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     cut, of_all = (np.array([one["planted"][place] for one in found]) for place in (0, 1))
     among = f"{cut.min():.3f} to {cut.max():.3f}"
     yield f"{cell.name}: planted {cut.mean():.3f} ({among}), of all errors {of_all.mean():.3f}"
-    floors = [one["both trackers"].floor for one in found if one["both trackers"].floor is not None]
+    floors = [one[TOGETHER].floor for one in found if one[TOGETHER].floor is not None]
     if floors:
         yield f"    stated floor: {np.mean(floors):.3f} of all errors"
-    for name in USED:
+    for name in (TOGETHER, *({ALONE} & found[0].keys())):
         every = [one[name] for one in found]
         for source in sorted({source for one in every for source in one.shares}):
             yield f"    {name}, share of {' by '.join(source)}: {_spread([one.shares.get(source) for one in every])}"
@@ -440,9 +440,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--frames", type=int, default=45)
     parser.add_argument("--only", nargs="*", default=[""], help="cells whose names begin like this")
+    parser.add_argument("--alone", action="store_true")
     parser.add_argument("--cache", type=Path, help="where tracks are kept, of the same frames")
     given = parser.parse_args()
-    bench = Bench(scenes(given.frames, given.cache))
+    used = {TOGETHER: TRACKERS, **({ALONE: TRACKERS[:1]} if given.alone else {})}
+    bench = Bench(scenes(given.frames, given.cache), used)
     for cell in cells():
         if cell.name.startswith(tuple(given.only)):
             seeds = len(MOTIONS) if cell.fault is None else given.seeds

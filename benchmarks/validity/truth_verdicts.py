@@ -1,18 +1,19 @@
 """What the verdict on a truth is where a known fault of a known share is planted in simulated recordings.
 
-    python -m benchmarks.validity.truth_verdicts [--seeds N] [--frames N] [--only WORD ...] [--cache FILE] [--evidence]
+    python -m benchmarks.validity.truth_verdicts [--seeds N] [--frames N] [--only WORD ...] [--alone] [--cache FILE]
+        [--evidence]
 
-Four scenes are filmed at 320 x 240 px and 30 Hz, and followed once by Lucas-Kanade and by correspondence. Their stated
-truth is then degraded for each seed, and the same tracks are measured again, with replayed trackers. The size of each
-fault is such that it makes about 5, 15 and 40 % of the second moment of the errors of Lucas-Kanade at ages up to 10.
-Seed n is of scene n modulo 4. Exact recordings have no seeds: each scene counts once.
+Four scenes of each of the `--worlds` are filmed at 320 x 240 px and 30 Hz, and followed once by Lucas-Kanade and by
+correspondence. Their stated truth is then degraded for each seed, and the same tracks are measured again, with replayed
+trackers. The size of each fault is such that it makes about 5, 15 and 40 % of the second moment of the errors of
+Lucas-Kanade at ages up to 10. Scenes take turns. Exact recordings have no seeds: each scene counts once.
 
 Printed are for each cell, over seeds: the planted share, of errors without outliers as in (pose.share) and of all; how
 often each verdict is given where nothing is stated, and where the accuracy of the truth is stated rightly; the upper
 bound of what the truth explains of the errors of Lucas-Kanade, and how often it holds the planted share; and with
 `--evidence` also the pose share of each tracker with its quantiles and the part of its lower bounds that are above 0,
-how often each fault is named and by how much it explains, and the gain of all parameters together. Cells
-`lucas-kanade alone` have this tracker only.
+how often each fault is named and by how much it explains, and the gain of all parameters together. With
+`--alone`, Lucas-Kanade is also taken alone.
 """
 
 import argparse
@@ -52,6 +53,7 @@ from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_summary import corrections_toml, usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, audit_tables
+from tracknoise.truth_faults.fault_parameters import FAULTS as PARAMETERS
 from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.truth_faults.pose_accuracy import pose_share
 from tracknoise.truth_faults.pose_errors import CUT, rigid_tables
@@ -145,9 +147,9 @@ def by_hand(poses: Array) -> Array:
     return shaken
 
 
-def followed(motion: str, frames: int) -> Followed:
+def followed(motion: str, frames: int, seed: int) -> Followed:
     """Film and follow one scene."""
-    options = {"motions": [motion.removeprefix("shaken ")], "frames": frames, "width": 320, "height": 240}
+    options = {"motions": [motion.removeprefix("shaken ")], "frames": frames, "width": 320, "height": 240, "seed": seed}
     sequence = open_sequence("simulated", imaging={"rate_hz": RATE_HZ}, **options)
     if motion.startswith("shaken "):
         sequence = replace(sequence, world_from_camera=by_hand(sequence.world_from_camera))
@@ -164,15 +166,15 @@ def followed(motion: str, frames: int) -> Followed:
     )
 
 
-USED: Mapping[str, tuple[str, ...]] = {"both trackers": TRACKERS, f"{TRACKERS[0]} alone": TRACKERS[:1]}
+TOGETHER, ALONE = "both trackers", f"{TRACKERS[0]} alone"
 MOTIONS = ("arvr", "shaken arvr", "forward", "sideways")
 
 
-def scenes(frames: int, cache: Path | None) -> list[Followed]:
+def scenes(frames: int, worlds: int, cache: Path | None) -> list[Followed]:
     """The scenes, from the cache where it has them."""
     if cache is not None and cache.is_file():
         return pickle.loads(cache.read_bytes())
-    made = [followed(motion, frames) for motion in MOTIONS]
+    made = [followed(motion, frames, seed) for seed in range(worlds) for motion in MOTIONS]
     if cache is not None:
         cache.write_bytes(pickle.dumps(made))
     return made
@@ -404,8 +406,8 @@ def cells() -> Iterator[Cell]:
 class Bench:
     """The scenes with their exact measurements, and the sizes of faults that were found for them."""
 
-    def __init__(self, made: Sequence[Followed]) -> None:
-        self.made = made
+    def __init__(self, made: Sequence[Followed], used: Mapping[str, Sequence[str]]) -> None:
+        self.made, self.used = made, used
         self.exact = [scene.measured(scene.poses, scene.depths, EXACT) for scene in made]
         self._sizes: dict[tuple[str, float, int], float] = {}
 
@@ -430,8 +432,15 @@ class Bench:
             "scene": scene.name,
             "size": size,
             "planted": shares,
-            **{name: evidence(measured, trackers) for name, trackers in USED.items()},
+            **{name: evidence(measured, trackers) for name, trackers in self.used.items()},
         }
+
+
+def causes_in(text: str) -> Iterator[str]:
+    """Causes that a sentence names."""
+    known = {"motions of the poses": "poses lack", "constant faults": "constant faults", "depths": "errors of depths"}
+    known |= {about.name: about.name for about in PARAMETERS.values()}
+    yield from (name for name, part in known.items() if part in text)
 
 
 def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> Iterator[str]:
@@ -439,15 +448,17 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> 
     cut, of_all = (np.array([one["planted"][place] for one in found]) for place in (0, 1))
     among = f"{cut.min():.3f} to {cut.max():.3f}"
     yield f"{cell.name}: planted {cut.mean():.3f} ({among}), of all errors {of_all.mean():.3f}"
-    floors = [one["both trackers"].floor for one in found if one["both trackers"].floor is not None]
+    floors = [one[TOGETHER].floor for one in found if one[TOGETHER].floor is not None]
     if floors:
         yield f"    stated floor: {np.mean(floors):.3f} of all errors"
-    for name in USED:
+    for name in (TOGETHER, *({ALONE} & found[0].keys())):
         every = [one[name] for one in found]
         for stated in ("unstated", "stated"):
             counts = Counter(str(one.verdicts[stated].verdict) for one in every)
             told = ", ".join(f"{verdict} {counts[verdict]}" for verdict in Trust if counts[verdict])
             yield f"    {name}, {stated}: {told}"
+        causes = Counter(cause for one in every for cause in causes_in(one.verdicts["unstated"].text))
+        yield f"    {name}, unstated, names: {', '.join(f'{cause} {n}' for cause, n in causes.most_common()) or 'nothing'}"
         bounds = np.array([np.nan if one.bound is None else one.bound for one in every])
         yield f"    {name}, bound {np.nanmean(bounds):.3f}, holds the planted share in {(bounds >= cut).sum()}"
         if not evidence:
@@ -477,14 +488,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--frames", type=int, default=45)
+    parser.add_argument("--worlds", type=int, default=1, help="scenes of each motion")
     parser.add_argument("--only", nargs="*", default=[""], help="cells whose names begin like this")
+    parser.add_argument("--alone", action="store_true", help="take Lucas-Kanade alone as well")
     parser.add_argument("--cache", type=Path, help="where tracks are kept, of the same frames")
     parser.add_argument("--evidence", action="store_true", help="print what the verdicts are made of")
     given = parser.parse_args()
-    bench = Bench(scenes(given.frames, given.cache))
+    used = {TOGETHER: TRACKERS, **({ALONE: TRACKERS[:1]} if given.alone else {})}
+    bench = Bench(scenes(given.frames, given.worlds, given.cache), used)
     for cell in cells():
         if cell.name.startswith(tuple(given.only)):
-            seeds = len(MOTIONS) if cell.fault is None else given.seeds
+            seeds = len(bench.made) if cell.fault is None else given.seeds
             for line in lines(cell, [bench.run(cell, seed) for seed in range(seeds)], evidence=given.evidence):
                 print(line, flush=True)
 

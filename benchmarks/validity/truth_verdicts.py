@@ -458,15 +458,16 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> 
             told = ", ".join(f"{verdict} {counts[verdict]}" for verdict in Trust if counts[verdict])
             yield f"    {name}, {stated}: {told}"
         causes = Counter(cause for one in every for cause in causes_in(one.verdicts["unstated"].text))
-        yield f"    {name}, unstated, names: {', '.join(f'{cause} {n}' for cause, n in causes.most_common()) or 'nothing'}"
+        named = ", ".join(f"{cause} {n}" for cause, n in causes.most_common())
+        yield f"    {name}, unstated, names: {named or 'nothing'}"
         bounds = np.array([np.nan if one.bound is None else one.bound for one in every])
         yield f"    {name}, bound {np.nanmean(bounds):.3f}, holds the planted share in {(bounds >= cut).sum()}"
         if not evidence:
             continue
         for source in sorted({source for one in every for source in one.shares}):
             yield f"    {name}, share of {' by '.join(source)}: {_spread([one.shares.get(source) for one in every])}"
-        named = Counter(fault for one in every for fault in one.named)
-        for fault, count in named.most_common():
+        faults = Counter(fault for one in every for fault in one.named)
+        for fault, count in faults.most_common():
             gains = [one.named[fault] for one in every if fault in one.named]
             yield f"    {name}, {fault} named in {count} of {len(every)}: gain {_spread(gains)}"
         yield f"    {name}, all parameters: gain {_spread([one.everything for one in every])}"

@@ -56,6 +56,11 @@ class Paths:
         NaN where a frame has no pose.
     turning, velocity : (frames, 3) float64
         Between a frame and the next, see `Moving`; NaN where there is none or either has no pose.
+    mean_turning, mean_velocity : (frames, 3) float64
+        Mean of those before and after a frame; beyond the ends of a sequence the last velocity goes on.
+    rates : (frames, 3, 3) float64
+        Over one unit of time before and after a frame: mean angular velocity, and second differences of rotation and
+        position.
     """
 
     times: NDArray[np.float64]
@@ -65,6 +70,9 @@ class Paths:
     position: NDArray[np.float64]
     turning: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    mean_turning: NDArray[np.float64]
+    mean_velocity: NDArray[np.float64]
+    rates: NDArray[np.float64]
 
     @classmethod
     def of(cls, times: NDArray[np.float64], poses: NDArray[np.float64], sequence: NDArray[np.intp]) -> "Paths":
@@ -82,7 +90,11 @@ class Paths:
         step = np.swapaxes(rotation[between], 1, 2) @ rotation[between + 1]
         turning[between] = _rotation_vectors(step) / span
         velocity[between] = (position[between + 1] - position[between]) / span
-        return cls(times, first, last, rotation, position, turning, velocity)
+        place = np.arange(len(times))
+        sides = (np.clip(side, first, last - 1) for side in (place - 1, place))
+        means = [0.5 * (one[before] + one[after]) for before, after in [tuple(sides)] for one in (turning, velocity)]
+        paths = cls(times, first, last, rotation, position, turning, velocity, *means, np.empty((0, 3, 3)))
+        return replace(paths, rates=_rates(paths))
 
     @property
     def surrounded(self) -> NDArray[np.bool_]:
@@ -92,17 +104,23 @@ class Paths:
         ends = (known[before] | (place == self.first)) & (known[after] | (place == self.last))
         return np.asarray(ends & (self.first < self.last))
 
+    @property
+    def longest_half(self) -> float:
+        """Half of the duration of the longest sequence."""
+        return 0.5 * float(np.max(self.times[self.last] - self.times[self.first]))
+
+    def from_middle(self, frame: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Time of frames, (n,), after the middle of their sequence, in units of half of the longest one."""
+        middle = 0.5 * (self.times[self.first[frame]] + self.times[self.last[frame]])
+        return np.asarray((self.times[frame] - middle) / self.longest_half)
+
     def moving(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
         """As `at`; where no time is after its frame, as `still`."""
         return self.at(frame, delay) if np.any(delay) else self.still(frame)
 
     def still(self, frame: NDArray[np.intp]) -> Moving:
         """Poses of frames, (n,), with their velocities: the mean of those before and after the frame."""
-        before = np.clip(frame - 1, self.first[frame], self.last[frame] - 1)
-        after = np.clip(frame, self.first[frame], self.last[frame] - 1)
-        turning = 0.5 * (self.turning[before] + self.turning[after])
-        velocity = 0.5 * (self.velocity[before] + self.velocity[after])
-        return Moving(self.rotation[frame], self.position[frame], turning, velocity)
+        return Moving(self.rotation[frame], self.position[frame], self.mean_turning[frame], self.mean_velocity[frame])
 
     def at(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
         """Poses some time after frames.
@@ -122,14 +140,57 @@ class Paths:
         rotation[np.isnan(position[:, 0])] = np.nan
         return Moving(rotation, position, self.turning[start], self.velocity[start])
 
+    def rates_at(
+        self, frame: NDArray[np.intp], delay: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """`rates` some time after frames, and how they change with time, both (n, 3, 3).
+
+        They are interpolated between frames, and stay as they are beyond the ends of a sequence.
+        """
+        start = self._segment(frame, delay)
+        span = self.times[start + 1] - self.times[start]
+        fraction = (self.times[frame] + delay - self.times[start]) / span
+        inside = np.clip(fraction, 0.0, 1.0)
+        change = self.rates[start + 1] - self.rates[start]
+        slope = np.where(fraction == inside, 1.0 / span, 0.0)
+        return self.rates[start] + inside[:, None, None] * change, slope[:, None, None] * change
+
     def _segment(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> NDArray[np.intp]:
         """First of the two frames around each time. Sequences are laid out one after the other on one axis of time."""
+        if not np.any(delay):
+            return np.clip(frame, self.first[frame], self.last[frame] - 1)
         own = self.times - self.times[self.first]
         span = float(own.max(initial=0.0)) + 1.0
         ahead = float(np.nanmax(np.abs(delay), initial=0.0))
         apart = (span + 2.0 * ahead) * (np.cumsum(self.first == np.arange(len(self.first))) - 1)
         found = np.searchsorted(own + apart, own[frame] + apart[frame] + delay, side="right") - 1
         return np.clip(found, self.first[frame], self.last[frame] - 1)
+
+
+def _rates(paths: Paths) -> NDArray[np.float64]:
+    """See `Paths.rates`. A step to where no pose is known is taken as the one on the other side; without both it is 0."""
+    every = np.arange(len(paths.times))
+    if not every.size:
+        return np.empty((0, 3, 3))
+    before, after = (paths.at(every, np.full(len(every), delay)) for delay in (-1.0, 1.0))
+    turns = [
+        _steps(before.rotation, paths.rotation),
+        _steps(paths.rotation, after.rotation),
+    ]
+    moves = [paths.position - before.position, after.position - paths.position]
+    (turn, next_turn), (move, next_move) = (
+        (np.where(np.isnan(one), other, one), np.where(np.isnan(other), one, other)) for one, other in (turns, moves)
+    )
+    found = np.stack([0.5 * (turn + next_turn), next_turn - turn, next_move - move], axis=1)
+    return np.nan_to_num(found)
+
+
+def _steps(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation vectors (n, 3) from rotations to others, both (n, 3, 3); NaN where either is unknown."""
+    steps = np.full((len(start), 3), np.nan)
+    known = np.isfinite(start).all(axis=(1, 2)) & np.isfinite(end).all(axis=(1, 2))
+    steps[known] = _rotation_vectors(np.swapaxes(start[known], 1, 2) @ end[known])
+    return steps
 
 
 def _rotation_vectors(rotations: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -52,6 +52,8 @@ class Paths:
         Increasing within each sequence.
     first, last : (frames,) intp
         First and last frame of the sequence of each frame.
+    posed : (frames, 2) float64
+        Times of the first and last pose of the sequence of each frame.
     rotation, position : (frames, 3, 3), (frames, 3) float64
         NaN where a frame has no pose.
     turning, velocity : (frames, 3) float64
@@ -66,6 +68,7 @@ class Paths:
     times: NDArray[np.float64]
     first: NDArray[np.intp]
     last: NDArray[np.intp]
+    posed: NDArray[np.float64]
     rotation: NDArray[np.float64]
     position: NDArray[np.float64]
     turning: NDArray[np.float64]
@@ -93,7 +96,8 @@ class Paths:
         place = np.arange(len(times))
         sides = (np.clip(side, first, last - 1) for side in (place - 1, place))
         means = [0.5 * (one[before] + one[after]) for before, after in [tuple(sides)] for one in (turning, velocity)]
-        paths = cls(times, first, last, rotation, position, turning, velocity, *means, np.empty((0, 3, 3)))
+        posed = _ends(np.where(known, times, np.nan), first)
+        paths = cls(times, first, last, posed, rotation, position, turning, velocity, *means, np.empty((0, 3, 3)))
         return replace(paths, rates=_rates(paths))
 
     @property
@@ -106,13 +110,12 @@ class Paths:
 
     @property
     def longest_half(self) -> float:
-        """Half of the duration of the longest sequence."""
-        return 0.5 * float(np.max(self.times[self.last] - self.times[self.first]))
+        """Half of the longest time from the first pose of a sequence to its last."""
+        return 0.5 * float(np.max(self.posed[:, 1] - self.posed[:, 0]))
 
     def from_middle(self, frame: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Time of frames, (n,), after the middle of their sequence, in units of half of the longest one."""
-        middle = 0.5 * (self.times[self.first[frame]] + self.times[self.last[frame]])
-        return np.asarray((self.times[frame] - middle) / self.longest_half)
+        """Time of frames, (n,), after the middle of the poses of their sequence, in units of `longest_half`."""
+        return np.asarray((self.times[frame] - self.posed[frame].mean(axis=1)) / self.longest_half)
 
     def moving(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
         """As `at`; where no time is after its frame, as `still`."""
@@ -167,16 +170,22 @@ class Paths:
         return np.clip(found, self.first[frame], self.last[frame] - 1)
 
 
+def _ends(known: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.float64]:
+    """First and last of the known times of the sequence of each frame, (frames, 2); 0 where it has none."""
+    starts, place = np.unique(first, return_inverse=True)
+    if not starts.size:
+        return np.empty((0, 2))
+    ends = np.stack([np.fmin.reduceat(known, starts), np.fmax.reduceat(known, starts)], axis=1)
+    return np.nan_to_num(ends[place])
+
+
 def _rates(paths: Paths) -> NDArray[np.float64]:
     """See `Paths.rates`. A step to where no pose is known is taken as the one on the other side; without both it is 0."""
     every = np.arange(len(paths.times))
     if not every.size:
         return np.empty((0, 3, 3))
     before, after = (paths.at(every, np.full(len(every), delay)) for delay in (-1.0, 1.0))
-    turns = [
-        _steps(before.rotation, paths.rotation),
-        _steps(paths.rotation, after.rotation),
-    ]
+    turns = [_steps(before.rotation, paths.rotation), _steps(paths.rotation, after.rotation)]
     moves = [paths.position - before.position, after.position - paths.position]
     (turn, next_turn), (move, next_move) = (
         (np.where(np.isnan(one), other, one), np.where(np.isnan(other), one, other)) for one, other in (turns, moves)

@@ -57,7 +57,7 @@ class Family(StrEnum):
 
     alone: one parameter. beside_bias: one parameter, beside a constant bias and a drift of each tracker. The others are
     joint fits: optics (focal length, principal point, k1), timing (clock offset and drift, readout), depth (scale,
-    offsets), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
+    offset), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
     """
 
     alone = "alone"
@@ -200,7 +200,7 @@ FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
             in_frames="clock_offset_frames",
         ),
         Parameter.clock_drift: Fault(
-            name="drift of the clock of the poses",
+            name="clock drift of the poses",
             part=Part.time,
             plausible=1.0,
             furthest=8.0,
@@ -216,7 +216,7 @@ FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
             in_frames="# needs timestamps: readout in frames",
         ),
         Parameter.rotation_delay: Fault(
-            name="delay of the rotation against the position of the poses",
+            name="delay of the rotations of the poses",
             part=Part.path,
             components=_XYZ,
             plausible=1.0,
@@ -246,7 +246,7 @@ JOINT: Mapping[Family, tuple[Parameter, ...]] = MappingProxyType(
     {
         Family.optics: of_parts(Part.optics),
         Family.timing: of_parts(Part.time),
-        Family.depth: tuple(one for one in of_parts(Part.depth) if not FAULTS[one].is_kind),
+        Family.depth: (Parameter.depth_scale, Parameter.depth_offset),
         Family.mounting: of_parts(Part.rotation, Part.translation),
         Family.optics_and_timing: of_parts(Part.optics, Part.time),
         Family.all: tuple(Parameter),

@@ -44,7 +44,7 @@ SIZES: dict[Parameter, tuple[float | tuple[float, ...], float | tuple[float, ...
     Parameter.smoothing: (0.2, 2.0),
     Parameter.ray_depth: (1.0, 1.0),
 }
-"""Small and large, in the units of the fit: 1, px, metres, 1/m, radians, frame intervals or their squares; of a kind, 1.
+"""Small and large, in the units of the fit: 1, px, metres, 1/m, radians, frame intervals, their squares; of a kind, 1.
 """
 ONE_SCENE = World(n_scenes=1, n_frames=240, per_scene=1600)
 EIGHT_SCENES = World(per_scene=200)

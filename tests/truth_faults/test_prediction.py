@@ -174,7 +174,7 @@ def test_late_rotations_are_those_of_later_times_and_positions_stay() -> None:
     frame, corrections = np.arange(5, 35), Corrections(theta_of({Parameter.rotation_delay: (0.5, 0.5, 0.5)}))
     found = CorrectedMotion(paths, corrections, frame, np.zeros(30)).moving
     later = paths.at(frame, np.full(30, 0.5))
-    np.testing.assert_allclose(found.rotation, later.rotation, atol=5e-4)
+    np.testing.assert_allclose(found.rotation, later.rotation, atol=1e-12)
     assert np.abs(paths.rotation[frame] - later.rotation).max() > 4e-3
     np.testing.assert_array_equal(found.position, paths.position[frame])
 

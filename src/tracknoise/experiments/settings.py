@@ -131,7 +131,7 @@ class CorrectionSettings(_Section):
     depth_offset_m: float = UNCORRECTED.depth_offset_m
     """Added to depths, after the factor, metres."""
     inverse_depth_offset_per_m: float = UNCORRECTED.inverse_depth_offset_per_m
-    """Added to the inverse of depths, after factor and offset, 1/m. Depths whose inverse is not positive are invalid."""
+    """Added to the inverse of depths, after factor and offset, 1/m. Where it is not positive, there is no depth."""
     depth_along_ray: bool | None = None
     """Whether depths, with their factor and offsets, are distances along the ray. By default they are not."""
     clock_offset_s: float = UNCORRECTED.clock_offset_s

@@ -34,7 +34,7 @@ class Corrections:
     depth_offset_m
         Added to depths, after the factor, metres.
     inverse_depth_offset_per_m
-        Added to the inverse of depths, after factor and offset, 1/m. Depths whose inverse is not positive are invalid.
+        Added to the inverse of depths, after factor and offset, 1/m. Where it is not positive, there is no depth.
     depth_along_ray
         Whether what is stated as depth, with its factor and offsets, is the distance along the ray.
     clock_offset_s

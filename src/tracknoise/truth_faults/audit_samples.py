@@ -60,9 +60,8 @@ class Paths:
         Between a frame and the next, see `Moving`; NaN where there is none or either has no pose.
     mean_turning, mean_velocity : (frames, 3) float64
         Mean of those before and after a frame; beyond the ends of a sequence the last velocity goes on.
-    rates : (frames, 3, 3) float64
-        Over one unit of time before and after a frame: mean angular velocity, and second differences of rotation and
-        position.
+    bend : (frames, 2, 3) float64
+        Second differences of rotation, in the frame of the camera, and of position: one unit of time before and after.
     """
 
     times: NDArray[np.float64]
@@ -75,7 +74,7 @@ class Paths:
     velocity: NDArray[np.float64]
     mean_turning: NDArray[np.float64]
     mean_velocity: NDArray[np.float64]
-    rates: NDArray[np.float64]
+    bend: NDArray[np.float64]
 
     @classmethod
     def of(cls, times: NDArray[np.float64], poses: NDArray[np.float64], sequence: NDArray[np.intp]) -> "Paths":
@@ -94,11 +93,11 @@ class Paths:
         turning[between] = _rotation_vectors(step) / span
         velocity[between] = (position[between + 1] - position[between]) / span
         place = np.arange(len(times))
-        sides = (np.clip(side, first, last - 1) for side in (place - 1, place))
-        means = [0.5 * (one[before] + one[after]) for before, after in [tuple(sides)] for one in (turning, velocity)]
+        before, after = (np.clip(side, first, last - 1) for side in (place - 1, place))
+        turn, move = (0.5 * (one[before] + one[after]) for one in (turning, velocity))
         posed = _ends(np.where(known, times, np.nan), first)
-        paths = cls(times, first, last, posed, rotation, position, turning, velocity, *means, np.empty((0, 3, 3)))
-        return replace(paths, rates=_rates(paths))
+        paths = cls(times, first, last, posed, rotation, position, turning, velocity, turn, move, np.empty((0, 2, 3)))
+        return replace(paths, bend=_bend(paths))
 
     @property
     def surrounded(self) -> NDArray[np.bool_]:
@@ -143,20 +142,20 @@ class Paths:
         rotation[np.isnan(position[:, 0])] = np.nan
         return Moving(rotation, position, self.turning[start], self.velocity[start])
 
-    def rates_at(
+    def bend_at(
         self, frame: NDArray[np.intp], delay: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """`rates` some time after frames, and how they change with time, both (n, 3, 3).
+        """`bend` some time after frames, and how it changes with time, both (n, 2, 3).
 
-        They are interpolated between frames, and stay as they are beyond the ends of a sequence.
+        Differences are interpolated between frames, and stay as they are beyond the ends of a sequence.
         """
         start = self._segment(frame, delay)
         span = self.times[start + 1] - self.times[start]
         fraction = (self.times[frame] + delay - self.times[start]) / span
         inside = np.clip(fraction, 0.0, 1.0)
-        change = self.rates[start + 1] - self.rates[start]
+        change = self.bend[start + 1] - self.bend[start]
         slope = np.where(fraction == inside, 1.0 / span, 0.0)
-        return self.rates[start] + inside[:, None, None] * change, slope[:, None, None] * change
+        return self.bend[start] + inside[:, None, None] * change, slope[:, None, None] * change
 
     def _segment(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> NDArray[np.intp]:
         """First of the two frames around each time. Sequences are laid out one after the other on one axis of time."""
@@ -176,30 +175,29 @@ def _ends(known: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.flo
     if not starts.size:
         return np.empty((0, 2))
     ends = np.stack([np.fmin.reduceat(known, starts), np.fmax.reduceat(known, starts)], axis=1)
-    return np.nan_to_num(ends[place])
+    return np.asarray(np.nan_to_num(ends[place]))
 
 
-def _rates(paths: Paths) -> NDArray[np.float64]:
-    """See `Paths.rates`. A step to where no pose is known is taken as the one on the other side; without both it is 0."""
+def _bend(paths: Paths) -> NDArray[np.float64]:
+    """See `Paths.bend`. A step to where no pose is known is taken as that on the other side; without both it is 0."""
     every = np.arange(len(paths.times))
     if not every.size:
-        return np.empty((0, 3, 3))
+        return np.empty((0, 2, 3))
     before, after = (paths.at(every, np.full(len(every), delay)) for delay in (-1.0, 1.0))
-    turns = [_steps(before.rotation, paths.rotation), _steps(paths.rotation, after.rotation)]
+    turns = [steps(before.rotation, paths.rotation), steps(paths.rotation, after.rotation)]
     moves = [paths.position - before.position, after.position - paths.position]
     (turn, next_turn), (move, next_move) = (
         (np.where(np.isnan(one), other, one), np.where(np.isnan(other), one, other)) for one, other in (turns, moves)
     )
-    found = np.stack([0.5 * (turn + next_turn), next_turn - turn, next_move - move], axis=1)
-    return np.nan_to_num(found)
+    return np.asarray(np.nan_to_num(np.stack([next_turn - turn, next_move - move], axis=1)))
 
 
-def _steps(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+def steps(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation vectors (n, 3) from rotations to others, both (n, 3, 3); NaN where either is unknown."""
-    steps = np.full((len(start), 3), np.nan)
+    found = np.full((len(start), 3), np.nan)
     known = np.isfinite(start).all(axis=(1, 2)) & np.isfinite(end).all(axis=(1, 2))
-    steps[known] = _rotation_vectors(np.swapaxes(start[known], 1, 2) @ end[known])
-    return steps
+    found[known] = _rotation_vectors(np.swapaxes(start[known], 1, 2) @ end[known])
+    return found
 
 
 def _rotation_vectors(rotations: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -268,9 +268,10 @@ class Stage:
 
     @cached_property
     def best(self) -> Assessment | None:
-        """What is named, of all that pass and that trackers agree on: the one with the fewest numbers that explains most.
+        """What is named: of all that pass and that trackers agree on, the one with the fewest numbers.
 
-        Left out are those that surely explain less than another.
+        Left out are those that surely explain less than the one that explains most. Of equal numbers, the one that
+        explains more is named.
         """
         agreed = [one for name, one in self.assessed.items() if self.passes(name) and one.is_agreed]
         most = max(agreed, key=lambda one: one.gain.value, default=None)

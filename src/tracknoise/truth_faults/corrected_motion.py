@@ -1,9 +1,9 @@
 """Poses of cameras under corrections of their times and of the shape of their path, and how they change with these.
 
-At the time t of a row, the corrected pose has the rotation R(t') Exp(d * w(t') - c w'(t')) and the position
-p(t') - c p''(t'), with t' = t + clock offset + clock drift * u (audit.motion). u is the time of the frame after the
-middle of its sequence, in units of half of the longest one. d is the delay of the rotation about each axis, and c the
-smoothing. The angular velocity w and the second differences w' and p'' are those of the stated path.
+At the time t of a row, the corrected pose has the rotation R(t') Exp(l - c R'') and the position p(t') - c p'', with
+t' = t + clock offset + clock drift * u (audit.motion). u is the time of the frame after the middle of its sequence, in
+units of half of the longest one. l_i = Log(R(t')^T R(t' + d_i))_i for the delay d_i of the rotation about axis i. c is
+the smoothing, and R'' and p'' are the second differences of the stated path at t'.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracknoise.truth_faults.audit_samples import Moving, Paths
+from tracknoise.truth_faults.audit_samples import Moving, Paths, steps
 from tracknoise.truth_faults.fault_parameters import Corrections, Parameter
 
 _SMALL_ANGLE = 1e-4
@@ -34,6 +34,28 @@ def right_jacobian(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     first = np.where(is_small, 0.5, (1.0 - np.cos(safe)) / safe**2)
     second = np.where(is_small, 0.0, (safe - np.sin(safe)) / safe**3)
     return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
+
+
+def _undone(vectors: NDArray[np.float64], turned: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of `right_jacobian` times other vectors, (n, 3)."""
+    return np.asarray(np.linalg.solve(right_jacobian(vectors), turned[:, :, None])[:, :, 0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Delayed:
+    """What delays of rotations change.
+
+    Attributes
+    ----------
+    turn : (n, 3) float64
+        Rotation vectors in the own frame.
+    by_delay, by_time : (n, 3) float64
+        How each number changes with the delay about its axis, and with time.
+    """
+
+    turn: NDArray[np.float64]
+    by_delay: NDArray[np.float64]
+    by_time: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,17 +81,17 @@ class CorrectedMotion:
     def moving(self) -> Moving:
         """Corrected poses and velocities."""
         stated = self._stated
-        if not self._delay.any() and self._smoothing == 0.0:
+        if not self._has_delay and self._smoothing == 0.0:
             return stated
-        rates, change = self._rates
-        turn = self._turn
-        turned = Rotation.from_rotvec(turn).as_matrix()
-        by_time = np.einsum("nij,nj->ni", right_jacobian(turn), self._delay * change[:, 0] - self._smoothing * change[:, 1])
+        bend, change = self._bend
+        turned = Rotation.from_rotvec(np.nan_to_num(self._turn)).as_matrix()
+        faster = self._delayed.by_time - self._smoothing * change[:, 0]
+        by_time = np.einsum("nij,nj->ni", right_jacobian(self._turn), faster)
         return Moving(
             stated.rotation @ turned,
-            stated.position - self._smoothing * rates[:, 2],
+            stated.position - self._smoothing * bend[:, 1],
             np.einsum("nji,nj->ni", turned, stated.turning) + by_time,
-            stated.velocity - self._smoothing * change[:, 2],
+            stated.velocity - self._smoothing * change[:, 1],
         )
 
     def by_times(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,21 +100,35 @@ class CorrectedMotion:
 
     def by_path(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Turns in the own frame, and moves in the world, for delays of the rotation and smoothing, both (n, 3, 4)."""
-        rates, _ = self._rates
+        bend, _ = self._bend
         turns, moves = np.zeros((2, len(self.frame), 3, 4))
-        turns[:, range(3), range(3)], turns[:, :, 3] = rates[:, 0], -rates[:, 1]
-        moves[:, :, 3] = -rates[:, 2]
+        turns[:, range(3), range(3)], turns[:, :, 3] = self._delayed.by_delay, -bend[:, 0]
+        moves[:, :, 3] = -bend[:, 1]
         return (right_jacobian(self._turn) @ turns if self._turn.any() else turns), moves
 
     @cached_property
     def _turn(self) -> NDArray[np.float64]:
         """Rotation vectors of the corrections in the own frame, (n, 3)."""
-        rates, _ = self._rates
-        return np.asarray(self._delay * rates[:, 0] - self._smoothing * rates[:, 1])
+        bend, _ = self._bend
+        return np.asarray(self._delayed.turn - self._smoothing * bend[:, 0])
+
+    @cached_property
+    def _delayed(self) -> Delayed:
+        stated, nothing = self._stated, np.zeros((len(self.frame), 3))
+        if not self._has_delay:
+            return Delayed(nothing, stated.turning, nothing)
+        found = Delayed(nothing, nothing.copy(), nothing.copy())
+        for axis, delay in enumerate(self.corrections.of(Parameter.rotation_delay)):
+            later = self.paths.moving(self.frame, self._clock + delay)
+            turn = steps(stated.rotation, later.rotation)
+            by_delay = _undone(turn, later.turning)
+            found.turn[:, axis], found.by_delay[:, axis] = turn[:, axis], by_delay[:, axis]
+            found.by_time[:, axis] = (by_delay - _undone(-turn, stated.turning))[:, axis]
+        return found
 
     @property
-    def _delay(self) -> NDArray[np.float64]:
-        return self.corrections.of(Parameter.rotation_delay)
+    def _has_delay(self) -> bool:
+        return bool(self.corrections.of(Parameter.rotation_delay).any())
 
     @property
     def _smoothing(self) -> float:
@@ -114,5 +150,5 @@ class CorrectedMotion:
         return self.paths.moving(self.frame, self._clock)
 
     @cached_property
-    def _rates(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return self.paths.rates_at(self.frame, self._clock)
+    def _bend(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self.paths.bend_at(self.frame, self._clock)

@@ -234,7 +234,7 @@ class WorldPoints:
 
     @cached_property
     def _in_line(self) -> NDArray[np.float64]:
-        """s Z + o, (n,), metres."""
+        """Depths with their factor and offset: s Z + o, (n,), metres."""
         scale = 1.0 + self.corrections.number(Parameter.depth_scale)
         return np.asarray(scale * self.samples.depth + self.corrections.number(Parameter.depth_offset))
 

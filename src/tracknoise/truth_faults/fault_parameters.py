@@ -72,7 +72,7 @@ class Family(StrEnum):
 
 
 class Part(StrEnum):
-    """What parameters correct: optics, depth, rotation or translation of the mounting, time, or the shape of the path."""
+    """What parameters correct: optics, depth, rotation or translation of the mounting, time, or the path's shape."""
 
     optics = "optics"
     depth = "depth"

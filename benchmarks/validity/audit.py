@@ -34,13 +34,18 @@ SIZES: dict[Parameter, tuple[float | tuple[float, ...], float | tuple[float, ...
     Parameter.k1: (0.01, 0.1),
     Parameter.depth_scale: (0.01, 0.1),
     Parameter.depth_offset: (0.03, 0.2),
+    Parameter.inverse_depth_offset: (0.005, 0.05),
     Parameter.mounting_rotation: ((0.006, -0.006, 0.006), (0.03, 0.02, -0.04)),
     Parameter.mounting_translation: ((0.02, 0.02, -0.02), (0.1, -0.05, 0.05)),
     Parameter.clock_offset: (0.06, 0.5),
+    Parameter.clock_drift: (0.2, 1.0),
     Parameter.readout: (0.2, 0.8),
+    Parameter.rotation_delay: ((0.1, 0.1, 0.1), (0.5, 0.5, 0.5)),
+    Parameter.smoothing: (0.2, 2.0),
     Parameter.ray_depth: (1.0, 1.0),
 }
-"""Small and large, in the units of the fit: 1, px, metres, radians and frame intervals; of a kind, 1."""
+"""Small and large, in the units of the fit: 1, px, metres, 1/m, radians, frame intervals, their squares; of a kind, 1.
+"""
 ONE_SCENE = World(n_scenes=1, n_frames=240, per_scene=1600)
 EIGHT_SCENES = World(per_scene=200)
 TWO_LIVELY = replace(EIGHT_SCENES, lively=2, steady_m=(0.02, 0.0, 0.02))

@@ -12,7 +12,7 @@ import tracknoise as tn
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.cameras import EquidistantCamera
 from tracknoise.geometry.corrections import Corrections
-from tracknoise.geometry.pose import invert
+from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.poses import has_pose
@@ -49,12 +49,18 @@ class Stated(View):
     def shutter(self):
         return self.changes.get("shutter", self.sequence.shutter)
 
+    @property
+    def path(self):
+        return self.changes.get("path")
+
     def depth(self, index):
         depth = self.sequence.depth(index)
         if "ray depth" in self.changes:
             v, u = np.indices(depth.depth_m.shape)
             rays = self.camera.bearings(np.stack([u, v], axis=-1).astype(float))
             return replace(depth, depth_m=depth.depth_m * np.linalg.norm(rays, axis=-1))
+        if "disparity" in self.changes:
+            return replace(depth, depth_m=1.0 / (1.0 / depth.depth_m - 0.02))
         return replace(depth, depth_m=(depth.depth_m - 0.05) / 1.1) if "depth" in self.changes else depth
 
 
@@ -88,6 +94,7 @@ FAULTS = {
     ),
     "k1": ({"camera": {"distortion": (-0.1, *CAMERA.distortion[1:])}}, Corrections(k1=CAMERA.distortion[0] + 0.1)),
     "depth": ({"depth": True}, Corrections(depth_scale=1.1, depth_offset_m=0.05)),
+    "disparity": ({"disparity": True}, Corrections(inverse_depth_offset_per_m=0.02)),
     "ray depth": ({"ray depth": True}, Corrections(depth_along_ray=True)),
     "readout": ({"shutter": None}, Corrections(readout_s=READOUT_S)),
     "part of the readout": ({"shutter": RollingShutter(0.01)}, Corrections(readout_s=READOUT_S - 0.01)),
@@ -143,6 +150,30 @@ def test_a_clock_offset_below_a_frame_is_undone_at_constant_velocity():
         pose[:3, :3], pose[:3, 3] = room.pose_after(time_s - 0.011)
     found = corrected(Stated(room, {"poses": poses}), Corrections(clock_offset_s=0.011))
     np.testing.assert_allclose(located(found)[0], located(room)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("shutter", [None, RollingShutter(READOUT_S)])
+def test_a_clock_that_runs_at_another_rate_is_undone(room, shutter):
+    room, drift = replace(room, shutter=shutter), 0.02
+    times = room.timestamps_s
+    middle = 0.5 * (times[0] + times[-1])
+    slow = PosePath(middle + (times - middle) / (1.0 + drift), room.world_from_camera)
+    fast = PosePath(middle + (times - middle) * (1.0 + drift), room.world_from_camera)
+    found = corrected(Stated(room, {"path": fast}), Corrections(clock_drift=drift))
+    np.testing.assert_allclose(found.path.times, times, atol=1e-12)
+    np.testing.assert_allclose(found.world_from_camera, room.world_from_camera, atol=1e-9)
+    np.testing.assert_allclose(located(found)[0], located(room)[0], atol=1e-9)
+    ends = has_pose(corrected(Stated(room, {"path": slow}), Corrections(clock_drift=drift)).world_from_camera)
+    assert not ends[0]
+    assert not ends[-1]
+
+
+def test_depths_whose_corrected_inverse_is_not_positive_are_invalid(room):
+    depth = room.depth(BIRTH)
+    least = float(np.median(depth.depth_m[depth.valid]))
+    found = corrected(room, Corrections(inverse_depth_offset_per_m=-1.0 / least)).depth(BIRTH)
+    np.testing.assert_array_equal(found.valid, depth.valid & (depth.depth_m < least))
+    assert (found.depth_m[found.valid] > 0.0).all()
 
 
 def test_a_clock_offset_in_frames_needs_no_timestamps(room):
@@ -204,6 +235,7 @@ def test_a_corrected_sequence_can_be_pickled(room):
     [
         ({"times": None, "shutter": None}, {"clock_offset_s": 0.1}, "clock_offset_s and no timestamps, expected clock"),
         ({"times": None, "shutter": None}, {"readout_s": 0.1}, "readout_s and no timestamps, expected timestamps"),
+        ({"times": None, "shutter": None}, {"clock_drift": 0.1}, "clock_drift and no timestamps, expected timestamps"),
         ({}, {"clock_offset_frames": 1}, "clock_offset_frames and timestamps, expected clock_offset_s"),
         ({}, {"k1": -3.0}, "corrections that leave pixels without a ray, expected a lens that can be inverted"),
     ],
@@ -230,6 +262,7 @@ def test_k1_of_other_lenses_is_refused():
         ({"k1": float("nan")}, "k1 is nan, expected a finite number"),
         ({"principal_point_px": (1.0,)}, "principal_point_px is .*, expected 2 finite numbers"),
         ({"mounting_rotation_deg": 3.0}, "mounting_rotation_deg is 3.0, expected 3 finite numbers"),
+        ({"clock_drift": -1.0}, "clock_drift is -1.0, expected a number above -1"),
         ({"readout_s": 26.0}, "readout_s is 26.0, expected seconds between -1 and 1"),
         ({"clock_offset_s": 0.1, "clock_offset_frames": 1.0}, "clock_offset_frames is 1.0, expected 0 beside"),
     ],

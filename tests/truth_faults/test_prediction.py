@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 from tracknoise.geometry.cameras import Camera, DoubleSphereCamera, EquidistantCamera
 from tracknoise.geometry.pose import PosePath
 from tracknoise.truth_faults.audit_samples import AuditSamples, Paths
+from tracknoise.truth_faults.corrected_motion import CorrectedMotion
 from tracknoise.truth_faults.corrected_positions import INTRINSIC, predict
-from tracknoise.truth_faults.fault_parameters import COUNT, SLICES, Parameter, columns_of
+from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, SLICES, Corrections, Parameter, columns_of
 
 SMALL = World(n_scenes=2, n_frames=30, per_scene=60)
 CAMERAS = (
@@ -21,7 +22,14 @@ CAMERAS = (
     EquidistantCamera(640, 480, 300.0, 305.0, 310.0, 235.0, (0.01, 0.002, 0.0, 0.0)),
     DoubleSphereCamera(640, 480, 300.0, 305.0, 310.0, 235.0, -0.2, 0.6),
 )
-STEP = np.array([0.05, 3.0, 3.0, 0.02, 0.05, 0.02, *[0.02] * 6, 0.3, 0.3, 0.4])
+SIZE = {
+    Parameter.focal_length: 0.05, Parameter.principal_point: 3.0, Parameter.k1: 0.02,
+    Parameter.depth_scale: 0.05, Parameter.depth_offset: 0.02, Parameter.inverse_depth_offset: 0.02,
+    Parameter.mounting_rotation: 0.02, Parameter.mounting_translation: 0.02,
+    Parameter.clock_offset: 0.3, Parameter.clock_drift: 0.3, Parameter.readout: 0.3,
+    Parameter.rotation_delay: 0.3, Parameter.smoothing: 0.3, Parameter.ray_depth: 0.4,
+}  # fmt: skip
+STEP = np.concatenate([np.full(FAULTS[one].count, SIZE[one]) for one in Parameter])
 
 
 def samples(world: World = SMALL, seed: int = 0) -> AuditSamples:
@@ -89,26 +97,30 @@ def test_frames_beside_a_gap_in_the_poses_are_not_surrounded() -> None:
     assert paths.surrounded.tolist() == [True, True, True, False, False, False, False]
 
 
-def by_hand(some: AuditSamples, row: int, theta: np.ndarray) -> np.ndarray:
+def by_hand(some: AuditSamples, row: int, theta: dict[Parameter, np.ndarray]) -> np.ndarray:
     """One corrected position of a pinhole camera, by matrices written out, and its row by bisection over times."""
-    focal = 525.0 * (1.0 + theta[0])
-    centre = np.array([319.5, 239.5]) + theta[1:3]
+    focal = 525.0 * (1.0 + theta[Parameter.focal_length])
+    centre = np.array([319.5, 239.5]) + theta[Parameter.principal_point]
     mounting = np.eye(4)
-    mounting[:3, :3] = Rotation.from_rotvec(theta[6:9]).as_matrix()
-    mounting[:3, 3] = theta[9:12]
+    mounting[:3, :3] = Rotation.from_rotvec(theta[Parameter.mounting_rotation]).as_matrix()
+    mounting[:3, 3] = theta[Parameter.mounting_translation]
     poses = np.tile(np.eye(4), (30, 1, 1))
     own = slice(0, 30) if some.birth[row] < 30 else slice(30, 60)
     poses[:, :3, :3], poses[:, :3, 3] = some.paths.rotation[own], some.paths.position[own]
     path = PosePath(np.arange(30.0), poses)
 
     def pose(frame: int, v: float) -> np.ndarray:
-        time = frame - own.start + theta[12] + theta[13] * ((v + 0.5) / 480.0 - 0.5)
+        drift = theta[Parameter.clock_drift] * (frame - own.start - 14.5) / 14.5
+        row_time = theta[Parameter.readout] * ((v + 0.5) / 480.0 - 0.5)
+        time = frame - own.start + theta[Parameter.clock_offset] + drift + row_time
         return path.at(np.array([time]))[0] @ mounting
 
     uv = some.uv_at_birth[row]
     xy = (uv - centre) / focal
     cosine = 1.0 / np.sqrt(1.0 + xy @ xy)
-    depth = ((1.0 + theta[4]) * some.depth[row] + theta[5]) * (1.0 - theta[14] + theta[14] * cosine)
+    kind = theta[Parameter.ray_depth]
+    straight = (1.0 + theta[Parameter.depth_scale]) * some.depth[row] + theta[Parameter.depth_offset]
+    depth = (1.0 - kind + kind * cosine) / (1.0 / straight + theta[Parameter.inverse_depth_offset])
     point = np.array([*(xy * depth), depth, 1.0])
     world = pose(some.birth[row], uv[1]) @ point
 
@@ -125,10 +137,52 @@ def by_hand(some: AuditSamples, row: int, theta: np.ndarray) -> np.ndarray:
 
 def test_corrections_do_what_they_are_called() -> None:
     some = samples()
-    theta = np.array([0.05, 4.0, -3.0, 0.0, 0.04, 0.1, 0.02, -0.03, 0.01, 0.05, 0.02, -0.04, 0.3, 0.6, 0.9])
-    found = predict(some, theta).uv
+    theta = theta_of({
+        Parameter.focal_length: 0.05, Parameter.principal_point: (4.0, -3.0),
+        Parameter.depth_scale: 0.04, Parameter.depth_offset: 0.1, Parameter.inverse_depth_offset: 0.03,
+        Parameter.mounting_rotation: (0.02, -0.03, 0.01), Parameter.mounting_translation: (0.05, 0.02, -0.04),
+        Parameter.clock_offset: 0.3, Parameter.clock_drift: -0.7, Parameter.readout: 0.6, Parameter.ray_depth: 0.9,
+    })  # fmt: skip
+    found, numbers = predict(some, theta).uv, {one: np.squeeze(theta[SLICES[one]]) for one in Parameter}
     for row in range(0, len(found), 17):
-        np.testing.assert_allclose(found[row], by_hand(some, row, theta), atol=1e-7)
+        np.testing.assert_allclose(found[row], by_hand(some, row, numbers), atol=1e-7)
+
+
+def bowed(smoothed: float = 0.0) -> np.ndarray:
+    """Poses on a path whose second differences change slowly, averaged over 2 * smoothed frames squared of variance."""
+    times = np.arange(40.0)
+    poses = np.tile(np.eye(4), (40, 1, 1))
+    fade = np.exp(-smoothed * np.array([0.2, 0.15, 0.1]) ** 2)  # of waves, by a filter whose variance is 2 * smoothed
+    turn = fade * np.sin(np.outer(times, [0.2, 0.15, 0.1])) * [0.05, 0.0, 0.0]
+    poses[:, :3, :3] = Rotation.from_rotvec(turn).as_matrix()
+    poses[:, :3, 3] = fade * np.sin(np.outer(times, [0.2, 0.15, 0.1])) * [0.1, 0.2, 0.3]
+    return poses
+
+
+def test_smoothed_poses_are_sharpened_again() -> None:
+    paths, c = Paths.of(np.arange(40.0), bowed(smoothed=1.5), np.zeros(40, np.intp)), 1.5
+    frame, true = np.arange(5, 35), bowed()
+    found = CorrectedMotion(paths, Corrections(theta_of({Parameter.smoothing: c})), frame, np.zeros(30)).moving
+    stated = np.abs(paths.position[frame] - true[frame, :3, 3]).max()
+    assert np.abs(found.position - true[frame, :3, 3]).max() < 0.06 * stated
+    stated = np.abs(paths.rotation[frame] - true[frame, :3, :3]).max()
+    assert np.abs(found.rotation - true[frame, :3, :3]).max() < 0.06 * stated
+
+
+def test_late_rotations_are_those_of_later_times_and_positions_stay() -> None:
+    paths = Paths.of(np.arange(40.0), bowed(), np.zeros(40, np.intp))
+    frame, corrections = np.arange(5, 35), Corrections(theta_of({Parameter.rotation_delay: (0.5, 0.5, 0.5)}))
+    found = CorrectedMotion(paths, corrections, frame, np.zeros(30)).moving
+    later = paths.at(frame, np.full(30, 0.5))
+    np.testing.assert_allclose(found.rotation, later.rotation, atol=1e-12)
+    assert np.abs(paths.rotation[frame] - later.rotation).max() > 4e-3
+    np.testing.assert_array_equal(found.position, paths.position[frame])
+
+
+def test_a_corrected_inverse_depth_that_is_not_positive_has_no_position() -> None:
+    some = samples()
+    found = predict(some, theta_of({Parameter.inverse_depth_offset: -1.0 / 3.0})).uv
+    np.testing.assert_array_equal(np.isnan(found).all(axis=1), some.depth >= 3.0)
 
 
 def test_a_point_that_is_not_seen_moves_no_other() -> None:

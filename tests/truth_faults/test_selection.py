@@ -157,6 +157,15 @@ def test_depth_and_focal_length_cannot_be_told_apart_where_the_camera_only_shift
     assert rivals & {Parameter.depth_scale, Parameter.depth_offset}
 
 
+@pytest.mark.parametrize("planted", [{"clock_offset": 0.5}, {"rotation_delay": (0.5, 0.5, 0.5)}])
+def test_of_faults_that_explain_as_much_the_one_with_the_fewest_numbers_is_named(planted) -> None:
+    """Where the camera turns and does not move, late rotations are what a late clock is."""
+    turning = replace(WORLD, wobble=(0.01, 0.0))
+    found = select(samples(turning, seed=1, **planted))
+    assert [one.parameter for one in found.named] == [Parameter.clock_offset]
+    assert Parameter.rotation_delay in found.named[0].rivals
+
+
 def test_the_basis_of_no_parameter_costs_no_position() -> None:
     some = samples()
     start = Start.at(some, np.zeros(COUNT))

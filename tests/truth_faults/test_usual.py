@@ -1,5 +1,6 @@
 """Faults that are usual mistakes are said in the words of the mistake."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from tracknoise.truth_faults.audit_summary import (
 )
 from tracknoise.truth_faults.audit_tables import tables_of
 from tracknoise.truth_faults.fault_parameters import Parameter
+from tracknoise.words import SPACE
 
 WORLD = World(per_scene=100, n_frames=60)
 
@@ -56,6 +58,62 @@ def test_distances_along_the_ray_are_named_with_their_correction() -> None:
     (text,) = usual_mistakes(found)
     assert text.startswith("Depth is the distance along the ray, not along the optical axis (share ")
     assert corrections_toml(found) == "[truth.corrections]\ndepth_along_ray = true"
+
+
+def test_depths_against_the_path_are_one_number() -> None:
+    text, *others = audit_sentences(audit(depth_scale=0.1))
+    assert text.startswith(f"The scale of the depths against the camera's path is 9.1{SPACE}% too small (1.10")
+    assert " A path that is too long by the same factor is the same fault." in text
+    (explained,) = others
+    assert explained.startswith("The focal length, ")
+    assert explained.endswith("once the scale of the depths against the camera's path is corrected.")
+
+
+def test_a_wrong_disparity_is_named_with_its_correction() -> None:
+    found = audit(inverse_depth_offset=0.05)
+    assert audit_sentences(found)[0].startswith(
+        "The inverse depths are off by a constant, as those of stereo with a wrong disparity (0.0"
+    )
+    block = tomllib.loads(corrections_toml(found))["truth"]["corrections"]
+    assert block == {"inverse_depth_offset_per_m": pytest.approx(0.05, abs=2e-3)}
+
+
+def test_a_clock_that_runs_too_slow_is_named_with_its_rate() -> None:
+    """One frame of 1/30 s too early after 29.5 frames from the middle."""
+    found = audit(clock_drift=-1.0)
+    text, rate = audit_sentences(found)[0], 1.0 / 29.5
+    assert text.startswith("The clock of the poses runs too slow (−33.")
+    assert f"{SPACE}ms/s instead of 0)" in text
+    block = tomllib.loads(corrections_toml(found))["truth"]["corrections"]
+    assert block == {"clock_drift": pytest.approx(-rate, abs=1e-3)}
+
+
+def test_a_drift_without_timestamps_is_one_of_frames_and_has_no_setting() -> None:
+    samples = make_samples(np.random.default_rng(1), WORLD, theta_of({Parameter.clock_drift: 1.0}))
+    found = tables_of(replace(samples, interval_s=None), "made-up").audit
+    assert f"{SPACE}frames per 100 instead of 0)" in audit_sentences(found)[0]
+    block = tomllib.loads(corrections_toml(found))
+    assert block["truth"]["corrections"] == {}
+
+
+@pytest.mark.parametrize(
+    ("faults", "opening", "to_do"),
+    [
+        ({"smoothing": 1.0}, "The poses are smoothed (1.0", "use the poses as they were before the filter."),
+        ({"smoothing": -1.0}, "The poses overshoot, as a sharpened path does (", "use the poses as they were before"),
+        (
+            {"rotation_delay": (0.5, 0.5, 0.5)},
+            "The rotations of the poses are not of the times of their positions (late by (16.",
+            "make poses whose rotations and positions have one clock.",
+        ),
+    ],
+)
+def test_what_no_setting_undoes_is_said_with_what_to_do(faults, opening, to_do) -> None:
+    found = audit(**faults)
+    text = audit_sentences(found)[0]
+    assert text.startswith(opening)
+    assert f" No setting undoes this: {to_do}" in text
+    assert corrections_toml(found) is None
 
 
 def test_a_kind_of_depth_that_is_known_is_not_tried() -> None:

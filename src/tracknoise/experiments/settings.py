@@ -130,12 +130,17 @@ class CorrectionSettings(_Section):
     """Factor of depths."""
     depth_offset_m: float = UNCORRECTED.depth_offset_m
     """Added to depths, after the factor, metres."""
+    inverse_depth_offset_per_m: float = UNCORRECTED.inverse_depth_offset_per_m
+    """Added to the inverse of depths, after factor and offset, 1/m. Where it is not positive, there is no depth."""
     depth_along_ray: bool | None = None
-    """Whether depths, with their factor and offset, are distances along the ray. By default they are not."""
+    """Whether depths, with their factor and offsets, are distances along the ray. By default they are not."""
     clock_offset_s: float = UNCORRECTED.clock_offset_s
     """The pose at the time of an image plus this fits the image, seconds. For recordings with timestamps."""
     clock_offset_frames: float = UNCORRECTED.clock_offset_frames
     """The same in frames. For recordings without timestamps."""
+    clock_drift: float = UNCORRECTED.clock_drift
+    """Growth of this offset with time, seconds per second. It is 0 in the middle of the recorded poses. For recordings
+    with timestamps."""
     readout_s: float = UNCORRECTED.readout_s
     """Added to the readout of the rolling shutter, seconds. The readout of a recording that states none is 0."""
     mounting_rotation_deg: _Triple = [*UNCORRECTED.mounting_rotation_deg]

@@ -4,6 +4,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from numbers import Real
+from typing import Annotated
+
+from annotated_types import Gt
 
 from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.geometry.shutter import RollingShutter
@@ -30,12 +33,17 @@ class Corrections:
         Factor of depths.
     depth_offset_m
         Added to depths, after the factor, metres.
+    inverse_depth_offset_per_m
+        Added to the inverse of depths, after factor and offset, 1/m. Where it is not positive, there is no depth.
     depth_along_ray
-        Whether what is stated as depth, with its factor and offset, is the distance along the ray.
+        Whether what is stated as depth, with its factor and offsets, is the distance along the ray.
     clock_offset_s
         The pose at the time of an image plus this fits the image, seconds. For recordings with timestamps.
     clock_offset_frames
         The same in frames, for recordings without timestamps.
+    clock_drift
+        Growth of this offset with time, seconds per second; it is 0 in the middle of the recorded poses. For recordings
+        with timestamps.
     readout_s
         Added to the readout of the rolling shutter, seconds; that of a recording that states none is 0.
     mounting_rotation_deg
@@ -46,7 +54,7 @@ class Corrections:
     Raises
     ------
     ValueError
-        If a value is not finite, a factor is not positive, or both clock offsets are given.
+        If a value is not finite, a factor is not positive, a drift is not above -1, or both clock offsets are given.
     """
 
     focal_scale: Positive = 1.0
@@ -54,9 +62,11 @@ class Corrections:
     k1: float = 0.0
     depth_scale: Positive = 1.0
     depth_offset_m: float = 0.0
+    inverse_depth_offset_per_m: float = 0.0
     depth_along_ray: bool = False
     clock_offset_s: float = 0.0
     clock_offset_frames: float = 0.0
+    clock_drift: Annotated[float, Gt(-1)] = 0.0
     readout_s: float = 0.0
     mounting_rotation_deg: Triple = (0.0, 0.0, 0.0)
     mounting_translation_m: Triple = (0.0, 0.0, 0.0)
@@ -83,7 +93,7 @@ class Corrections:
     @property
     def change_depths(self) -> bool:
         """Whether depths are changed."""
-        return any(self._changes(name) for name in ("depth_scale", "depth_offset_m", "depth_along_ray"))
+        return any(self._changes(name) for name in _OF_DEPTHS)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -97,15 +107,18 @@ class Corrections:
         return changed
 
 
+_OF_DEPTHS = ("depth_scale", "depth_offset_m", "inverse_depth_offset_per_m", "depth_along_ray")
 _SENTENCES = {
     "focal_scale": "correction: focal lengths are multiplied by {}",
     "principal_point_px": "correction: the principal point is moved by {} px",
     "k1": "correction: {} is added to the radial distortion k1",
     "depth_scale": "correction: depths are multiplied by {}",
     "depth_offset_m": "correction: {} m is added to depths",
+    "inverse_depth_offset_per_m": "correction: {} 1/m is added to inverse depths",
     "depth_along_ray": "correction: depths are taken as distances along the ray",
     "clock_offset_s": "correction: the pose of a frame is the one recorded {} s after it",
     "clock_offset_frames": "correction: the pose of a frame is the one recorded {} frames after it",
+    "clock_drift": "correction: the clock of the poses runs faster by {} s per s, about the middle of the poses",
     "readout_s": "correction: {} s is added to the readout of the rolling shutter",
     "mounting_rotation_deg": "correction: the camera is rotated by {} deg (rotation vector) in the frame of the poses",
     "mounting_translation_m": "correction: the camera is moved by {} m in the frame of the poses",

@@ -42,13 +42,12 @@ def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np
         px; NaN is left out.
     """
     length = np.hypot(residual[:, 0], residual[:, 1])
-    _, place = np.unique(group, return_inverse=True)
-    order = np.lexsort((length, place))  # NaN last
-    known = np.bincount(place, np.isfinite(length)).astype(np.intp)
-    first = np.cumsum(np.bincount(place)) - np.bincount(place)
+    order = np.lexsort((length, group))  # NaN last
+    known = np.bincount(group, np.isfinite(length)).astype(np.intp)
+    first = np.cumsum(np.bincount(group)) - np.bincount(group)
     low, high = first + np.maximum(known - 1, 0) // 2, first + known // 2
     median = 0.5 * (length[order][low] + length[order][np.minimum(high, len(length) - 1)])
-    scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), _LEAST_PX)[place]
+    scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), _LEAST_PX)[group]
     return scale
 
 

@@ -25,8 +25,8 @@ def corrected(sequence: Sequence, corrections: Corrections) -> Sequence:
     Raises
     ------
     DataError
-        If the camera's model has no such parameter, the corrected lens cannot be inverted, a clock offset or a readout
-        needs timestamps that the sequence lacks, or a clock offset in frames is given although it has timestamps.
+        If the camera's model has no such parameter, the corrected lens cannot be inverted, a clock offset, its drift or
+        a readout needs timestamps that the sequence lacks, or a clock offset in frames is given although it has them.
     """
     if corrections.are_neutral:
         return sequence
@@ -52,7 +52,7 @@ def corrected_camera(camera: CameraModel, corrections: Corrections, source: str)
 class CorrectedSequence(View):
     """A sequence with corrections. Made by `corrected`.
 
-    A depth map belongs to pixels: the depth under a pixel stays there, but for its factor, offset and kind. Where an
+    A depth map belongs to pixels: the depth under a pixel stays there, but for its factor, offsets and kind. Where an
     exact surface is known, its depth under each pixel is treated likewise.
 
     Parameters
@@ -78,9 +78,11 @@ class CorrectedSequence(View):
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64: corrected poses; NaN for frames whose corrected time lies outside of the recorded ones."""
         offset = self.corrections.clock_offset_s or self.corrections.clock_offset_frames
+        drift, times = self.corrections.clock_drift, self._times()
         recorded = self.sequence.world_from_camera
-        if offset:
-            recorded = _inside(self._recorded_path(), self._times() + offset)
+        if offset or drift:
+            path = self._recorded_path()
+            recorded = _inside(path, times + offset + drift * (times - _middle(path)))
         return recorded @ self._mounting
 
     @property
@@ -89,7 +91,9 @@ class CorrectedSequence(View):
         recorded = path_of(self.sequence)
         if recorded is None:
             return None
-        return PosePath(recorded.times - self.corrections.clock_offset_s, recorded.poses @ self._mounting)
+        drift, times = self.corrections.clock_drift, recorded.times - self.corrections.clock_offset_s
+        times = times - drift / (1.0 + drift) * (times - _middle(recorded))
+        return PosePath(times, recorded.poses @ self._mounting)
 
     @property
     def shutter(self) -> RollingShutter | None:
@@ -130,8 +134,13 @@ class CorrectedSequence(View):
         return transform(self._poses.at(index, uv), points), usable
 
     def _corrected_m(self, stated_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Depths with their factor and offset."""
-        return self.corrections.depth_scale * stated_m + self.corrections.depth_offset_m
+        """Depths with their factor and offsets; 0 where none is left."""
+        found_m = self.corrections.depth_scale * stated_m + self.corrections.depth_offset_m
+        more = self.corrections.inverse_depth_offset_per_m
+        if not more:
+            return found_m
+        bend = 1.0 + more * found_m
+        return np.asarray(np.where((found_m > 0.0) & (bend > 0.0), found_m / np.where(bend > 0.0, bend, 1.0), 0.0))
 
     @cached_property
     def _mounting(self) -> NDArray[np.float64]:
@@ -177,6 +186,12 @@ def _with_k1(camera: Intrinsics, k1: float, source: str) -> Camera:
     return replace(camera, distortion=(first + k1, *others))
 
 
+def _middle(path: PosePath) -> float:
+    """Middle between the times of the first and the last known pose."""
+    known = path.times[has_pose(path.poses)]
+    return 0.5 * float(known[0] + known[-1]) if len(known) else 0.0
+
+
 def _inside(path: PosePath, times: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 4, 4) float64: poses at times; NaN before the first known pose and after the last."""
     known = path.times[has_pose(path.poses)]
@@ -194,9 +209,9 @@ def _require_clock(sequence: Sequence, corrections: Corrections) -> None:
     timed = times_of(sequence) is not None
     if corrections.clock_offset_frames and timed:
         raise DataError(sequence.source, "clock_offset_frames and timestamps", "clock_offset_s")
-    if (corrections.clock_offset_s or corrections.clock_offset_frames) and len(sequence) < 2:
+    if (corrections.clock_offset_s or corrections.clock_offset_frames or corrections.clock_drift) and len(sequence) < 2:
         raise DataError(sequence.source, "a clock offset for a single frame", "at least 2 frames")
-    for name in ("clock_offset_s", "readout_s"):
+    for name in ("clock_offset_s", "clock_drift", "readout_s"):
         if getattr(corrections, name) and not timed:
             expected = "clock_offset_frames" if name == "clock_offset_s" else "timestamps"
             raise DataError(sequence.source, f"{name} and no timestamps", expected)

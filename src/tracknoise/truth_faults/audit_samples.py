@@ -52,19 +52,29 @@ class Paths:
         Increasing within each sequence.
     first, last : (frames,) intp
         First and last frame of the sequence of each frame.
+    posed : (frames, 2) float64
+        Times of the first and last pose of the sequence of each frame.
     rotation, position : (frames, 3, 3), (frames, 3) float64
         NaN where a frame has no pose.
     turning, velocity : (frames, 3) float64
         Between a frame and the next, see `Moving`; NaN where there is none or either has no pose.
+    mean_turning, mean_velocity : (frames, 3) float64
+        Mean of those before and after a frame; beyond the ends of a sequence the last velocity goes on.
+    bend : (frames, 2, 3) float64
+        Second differences of rotation, in the frame of the camera, and of position: one unit of time before and after.
     """
 
     times: NDArray[np.float64]
     first: NDArray[np.intp]
     last: NDArray[np.intp]
+    posed: NDArray[np.float64]
     rotation: NDArray[np.float64]
     position: NDArray[np.float64]
     turning: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    mean_turning: NDArray[np.float64]
+    mean_velocity: NDArray[np.float64]
+    bend: NDArray[np.float64]
 
     @classmethod
     def of(cls, times: NDArray[np.float64], poses: NDArray[np.float64], sequence: NDArray[np.intp]) -> "Paths":
@@ -82,7 +92,12 @@ class Paths:
         step = np.swapaxes(rotation[between], 1, 2) @ rotation[between + 1]
         turning[between] = _rotation_vectors(step) / span
         velocity[between] = (position[between + 1] - position[between]) / span
-        return cls(times, first, last, rotation, position, turning, velocity)
+        place = np.arange(len(times))
+        before, after = (np.clip(side, first, last - 1) for side in (place - 1, place))
+        turn, move = (0.5 * (one[before] + one[after]) for one in (turning, velocity))
+        posed = _ends(np.where(known, times, np.nan), first)
+        paths = cls(times, first, last, posed, rotation, position, turning, velocity, turn, move, np.empty((0, 2, 3)))
+        return replace(paths, bend=_bend(paths))
 
     @property
     def surrounded(self) -> NDArray[np.bool_]:
@@ -92,17 +107,22 @@ class Paths:
         ends = (known[before] | (place == self.first)) & (known[after] | (place == self.last))
         return np.asarray(ends & (self.first < self.last))
 
+    @property
+    def longest_half(self) -> float:
+        """Half of the longest time from the first pose of a sequence to its last."""
+        return 0.5 * float(np.max(self.posed[:, 1] - self.posed[:, 0]))
+
+    def from_middle(self, frame: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Time of frames, (n,), after the middle of the poses of their sequence, in units of `longest_half`."""
+        return np.asarray((self.times[frame] - self.posed[frame].mean(axis=1)) / self.longest_half)
+
     def moving(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
         """As `at`; where no time is after its frame, as `still`."""
         return self.at(frame, delay) if np.any(delay) else self.still(frame)
 
     def still(self, frame: NDArray[np.intp]) -> Moving:
         """Poses of frames, (n,), with their velocities: the mean of those before and after the frame."""
-        before = np.clip(frame - 1, self.first[frame], self.last[frame] - 1)
-        after = np.clip(frame, self.first[frame], self.last[frame] - 1)
-        turning = 0.5 * (self.turning[before] + self.turning[after])
-        velocity = 0.5 * (self.velocity[before] + self.velocity[after])
-        return Moving(self.rotation[frame], self.position[frame], turning, velocity)
+        return Moving(self.rotation[frame], self.position[frame], self.mean_turning[frame], self.mean_velocity[frame])
 
     def at(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
         """Poses some time after frames.
@@ -122,14 +142,62 @@ class Paths:
         rotation[np.isnan(position[:, 0])] = np.nan
         return Moving(rotation, position, self.turning[start], self.velocity[start])
 
+    def bend_at(
+        self, frame: NDArray[np.intp], delay: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """`bend` some time after frames, and how it changes with time, both (n, 2, 3).
+
+        Differences are interpolated between frames, and stay as they are beyond the ends of a sequence.
+        """
+        start = self._segment(frame, delay)
+        span = self.times[start + 1] - self.times[start]
+        fraction = (self.times[frame] + delay - self.times[start]) / span
+        inside = np.clip(fraction, 0.0, 1.0)
+        change = self.bend[start + 1] - self.bend[start]
+        slope = np.where(fraction == inside, 1.0 / span, 0.0)
+        return self.bend[start] + inside[:, None, None] * change, slope[:, None, None] * change
+
     def _segment(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> NDArray[np.intp]:
         """First of the two frames around each time. Sequences are laid out one after the other on one axis of time."""
+        if not np.any(delay):
+            return np.clip(frame, self.first[frame], self.last[frame] - 1)
         own = self.times - self.times[self.first]
         span = float(own.max(initial=0.0)) + 1.0
         ahead = float(np.nanmax(np.abs(delay), initial=0.0))
         apart = (span + 2.0 * ahead) * (np.cumsum(self.first == np.arange(len(self.first))) - 1)
         found = np.searchsorted(own + apart, own[frame] + apart[frame] + delay, side="right") - 1
         return np.clip(found, self.first[frame], self.last[frame] - 1)
+
+
+def _ends(known: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.float64]:
+    """First and last of the known times of the sequence of each frame, (frames, 2); 0 where it has none."""
+    starts, place = np.unique(first, return_inverse=True)
+    if not starts.size:
+        return np.empty((0, 2))
+    ends = np.stack([np.fmin.reduceat(known, starts), np.fmax.reduceat(known, starts)], axis=1)
+    return np.asarray(np.nan_to_num(ends[place]))
+
+
+def _bend(paths: Paths) -> NDArray[np.float64]:
+    """See `Paths.bend`. A step to where no pose is known is taken as that on the other side; without both it is 0."""
+    every = np.arange(len(paths.times))
+    if not every.size:
+        return np.empty((0, 2, 3))
+    before, after = (paths.at(every, np.full(len(every), delay)) for delay in (-1.0, 1.0))
+    turns = [steps(before.rotation, paths.rotation), steps(paths.rotation, after.rotation)]
+    moves = [paths.position - before.position, after.position - paths.position]
+    (turn, next_turn), (move, next_move) = (
+        (np.where(np.isnan(one), other, one), np.where(np.isnan(other), one, other)) for one, other in (turns, moves)
+    )
+    return np.asarray(np.nan_to_num(np.stack([next_turn - turn, next_move - move], axis=1)))
+
+
+def steps(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation vectors (n, 3) from rotations to others, both (n, 3, 3); NaN where either is unknown."""
+    found = np.full((len(start), 3), np.nan)
+    known = np.isfinite(start).all(axis=(1, 2)) & np.isfinite(end).all(axis=(1, 2))
+    found[known] = _rotation_vectors(np.swapaxes(start[known], 1, 2) @ end[known])
+    return found
 
 
 def _rotation_vectors(rotations: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -266,11 +266,17 @@ class Stage:
         """Whether a parameter is not zero, and is possible."""
         return self.p[parameter] <= ALPHA and self.assessed[parameter].is_possible
 
-    @property
+    @cached_property
     def best(self) -> Assessment | None:
-        """What is named: of all that pass and that trackers agree on, the one that explains most."""
+        """What is named: of all that pass and that trackers agree on, the one with the fewest numbers.
+
+        Left out are those that surely explain less than the one that explains most. Of equal numbers, the one that
+        explains more is named.
+        """
         agreed = [one for name, one in self.assessed.items() if self.passes(name) and one.is_agreed]
-        return max(agreed, key=lambda one: one.gain.value, default=None)
+        most = max(agreed, key=lambda one: one.gain.value, default=None)
+        like_it = [one for one in agreed if most is one or (most and most.gain_beyond(one).low <= 0.0)]
+        return min(like_it, key=lambda one: (FAULTS[one.parameter].count, -one.gain.value), default=None)
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@
 
 Corrections that were found under others, and these, as one.
 
-With the corrections of a run (1) and those that its audit found (2), focal lengths have the factor s1 s2 and depths
-become s2 (s1 Z + o1) + o2. The camera is mounted as M1 M2 in the frame of the poses. All others add up.
-(audit.corrections)
+With the corrections of a run (1) and those that its audit found (2), focal lengths have the factor s1 s2. Depths
+become (a Z + b) / (c Z + d) with [a b; c d] = D2 D1 and D = [s o; q s, 1 + q o], for 1 / (1 / (s Z + o) + q). A clock
+has the drift k1 + k2 + k1 k2 and the offset o1 (1 + k2) + o2 (1 + k1). The camera is mounted as M1 M2 in the frame of
+the poses. All others add up. (audit.corrections)
 """
 
 import math
@@ -112,7 +113,23 @@ class Estimate:
 
 def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mapping[Parameter, float]) -> str:
     """``The focal length is 12 % too long (523 ± 8 px instead of 585): corrected, ...``."""
-    return f"{_claim(parameter, found)}: {effect}.{_rivals_text(rivals)}"
+    return f"{_claim(parameter, found)}: {effect}.{_advice(parameter, found)}{_rivals_text(rivals)}"
+
+
+def _advice(parameter: Parameter, found: Estimate) -> str:
+    """What a reader who corrects the fault has to know; empty where its name says it."""
+    if parameter is Parameter.depth_scale:
+        length = "short" if float(found.values[0]) < 1.0 else "long"
+        return f" A path that is too {length} by the same factor is the same fault."
+    return _TO_DO.get(parameter, "")
+
+
+_TO_DO: Mapping[Parameter, str] = MappingProxyType(
+    {
+        Parameter.rotation_delay: " No setting undoes this: make poses whose rotations and positions have one clock.",
+        Parameter.smoothing: " No setting undoes this: use the poses as they were before the filter.",
+    }
+)
 
 
 def _claim(parameter: Parameter, found: Estimate) -> str:
@@ -120,6 +137,8 @@ def _claim(parameter: Parameter, found: Estimate) -> str:
     opening = _opening(parameter, found.shown.stated[0], float(found.values[0]), frames)
     if parameter is Parameter.ray_depth:
         return f"{opening} (share {found.text} instead of 0)"
+    if parameter is Parameter.rotation_delay:
+        return f"{opening} (late by {found.text} about the axes of the camera)"
     shown = f"clock offset {found.text}" if frames else found.text
     return f"{opening} ({shown} instead of {found.stated})"
 
@@ -130,12 +149,27 @@ def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> 
         return "Depth is the distance along the ray, not along the optical axis"
     if frames:
         return shifted_text(frames)
+    if parameter in _OPENINGS:
+        return _OPENINGS[parameter][value < 0.0]
     name = FAULTS[parameter].name
     if parameter in (Parameter.focal_length, Parameter.depth_scale) and value > 0:
         excess = stated / value - 1.0
         words = ("too long", "too short") if parameter is Parameter.focal_length else ("too large", "too small")
         return f"The {name} is {percent(abs(excess))} {words[excess < 0]}"
     return f"The {name} is wrong"
+
+
+_INVERSE_DEPTHS = "The inverse depths are off by a constant, as those of stereo with a wrong disparity"
+_ROTATIONS = "The rotations of the poses are not of the times of their positions"
+_OPENINGS: Mapping[Parameter, tuple[str, str]] = MappingProxyType(
+    {
+        Parameter.inverse_depth_offset: (_INVERSE_DEPTHS, _INVERSE_DEPTHS),
+        Parameter.clock_drift: ("The clock of the poses runs too fast", "The clock of the poses runs too slow"),
+        Parameter.rotation_delay: (_ROTATIONS, _ROTATIONS),
+        Parameter.smoothing: ("The poses are smoothed", "The poses overshoot, as a sharpened path does"),
+    }
+)
+"""What is wrong where a number is positive, and where it is negative."""
 
 
 def fault_brief(row: Mapping[str, Any]) -> str:
@@ -217,9 +251,7 @@ def other_text(
     if verdict == AuditVerdict.disagreement:
         return f"The trackers contradict each other on the {name}: that the truth is wrong in it is not established."
     if verdict == AuditVerdict.explained:
-        others = listing([f"the {FAULTS[one].name}" for one in named])
-        verb = "is" if len(named) == 1 else "are"
-        return f"The {name} looked wrong, but this is no longer established once {others} {verb} corrected."
+        return _explained_text([parameter], named)
     if verdict == AuditVerdict.small:
         other = f"{found.text} instead of {found.stated}"
         return f"The {name} fits a little better as {other}, but this explains too little to matter."
@@ -232,6 +264,12 @@ def other_text(
     if parameter is Parameter.ray_depth:
         return "Depth is not the distance along the ray."
     return f"No error of the {name} was found; {100.0 * POWER:g}{SPACE}% of those above {visible} would be seen."
+
+
+def _explained_text(parameters: Sequence[Parameter], named: Sequence[Parameter]) -> str:
+    about, others = (listing([f"the {FAULTS[one].name}" for one in some]) for some in (parameters, named))
+    verb = "is" if len(named) == 1 else "are"
+    return f"T{about[1:]} looked wrong, but this is no longer established once {others} {verb} corrected."
 
 
 def kind_not_tried(z_depth_from: str) -> str:
@@ -272,18 +310,22 @@ def _decimals(half: float) -> int:
 
 
 _FACTORS = frozenset({"focal_scale", "depth_scale"})
-_TURNED, _MOVED, _OFFSET = "mounting_rotation_deg", "mounting_translation_m", "depth_offset_m"
+_TURNED, _MOVED = "mounting_rotation_deg", "mounting_translation_m"
+_SCALE, _OFFSET, _INVERSE = "depth_scale", "depth_offset_m", "inverse_depth_offset_per_m"
+_CLOCK, _DRIFT = "clock_offset_s", "clock_drift"
 
 
 def joined(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
     """Corrections that do what others do one after the other: (audit.corrections).
 
-    Exact, but for an offset of depths that was found where depths were corrected to be along the ray already: it is
+    Exact, but for offsets of depths that were found where depths were corrected to be along the ray already: they are
     taken along the ray too. Returns: without those that change nothing.
     """
     both = {name: _added(name, present, found) for name in (*found, *(name for name in present if name not in found))}
-    if _OFFSET in both:
-        both[_OFFSET] = found.get("depth_scale", 1.0) * present.get(_OFFSET, 0.0) + found.get(_OFFSET, 0.0)
+    if {_SCALE, _OFFSET, _INVERSE} & both.keys():
+        both |= _bent(present, found)
+    if _DRIFT in both:
+        both |= _timed(present, found)
     if {_TURNED, _MOVED} & both.keys():
         both |= _mounted(present, found)
     return {name: value for name, value in both.items() if not _is_neutral(name, value)}
@@ -306,6 +348,25 @@ def _mounted(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, 
     one, other = (Rotation.from_rotvec(part.get(_TURNED, nothing), degrees=True) for part in (present, found))
     moved = np.add(present.get(_MOVED, nothing), one.apply(found.get(_MOVED, nothing)))
     return {_TURNED: (one * other).as_rotvec(degrees=True).tolist(), _MOVED: moved.tolist()}
+
+
+def _bent(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, float]:
+    """Factor and offsets of depths, from the product of both maps."""
+    (a, b), (c, d) = (_bending(found) @ _bending(present)).tolist()
+    common = d - c * b / a
+    return {_SCALE: a / common, _OFFSET: b / common, _INVERSE: c / a}
+
+
+def _bending(corrections: Mapping[str, Any]) -> NDArray[np.float64]:
+    """(2, 2): a, b, c and d of the map of depths."""
+    scale, offset, inverse = (corrections.get(name, getattr(UNCORRECTED, name)) for name in (_SCALE, _OFFSET, _INVERSE))
+    return np.array([[scale, offset], [inverse * scale, 1.0 + inverse * offset]])
+
+
+def _timed(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, float]:
+    """Offset and drift of the clock. The middle of the poses is that of the corrected poses for those found."""
+    (offset, drift), (more, growth) = ((one.get(_CLOCK, 0.0), one.get(_DRIFT, 0.0)) for one in (present, found))
+    return {_CLOCK: offset * (1.0 + growth) + more * (1.0 + drift), _DRIFT: drift + growth + drift * growth}
 
 
 def _is_neutral(name: str, value: Any) -> bool:
@@ -331,7 +392,7 @@ def present_corrections(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 NO_FAULT = "No fault of the stated truth was found."
-_REPORTED = (AuditVerdict.like_bias, AuditVerdict.disagreement, AuditVerdict.explained)
+_REPORTED = (AuditVerdict.like_bias, AuditVerdict.disagreement)
 _MS = 1000.0
 
 
@@ -343,7 +404,8 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
     audit
         Table `AUDIT`; may be empty.
     every
-        Also a sentence for each parameter without a fault. Otherwise those that cannot be determined share one.
+        Also a sentence for each parameter without a fault. Otherwise those that cannot be determined share one, and so
+        do those that the faults explain.
 
     Returns
     -------
@@ -353,10 +415,18 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
     if audit.is_empty() or audit["family"][0] is None:
         return audit["text"].to_list()
     about = audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first", maintain_order=True)
-    faults = about.filter(pl.col("rank").is_not_null()).sort("rank")["text"].to_list()
+    named = about.filter(pl.col("rank").is_not_null()).sort("rank")
+    faults = named["text"].to_list()
     others = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _REPORTED]))
-    unknown = [] if every else _undetermined(about)
-    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list(), *unknown]
+    shared = [] if every else [*_explained(about, named), *_undetermined(about)]
+    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list(), *shared]
+
+
+def _explained(about: pl.DataFrame, named: pl.DataFrame) -> list[str]:
+    """A sentence that names the parameters that the faults explain; none where there are none."""
+    explained = about.filter(verdict=str(AuditVerdict.explained))
+    parameters, faults = ([Parameter(one) for one in some["parameter"]] for some in (explained, named))
+    return [_explained_text(parameters, faults)] if parameters else []
 
 
 def _undetermined(about: pl.DataFrame) -> list[str]:
@@ -371,8 +441,8 @@ def _undetermined(about: pl.DataFrame) -> list[str]:
 def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTINGS) -> str | None:
     """The block ``[truth.corrections]`` that corrects the named faults; None where there is none.
 
-    The values are those of all faults together. Corrections that the run has already are part of them, so that the
-    block takes the place of that of the run.
+    The values are those of all faults together. Faults that no setting undoes are not in it. Corrections
+    that the run has already are part of it, so that it takes the place of that of the run.
 
     Parameters
     ----------
@@ -385,8 +455,11 @@ def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTI
     if rows.is_empty():
         return None
     named = rows.group_by("parameter", maintain_order=True).agg("unit", "stated", "value")
+    undone = [row for row in named.iter_rows(named=True) if FAULTS[Parameter(row["parameter"])].key]
+    if not undone:
+        return None
     step = recorded_step(settings)
-    found = dict(_correction(Parameter(row["parameter"]), row, step) for row in named.iter_rows(named=True))
+    found = dict(_correction(Parameter(row["parameter"]), row, step) for row in undone)
     every = joined(present_corrections(settings), found)
     return "\n".join(["[truth.corrections]", *(f"{name} = {_text(value)}" for name, value in every.items())])
 
@@ -397,11 +470,10 @@ def _correction(parameter: Parameter, row: Mapping[str, Any], step: int) -> tupl
     if fault.is_kind:
         return fault.key, True
     pairs = list(zip(row["value"], row["stated"], strict=True))
-    key, values = fault.key, [value / stated if fault.is_factor else value - stated for value, stated in pairs]
-    if row["unit"][0] == "ms":
-        values = [value / _MS for value in values]
-    elif row["unit"][0] == "frames":
-        key, values = fault.in_frames, [value * step for value in values]
+    values = [value / stated if fault.is_factor else value - stated for value, stated in pairs]
+    unit = row["unit"][0]
+    factor = {"ms": 1.0 / _MS, "ms/s": 1.0 / _MS, "frames": float(step), "frames per 100": 0.01}.get(unit, 1.0)
+    key, values = fault.in_frames if unit.startswith("frames") else fault.key, [factor * value for value in values]
     return key, values if len(values) > 1 else values[0]
 
 

@@ -1,15 +1,14 @@
 """True positions as they would be if the stated truth were corrected, and how they change with each correction.
 
 - Cameras with corrected intrinsics: rays, projections, and how both change.
-- How turned vectors change with the vector of the rotation.
 - Where a feature is in the camera that found it, for each metre of its stated depth.
 - World points of features, from where they were found, and how they change with corrections.
 - Positions of world points in later frames at given times of their rows, and how they change with corrections.
 
 A feature is at pixel x0 of its first frame with depth Z. Its position in a later frame is
-x = pi(M^-1 T(t)^-1 T(t0) M w (s Z + o) pi^-1(x0)), with w = 1 - k + k / |pi^-1(x0)| for the kind of depth k, the
-intrinsics in pi, the mounting M of the camera on the sensor that the poses T belong to, and times
-t = t_frame + clock offset + readout ((v + 0.5) / H - 0.5): (audit.prediction). The row v
+x = pi(M^-1 T(t)^-1 T(t0) M w g(Z) pi^-1(x0)), with 1 / g(Z) = 1 / (s Z + o) + q, w = 1 - k + k / |pi^-1(x0)| for the
+kind of depth k, the intrinsics in pi, the mounting M of the camera on the sensor that the poses T belong to, and times
+t = t_frame + readout ((v + 0.5) / H - 0.5): (audit.prediction). Poses T are corrected by (audit.motion). The row v
 of a rolling shutter is that of the position itself, which is solved by Newton's method. Derivatives are computed when
 they are asked for: most fits need few of them.
 """
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.cameras import Camera, Intrinsics
 from tracknoise.geometry.projection import projection_jacobian
 from tracknoise.truth_faults.audit_samples import AuditSamples, Moving
+from tracknoise.truth_faults.corrected_motion import CorrectedMotion, crossed, right_jacobian
 from tracknoise.truth_faults.fault_parameters import PLACES, SLICES, Corrections, Parameter, Part
 
 INTRINSIC = 4
@@ -131,23 +131,6 @@ def _by_k1(camera: Camera, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(xy * (r2 / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))) * (camera.fx, camera.fy))
 
 
-def crossed(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 3, 3): the matrices whose products with others are cross products with these vectors (n, 3)."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.asarray(np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0))
-
-
-def right_jacobian(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """J with Exp(v + d) = Exp(v) Exp(J d) for small d: of a rotation vector (3,) (Sola et al. 2018, eq. 143)."""
-    angle = float(np.linalg.norm(vector))
-    cross = crossed(vector[None])[0]
-    if angle < 1e-4:
-        return np.asarray(np.eye(3) - 0.5 * cross)
-    first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
     """Points of n features at a stated depth of 1 m: w r with w = 1 - k + k / |r| (audit.prediction).
@@ -192,7 +175,7 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class WorldPoints:
-    """T(t0) M w (s Z + o) pi^-1(x0) of (audit.prediction), and its derivatives where they are asked for.
+    """T(t0) M w g(Z) pi^-1(x0) of (audit.prediction), and its derivatives where they are asked for.
 
     Attributes
     ----------
@@ -220,23 +203,29 @@ class WorldPoints:
             case Part.depth:
                 return self._by_depth()
             case Part.rotation:
-                turned = right_jacobian(self.corrections.of(Parameter.mounting_rotation))
+                turned = right_jacobian(self.corrections.of(Parameter.mounting_rotation)[None])
                 return -self._to_world @ crossed(self._in_camera) @ turned
             case Part.translation:
                 return self._moving.rotation
             case Part.time:
-                return self._by_time()
+                factors = self._motion.by_times(self.samples.phase_at_birth)
+                return np.asarray(self._pace[:, :, None] * factors[:, None, :])
+            case Part.path:
+                turns, moves = self._motion.by_path()
+                return moves - self._moving.rotation @ crossed(self._on_sensor) @ turns
 
     def _by_depth(self) -> NDArray[np.float64]:
-        stated, point = self.samples.depth[:, None], self._sight.point
-        moves = (stated * point, point, self._depth[:, None] * self._sight.by_kind)
+        steep = (self._depth / self._in_line)[:, None] ** 2 * self._sight.point
+        bent = -(self._depth[:, None] ** 2) * self._sight.point
+        moves = (self.samples.depth[:, None] * steep, steep, bent, self._depth[:, None] * self._sight.by_kind)
         return np.concatenate([self._to_world @ move[:, :, None] for move in moves], axis=2)
 
-    def _by_time(self) -> NDArray[np.float64]:
+    @property
+    def _pace(self) -> NDArray[np.float64]:
+        """How the points change with the time of their first row, (n, 3), metres per unit of time."""
         moving = self._moving
         turned = np.einsum("nij,nj->ni", moving.rotation, np.cross(moving.turning, self._on_sensor))
-        pace = turned + moving.velocity
-        return np.stack([pace, self.samples.phase_at_birth[:, None] * pace], axis=2)
+        return np.asarray(turned + moving.velocity)
 
     @cached_property
     def _sight(self) -> Sight:
@@ -244,9 +233,16 @@ class WorldPoints:
         return Sight.along(ray, self.corrections.number(Parameter.ray_depth))
 
     @cached_property
-    def _depth(self) -> NDArray[np.float64]:
+    def _in_line(self) -> NDArray[np.float64]:
+        """Depths with their factor and offset: s Z + o, (n,), metres."""
         scale = 1.0 + self.corrections.number(Parameter.depth_scale)
         return np.asarray(scale * self.samples.depth + self.corrections.number(Parameter.depth_offset))
+
+    @cached_property
+    def _depth(self) -> NDArray[np.float64]:
+        """g(Z), (n,), metres; NaN where the inverse is not positive."""
+        bend = 1.0 + self.corrections.number(Parameter.inverse_depth_offset) * self._in_line
+        return np.asarray(self._in_line / np.where(bend > 0.0, bend, np.nan))
 
     @cached_property
     def _in_camera(self) -> NDArray[np.float64]:
@@ -259,10 +255,14 @@ class WorldPoints:
         return np.asarray(turned + self.corrections.of(Parameter.mounting_translation))
 
     @cached_property
-    def _moving(self) -> Moving:
-        samples, clock = self.samples, self.corrections.number(Parameter.clock_offset)
+    def _motion(self) -> CorrectedMotion:
+        samples = self.samples
         readout = samples.readout + self.corrections.of(Parameter.readout)
-        return samples.paths.moving(samples.birth, clock + readout * samples.phase_at_birth)
+        return CorrectedMotion(samples.paths, self.corrections, samples.birth, readout * samples.phase_at_birth)
+
+    @property
+    def _moving(self) -> Moving:
+        return self._motion.moving
 
     @cached_property
     def _to_world(self) -> NDArray[np.float64]:
@@ -317,18 +317,25 @@ class LaterPositions:
             case Part.depth:
                 return of_points
             case Part.rotation:
-                turned = right_jacobian(-self.corrections.of(Parameter.mounting_rotation))
+                turned = right_jacobian(-self.corrections.of(Parameter.mounting_rotation)[None])
                 return of_points + self._by_sensor @ crossed(self._from_mounting) @ turned
             case Part.translation:
                 return of_points - self._by_sensor
             case Part.time:
                 phase = self.samples.phase(self.samples.along_shutter(self.uv))
-                return of_points + np.stack([self.pace, phase[:, None] * self.pace], axis=2)
+                return of_points + self.pace[:, :, None] * self._motion.by_times(phase)[:, None, :]
+            case Part.path:
+                turns, moves = self._motion.by_path()
+                back = crossed(self._on_sensor) @ turns - self._from_world @ moves
+                return of_points + self._by_sensor @ back
 
     @cached_property
+    def _motion(self) -> CorrectedMotion:
+        return CorrectedMotion(self.samples.paths, self.corrections, self.samples.now, self.row_delay)
+
+    @property
     def _moving(self) -> Moving:
-        clock = self.corrections.number(Parameter.clock_offset)
-        return self.samples.paths.moving(self.samples.now, clock + self.row_delay)
+        return self._motion.moving
 
     @cached_property
     def _from_world(self) -> NDArray[np.float64]:

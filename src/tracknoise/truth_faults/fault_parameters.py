@@ -25,10 +25,15 @@ class Parameter(StrEnum):
     """A number, or a vector, that corrects a fault of the stated truth.
 
     focal_length: factor of fx and fy. principal_point: added to cx and cy. k1: added to the first radial coefficient.
-    depth_scale, depth_offset: true depth = scale * depth + offset. mounting_rotation, mounting_translation: the poses
+    depth_scale, depth_offset: true depth = scale * depth + offset, and inverse_depth_offset is added to the inverse of
+    this, as where stereo has a wrong disparity. mounting_rotation, mounting_translation: the poses
     belong to another sensor, in whose frame the camera is turned and placed like this. clock_offset: the pose at the
-    time of a frame plus this fits its image. readout: time from the first row of an image to the last. ray_depth: 1 if
-    depths are distances along the ray, 0 if they are distances along the optical axis.
+    time of a frame plus this fits its image. clock_drift: that offset grows with time; it is 0 in the middle of a
+    sequence, and this at the end of the longest. readout: time from the first row of an image to the last.
+    rotation_delay: rotations are late by this against positions, about each axis of the camera. smoothing: the true
+    pose is the stated one minus this times its second difference in time, for positions and rotations; it is half the
+    variance of a smoothing filter, and negative for a sharpened path. ray_depth: 1 if depths are distances along the
+    ray, 0 if they are distances along the optical axis.
     """
 
     focal_length = "focal_length"
@@ -36,10 +41,14 @@ class Parameter(StrEnum):
     k1 = "k1"
     depth_scale = "depth_scale"
     depth_offset = "depth_offset"
+    inverse_depth_offset = "inverse_depth_offset"
     mounting_rotation = "mounting_rotation"
     mounting_translation = "mounting_translation"
     clock_offset = "clock_offset"
+    clock_drift = "clock_drift"
     readout = "readout"
+    rotation_delay = "rotation_delay"
+    smoothing = "smoothing"
     ray_depth = "ray_depth"
 
 
@@ -47,9 +56,9 @@ class Family(StrEnum):
     """Parameters that are fitted together.
 
     alone: one parameter. beside_bias: one parameter, beside a constant bias and a drift of each tracker. The others are
-    joint fits: optics (focal length, principal point, k1), timing (clock offset, readout), depth (scale, offset),
-    mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together. at_most: what
-    all faults, or random errors of depths, can explain at most (`tracknoise.truth_faults.explained`).
+    joint fits: optics (focal length, principal point, k1), timing (clock offset and drift, readout), depth (scale,
+    offset), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
+    at_most: what all faults, or random errors of depths, can explain at most (`tracknoise.truth_faults.explained`).
     """
 
     alone = "alone"
@@ -65,13 +74,14 @@ class Family(StrEnum):
 
 
 class Part(StrEnum):
-    """What parameters correct: optics, depth, rotation or translation of the mounting, or time."""
+    """What parameters correct: optics, depth, rotation or translation of the mounting, time, or the path's shape."""
 
     optics = "optics"
     depth = "depth"
     rotation = "rotation"
     translation = "translation"
     time = "time"
+    path = "path"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +106,7 @@ class Fault:
     by_depth
         Whether only depths that differ determine it.
     key
-        Of its correction in the settings (`tracknoise.geometry.corrections.Corrections`).
+        Of its correction in the settings (`tracknoise.geometry.corrections.Corrections`); empty where none undoes it.
     is_factor
         Whether the correction is a factor rather than a change.
     in_frames
@@ -110,7 +120,7 @@ class Fault:
     furthest: float
     is_kind: bool = False
     by_depth: bool = False
-    key: str
+    key: str = ""
     is_factor: bool = False
     in_frames: str = ""
 
@@ -142,7 +152,7 @@ FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
         ),
         Parameter.k1: Fault(name="radial distortion k1", part=Part.optics, plausible=0.2, furthest=2.0, key="k1"),
         Parameter.depth_scale: Fault(
-            name="scale of the depths",
+            name="scale of the depths against the camera's path",
             part=Part.depth,
             plausible=0.1,
             furthest=0.6,
@@ -157,6 +167,14 @@ FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
             furthest=2.0,
             by_depth=True,
             key="depth_offset_m",
+        ),
+        Parameter.inverse_depth_offset: Fault(
+            name="offset of the inverse depths",
+            part=Part.depth,
+            plausible=0.05,
+            furthest=0.5,
+            by_depth=True,
+            key="inverse_depth_offset_per_m",
         ),
         Parameter.mounting_rotation: Fault(
             name="rotation between camera and poses",
@@ -183,6 +201,14 @@ FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
             key="clock_offset_s",
             in_frames="clock_offset_frames",
         ),
+        Parameter.clock_drift: Fault(
+            name="clock drift of the poses",
+            part=Part.time,
+            plausible=1.0,
+            furthest=8.0,
+            key="clock_drift",
+            in_frames="# needs timestamps: clock drift",
+        ),
         Parameter.readout: Fault(
             name="readout time of the shutter",
             part=Part.time,
@@ -191,6 +217,14 @@ FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
             key="readout_s",
             in_frames="# needs timestamps: readout in frames",
         ),
+        Parameter.rotation_delay: Fault(
+            name="delay of the rotations of the poses",
+            part=Part.path,
+            components=_XYZ,
+            plausible=1.0,
+            furthest=8.0,
+        ),
+        Parameter.smoothing: Fault(name="smoothing of the poses", part=Part.path, plausible=1.0, furthest=20.0),
         Parameter.ray_depth: Fault(
             name="kind of depth",
             part=Part.depth,
@@ -201,7 +235,8 @@ FAULTS: Mapping[Parameter, Fault] = MappingProxyType(
         ),
     }
 )
-"""Sizes in the units of the fit: changes of factors from 1, px, metres, radians, frame intervals, and 0 or 1."""
+"""Sizes in the units of the fit: changes of factors from 1, px, metres, 1/m, radians, frame intervals or their squares,
+and 0 or 1."""
 
 
 def of_parts(*parts: Part) -> tuple[Parameter, ...]:
@@ -213,14 +248,14 @@ JOINT: Mapping[Family, tuple[Parameter, ...]] = MappingProxyType(
     {
         Family.optics: of_parts(Part.optics),
         Family.timing: of_parts(Part.time),
-        Family.depth: tuple(one for one in of_parts(Part.depth) if not FAULTS[one].is_kind),
+        Family.depth: (Parameter.depth_scale, Parameter.depth_offset),
         Family.mounting: of_parts(Part.rotation, Part.translation),
         Family.optics_and_timing: of_parts(Part.optics, Part.time),
         Family.all: tuple(Parameter),
     }
 )
 """The joint fits, and what is free in each."""
-TIMED = frozenset(of_parts(Part.time))
+TIMED = frozenset(of_parts(Part.time, Part.path))
 """Parameters that need poses between frames."""
 COUNT = sum(fault.count for fault in FAULTS.values())
 """Numbers of all parameters together."""
@@ -292,7 +327,7 @@ class Shown:
     Attributes
     ----------
     unit
-        px, deg, m, ms, frames, or empty.
+        px, deg, m, m⁻¹, ms, frames, frames², ms/s, frames per 100, or empty.
     stated
         What the truth states, of each component.
     factor
@@ -324,16 +359,23 @@ def shown(samples: AuditSamples, parameter: Parameter) -> Shown:
         return Shown("", (1.0 if parameter is Parameter.depth_scale else 0.0,), 1.0)
     if parameter is Parameter.mounting_rotation:
         return Shown("deg", nothing, float(np.degrees(1.0)))
+    if parameter is Parameter.inverse_depth_offset:
+        return Shown("m⁻¹", nothing, 1.0)
     if parameter in TIMED:
         return _timed(samples, parameter)
     return Shown("m", nothing, 1.0)
 
 
 def _timed(samples: AuditSamples, parameter: Parameter) -> Shown:
-    """Milliseconds, or frames where times are unknown."""
+    """Milliseconds, or frames where times are unknown; smoothing is in squares of frame intervals."""
+    if parameter is Parameter.smoothing:
+        return Shown("frames²", (0.0,), 1.0)
+    if parameter is Parameter.clock_drift:
+        unit, per = ("frames per 100", 100.0) if samples.interval_s is None else ("ms/s", _MS)
+        return Shown(unit, (0.0,), per / samples.paths.longest_half)
     unit, factor = ("frames", 1.0) if samples.interval_s is None else ("ms", _MS * samples.interval_s)
     readout = float(np.median(samples.readout)) if parameter is Parameter.readout else 0.0
-    return Shown(unit, (factor * readout,), factor)
+    return Shown(unit, (factor * readout,) * FAULTS[parameter].count, factor)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

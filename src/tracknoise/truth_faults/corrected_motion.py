@@ -1,0 +1,154 @@
+"""Poses of cameras under corrections of their times and of the shape of their path, and how they change with these.
+
+At the time t of a row, the corrected pose has the rotation R(t') Exp(l - c R'') and the position p(t') - c p'', with
+t' = t + clock offset + clock drift * u (audit.motion). u is the time of the frame after the middle of its sequence, in
+units of half of the longest one. l_i = Log(R(t')^T R(t' + d_i))_i for the delay d_i of the rotation about axis i. c is
+the smoothing, and R'' and p'' are the second differences of the stated path at t'.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.truth_faults.audit_samples import Moving, Paths, steps
+from tracknoise.truth_faults.fault_parameters import Corrections, Parameter
+
+_SMALL_ANGLE = 1e-4
+
+
+def crossed(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3, 3): the matrices whose products with others are cross products with these vectors (n, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.asarray(np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0))
+
+
+def right_jacobian(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """J with Exp(v + d) = Exp(v) Exp(J d) for small d: of rotation vectors (n, 3), (n, 3, 3) (Sola 2018, eq. 143)."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    cross, safe = crossed(vectors), np.maximum(angle, _SMALL_ANGLE)
+    is_small = angle < _SMALL_ANGLE
+    first = np.where(is_small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    second = np.where(is_small, 0.0, (safe - np.sin(safe)) / safe**3)
+    return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
+
+
+def _undone(vectors: NDArray[np.float64], turned: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of `right_jacobian` times other vectors, (n, 3)."""
+    return np.asarray(np.linalg.solve(right_jacobian(vectors), turned[:, :, None])[:, :, 0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Delayed:
+    """What delays of rotations change.
+
+    Attributes
+    ----------
+    turn : (n, 3) float64
+        Rotation vectors in the own frame.
+    by_delay, by_time : (n, 3) float64
+        How each number changes with the delay about its axis, and with time.
+    """
+
+    turn: NDArray[np.float64]
+    by_delay: NDArray[np.float64]
+    by_time: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedMotion:
+    """Corrected poses of n rows, and their derivatives where they are asked for.
+
+    Attributes
+    ----------
+    paths, corrections
+        Stated poses, and what is changed in them.
+    frame : (n,) intp
+        Frame of each row.
+    row_delay : (n,) float64
+        Time of each row after that of its frame.
+    """
+
+    paths: Paths
+    corrections: Corrections
+    frame: NDArray[np.intp]
+    row_delay: NDArray[np.float64]
+
+    @cached_property
+    def moving(self) -> Moving:
+        """Corrected poses and velocities."""
+        stated = self._stated
+        if not self._has_delay and self._smoothing == 0.0:
+            return stated
+        bend, change = self._bend
+        turned = Rotation.from_rotvec(np.nan_to_num(self._turn)).as_matrix()
+        faster = self._delayed.by_time - self._smoothing * change[:, 0]
+        by_time = np.einsum("nij,nj->ni", right_jacobian(self._turn), faster)
+        return Moving(
+            stated.rotation @ turned,
+            stated.position - self._smoothing * bend[:, 1],
+            np.einsum("nji,nj->ni", turned, stated.turning) + by_time,
+            stated.velocity - self._smoothing * change[:, 1],
+        )
+
+    def by_times(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of the times by clock offset, clock drift and readout, (n, 3). `phase` : (n,), of each row."""
+        return np.stack([np.ones(len(phase)), self._from_middle, phase], axis=1)
+
+    def by_path(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Turns in the own frame, and moves in the world, for delays of the rotation and smoothing, both (n, 3, 4)."""
+        bend, _ = self._bend
+        turns, moves = np.zeros((2, len(self.frame), 3, 4))
+        turns[:, range(3), range(3)], turns[:, :, 3] = self._delayed.by_delay, -bend[:, 0]
+        moves[:, :, 3] = -bend[:, 1]
+        return (right_jacobian(self._turn) @ turns if self._turn.any() else turns), moves
+
+    @cached_property
+    def _turn(self) -> NDArray[np.float64]:
+        """Rotation vectors of the corrections in the own frame, (n, 3)."""
+        bend, _ = self._bend
+        return np.asarray(self._delayed.turn - self._smoothing * bend[:, 0])
+
+    @cached_property
+    def _delayed(self) -> Delayed:
+        stated, nothing = self._stated, np.zeros((len(self.frame), 3))
+        if not self._has_delay:
+            return Delayed(nothing, stated.turning, nothing)
+        found = Delayed(nothing, nothing.copy(), nothing.copy())
+        for axis, delay in enumerate(self.corrections.of(Parameter.rotation_delay)):
+            later = self.paths.moving(self.frame, self._clock + delay)
+            turn = steps(stated.rotation, later.rotation)
+            by_delay = _undone(turn, later.turning)
+            found.turn[:, axis], found.by_delay[:, axis] = turn[:, axis], by_delay[:, axis]
+            found.by_time[:, axis] = (by_delay - _undone(-turn, stated.turning))[:, axis]
+        return found
+
+    @property
+    def _has_delay(self) -> bool:
+        return bool(self.corrections.of(Parameter.rotation_delay).any())
+
+    @property
+    def _smoothing(self) -> float:
+        return self.corrections.number(Parameter.smoothing)
+
+    @cached_property
+    def _from_middle(self) -> NDArray[np.float64]:
+        return self.paths.from_middle(self.frame)
+
+    @cached_property
+    def _clock(self) -> NDArray[np.float64]:
+        """Time of each corrected pose after that of its frame, (n,)."""
+        offset = self.corrections.number(Parameter.clock_offset) + self.row_delay
+        drift = self.corrections.number(Parameter.clock_drift)
+        return np.asarray(offset + drift * self._from_middle if drift else offset)
+
+    @cached_property
+    def _stated(self) -> Moving:
+        return self.paths.moving(self.frame, self._clock)
+
+    @cached_property
+    def _bend(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self.paths.bend_at(self.frame, self._clock)

@@ -10,6 +10,7 @@ from tests.report.made_up_findings import AUDITED
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.truth_section import corrections, tables, verdicts
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +35,8 @@ def with_floor(data: ReportData, share: float) -> ReportData:
     return replace(data, floor=floor.select(data.floor.columns).cast(dict(data.floor.schema)))
 
 
-def test_it_begins_with_what_the_audit_found_and_how_to_correct_it(data: ReportData) -> None:
-    assert verdicts(data)[0] == AUDITED
+def test_it_begins_with_the_verdict_what_the_audit_found_and_how_to_correct_it(data: ReportData) -> None:
+    assert verdicts(data)[:2] == [TruthVerdict.of(data.trust).sentence, AUDITED]
     assert corrections(data) == "[truth.corrections]\nfocal_scale = 0.90909"
     assert len(tables(data)[0].rows) == 2
 
@@ -49,7 +50,7 @@ def test_it_begins_with_what_the_audit_found_and_how_to_correct_it(data: ReportD
     ],
 )
 def test_it_says_what_errors_of_the_truth_can_cause(data: ReportData, share: float, limit: str) -> None:
-    (found,) = verdicts(with_floor(data, share))[1:]
+    (found,) = verdicts(with_floor(data, share))[2:]
     assert limit in found
     if share:
         error_px, floor_px = (float(found.split(" px of one")[0].split()[place]) for place in (-1, -4))
@@ -60,7 +61,7 @@ def limit_of(data: ReportData, covered: pl.Expr) -> str:
     """What is said of covariances where the floor is three quarters of the second moment at some ages, else a tenth."""
     floor = with_floor(data, 0.1).floor
     factor = pl.when(covered).then(7.5).otherwise(1.0)
-    (found,) = verdicts(replace(data, floor=floor.with_columns(pl.col("floor_uu", "floor_vv") * factor)))[1:]
+    (found,) = verdicts(replace(data, floor=floor.with_columns(pl.col("floor_uu", "floor_vv") * factor)))[2:]
     return found.split("px of one. ")[1]
 
 
@@ -78,5 +79,5 @@ def test_ages_at_which_the_truth_is_the_smaller_part_are_named(data: ReportData)
 
 
 def test_without_a_stated_accuracy_there_is_no_floor(data: ReportData) -> None:
-    (found,) = verdicts(replace(data, floor=data.floor.clear()))[1:]
+    (found,) = verdicts(replace(data, floor=data.floor.clear()))[2:]
     assert "is not stated, so that there is no truth floor" in found

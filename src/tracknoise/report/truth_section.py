@@ -13,6 +13,7 @@ from tracknoise.phrases.bands import Axis
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml
 from tracknoise.words import DASH, SPACE, listing, number, percent, pixels
 
@@ -90,9 +91,9 @@ _EXACT = "The truth is stated to be exact, so that it adds nothing to the errors
 
 
 def verdicts(data: ReportData) -> list[str]:
-    """Sentences: what the audit found, then what errors of the truth can cause, for every tracker."""
+    """Sentences: the verdict, what the audit found, and what the stated accuracy can cause, for every tracker."""
     found = [] if data.truth_is_fitted else _floor(data)
-    return [*audit_sentences(data.audit), *found]
+    return [TruthVerdict.of(data.trust).sentence, *audit_sentences(data.audit), *found]
 
 
 def corrections(data: ReportData) -> str | None:
@@ -131,7 +132,7 @@ def _of_tracker(points: pl.DataFrame, tracker: str, axis: Axis) -> str:
     place = axis.opening_place(young["since"][-1])
     error_px, floor_px = (math.hypot(*young.select(names).row(-1)) for names in (("u", "v"), ("floor_u", "floor_v")))
     opening = (
-        f"{place}, errors of the truth can cause {pixels(min(floor_px, error_px))} of the {pixels(error_px)} px "
+        f"{place}, errors of the stated size can cause {pixels(min(floor_px, error_px))} of the {pixels(error_px)} px "
         f"of {tracker}."
     )
     return f"{opening} {_limit(points, axis)}"

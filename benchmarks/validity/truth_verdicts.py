@@ -61,7 +61,7 @@ from tracknoise.truth_faults.pose_errors import CUT, rigid_tables
 Array = NDArray[np.float64]
 
 TRACKERS = ("lucas-kanade", "correspondence")
-SHARES = (0.15, 0.4, 0.05)
+SHARES = (0.05, 0.15, 0.4)
 RATE_HZ = 30.0
 AUDITED = 3
 """One in so many samples is audited, so that an audit takes seconds."""

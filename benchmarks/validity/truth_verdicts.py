@@ -50,8 +50,8 @@ from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
 from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import AccuracyRule
-from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
-from tracknoise.truth_faults.audit_summary import corrections_toml, usual_mistakes
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess, typical_px
+from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, audit_tables
 from tracknoise.truth_faults.fault_parameters import FAULTS as PARAMETERS
 from tracknoise.truth_faults.fault_parameters import Family
@@ -334,10 +334,12 @@ def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, flo
             TruthEvidence(
                 audit=audit,
                 pose_shares=shares,
-                sizes={one: ErrorSize(REFERENCE_AGE, px, stated[one]) for one, px in sizes.items()},
+                sizes={
+                    one: ErrorSize(REFERENCE_AGE, px, stated[one], typical_px(found.audit_curves, one, REFERENCE_AGE))
+                    for one, px in sizes.items()
+                },
                 curves=found.audit_curves,
                 mistakes=usual_mistakes(audit),
-                corrections=corrections_toml(audit) is not None,
             ),
             "simulated",
         )

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from math import hypot
-from typing import Any
 
 import polars as pl
 
@@ -14,8 +13,8 @@ from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import RunFolder
-from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
-from tracknoise.truth_faults.audit_summary import corrections_toml, usual_mistakes
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess, typical_px
+from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
 from tracknoise.truth_faults.pose_accuracy import scene_shares
 
@@ -81,12 +80,11 @@ def trust_table(
     evidence = TruthEvidence(
         audit=tables["audit"],
         pose_shares=tables["pose_share"].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
-        sizes=_sizes(summary, str(experiment.findings.trimming), states=states),
+        sizes=_sizes(summary, tables["audit_curves"], str(experiment.findings.trimming), states=states),
         curves=tables["audit_curves"],
         mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
         cautions=_each(entries, "cautions"),
         is_fitted=any(entry.truth == TRIANGULATED for entry in entries),
-        corrections=corrections_toml(tables["audit"]) is not None,
         scene_shares=scene_shares(rigid.filter(*shown)),
     )
     return assess(evidence, entries[0].sequence.dataset)
@@ -97,12 +95,15 @@ def _each(entries: list[SequenceEntry], name: str) -> list[str]:
     return list(dict.fromkeys(sentence for entry in entries for sentence in getattr(entry, name)))
 
 
-def _sizes(summary: pl.DataFrame, trimming: str, *, states: bool) -> dict[str, ErrorSize]:
+def _sizes(summary: pl.DataFrame, curves: pl.DataFrame, trimming: str, *, states: bool) -> dict[str, ErrorSize]:
     """Size of the errors of each tracker whose errors are known, and of what is stated of the truth."""
-    return {row["tracker"]: _size(row, trimming, states=states) for row in summary.drop_nulls("at").to_dicts()}
-
-
-def _size(row: Mapping[str, Any], trimming: str, *, states: bool) -> ErrorSize:
-    floor = (row["floor_u_px"], row["floor_v_px"])
-    stated = hypot(*floor) if states and None not in floor else None
-    return ErrorSize(row["at"], hypot(row[f"{trimming}_rms_u_px"], row[f"{trimming}_rms_v_px"]), stated)
+    found = {}
+    for row in summary.drop_nulls("at").to_dicts():
+        floor = (row["floor_u_px"], row["floor_v_px"])
+        found[row["tracker"]] = ErrorSize(
+            age=row["at"],
+            error_px=hypot(row[f"{trimming}_rms_u_px"], row[f"{trimming}_rms_v_px"]),
+            stated_px=hypot(*floor) if states and None not in floor else None,
+            typical_px=typical_px(curves, row["tracker"], row["at"]),
+        )
+    return found

@@ -13,7 +13,7 @@ trackers have the same truth: what one of them bounds in px^2 bounds the others 
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import sqrt
+from math import hypot, sqrt
 from typing import Any
 
 import polars as pl
@@ -46,19 +46,27 @@ class ErrorSize:
     error_px
         RMS, both coordinates together, px.
     stated_px
-        Of it, what the stated accuracy of the truth can cause; None where poses or depths have none.
+        What the stated accuracy of the truth can cause; None where poses or depths have none.
+    typical_px
+        RMS without outliers, of which shares are; by default that of all.
     """
 
     age: int
     error_px: float
     stated_px: float | None = None
+    typical_px: float | None = None
 
     @property
     def stated_share(self) -> float | None:
         """Share of the squared error that the stated accuracy can cause; None where it is not stated."""
         if self.stated_px is None:
             return None
-        return min((self.stated_px / self.error_px) ** 2, 1.0) if self.error_px > 0.0 else float(self.stated_px > 0.0)
+        return min((self.stated_px / self.usual_px) ** 2, 1.0) if self.usual_px > 0.0 else float(self.stated_px > 0.0)
+
+    @property
+    def usual_px(self) -> float:
+        """RMS that shares are of, px."""
+        return self.error_px if self.typical_px is None else self.typical_px
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +89,6 @@ class TruthEvidence:
         Sentences about single parts of the data that look wrong.
     is_fitted
         Whether points are fitted to the tracks.
-    corrections
-        Whether corrections can be applied that undo all established faults.
     scene_shares
         Share that poses explain in single scenes, by their names.
     """
@@ -94,7 +100,6 @@ class TruthEvidence:
     mistakes: Sequence[str] = ()
     cautions: Sequence[str] = ()
     is_fitted: bool = False
-    corrections: bool = True
     scene_shares: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -134,6 +139,20 @@ class _Found:
     verdict: Trust
     text: str
     step: str = ""
+
+
+def typical_px(curves: pl.DataFrame, tracker: str, at: int) -> float | None:
+    """RMS of the errors of a tracker without outliers, px, at the last audited age up to another; None if unknown.
+
+    Parameters
+    ----------
+    curves
+        Schema `AUDIT_CURVES`.
+    tracker, at
+        Its name, and the age.
+    """
+    rows = curves.filter(pl.col("age") <= at, tracker=tracker, correction=MEASURED).sort("age")
+    return None if rows.is_empty() else hypot(*(sqrt(rows[name][-1]) for name in ("second_uu", "second_vv")))
 
 
 def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
@@ -266,7 +285,7 @@ def _verdict(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequenc
             "" if worst is None or worst.high <= share.value else f" In all, {percent(worst.high)} can be the truth's."
         )
         text = f"{_faults_text(faults)}: {_explains(len(faults), share)}.{rest}"
-        return _Found(Trust.not_trusted, text, _corrected(evidence, share))
+        return _Found(Trust.not_trusted, text, _corrected(faults, share))
     return _unmeasured(evidence) if worst is None else _measured(evidence, worst, faults)
 
 
@@ -285,7 +304,7 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
     known = f" {_faults_text(faults)}, but that explains little." if faults else ""
     if worst.high > SMALL or faults or evidence.cautions:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
-        step = _corrected(evidence, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
+        step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
         text = f"Errors of the truth can explain up to {part}.{_of_causes(worst)}{known}{caution}"
         return _Found(Trust.limited, text, step)
     if size.stated_share is not None and size.stated_share < _EXACT:
@@ -315,8 +334,9 @@ def _of_causes(bounds: _Bounds) -> str:
 
 
 def _in_px(bounds: _Bounds, size: ErrorSize) -> str:
-    bound = sqrt(bounds.high) * size.error_px
-    return f" ({pixels(bound)} of {pixels(size.error_px)} px RMS at age {size.age})" if size.error_px > 0.0 else ""
+    bound, outliers = sqrt(bounds.high) * size.usual_px, "" if size.typical_px is None else " without outliers"
+    of = f"{pixels(size.usual_px)} px RMS{outliers} at age {size.age}"
+    return f" ({pixels(bound)} of {of})" if size.usual_px > 0.0 else ""
 
 
 def _faults_text(faults: Sequence[Mapping[str, Any]]) -> str:
@@ -330,14 +350,15 @@ def _explains(n: int, share: _Share) -> str:
     return f"{'this explains' if n == 1 else 'together they explain'} {percent(share.value)} of the squared errors"
 
 
-def _corrected(evidence: TruthEvidence, share: _Share) -> str:
+def _corrected(faults: Sequence[Mapping[str, Any]], share: _Share) -> str:
     """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
-    if not evidence.corrections:
-        return "Correct the data, and measure again."
-    return (
-        "Put the [truth.corrections] block of `tracknoise audit` into the experiment, and run it again: squared errors "
-        f"of held-out tracks fall by {percent(share.value)} with it."
-    )
+    undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults]
+    if not any(undone):
+        return "No setting undoes this: use other poses, and measure again."
+    block = "Put the [truth.corrections] block of `tracknoise audit` into the experiment, and run it again"
+    if not all(undone):
+        return f"{block}. No setting undoes the rest: use other poses for it."
+    return f"{block}: squared errors of held-out tracks fall by {percent(share.value)} with it."
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
@@ -380,8 +401,8 @@ def _rows(
     """Shares of each tracker, then of causes that are the same for all."""
     for one in bounds:
         size = evidence.sizes[one.tracker]
-        bound_px = sqrt(one.high) * size.error_px
-        of_tracker = {"tracker": one.tracker, "age": size.age, "error_px": size.error_px}
+        bound_px = sqrt(one.high) * size.usual_px
+        of_tracker = {"tracker": one.tracker, "age": size.age, "error_px": size.usual_px}
         yield {"cause": TruthCause.every, "high": one.high, "bound_px": bound_px, **of_tracker}
         yield {"cause": TruthCause.poses, **_columns(one.causes[TruthCause.poses]), "tracker": one.tracker}
         if size.stated_share is not None:

@@ -5,6 +5,7 @@ of depths, and what is stated. There is one tracker, so that nothing separates t
 """
 
 from collections.abc import Sequence as ListOf
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -15,9 +16,9 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth.accuracies import known_accuracy
 from tracknoise.truth.uncertainty import AnchoredPoints, TrueErrors, TruthDerivatives
-from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess, typical_px
 from tracknoise.truth_faults.audit_samples import AuditSamples
-from tracknoise.truth_faults.audit_summary import corrections_toml, usual_mistakes
+from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import not_audited, tables_of
 from tracknoise.truth_faults.check_evidence import NAME, check_rigid, check_samples, frames_of
 from tracknoise.truth_faults.check_report import CAUTIONS, Item, Severity
@@ -46,7 +47,8 @@ def sequence_verdict(sequence: Sequence, evidence: Evidence | None, items: ListO
         tables, shares, sizes = not_audited(str(samples), dataset), pose_share([]), {}
     else:
         tables, shares = tables_of(samples, dataset), pose_share([check_rigid(evidence, sequence)])
-        sizes = {NAME: _size(sequence, evidence, samples)}
+        size = _size(sequence, evidence, samples)
+        sizes = {NAME: replace(size, typical_px=typical_px(tables.audit_curves, NAME, size.age))}
     found = TruthEvidence(
         audit=tables.audit,
         pose_shares=shares,
@@ -55,7 +57,6 @@ def sequence_verdict(sequence: Sequence, evidence: Evidence | None, items: ListO
         mistakes=[*mistakes, *usual_mistakes(tables.audit)],
         cautions=cautions,
         is_fitted=evidence is not None and not evidence.has_depth and sequence.surface is None,
-        corrections=corrections_toml(tables.audit) is not None,
     )
     return TruthVerdict.of(assess(found, dataset))
 

@@ -93,12 +93,12 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     large = verdict(audit=audit(named=(0.4, 0.3, 0.5)))
     assert large.verdict == Trust.not_trusted
     assert large.text.startswith("The focal length is 10.0")
-    assert "[truth.corrections]" in large.step
+    assert "corrections that `tracknoise audit` prints" in large.step
     small = verdict(audit=audit(named=(0.04, 0.02, 0.06)))
     assert small.verdict == Trust.limited
     assert "The focal length is 10.0" in small.text
     smoothed = audit(named=(0.4, 0.3, 0.5)).with_columns(pl.col("parameter").replace("focal_length", "smoothing"))
-    assert "[truth.corrections]" not in verdict(audit=smoothed).step  # no setting undoes it
+    assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
 
 
 def test_mistakes_and_fitted_points_decide_before_all_else() -> None:

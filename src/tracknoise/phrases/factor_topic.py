@@ -193,9 +193,9 @@ def _said_of_truth(data: RunData, found: Judgement) -> Judgement:
     if TruthVerdict.of(data.trust).is_usable:
         return found
     is_better = found.answer.verdict == Verdict.yes
-    rest = ": the order holds, and the ratio is at least this." if is_better else ", and can hide a difference."
-    alike = f"The truth adds to the errors of all alike{rest}"
-    return replace(found, text=f"{found.text} {alike}{_apart(data)}")
+    alike = "Errors of the truth are the same for all: the order holds, and the ratio is at least this."
+    left = alike if is_better else "Errors of the truth can hide a difference."
+    return replace(found, text=f"{found.text} {left}{_apart(data)}")
 
 
 def _apart(data: RunData) -> str:
@@ -208,8 +208,7 @@ def _apart(data: RunData) -> str:
     pair = last.filter(pl.col("coordinate").is_in(["u", "v"]), tracker=one, other=other)
     variance, mean = (pair.filter(statistic=name)["value"].to_numpy() for name in ("central", "mean"))
     square = float(variance.sum() + np.square(mean).sum())
-    apart = f"{one} and {other} are {pixels(math.sqrt(square))} px apart (RMS)"
-    return f" At the same corners {apart}, whatever the truth is."
+    return f" At the same corners, {one} and {other} are {pixels(math.sqrt(square))} px apart (RMS)."
 
 
 def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:

@@ -355,10 +355,10 @@ def _corrected(faults: Sequence[Mapping[str, Any]], share: _Share) -> str:
     undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults]
     if not any(undone):
         return "No setting undoes this: use other poses, and measure again."
-    block = "Put the [truth.corrections] block of `tracknoise audit` into the experiment, and run it again"
+    block = "Apply the corrections that `tracknoise audit` prints"
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
-    return f"{block}: squared errors of held-out tracks fall by {percent(share.value)} with it."
+    return f"{block}; squared errors of held-out tracks fall by {percent(share.value)}."
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
@@ -377,10 +377,7 @@ _FITTED = "True positions are fitted to the tracks, so that errors of the poses 
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
-_POSES = (
-    "Use poses of a global bundle adjustment, or compare trackers with each other: differences at the same corners do "
-    "not depend on the poses."
-)
+_POSES = "Use poses of a global bundle adjustment, or compare trackers at the same corners, which needs no poses."
 _CAUSES: Mapping[TruthCause, str] = {
     TruthCause.poses: "motions of the camera that the poses lack explain",
     TruthCause.any_fault: "constant faults, as of the calibration or the clock, could explain",

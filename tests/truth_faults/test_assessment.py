@@ -129,6 +129,13 @@ def test_a_motion_of_a_single_tracker_does_not_contradict_an_exact_truth(
     assert verdict(sizes=sizes, pose_shares=poses(lk=(own, others))).verdict == expected
 
 
+def test_a_stated_accuracy_does_not_hide_what_the_tracks_show() -> None:
+    seen = {"sizes": {"lk": ErrorSize(10, 0.5, 0.05)}, "pose_shares": poses(lk=((0.15, 0.05, 0.3), (0.1, 0.02, 0.2)))}
+    found = verdict(**seen)
+    assert found.verdict == Trust.limited
+    assert "up to 15.0" in found.text  # the upper bound alone would be more
+
+
 def test_too_few_tracks_leave_what_is_stated() -> None:
     few = not_audited("only 20 observations can be used", "d").audit
     assert verdict(audit=few).verdict == Trust.unknown

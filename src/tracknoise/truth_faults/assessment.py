@@ -7,8 +7,8 @@ and does no harm. What looks like a bias of the trackers is in the bound. With s
 
     bound = sum s + sqrt(sum (h - s)^2)    (truth.bound)
 
-A stated accuracy of poses and depths replaces the bound where it is smaller and nothing established contradicts it. All
-trackers have the same truth: what one of them bounds in px^2 bounds the others too.
+A stated accuracy of poses and depths replaces the bound where it is smaller, nothing established contradicts it, and the
+tracks do not show more. All trackers have the same truth: what one of them bounds in px^2 bounds the others too.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -225,9 +225,8 @@ def _bounds(evidence: TruthEvidence, faults: Sequence[Mapping[str, Any]]) -> lis
         known = {cause: share for cause, share in causes.items() if share is not None}
         if len(known) == len(causes):
             is_refuted = bool(faults) or _contradicts(evidence.pose_shares, tracker, size.stated_share)
-            bound = _bound(known)
-            stated = bound if size.stated_share is None or is_refuted else size.stated_share
-            found.append(_Bounds(tracker, known, min(bound, stated)))
+            bound, stated = _bound(known), None if is_refuted else size.stated_share
+            found.append(_Bounds(tracker, known, bound if stated is None else min(bound, _with_stated(stated, known))))
     return _common(found, evidence.curves)
 
 
@@ -235,6 +234,17 @@ def _bound(causes: Mapping[TruthCause, _Share]) -> float:
     """(truth.bound)."""
     value = sum(share.value for share in causes.values())
     return min(value + sqrt(sum((share.high - share.value) ** 2 for share in causes.values())), 1.0)
+
+
+def _with_stated(stated: float, causes: Mapping[TruthCause, _Share]) -> float:
+    """What is stated, and at least what is measured; an exact truth explains nothing."""
+    poses = causes[TruthCause.poses]
+    measured = [
+        poses.value if poses.low > 0.0 else 0.0,
+        causes[TruthCause.any_fault].low,
+        causes[TruthCause.depths].low,
+    ]
+    return stated if stated < _EXACT else max(stated, *measured)
 
 
 def _contradicts(shares: pl.DataFrame, tracker: str, stated: float | None) -> bool:

@@ -7,8 +7,8 @@ and does no harm. What looks like a bias of the trackers is in the bound. With s
 
     bound = sum s + sqrt(sum (h - s)^2)    (truth.bound)
 
-A stated accuracy of poses and depths replaces the bound where it is smaller, nothing established contradicts it, and the
-tracks do not show more. All trackers have the same truth: what one of them bounds in px^2 bounds the others too.
+A stated accuracy of poses and depths replaces the bound where it is smaller, nothing established contradicts it, and
+the tracks do not show more. All trackers have the same truth: what one bounds in px^2 bounds the others too.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

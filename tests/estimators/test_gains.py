@@ -1,6 +1,7 @@
 import numpy as np
 import polars as pl
 import pytest
+from tests.estimators.models import TRUSTED
 
 from tracknoise.estimators.lookup_table import NoiseTable, noise_lookup, scene_sums
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups
@@ -194,12 +195,12 @@ def test_a_gain_that_no_single_step_establishes_is_stated():
 
 def test_a_run_of_one_scene_does_not_say_that_nothing_varies():
     gains = noise_lookup([sums({("only", "lk", 1): 1.0, ("only", "matching", 1): 4.0})])
-    first, _ = noise_table_sentences(NoiseTable(rows=(), gains=gains, window=10, level=0.95))
+    first, _ = noise_table_sentences(NoiseTable(rows=(), gains=gains, window=10, level=0.95, truth=TRUSTED))
     assert first == (
         "It is unknown whether the noise depends on tracker, speed or motion: "
         "no covariance rests on 50 errors of other scenes."
     )
     alike = noise_lookup([sums({("only", "lk", 1): 1.0})])
-    assert noise_table_sentences(NoiseTable(rows=(), gains=alike, window=10, level=0.95))[0] == (
+    assert noise_table_sentences(NoiseTable(rows=(), gains=alike, window=10, level=0.95, truth=TRUSTED))[0] == (
         "The run varies neither tracker, speed nor motion."
     )

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.experiments import run_findings
+from tracknoise.experiments import run_truth
 from tracknoise.experiments.measure import measure
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.experiments.task import tables_to_keep, write_measurement, write_settings
@@ -184,11 +184,11 @@ def test_the_audit_of_a_run_reads_the_poses_between_its_frames(shuttered, sequen
         given.extend(tables)
         return AuditTables(empty(AUDIT), empty(AUDIT_CURVES))
 
-    monkeypatch.setattr(run_findings, "audit_tables", audited_once)
+    monkeypatch.setattr(run_truth, "audit_tables", audited_once)
     for name, source, has_path in (("some", chosen_frames(shuttered, (0, 12, 2)), True), ("all", sequence, False)):
         folder = RunFolder(tmp_path / name)
         entry = write_measurement(folder, EXPERIMENT, measure(source, {"oracle": ORACLE}))
         write_settings(folder, EXPERIMENT, [entry])
         assert folder.has_sequence(entry)
-        run_findings.run_audit(folder, folder.manifest(), EXPERIMENT)
+        run_truth.run_audit(folder, folder.manifest(), EXPERIMENT)
         assert (given.pop().path is not None) == has_path

@@ -113,6 +113,8 @@ class Measurement:
     notes
         What trackers state about their results, and what is known of the errors of the truth, one sentence each.
         `sequence` has the notes of the reader.
+    states_accuracy
+        Whether the errors of its poses, and of its depths where they count, are stated; 0 where they are exact.
     images
         Images of the first frames, (height, width) uint8, as far as they were to be kept.
     """
@@ -133,6 +135,7 @@ class Measurement:
     prepared: PreparedSequence = field(repr=False)
     pose_differences: pl.DataFrame = field(repr=False)
     notes: tuple[str, ...] = ()
+    states_accuracy: bool = False
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
 
@@ -271,6 +274,7 @@ def complete(
         prepared=trimmed.sequence,
         pose_differences=_pose_differences(sequence, second_truth, measured.n_frames),
         notes=measured.notes,
+        states_accuracy=measured.states_accuracy,
         images=measured.images,
     )
 

@@ -38,7 +38,6 @@ from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.opencv import use_one_thread
-from tracknoise.truth.accuracies import AccuracyRule, known_accuracy
 from tracknoise.truth.scan import ScanRule
 from tracknoise.words import SELF_REFERENTIAL
 
@@ -109,9 +108,7 @@ def run_batch(
             entry = sequence_entry(measurement, seconds=seconds, sha256=hashes)
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
             found = doubts(measurement, kinds)
-            states = states_accuracy(measurement, task.experiment.truth.accuracy.rule())
-            doubtful = replace(entry, doubts=found.mistakes, cautions=found.cautions, states_accuracy=states)
-            entries.append(doubtful)
+            entries.append(replace(entry, doubts=found.mistakes, cautions=found.cautions))
         inputs = input_tables(batch, recorder, sequences)
     return [_with_inputs(entry, table, run) for entry, table in zip(entries, inputs, strict=True)]
 
@@ -144,16 +141,10 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         group=group_of(sequence),
         kernels=kernels(),
         z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
+        states_accuracy=measurement.states_accuracy,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )
-
-
-def states_accuracy(measurement: Measurement, rule: AccuracyRule) -> bool:
-    """Whether the errors of poses, and of depths where they count, are stated; 0 where they are exact."""
-    if measurement.truth not in tuple(TruthKind):
-        return False
-    return known_accuracy(measurement.sequence, measurement.truth, rule).is_complete
 
 
 def _repeated(batch: list[Task], progress: Progress | None) -> list[dict[str, pl.DataFrame]]:

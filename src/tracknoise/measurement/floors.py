@@ -171,12 +171,15 @@ class TruthFloor:
         The frame in which a scan anchors all features, or None.
     notes
         What counts, and where the figures are from, one sentence each.
+    is_stated
+        Whether the errors of poses, and of depths where they count, are stated; 0 where they are exact.
     """
 
     sequence: Sequence
     errors: TrueErrors | None
     key_frame: int | None
     notes: tuple[str, ...] = ()
+    is_stated: bool = False
 
     @classmethod
     def of(cls, sequence: Sequence, truth: Truth, rule: AccuracyRule) -> "TruthFloor":
@@ -187,7 +190,7 @@ class TruthFloor:
         if known.figures.is_exact and not known.is_complete:
             return cls(sequence, None, truth.key_frame)
         errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=frame_step(sequence))
-        return cls(sequence, errors, truth.key_frame, known.notes)
+        return cls(sequence, errors, truth.key_frame, known.notes, known.is_complete)
 
     def add(self, recording: Recording, positions: TruePositions) -> tuple[TruePositions, pl.DataFrame]:
         """Fill in the covariances of true positions, unless the truth states them.

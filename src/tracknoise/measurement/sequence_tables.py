@@ -197,6 +197,8 @@ class SequenceTables:
     notes
         What trackers state about their results, what is known of the errors of the truth, and the notes of the second
         truth, one sentence each.
+    states_accuracy
+        Whether the errors of its poses, and of its depths where they count, are stated; 0 where they are exact.
     images
         Images of the first frames, (height, width) uint8, as far as they were to be kept.
     """
@@ -211,6 +213,7 @@ class SequenceTables:
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
     notes: tuple[str, ...] = ()
+    states_accuracy: bool = False
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
 
@@ -316,6 +319,7 @@ def _sequence_tables(
         snapshot_frame=result.snapshot_frame,
         snapshot=result.snapshot,
         notes=(*result.notes, *floor.notes),
+        states_accuracy=floor.is_stated,
         images=result.images,
     )
 

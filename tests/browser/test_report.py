@@ -12,6 +12,7 @@ from tests.browser.chromium import Page
 
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.store import RunFolder
 
 Open = Callable[..., Page]
@@ -84,8 +85,8 @@ def test_the_answer_fits_the_first_screen(report: Path, open_page: Open) -> None
     assert page.evaluate(f"document.querySelectorAll('{FIRST}').length") >= 1 + 2 * 6 + 3
     assert page.evaluate(BOTTOMS) <= 768
     answered = page.evaluate("[...document.querySelectorAll('.first .chip')].map(one => one.textContent)")
-    assert {text.split(": ")[1] for text in answered} <= {"yes", "no", "undecided"}
-    assert {text.split(": ")[0] for text in answered} >= {"biased", "heavy tails", "grows", "trusted", "other scenes"}
+    assert {text.split(": ")[1] for text in answered} <= {"yes", "no", "undecided", *Trust}
+    assert {text.split(": ")[0] for text in answered} >= {"biased", "heavy tails", "grows", "truth", "other scenes"}
 
 
 def test_the_answer_fits_where_most_true_positions_are_unknown(

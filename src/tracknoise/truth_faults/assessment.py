@@ -25,7 +25,7 @@ from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
-from tracknoise.words import listing, percent, pixels, sentence_case
+from tracknoise.words import SPACE, listing, percent, pixels, sentence_case
 
 SMALL, MOST = 0.1, 0.5
 """Shares of the squared errors: up to the first the truth is small beside them, beyond the second it dominates."""
@@ -171,7 +171,8 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
         *_rows(evidence, bounds, faults),
     ]
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(TRUST))
-    return check(table, TRUST, "trust")
+    plain = table.with_columns(pl.col("text", "step").str.replace_all(SPACE, " ", literal=True))  # files have it too
+    return check(plain, TRUST, "trust")
 
 
 def _named(audit: pl.DataFrame) -> list[dict[str, Any]]:
@@ -291,9 +292,8 @@ def _verdict(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequenc
         return _Found(Trust.unknown, _FITTED, _FITTED_STEP)
     share, worst = _named_share(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
     if share.value > SMALL:
-        rest = (
-            "" if worst is None or worst.high <= share.value else f" In all, {percent(worst.high)} can be the truth's."
-        )
+        high = 0.0 if worst is None else worst.high
+        rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
         text = f"{_faults_text(faults)}: {_explains(len(faults), share)}.{rest}"
         return _Found(Trust.not_trusted, text, _corrected(faults, share))
     return _unmeasured(evidence) if worst is None else _measured(evidence, worst, faults)

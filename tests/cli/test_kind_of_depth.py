@@ -69,7 +69,7 @@ def run(stereo, tmp_path_factory):
 
 def test_an_audit_of_stereo_depth_says_that_its_kind_was_not_tried(run, tracknoise) -> None:
     status, text, stderr = tracknoise("audit", str(run))
-    assert status == 0, stderr
+    assert (status, stderr) == (4 if text.startswith(("Truth: not trusted", "Truth: unknown")) else 0, "")
     assert NOT_TRIED.format("stereo matching of two cameras") in " ".join(text.split())
     assert "along the ray" not in text
     assert "depth_along_ray" not in text
@@ -97,6 +97,6 @@ def test_a_run_that_does_not_say_what_is_known_is_audited_as_before(run, trackno
 def test_a_check_of_a_simulated_world_says_that_the_kind_was_not_tried(tracknoise) -> None:
     options = ('motions=["fixating"]', "frames=12", "width=200", "height=150", "supersampling=1")
     status, text, _ = tracknoise("check", "simulated", *(part for one in options for part in ("--option", one)))
-    assert status in (0, 3)
+    assert status == 0  # simulated: stated to be exact
     assert "Not tried: that depth is the distance along the ray" in " ".join(text.split())
     assert "depths are z by construction (from the surfaces of a simulated world)" in " ".join(text.split())

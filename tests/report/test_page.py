@@ -173,8 +173,8 @@ def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Calla
     run = make_run(**small, dataset="tum", truth="birth", depth=False)
     page = html.unescape(write_report(run, figure_formats=()).read_text(encoding="utf-8"))
     first = page.split("<table")[0]
-    assert "Their own errors are part of every number" in first
-    assert '<a href="#limits">' in first
+    assert "Errors of the truth can explain up to" in first
+    assert '<a href="#truth">' in first
     assert "100.0\N{NO-BREAK SPACE}% of the observations have no true position" in first
     assert "<strong>The whole run</strong>: the true position of 100.0" in page.split('<section id="truth"')[1]
 

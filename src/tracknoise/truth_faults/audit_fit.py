@@ -177,10 +177,15 @@ def gain(corrected: NDArray[np.float64], base: NDArray[np.float64], *, level: fl
     value = 1.0 - float(corrected.sum() / base.sum())
     others = np.maximum(base.sum() - base, 1e-300)
     without = 1.0 - (corrected.sum() - corrected) / others
-    n = len(base)
-    error = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
-    half = float(special.stdtrit(n - 1, 0.5 + 0.5 * level)) * error
+    half = jackknife_half_width(without, level)
     return Gain(value, value - half, min(value + half, 1.0))
+
+
+def jackknife_half_width(without: NDArray[np.float64], level: float) -> float:
+    """Half of Student's interval of a number, from its values without each of the clusters, (n,)."""
+    n = len(without)
+    error = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
+    return float(special.stdtrit(max(n - 1, 1), 0.5 + 0.5 * level)) * error
 
 
 LEVEL = 0.95
@@ -252,7 +257,8 @@ class ResampledFit:
 
 _CORES = 5.0
 """Errors longer than so many median lengths are outliers."""
-_MEDIAN_TO_CORE = 1.4826
+MEDIAN_TO_CORE = 1.4826
+"""Standard deviation of a Gaussian, in median absolute values."""
 
 
 def curves(samples: AuditSamples, errors: Mapping[str, NDArray[np.float64]], dataset: str) -> pl.DataFrame:
@@ -297,7 +303,7 @@ def _medians(samples: AuditSamples, length: NDArray[np.float64], known: NDArray[
 
 def _moments(error: NDArray[np.float64]) -> dict[str, float | int]:
     mean, second = error.mean(axis=0), np.mean(error**2, axis=0)
-    core = _MEDIAN_TO_CORE * np.median(np.abs(error), axis=0)
+    core = MEDIAN_TO_CORE * np.median(np.abs(error), axis=0)
     return {
         "n": len(error),
         "mean_u_px": float(mean[0]),

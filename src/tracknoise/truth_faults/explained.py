@@ -23,10 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from tracknoise.inference.robust_fits import scales, summed
-from tracknoise.truth_faults.audit_fit import LEVEL, Gain, gain, losses
+from tracknoise.truth_faults.audit_fit import LEVEL, MEDIAN_TO_CORE, Gain, gain, jackknife_half_width, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
@@ -36,8 +35,6 @@ EVERY_FAULT, DEPTHS = "every_fault", "depths"
 _ROUNDS = 8
 _CELLS, _LEAST_IN_CELL = 5, 12
 """Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
-_TO_SIGMA = 1.4826
-"""Standard deviation of a Gaussian, in median absolute values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +136,7 @@ def _depth_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
     if not some:
         return 0.0
     sizes, moved = rows.sizes[:, used], rows.moved[used]
-    variance = np.array([np.square(_TO_SIGMA * np.median(sizes[:, one], axis=1)) for one in some])
+    variance = np.array([np.square(MEDIAN_TO_CORE * np.median(sizes[:, one], axis=1)) for one in some])
     x = np.array([np.median(moved[one]) for one in some])
     y, total = variance[:, 0] - variance[:, 1], variance.sum(axis=1)
     group, weight = names[full] // _CELLS, counts[full] / np.maximum(total, 1e-12) ** 2
@@ -161,7 +158,5 @@ def _slope(
 
 def _interval(value: float, without: NDArray[np.float64]) -> Gain:
     """A share with the interval of the jackknife over clusters, between 0 and 1."""
-    n = len(without)
-    error = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
-    half = float(special.stdtrit(max(n - 1, 1), 0.5 + 0.5 * LEVEL)) * error
+    half = jackknife_half_width(without, LEVEL)
     return Gain(min(max(value, 0.0), 1.0), value - half, min(max(value + half, 0.0), 1.0))

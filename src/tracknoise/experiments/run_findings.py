@@ -62,7 +62,7 @@ from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.quantities import Topic
 from tracknoise.tables.result_views import Identified, results_of
-from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW, empty
+from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
 
@@ -244,8 +244,7 @@ def _write_findings(
 ) -> None:
     """Everything but the models, so that it is no longer in memory when these are fitted."""
     tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
-    rigid = pl.concat([empty(RIGID), *run.stored_tables("rigid")])
-    tables["trust"] = trust_table(manifest, experiment, {**statistics, **tables}, reference, rigid)
+    tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
     reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
     if reported.fitted:
         tables |= _without_verdicts_on_errors(tables)

@@ -11,7 +11,7 @@ from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.manifest import Manifest, SequenceEntry
-from tracknoise.tables.schema import VIEW
+from tracknoise.tables.schema import RIGID, VIEW, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess, typical_px
 from tracknoise.truth_faults.audit_summary import usual_mistakes
@@ -52,29 +52,28 @@ def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:
 
 
 def trust_table(
+    run: RunFolder,
     manifest: Manifest,
     experiment: Experiment,
     tables: Mapping[str, pl.DataFrame],
     reference: ReferenceCondition,
-    rigid: pl.DataFrame,
 ) -> pl.DataFrame:
     """The verdict on the truth of a run.
 
     Parameters
     ----------
-    manifest, experiment
-        Of the run.
+    run, manifest, experiment
+        The run, and what it is of.
     tables
         With those of the audit, the shares of poses, and the summary.
     reference
         View and speed that numbers are shown of.
-    rigid
-        Tables of all sequences, schema `RIGID`.
     """
     entries = [manifest.sequences[key] for key in sorted(manifest.sequences)]
     every = {tracker.label for tracker in experiment.trackers}
     seen = every - {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC}
     shown = [pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed")]
+    rigid = [empty(RIGID), *(table.filter(*shown) for table in run.stored_tables("rigid"))]
     summary = tables["summary"].filter(*shown, pl.col("tracker").is_in(seen or every))
     states = all(entry.states_accuracy for entry in entries)
     evidence = TruthEvidence(
@@ -85,7 +84,7 @@ def trust_table(
         mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
         cautions=_each(entries, "cautions"),
         is_fitted=any(entry.truth == TRIANGULATED for entry in entries),
-        scene_shares=scene_shares(rigid.filter(*shown)),
+        scene_shares=scene_shares(pl.concat(rigid)),
     )
     return assess(evidence, entries[0].sequence.dataset)
 

@@ -28,6 +28,7 @@ from tracknoise.words import (
     pixels,
     px,
     ratio,
+    sentence_case,
 )
 
 LONGEST_WINDOW = 15
@@ -127,11 +128,15 @@ def _with_depth(length: int, found: Quantities, tracker: str, trust: pl.DataFram
         found[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
     )
     caveat = _caveat(consistent.value, trust, tracker)
-    verb = "set at most" if caveat else "set"
     residuals = f"Residuals will look like {px(residual.value)}: tuned to them, {_certainty(factor)}."
-    text = f"{tracker}: {verb} {format_estimate(consistent)} for windows of {length} frames{caveat}. {residuals}"
-    brief = f"{tracker}: {verb} {short(consistent)} for windows of {length} frames."
+    text = f"{tracker}: {_to_set(format_estimate(consistent), length, caveat)}{caveat}. {residuals}"
+    brief = f"{tracker}: {_to_set(short(consistent), length, caveat)}."
     return Part(text, [consistent, residual, factor], brief)
+
+
+def _to_set(size: str, length: int, caveat: str) -> str:
+    """What to set for windows of a length, which is an upper bound where there is a caveat."""
+    return f"set {'at most ' if caveat else ''}{size} for windows of {length} frames"
 
 
 def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
@@ -183,8 +188,8 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
         return "" if length is None else f"What to set is unknown: {_too_few(length)}."
     sigma, residual = found["consistent_sigma"], found["residual_core"]
     caveat = _caveat(sigma["value"], data.trust, tracker)
-    size = f"{'at most ' if caveat else ''}{pixels(sigma['value'])} px for windows of {sigma['window']} frames"
-    return f"Set {size}{caveat}; residuals look like {pixels(residual['value'])} px."
+    advice = sentence_case(_to_set(f"{pixels(sigma['value'])} px", sigma["window"], caveat))
+    return f"{advice}{caveat}; residuals look like {pixels(residual['value'])} px."
 
 
 def estimator_sentence(data: RunData, tracker: str) -> str:
@@ -195,8 +200,8 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
     sigma = found["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
     caveat = _caveat(sigma["value"], data.trust, tracker)
-    size = f"{'at most ' if caveat else ''}{pixels(sigma['value'])} px{bounds}"
-    return f"For {tracker}, set {size} for windows of {sigma['window']} frames{caveat}. {_certain(found)}".strip()
+    advice = _to_set(f"{pixels(sigma['value'])} px{bounds}", sigma["window"], caveat)
+    return f"For {tracker}, {advice}{caveat}. {_certain(found)}".strip()
 
 
 def sigma_message(data: RunData) -> str:

@@ -55,7 +55,12 @@ def made(first: float = 0.0, white: float = 0.0, walk: float = 0.0, drift: float
         "conditions": (TEXTURE,),
         "equivalents": tuple(
             Equivalent(
-                landmark=Landmark.FREE, purpose=Purpose.DEPTH, window=window, sigma=sigma, gate_95=1.1, gate_99=1.3
+                landmark=Landmark.FREE,
+                purpose=Purpose.NEWEST_POSE,
+                window=window,
+                sigma=sigma,
+                gate_95=1.1,
+                gate_99=1.3,
             )
             for window in (5, 10, 30)
         ),

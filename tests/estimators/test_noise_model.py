@@ -97,23 +97,14 @@ def test_impossible_errors_and_changes_are_refused() -> None:
         made(0.1, 0.1, 0.1).change_covariance(frames=[1, 0])
 
 
-def test_matched_losses() -> None:
-    cauchy, huber = made(0.1, 0.1).loss(), made(0.1, 0.1).loss("huber")
-    assert (cauchy.knee, cauchy.expected_nees) == pytest.approx((6**0.5, 8 / 6))
-    assert cauchy.covariance_factor == pytest.approx(0.49 * 4 / 6)
-    assert (huber.knee, huber.covariance_factor) == pytest.approx((1.1, 0.49))
-    gaussian = made(0.1, 0.1, tails=Tails(nu=math.inf, core_sigma=0.2)).loss()
-    assert (gaussian.knee, gaussian.covariance_factor) == (math.inf, 1.0)
-
-
 def test_equivalents_are_of_the_nearest_window() -> None:
     model = made()
-    assert model.equivalent(landmark=Landmark.FREE, window=11, purpose=Purpose.DEPTH).window == 10
-    assert model.sigma(window=21, purpose="depth").value == 0.3
+    assert model.equivalent(landmark=Landmark.FREE, window=11, purpose=Purpose.NEWEST_POSE).window == 10
+    assert model.sigma(window=21).value == 0.3
     with pytest.raises(SettingsError, match="no sigma for landmark exact"):
         model.sigma(landmark="exact")
     with pytest.raises(UnknownNameError, match="purpose"):
-        model.sigma(purpose="deepth")
+        model.sigma(purpose="depth")
 
 
 def test_corrections() -> None:
@@ -181,7 +172,9 @@ def test_the_share_in_common_is_written_with_its_interval(tmp_path: Path) -> Non
 
 def test_a_second_condition_says_what_it_gains_beyond_the_first() -> None:
     motion = replace(TEXTURE, of="motion_px", gain=Interval(value=0.02))
-    first, second = (line for line in model_sentences(made(0.1, conditions=(TEXTURE, motion))) if "nat per" in line)
+    first, second = (
+        line for line in model_sentences(made(0.1, conditions=(TEXTURE, motion)), "filter") if "nat per" in line
+    )
     assert first.endswith("this gains 0.100 nat per change.")
     assert second.endswith("this gains 0.0200 nat per change beyond the first factor.")
 

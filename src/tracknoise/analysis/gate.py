@@ -4,7 +4,7 @@
 
 Verdicts of a comparison: worse, better, no difference or undecided, for all statistics together.
 
-Statistics form families, each with the whole level: sizes (core, second moment and sigma to set), ends of tracks
+Statistics form families, each with the whole level: sizes (core, second moment and sigma for depths), ends of tracks
 (lifetime and outlier ratio), and the others. A statistic is `worse` or `better` if its p-value is at most 1 - level
 after Holm's correction over all rows of its family. The probability of any false claim in a family is then at most 1
 - level, and what else is compared does not count. It has `no difference` if a change by the margin is excluded in

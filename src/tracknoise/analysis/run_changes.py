@@ -122,9 +122,9 @@ ESTIMANDS: Mapping[str, Estimand] = {
         "feature count", "Mean number of features per frame: geometric mean over scenes.", larger_is_better=True
     ),
     "consistent_sigma": Estimand(
-        "sigma to set",
-        "Consistent sigma, the one to set in an estimator, of the longest windows up to 15 observations that enough "
-        "scenes of both runs have: geometric mean over scenes.",
+        "sigma for depths",
+        "Consistent sigma, which makes depths of points right, of the longest windows up to 15 observations that "
+        "enough scenes of both runs have: geometric mean over scenes.",
     ),
     "residual_sigma": Estimand(
         "residual sigma",

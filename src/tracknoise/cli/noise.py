@@ -32,6 +32,11 @@ if TYPE_CHECKING:
     from tracknoise.estimators.run_models import RunModels
 
 
+ForOption = Annotated[
+    str, typer.Option("--for", help="Estimator to say what to set in, or a kind: see `noise export --list`.")
+]
+
+
 def register_check(app: typer.Typer) -> None:
     """Add the command to those of ``tracknoise noise``."""
     app.command("check", no_args_is_help=True)(check)
@@ -127,7 +132,7 @@ def export_command(
     rate: Annotated[float | None, typer.Option("--rate", help="Frames that it uses per second.")] = None,
     window: Annotated[int | None, typer.Option("--window", min=2, help="Length of its window, frames.")] = None,
     purpose: Annotated[
-        str | None, typer.Option("--purpose", help="What to make right: innovations, all_poses, newest_pose or depth.")
+        str | None, typer.Option("--purpose", help="What to make right: innovations, all_poses or newest_pose.")
     ] = None,
     allow_focal: Annotated[
         str | None, typer.Option("--allow-focal", help="Why the focal length is another one: resampled or lens.")
@@ -234,7 +239,7 @@ def table(
     run: Annotated[Path, typer.Argument(help="Folder of a finished run.")],
     tracker: Annotated[list[str] | None, typer.Option("--tracker", help="Only this tracker; may be repeated.")] = None,
     speed: Annotated[list[int] | None, typer.Option("--speed", help="Only this speed; may be repeated.")] = None,
-    window: Annotated[int, typer.Option("--window", min=3, help="Length of windows, frames.")] = 10,
+    window: Annotated[int, typer.Option("--window", min=3, help="Length of windows, frames.")] = 11,
     as_json: JsonOption = False,
     json_file: JsonFileOption = None,
     out: Annotated[
@@ -294,7 +299,8 @@ def fit(
     scene: Annotated[
         list[str] | None, typer.Option("--scene", help="Fit to this scene (default: all); may be repeated.")
     ] = None,
-    window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 10,
+    window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 11,
+    name: ForOption = "filter",
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the models.")] = Path(),
     accept_truth: AcceptTruthOption = False,
     quiet: QuietOption = False,
@@ -311,6 +317,7 @@ def fit(
 
     Example: `tracknoise noise fit runs/demo -o models`
     """
+    from tracknoise.estimators.exports import estimator_name
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.estimators.run_models import run_models
     from tracknoise.estimators.training import chosen_conditions
@@ -320,23 +327,24 @@ def fit(
     from tracknoise.tables.trust import TruthVerdict
 
     require_truth(TruthVerdict.of_run(RunFolder(run)), str(run), accepted=accept_truth)
+    about = estimator_name(name)
     wanted = chosen_conditions(RunFolder(run), trackers=tracker, speeds=speed)
     kept = run_models(RunFolder(run))
     failed = list[SettingsError]()
     stems = _stems(wanted)
-    for name, played in wanted:
-        own = kept.models.get(name) if played == kept.speed and scene is None else None
+    for label, played in wanted:
+        own = kept.models.get(label) if played == kept.speed and scene is None else None
         if own is None:
-            context.obj.say(f"{name} at speed {played}: fitted now, because {_why_anew(kept, played, scene)}")
+            context.obj.say(f"{label} at speed {played}: fitted now, because {_why_anew(kept, played, scene)}")
         try:
-            model = NoiseModel.fit(run, tracker=name, speed=played, scenes=scene) if own is None else own
+            model = NoiseModel.fit(run, tracker=label, speed=played, scenes=scene) if own is None else own
         except SettingsError as error:
             failed.append(error)
-            context.obj.warn(f"{name} at speed {played} has no model: {error}")
+            context.obj.warn(f"{label} at speed {played} has no model: {error}")
             continue
-        path = out / f"{stems[name]}@{played}.noise.json"
+        path = out / f"{stems[label]}@{played}.noise.json"
         model.write(path)
-        context.obj.result("\n".join(model_sentences(model)))
+        context.obj.result("\n".join(model_sentences(model, about)))
         _show(context, model, window)
         context.obj.result(f"written: {path}\n")
     if len(failed) == len(wanted):
@@ -356,7 +364,8 @@ def _why_anew(kept: "RunModels", speed: int, scenes: list[str] | None) -> str:
 def show_model(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")],
-    window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 10,
+    window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 11,
+    name: ForOption = "filter",
     header: Annotated[bool, typer.Option("--header", help="Print the model as a C++ header.")] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
@@ -366,14 +375,15 @@ def show_model(
     Example: `tracknoise noise show lucas-kanade@1.noise.json`
     """
     from tracknoise.estimators.cpp_header import cpp_header
+    from tracknoise.estimators.exports import estimator_name
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.report.noise_cells import model_sentences
 
-    model = NoiseModel.read(file)
+    about, model = estimator_name(name), NoiseModel.read(file)
     if header:
         context.obj.result(cpp_header(model))
         return 0
-    context.obj.result("\n".join(model_sentences(model)))
+    context.obj.result("\n".join(model_sentences(model, about)))
     _show(context, model, window)
     return 0
 

@@ -48,7 +48,7 @@ its alternatives.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import combinations
 
 import numpy as np
@@ -406,6 +406,7 @@ class WeightedSums:
         return Equations.of(sums).half_traces(self.weights, active)
 
 
+_ONE_SIGMA = 0.683
 ALMOST_CERTAIN = 0.999
 """Level of the interval of a component that is kept without doubt."""
 _ROUNDING = 1e-12
@@ -525,7 +526,7 @@ def _alternatives(sums: "WeightedSums", active: Sequence[int], level: float) -> 
     return (*fewer, *(each for each in more if sums.half_traces(each, scale="linear", level=level).low[-1] > 0.0))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FittedComponents:
     """Components, and what they were fitted to.
 
@@ -554,11 +555,30 @@ class FittedComponents:
     def combined(self, coefficients: Array) -> list[Interval]:
         """Square roots of linear combinations of the half traces, px, with their intervals.
 
+        A component that was dropped because few scenes leave it uncertain takes part with the weight of (combined).
+
         Shapes: coefficients (n, 4).
         """
         models = (self.selection.active, *self.selection.alternatives)
         found = reduce(Bounded.hull, [self.sums.combined(one, coefficients, level=self.level) for one in models])
-        return [_root_interval(*bounds) for bounds in zip(found.value, found.low, found.high, strict=True)]
+        value = found.value.copy()
+        for more, weight in self._uncertain.items():
+            value += weight * (self.sums.combined(more, coefficients, level=self.level).value - found.value)
+        low, high = np.fmin(found.low, value), np.fmax(found.high, value)
+        return [_root_interval(*bounds) for bounds in zip(value, low, high, strict=True)]
+
+    @cached_property
+    def _uncertain(self) -> dict[tuple[int, ...], float]:
+        """Weights of the components with one more that describes better what was left out."""
+        active, found = self.selection.active, {}
+        for other in range(len(NAMES)):
+            more = (*active, other)
+            if other not in active and self.sums.held_out(more) > self.sums.held_out(active):
+                size = self.sums.half_traces(more, scale="linear", level=_ONE_SIGMA)
+                error = size.value[-1] - size.low[-1]
+                if size.value[-1] > error:
+                    found[more] = float(1.0 - (error / size.value[-1]) ** 2)
+        return found
 
 
 def sums_of_units(sums: pl.DataFrame, groups: SceneGroups) -> Units:

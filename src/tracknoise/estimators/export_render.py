@@ -29,10 +29,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from tracknoise.estimators import exports
+from tracknoise.estimators.advice import ExportedModel
 from tracknoise.estimators.exports import (
     Estimator,
     Export,
-    ExportedModel,
     FocalChange,
     Noise,
     RateChange,
@@ -154,6 +154,7 @@ def converted(model: ExportedModel, target: Target) -> Converted:
         walk=scaled_component(model.walk, scale * math.sqrt(steps)),
         drift=scaled_component(model.drift, scale * steps),
         equivalents=tuple(scaled_equivalent(one, scale) for one in _equivalents(model, thinning, caveats)),
+        kernels=tuple(replace(one, knee_px=scale * one.knee_px) for one in model.kernels),
     )
     return Converted(found, tuple(caveats))
 
@@ -298,7 +299,7 @@ def export(
     """
     about, wanted = estimator(name), target or Target()
     at = converted(model, wanted)
-    noise = Noise(at.model, about.landmark, wanted.window or about.window, _purpose(about, wanted))
+    noise = Noise(at.model, about, wanted.window or about.window, _purpose(about, wanted))
     camera = at.model.camera
     known = {"focal length": camera.focal_px, "rate": camera.rate_hz, "observations": observations}
     _require_known(about, known)

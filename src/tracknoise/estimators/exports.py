@@ -11,33 +11,20 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import Field, dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 from importlib import resources
 from importlib.metadata import version
 from itertools import chain
-from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter
 
-from tracknoise.estimators.model import (
-    Bias,
-    BiasKind,
-    CameraOfModel,
-    Component,
-    Equivalent,
-    Interval,
-    Landmark,
-    Loss,
-    Purpose,
-    Training,
-)
-from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.estimators.advice import Advice, ExportedModel, Gate, advise, observation_gate
+from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark, LossKind, Purpose
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.tables.trust import TruthVerdict
 
 _SHORTEST = 2
 
@@ -120,141 +107,68 @@ class Target:
             raise SettingsError(f"found no rate, expected one because it may differ ({self.rate_change})")
 
 
-class ExportedModel(Protocol):
-    """What exports use of a noise model: see `tracknoise.estimators.noise_model.NoiseModel`."""
-
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
-
-    @property
-    def training(self) -> Training:
-        """What it was fitted to."""
-
-    @property
-    def camera(self) -> CameraOfModel:
-        """The camera of the recordings that it was fitted to."""
-
-    @property
-    def first(self) -> Component:
-        """Noise of the first position."""
-
-    @property
-    def white(self) -> Component:
-        """White noise."""
-
-    @property
-    def walk(self) -> Component:
-        """Random walk."""
-
-    @property
-    def drift(self) -> Component:
-        """Drift."""
-
-    @property
-    def bias(self) -> Bias:
-        """Mean error."""
-
-    @property
-    def equivalents(self) -> tuple[Equivalent, ...]:
-        """Standard deviations for all observations, named by what they make right."""
-
-    @property
-    def truth(self) -> TruthVerdict:
-        """The verdict on the truth that it was fitted with."""
-
-    @property
-    def components(self) -> TrackNoise:
-        """All components."""
-
-    @property
-    def text(self) -> str:
-        """The model as a document."""
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the document."""
-
-    def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
-        """The standard deviation for a purpose."""
-
-    def loss(self, kind: str = ...) -> Loss:
-        """A robust loss that fits the tails."""
-
-
 LEAST_PX = 0.01
 """What is written for a component that is zero, px: estimators divide by it."""
 _GOOD_TRACKS = 0.999
 """Share of good tracks that pass a bound on their largest residual."""
-_GAUSSIAN_KNEES: Mapping[str, float] = {"huber": 2.45, "cauchy": 2.385}
-"""Knees for Gaussian errors, in standard deviations of residuals.
-
-95 % of 2-D residuals are below that of Huber, which leaves the covariance right. That of Cauchy keeps 95 % of the
-efficiency of least squares.
-"""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
     """The noise of a model, as an estimator uses it. Templates call it `noise`.
 
-    Factors on gates are not below 1. Those of a model are for true poses, and are smaller where sigma is larger than
-    the residuals. The innovations that a filter gates contain the errors of its predicted poses, too.
-
     Parameters
     ----------
     model
         In px and frames of the estimator.
-    landmark, window
-        How it uses the first observation of a track, and the length of its window, frames.
+    about
+        The estimator.
+    window
+        Length of its window, frames.
     purpose
         What its sigma makes right; None if it takes the components themselves.
     """
 
     model: ExportedModel
-    landmark: Landmark
+    about: "Estimator"
     window: int
     purpose: Purpose | None
 
-    def equivalent(self, *, window: int | None = None, purpose: Purpose | None = None) -> Equivalent:
-        """The sigma for a window and a purpose, by default its own. Without a purpose, the one of residuals."""
-        found = self.model.equivalent(
-            landmark=self.landmark,
-            window=self.window if window is None else window,
-            purpose=purpose or self.purpose or Purpose.INNOVATIONS,
-        )
-        if not 0.0 < found.sigma.value < math.inf:
-            raise SettingsError(
-                f"sigma for {found.purpose}, windows of {found.window} frames, is {found.sigma.value:g} px, "
-                "expected a number above 0"
-            )
-        return found
+    def advice(self, *, window: int | None = None) -> Advice:
+        """What to set, for its window or another one."""
+        return self.about.advise(self.model, window=window or self.window, purpose=self.purpose)
 
     @property
     def sigma(self) -> float:
-        """Standard deviation, px."""
-        return self.equivalent().sigma.value
+        """Standard deviation, px; with a robust loss, the one that belongs to it."""
+        return self.advice().sigma.value
 
     def sigma_at(self, window: int) -> float:
         """The same for another window."""
-        return self.equivalent(window=window).sigma.value
+        return self.advice(window=window).sigma.value
 
     @property
-    def gate_95(self) -> float:
-        """Factor on a chi-square gate at .95, with `sigma`."""
-        return max(self.equivalent().gate_95, 1.0)
+    def plain_sigma(self) -> float:
+        """Standard deviation without a robust loss, px."""
+        return replace(self.about, kernel=None).advise(self.model, window=self.window, purpose=self.purpose).sigma.value
 
     @property
-    def residual_gate_95(self) -> float:
-        """Factor on a chi-square gate at .95, with a sigma of the size of residuals."""
-        return max(self._residual.gate_95, 1.0)
+    def gate(self) -> float:
+        """Factor on the chi-square gate of a track at .95, with `sigma`."""
+        return self.advice().gates[Gate.TRACK]
+
+    def observation_gate_at(self, window: int) -> float:
+        """Factor on the chi-square gate of one observation at .95, with `sigma_at`."""
+        return self.advice(window=window).gates[Gate.OBSERVATION]
 
     @property
-    def gate_99(self) -> float:
-        """Factor on a chi-square gate at .99, with `sigma`."""
-        return max(self.equivalent().gate_99, 1.0)
+    def observation_gate(self) -> float:
+        """The same with `sigma`."""
+        return self.observation_gate_at(self.window)
 
-    def gate_at(self, window: int) -> float:
-        """Factor on a chi-square gate at .95, with `sigma_at`."""
-        return max(self.equivalent(window=window).gate_95, 1.0)
+    def observation_gate_with(self, sigma: float, level: float) -> float:
+        """The same with another standard deviation, px, at another level."""
+        return observation_gate(self.model, self._innovations.sigma.value, sigma, level)
 
     @property
     def first(self) -> float:
@@ -303,24 +217,16 @@ class Noise:
         return np.asarray(self.sigma**2 * total / (np.trace(total) / 2.0))
 
     @property
-    def huber_px(self) -> float:
-        """Knee of a Huber loss, px."""
-        return self._knee("huber")
+    def knee_px(self) -> float:
+        """Knee of the robust loss, px."""
+        knee = self.advice().knee_px
+        assert knee is not None, f"{self.about.title} has no robust loss"
+        return knee
 
     @property
-    def cauchy_px(self) -> float:
-        """Scale of a Cauchy loss, px."""
-        return self._knee("cauchy")
-
-    @property
-    def huber(self) -> float:
-        """Knee of a Huber loss, in units of `sigma`."""
-        return self.huber_px / self.sigma
-
-    @property
-    def cauchy(self) -> float:
-        """Scale of a Cauchy loss, in units of `sigma`."""
-        return self.cauchy_px / self.sigma
+    def knee(self) -> float:
+        """Knee of the robust loss, in units of `sigma`."""
+        return self.knee_px / self.sigma
 
     @property
     def largest_residual(self) -> float:
@@ -329,24 +235,17 @@ class Noise:
         For Gaussian errors, widened by what the gate shows of their tails.
         """
         longest = math.sqrt(-2.0 * math.log1p(-(_GOOD_TRACKS ** (1.0 / self.window))))
-        return self._residual.sigma.value * longest * math.sqrt(self._residual.gate_99)
+        return self._innovations.sigma.value * longest * math.sqrt(self._innovations.gate_99)
 
     @property
     def longer_side(self) -> int:
         """Longer side of the image, px."""
         return max(self.model.camera.width, self.model.camera.height)
 
-    def _knee(self, kind: str) -> float:
-        """Knee of a robust loss on residuals that are not whitened, px. It depends on their size, not on `sigma`."""
-        loss = self.model.loss(kind)
-        robust = math.isfinite(loss.knee)
-        knee = loss.knee * math.sqrt(loss.covariance_factor) if robust else _GAUSSIAN_KNEES[kind]
-        return knee * self._residual.sigma.value
-
     @property
-    def _residual(self) -> Equivalent:
+    def _innovations(self) -> Equivalent:
         """The sigma that residuals have."""
-        return self.equivalent(purpose=Purpose.INNOVATIONS)
+        return self.model.equivalent(landmark=self.about.landmark, window=self.window, purpose=Purpose.INNOVATIONS)
 
 
 def invertible(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -357,6 +256,7 @@ def invertible(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
 
 _ROOM = "tracknoise.estimators"
 FAMILIES: Mapping[str, str] = {
+    "kinds": "Kinds of estimators",
     "filters": "Filters",
     "smoothers": "Smoothers and visual SLAM",
     "maps": "Mapping and structure from motion",
@@ -381,6 +281,10 @@ class Estimator:
     purpose, window
         What its sigma makes right by default, and the length of its window as shipped, frames. The purpose is None
         where the components of the model are written themselves.
+    kernel, knee
+        Its robust loss, and the knee in sigmas where it cannot be set.
+    gates
+        Its chi-square tests that can be set.
     needs
         What must be known: ``focal length``, ``rate``, ``observations``.
     cannot
@@ -408,12 +312,36 @@ class Estimator:
     files: Mapping[str, str]
     purpose: Purpose | None = None
     window: int = 11
+    kernel: LossKind | None = None
+    knee: float | None = None
+    gates: tuple[Gate, ...] = ()
     needs: tuple[str, ...] = ()
     without_effect: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     checked_against: tuple[str, ...] = ()
     patch: str | None = None
     aliases: tuple[str, ...] = ()
+
+    def advise(self, model: ExportedModel, *, window: int | None = None, purpose: Purpose | None = None) -> Advice:
+        """What to set; by default for its window and purpose.
+
+        Raises
+        ------
+        SettingsError
+            If it takes the components of a model, not one sigma, or the model has no such sigma.
+        """
+        wanted = purpose or self.purpose
+        if wanted is None:
+            raise SettingsError(f"{self.title} takes the components of a model, expected an estimator with one sigma")
+        return advise(
+            model,
+            landmark=self.landmark,
+            purpose=wanted,
+            window=window or self.window,
+            kernel=self.kernel,
+            knee=self.knee,
+            gates=self.gates,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -486,20 +414,18 @@ PURPOSES: Mapping[Purpose, str] = {
     Purpose.INNOVATIONS: "the size of residuals and innovations",
     Purpose.ALL_POSES: "the covariance of all poses on average",
     Purpose.NEWEST_POSE: "the covariance of the newest pose",
-    Purpose.DEPTH: "the covariance of the depth of points",
 }
 """What a sigma makes right."""
 LANDMARKS: Mapping[Landmark, str] = {
     Landmark.FREE: "the point is solved for, and the first observation has a residual",
     Landmark.EXACT: "the first observation is taken as true",
     Landmark.STATE: "the first direction is a state with a prior",
+    Landmark.KNOWN: "the point is known, from a map or a depth image",
 }
 """How an estimator uses the first observation of a track."""
 _DIGITS_OF_HASH = 12
 _TRACK = "track_covariance."
 """In templates that include the covariance of a track, with all components."""
-_DIFFERENT = 1.02
-"""Ratio from which on the sigmas of two purposes are stated as different."""
 
 
 def header(noise: Noise, source: str, sha256: str) -> str:
@@ -525,8 +451,19 @@ def makes_right(noise: Noise) -> str:
     if noise.purpose is None:
         parts = {"first position": noise.model.first, "each frame": noise.model.white, "walk": noise.model.walk}
         return "components of the model: " + ", ".join(f"{name} {_px(one.sigma)}" for name, one in parts.items())
-    used = noise.equivalent()
-    return f"sigma {_px(used.sigma)}: right for {PURPOSES[noise.purpose]}, in windows of {used.window} frames"
+    return in_words(noise.advice())
+
+
+def in_words(advice: Advice) -> str:
+    """Write what to set, and what it makes right, in one line."""
+    parts = [f"sigma {_px(advice.sigma)}"]
+    if advice.kernel is not None and advice.knee is not None:
+        parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma")
+    parts += [f"gate of {_GATED[gate]} x {factor:.3g}" for gate, factor in advice.gates.items()]
+    return f"{', '.join(parts)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+
+
+_GATED: Mapping[Gate, str] = {Gate.TRACK: "tracks", Gate.OBSERVATION: "observations"}
 
 
 def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
@@ -548,11 +485,27 @@ def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
 
 
 def _of_model(noise: Noise) -> Iterator[str]:
-    if noise.purpose is not None and (others := ", ".join(_other_sigmas(noise))):
-        yield f"One sigma does not make everything right. This model has {others}."
+    if noise.purpose is not None:
+        yield from _of_advice(noise.advice())
     yield noise.model.truth.sentence
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."
+
+
+def _of_advice(advice: Advice) -> Iterator[str]:
+    """What sigma, gates and loss rest on, and what they risk."""
+    if advice.kernel is not None and advice.windows:
+        yield (
+            f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and make "
+            "the claimed covariance right there. Sigma is larger without the loss."
+        )
+    elif advice.kernel is not None and advice.landmark is not Landmark.KNOWN:
+        yield "Sigma is that of residuals. Whether it is right with this loss was not tried: there are too few tracks."
+    if Gate.TRACK in advice.gates:
+        yield (
+            "The gate passes 95 % of good tracks at true poses, and more than half of them where predicted poses make "
+            "up a third of the innovations. Raise it if good tracks are lost."
+        )
 
 
 def _of_zeros(about: Estimator, noise: Noise) -> Iterator[str]:
@@ -563,16 +516,6 @@ def _of_zeros(about: Estimator, noise: Noise) -> Iterator[str]:
         is_written = f"noise.{name}" in templates or _TRACK in templates
         if is_written and not getattr(noise.model, name).covariance.any():
             yield f"The model has no noise of {phrase}: {LEAST_PX:g} px are written instead of zero."
-
-
-def _other_sigmas(noise: Noise) -> Iterator[str]:
-    """The sigmas of other purposes, for the same window, where they differ."""
-    used = noise.equivalent()
-    for other in noise.model.equivalents:
-        same = (other.landmark, other.window) == (used.landmark, used.window)
-        ratio = other.sigma.value / used.sigma.value
-        if same and not 1.0 / _DIFFERENT < ratio < _DIFFERENT:
-            yield f"{other.sigma.value:.3g} px for {PURPOSES[other.purpose]}"
 
 
 def _px(interval: Interval) -> str:

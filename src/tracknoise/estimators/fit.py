@@ -39,7 +39,8 @@ from tracknoise.analysis.condition_units import units_of
 from tracknoise.analysis.truth_shares import audited_mean
 from tracknoise.estimators.components import FittedComponents, fit_components, group_numbers, matrix, sums_of_units
 from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
-from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Tails, Training
+from tracknoise.estimators.kernels import LENGTH, tried_kernels
+from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Kernel, Landmark, Purpose, Tails, Training
 from tracknoise.estimators.run_time_conditions import conditions_of
 from tracknoise.estimators.track_noise import TrackNoise, error_covariances
 from tracknoise.estimators.training import Recording, TrainingTables, recorded_camera, windows
@@ -51,7 +52,6 @@ from tracknoise.inference.survival import kaplan_meier
 from tracknoise.inference.units import NO_GROUPS, SceneGroups, by_number
 from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.tables.enumerations import Axis, FittedTo, FloorSource, Product
-from tracknoise.tables.trust import TruthVerdict
 
 Array = NDArray[np.float64]
 
@@ -310,6 +310,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     fitted = components_of(read, level=level)
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
+    sigmas = equivalents_of(read, fitted, LENGTHS)
     return {
         "training": _training(read),
         "camera": recorded_camera({key: read.of_sequence("cameras", key) for key in read.keys}),
@@ -320,11 +321,12 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "conditions": conditions_of(
             read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level
         ),
-        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.audit_curves),
+        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.truth.audit_curves),
         "common_share": fit_common(read["rigid"], sums, groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),
-        "truth": TruthVerdict.of_run(read.folder),
-        "equivalents": equivalents_of(read, fitted, LENGTHS),
+        "truth": read.truth.verdict,
+        "equivalents": sigmas,
+        "kernels": _kernels(read, sigmas, level),
     }
 
 
@@ -343,6 +345,21 @@ def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequ
         limits = gates(read["window_noise"], length, limit_px=limit_px, window=some[0], noise=noise)
         found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
     return tuple(found)
+
+
+def _kernels(read: TrainingTables, sigmas: Sequence[Equivalent], level: float) -> tuple[Kernel, ...]:
+    """Robust losses tried on the sampled tracks of a run; none at other speeds than the lowest, which has no sample."""
+    of_window = {one.purpose: one for one in sigmas if one.landmark is Landmark.FREE and one.window == LENGTH}
+    lifetimes = lengths_of_tracks(read["ends"], longest=max(LENGTHS))
+    return tried_kernels(
+        read["noise_tracks"],
+        windows(_recordings(read), speed=read.speed, length=LENGTH, lifetimes=lifetimes),
+        innovations=of_window[Purpose.INNOVATIONS],
+        newest=of_window[Purpose.NEWEST_POSE],
+        most_px=_limit_px(read["noise_outliers"]),
+        groups=read.groups,
+        level=level,
+    )
 
 
 def _limit_px(outliers: pl.DataFrame) -> float:

@@ -333,26 +333,7 @@ def outcome(window: Sequence[LinearTracks], actual: Covariances, assumed: Covari
 
 def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances) -> list[Outcome]:
     """The same for several true covariances, of an estimator that assumes one."""
-    return _outcomes(window, actual, _whitened(window, assumed))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Whitened:
-    """What an estimator makes of tracks: the inverse root of their covariance, and of F whitened by it Q and R."""
-
-    whitening: NDArray[np.float64]
-    span: NDArray[np.float64]
-    root: NDArray[np.float64]
-
-
-def _whitened(window: Sequence[LinearTracks], assumed: Covariances) -> list[_Whitened]:
-    roots = [np.linalg.inv(np.linalg.cholesky(believed)) for believed in assumed]
-    return [_Whitened(root, *np.linalg.qr(root @ one.by_point)) for one, root in zip(window, roots, strict=True)]
-
-
-def _outcomes(
-    window: Sequence[LinearTracks], actual: Sequence[Covariances], whitened: Sequence[_Whitened]
-) -> list[Outcome]:
+    whitened = _whitened(window, assumed)
     size = window[0].by_pose.shape[2]
     information, middle = np.zeros((size, size)), np.zeros((len(actual), size, size))
     squares, freedom = np.zeros(len(actual)), 0
@@ -370,6 +351,19 @@ def _outcomes(
         Outcome(claimed, claimed @ one @ claimed, float(sum_ / freedom))
         for one, sum_ in zip(middle, squares, strict=True)
     ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Whitened:
+    """What an estimator makes of tracks: the inverse root of their covariance, and a basis of F whitened by it."""
+
+    whitening: NDArray[np.float64]
+    span: NDArray[np.float64]
+
+
+def _whitened(window: Sequence[LinearTracks], assumed: Covariances) -> list[_Whitened]:
+    roots = [np.linalg.inv(np.linalg.cholesky(believed)) for believed in assumed]
+    return [_Whitened(root, np.linalg.qr(root @ one.by_point)[0]) for one, root in zip(window, roots, strict=True)]
 
 
 def determines_poses(window: Sequence[LinearTracks]) -> bool:
@@ -435,47 +429,19 @@ def consistencies(
     window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances
 ) -> list[dict[Purpose, float]]:
     """Actual over claimed mean square of what each purpose is about, for each of several true covariances."""
-    whitened = _whitened(window, assumed)
-    depths = _depth_consistencies(window, actual, whitened)
     return [
         {
             Purpose.INNOVATIONS: found.innovations,
             Purpose.ALL_POSES: found.nees_all,
             Purpose.NEWEST_POSE: found.nees_newest,
-            Purpose.DEPTH: depth,
         }
-        for depth, found in zip(depths, _outcomes(window, actual, whitened), strict=True)
+        for found in outcomes(window, actual, assumed)
     ]
 
 
 def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances, purpose: Purpose) -> float:
     """Actual over claimed mean square of what a purpose is about."""
-    if purpose is Purpose.DEPTH:
-        return _depth_consistencies(window, [actual], _whitened(window, assumed))[0]
-    found = outcome(window, actual, assumed)
-    match purpose:
-        case Purpose.INNOVATIONS:
-            return found.innovations
-        case Purpose.ALL_POSES:
-            return found.nees_all
-        case _:
-            return found.nees_newest
-
-
-def _depth_consistencies(
-    window: Sequence[LinearTracks], actual: Sequence[Covariances], whitened: Sequence[_Whitened]
-) -> list[float]:
-    """Mean square of the error of the depth of points over the claimed variance, with the true poses."""
-    ratios: list[list[NDArray[np.float64]]] = [[] for _ in actual]
-    for place, (tracks, one) in enumerate(zip(window, whitened, strict=True)):
-        along = np.linalg.solve(
-            np.swapaxes(one.root, 1, 2), tracks.rays[:, :, None]
-        )  # exact observations leave it accurate
-        weights = np.swapaxes(one.whitening, 1, 2) @ (one.span @ along)
-        claimed = np.square(along).sum(axis=(1, 2))
-        for own, each in zip(ratios, actual, strict=True):
-            own.append((np.swapaxes(weights, 1, 2) @ each[place] @ weights)[:, 0, 0] / claimed)
-    return [float(np.concatenate(own).mean()) for own in ratios]
+    return consistencies(window, [actual], assumed)[0][purpose]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

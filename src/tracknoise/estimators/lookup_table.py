@@ -502,7 +502,7 @@ def _sigma(read: TrainingTables, window: int, level: float) -> tuple[dict[Purpos
 def _bias(read: TrainingTables, level: float) -> Bias:
     if read["noise_sums"].is_empty():
         return Bias(kind=BiasKind.REFUSED, why="there are no errors")
-    curves = read.audit_curves
+    curves = read.truth.audit_curves
     return fit_bias(read["noise_sums"], read["floors"], groups=read.groups, level=level, audit_curves=curves)
 
 

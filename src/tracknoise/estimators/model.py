@@ -11,12 +11,6 @@ The error of an observation about the first position of its track, at age k >= 1
 with the magnification of the image about the point since birth, M_k = Z_0 / Z_k; a of covariance A (the error of the
 first position, its sign turned), w_k of covariance W (independent in each frame), q_i of covariance Q (walk) and d of
 covariance D (drift, constant in a track).
-
-Robust losses that fit the tails of a noise model.
-
-For errors of Student's t in two dimensions, the loss of Cauchy with its knee at sqrt(nu + 2) is the likelihood itself,
-on residuals that are whitened by nu / (nu + 2) times the core (noise_model.cauchy). The knee of Huber is the one under
-which least squares estimates are most certain; residuals are whitened by the core.
 """
 
 import math
@@ -81,6 +75,8 @@ class Landmark(StrEnum):
     """The first observation is taken as true."""
     STATE = "state"
     """The first direction is a state with a prior."""
+    KNOWN = "known"
+    """The 3-D point is known, as that of a map, or by a depth image at the first observation."""
 
 
 class Purpose(StrEnum):
@@ -92,8 +88,6 @@ class Purpose(StrEnum):
     """The covariance of all poses of a window is right on average."""
     NEWEST_POSE = "newest_pose"
     """The covariance of the newest pose is right."""
-    DEPTH = "depth"
-    """The covariance of the depth of triangulated points is right."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +141,43 @@ class Equivalent:
     sigma: Interval
     gate_95: float
     gate_99: float
+
+
+class LossKind(StrEnum):
+    """Robust losses of estimators."""
+
+    CAUCHY = "cauchy"
+    HUBER = "huber"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kernel:
+    """A robust loss, and the sigma with which the covariance that a bundle adjustment claims is right.
+
+    It was tried on windows of the recordings (`tracknoise.estimators.kernels`). A knee in px decides on the poses,
+    sigma only on what is claimed of them: the two belong together.
+
+    Parameters
+    ----------
+    kind
+        Of the loss.
+    knee_px
+        Its knee, px.
+    sigma_ratio
+        The sigma with which the newest pose has a NEES of 1 under this loss, over that of `Equivalent` for the same
+        window, a free landmark and the newest pose. It is taken to be the same for other windows, landmarks and
+        purposes.
+    error_ratio
+        Errors of the newest pose over those of least squares, geometric mean over windows, position and rotation.
+    windows
+        Number of windows.
+    """
+
+    kind: LossKind
+    knee_px: Annotated[float, Field(gt=0.0)]
+    sigma_ratio: Interval
+    error_ratio: Interval
+    windows: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,54 +320,6 @@ class Factor:
 
 def _increase(values: Sequence[float]) -> bool:
     return all(before < after for before, after in pairwise(values))
-
-
-_HUBER_NU = (2.2, 2.5, 3.0, 4.0, 5.0, 8.0, 15.0)
-_HUBER_KNEE = (0.73, 0.81, 0.91, 1.10, 1.24, 1.56, 1.99)
-"""Best knees in units of the core, for blocks of two coordinates."""
-
-
-class LossKind(StrEnum):
-    """Robust losses of estimators."""
-
-    CAUCHY = "cauchy"
-    HUBER = "huber"
-
-
-@dataclass(frozen=True, slots=True)
-class Loss:
-    """A robust loss on whitened residuals.
-
-    Parameters
-    ----------
-    kind
-        Its name.
-    knee
-        In standard deviations after whitening; infinite where no robust loss is warranted.
-    covariance_factor
-        What to multiply covariances of the model by before whitening with them.
-    expected_nees
-        Normalised estimation error squared per degree of freedom that a solver reports if the model is right.
-    """
-
-    kind: LossKind
-    knee: float
-    covariance_factor: float
-    expected_nees: float | None
-
-
-def matched_loss(kind: LossKind, tails: Tails) -> Loss:
-    """The loss of a kind that fits the tails."""
-    if math.isinf(tails.nu):
-        return Loss(kind, math.inf, 1.0, 1.0)
-    core, nu = tails.core_ratio**2, tails.nu
-    if kind == LossKind.CAUCHY:
-        factor = core * nu / (nu + 2.0)
-        return Loss(
-            kind=kind, knee=math.sqrt(nu + 2.0), covariance_factor=factor, expected_nees=(nu + 4.0) / (nu + 2.0)
-        )
-    knee = float(np.interp(nu, _HUBER_NU, _HUBER_KNEE))
-    return Loss(kind, knee, core, None)
 
 
 def factor_of(conditions: Sequence[Factor], at: Mapping[str, ArrayLike], count: int) -> NDArray[np.float64]:

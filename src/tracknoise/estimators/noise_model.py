@@ -16,8 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from scipy import linalg
 
+from tracknoise.estimators.advice import Advice
 from tracknoise.estimators.export_render import export
 from tracknoise.estimators.exports import Export, Target
+from tracknoise.estimators.exports import estimator as estimator_of
 from tracknoise.estimators.fit import fitted_fields
 from tracknoise.estimators.model import (
     Bias,
@@ -26,15 +28,13 @@ from tracknoise.estimators.model import (
     Equivalent,
     Factor,
     Interval,
+    Kernel,
     Landmark,
-    Loss,
-    LossKind,
     Purpose,
     Tails,
     Training,
     corrected,
     factor_of,
-    matched_loss,
 )
 from tracknoise.estimators.track_noise import (
     Reference,
@@ -132,6 +132,8 @@ class NoiseModel:
         The verdict on the truth of the run. Errors of the truth are part of the noise.
     equivalents
         Standard deviations for all observations, named by what they make right.
+    kernels
+        Robust losses that were tried on windows of the run; none where it keeps no observations.
     """
 
     __pydantic_config__ = STRICT
@@ -151,6 +153,7 @@ class NoiseModel:
     truth_floor_px: float | None = None
     truth: TruthVerdict = field(default_factory=TruthVerdict)
     equivalents: tuple[Equivalent, ...] = ()
+    kernels: tuple[Kernel, ...] = ()
 
     @classmethod
     def fit(
@@ -377,15 +380,24 @@ class NoiseModel:
         """
         return corrected(self.bias, np.asarray(uv, dtype=np.float64), np.asarray(ages, dtype=np.float64), flow)
 
-    def loss(self, kind: str = LossKind.CAUCHY) -> Loss:
-        """The robust loss that fits the tails: its knee, and what covariances are to be multiplied by.
+    def advise(self, estimator: str = "filter", *, window: int | None = None) -> Advice:
+        """What to set in an estimator, all together: sigma, gates, robust loss and its knee.
+
+        Parameters
+        ----------
+        estimator
+            Its name, or a kind of estimators: see docs/estimators/exports.md.
+        window
+            Length of its window, frames; by default as shipped.
 
         Raises
         ------
+        SettingsError
+            If the estimator takes the components of a model, or the model has no such sigma.
         UnknownNameError
-            If there is no such loss.
+            If the estimator is not known.
         """
-        return matched_loss(_named(LossKind, "loss", kind), self.tails)
+        return estimator_of(estimator).advise(self, window=window)
 
     def export(self, estimator: str, *, target: Target | None = None) -> Export:
         """The noise in the syntax of an estimator, with what it makes right and what cannot be expressed.

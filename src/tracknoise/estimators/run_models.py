@@ -3,14 +3,20 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
+import polars as pl
+
+from tracknoise.estimators.exports import estimator
+from tracknoise.estimators.model import Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.training import all_training_tables, conditions
+from tracknoise.estimators.training import RunTruth, all_training_tables, conditions
 from tracknoise.exceptions import DataError, SettingsError, StoreError
+from tracknoise.tables.findings_schema import ADVICE
 from tracknoise.tables.identity import identifiers
 from tracknoise.tables.store import RunFolder
 
-_RECORD = "noise/models.json"
+_RECORD, _FOLDER = "noise/models.json", "statistics/"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +40,17 @@ class RunModels:
     missing: Mapping[str, str] = field(default_factory=dict)
     paths: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def documents(self) -> dict[str, str]:
+        """What a run stores: the models, and the record of which trackers have one; nothing without a speed."""
+        if self.speed is None:
+            return {}
+        names = {tracker: path.removeprefix(_FOLDER) for tracker, path in self.paths.items()}
+        record = {"speed": self.speed, "models": names, "missing": self.missing}
+        return {**{names[tracker]: model.text for tracker, model in self.models.items()}, _RECORD: json.dumps(record)}
 
-def fitted_models(run: RunFolder, trackers: Sequence[str], speed: int) -> dict[str, str]:
+
+def fitted_models(run: RunFolder, trackers: Sequence[str], speed: int, truth: RunTruth) -> RunModels:
     """Fit a model to each tracker.
 
     Parameters
@@ -44,11 +59,13 @@ def fitted_models(run: RunFolder, trackers: Sequence[str], speed: int) -> dict[s
         With its statistics.
     trackers, speed
         In the order of the experiment; the lowest speed.
+    truth
+        What is known of the truth of the run.
 
     Returns
     -------
-    dict
-        Documents of the run: the models, and the record of which trackers have one. Empty for a run without sums.
+    RunModels
+        Without a speed for a run without sums.
 
     Raises
     ------
@@ -57,18 +74,56 @@ def fitted_models(run: RunFolder, trackers: Sequence[str], speed: int) -> dict[s
     """
     measured = _measured(run, trackers, speed)
     if not measured:
-        return {}
-    tables = all_training_tables(run, [(tracker, speed) for tracker in measured])
+        return RunModels()
+    tables = all_training_tables(run, [(tracker, speed) for tracker in measured], truth=truth)
     names = identifiers(measured)
-    documents, missing = {}, {}
+    models, missing = {}, {}
     for tracker, own in zip(measured, tables, strict=True):
         try:
-            documents[f"noise/{names[tracker]}@{speed}.noise.json"] = NoiseModel.fitted_to(own).text
+            models[tracker] = NoiseModel.fitted_to(own)
         except SettingsError as error:
             missing[tracker] = str(error)
-    kept = [tracker for tracker in measured if tracker not in missing]
-    record = {"speed": speed, "models": dict(zip(kept, documents, strict=True)), "missing": missing}
-    return {**documents, _RECORD: json.dumps(record)}
+    paths = {tracker: f"{_FOLDER}noise/{names[tracker]}@{speed}.noise.json" for tracker in models}
+    return RunModels(speed, models, missing, paths)
+
+
+def advice_table(models: RunModels, name: str, window: int | None, condition: Mapping[str, Any]) -> pl.DataFrame:
+    """What to set in an estimator for each tracker with a model: table `ADVICE`.
+
+    Parameters
+    ----------
+    models
+        Of a run.
+    name, window
+        Of the estimator (`tracknoise.estimators.exports.estimators`), and the length of its window; None as shipped.
+    condition
+        View and speed of the models.
+    """
+    rows = []
+    for tracker, model in models.models.items():
+        try:
+            found = estimator(name).advise(model, window=window)
+        except SettingsError:  # no error in any direction that the estimator can see
+            continue
+        innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+        numbers = {"sigma": found.sigma, "innovations": innovations}
+        numbers |= {f"{gate}_gate": Interval(value=factor) for gate, factor in found.gates.items()}
+        numbers |= {} if found.knee is None else {"knee": Interval(value=found.knee)}
+        about = {
+            "dataset": model.training.dataset,
+            "tracker": tracker,
+            **condition,
+            "estimator": name,
+            "landmark": found.landmark,
+            "purpose": found.purpose,
+            "kernel": found.kernel,
+            "window": found.window,
+        }
+        rows += [
+            {**about, "quantity": quantity, "value": one.value, "low": one.low, "high": one.high}
+            for quantity, one in numbers.items()
+        ]
+    return pl.DataFrame(rows, schema=dict(ADVICE))
 
 
 def run_models(run: RunFolder) -> RunModels:
@@ -84,7 +139,7 @@ def run_models(run: RunFolder) -> RunModels:
         return RunModels()
     try:
         record = json.loads(text)
-        paths = {tracker: f"statistics/{name}" for tracker, name in record["models"].items()}
+        paths = {tracker: f"{_FOLDER}{name}" for tracker, name in record["models"].items()}
         models = {
             tracker: NoiseModel.parse(run.document(name) or "", run.path / paths[tracker])
             for tracker, name in record["models"].items()

@@ -35,6 +35,7 @@ from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, empty
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 
 def reference_view(table: pl.DataFrame) -> dict[str, Any]:
@@ -99,9 +100,27 @@ def _size_note(sizes: set[tuple[int, int]]) -> Iterable[str]:
 
 
 _NEEDED, _PAIRS = "noise_sums", "noise_pairs"
-_OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "floors", "rigid")
-_USED = {"samples": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "at", "du_px", "dv_px")}
+_OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "noise_tracks", "floors", "rigid")
+_USED = {
+    "samples": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "at", "du_px", "dv_px"),
+    "noise_tracks": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "track", "stands_for", "age",
+                     "du_px", "dv_px"),
+}  # fmt: skip
 """Columns that are read of large tables."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTruth:
+    """What is known of a run's truth: the verdict on it, and table `AUDIT_CURVES`; None where it is not audited."""
+
+    verdict: TruthVerdict
+    audit_curves: pl.DataFrame | None
+
+    @classmethod
+    def of(cls, folder: RunFolder) -> "RunTruth":
+        """That of a run."""
+        audited = "audit_curves" in folder.manifest().statistics
+        return cls(TruthVerdict.of_run(folder), folder.statistics("audit_curves") if audited else None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +143,8 @@ class TrainingTables:
         Tables of all sequences together, of the tracker at the speed, by name.
     folder
         Of the run.
+    truth
+        What is known of its truth.
     """
 
     tracker: str
@@ -134,6 +155,7 @@ class TrainingTables:
     groups: SceneGroups
     tables: dict[str, pl.DataFrame]
     folder: RunFolder
+    truth: RunTruth
 
     def __getitem__(self, name: str) -> pl.DataFrame:
         return self.tables[name]
@@ -141,12 +163,6 @@ class TrainingTables:
     def of_sequence(self, name: str, key: str) -> pl.DataFrame:
         """A table of one sequence."""
         return self.folder.sequence_table(name, key)
-
-    @property
-    def audit_curves(self) -> pl.DataFrame | None:
-        """Table `AUDIT_CURVES` of the run; None while it has not been audited."""
-        audited = "audit_curves" in self.folder.manifest().statistics
-        return self.folder.statistics("audit_curves") if audited else None
 
     def of_scenes(self, scenes: Collection[str]) -> "TrainingTables":
         """The same of some of the scenes: of all, or of all of one group."""
@@ -220,9 +236,13 @@ def training_tables(
 
 
 def all_training_tables(
-    folder: RunFolder, wanted: Sequence[tuple[str, int]], *, scenes: Collection[str] | None = None
+    folder: RunFolder,
+    wanted: Sequence[tuple[str, int]],
+    *,
+    scenes: Collection[str] | None = None,
+    truth: RunTruth | None = None,
 ) -> list[TrainingTables]:
-    """The same for several models. Each table of the run is read once."""
+    """The same for several models. Each table of the run is read once. `truth`: by default that of the run."""
     entries = folder.manifest().sequences
     _require_scenes({entry.sequence.scene for entry in entries.values()}, scenes)
     chosen = {
@@ -234,7 +254,7 @@ def all_training_tables(
         raise _without_sums(folder)
     has_pairs = all(_PAIRS in entry.sha256 for entry in chosen.values())  # scenes of an earlier version have none
     names = [*_OTHERS, *([_PAIRS] if has_pairs else [])]
-    groups = groups_of_run(folder)
+    groups, known = groups_of_run(folder), truth or RunTruth.of(folder)
     of = {_NEEDED: _pooled(folder, _NEEDED, tuple(chosen), wanted, _without_blocks(chosen.values(), groups))}
     if any(table.is_empty() for table in of[_NEEDED]):
         _require_conditions(folder, wanted)
@@ -251,6 +271,7 @@ def all_training_tables(
             groups=groups,
             tables={name: tables[place] for name, tables in of.items()},
             folder=folder,
+            truth=known,
         )
         for place, (tracker, speed) in enumerate(wanted)
     ]

@@ -494,7 +494,7 @@ def _values(tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[st
 def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Rows of the longest windows that findings report and enough scenes of both runs have.
 
-    The sigma to set depends on the length of windows, so that a mean over lengths is no sigma that anyone sets.
+    The sigma for depths depends on the length of windows, so that a mean over lengths is no sigma that anyone sets.
     """
     both = first.join(second, on=["scene", "at"]).filter(pl.col("at") <= LONGEST_WINDOW)
     counts = both.group_by("at").len()
@@ -508,7 +508,7 @@ _KEYS = ("tolerances", "trackers", "speeds", "level", "ages")
 _MOST = 1000
 """Largest tolerance."""
 _RENAMED = {
-    "window_sigma": "residual_sigma, its name now, or consistent_sigma, which is the sigma to set in an estimator",
+    "window_sigma": "residual_sigma, its name now, or consistent_sigma, which makes depths of points right",
 }
 """Former names of statistics, and what to write instead."""
 

@@ -121,14 +121,14 @@ def forget_outdated(todo: list[Task], run: RunFolder, manifest: Manifest, experi
 def _resume(experiment: Experiment, run: RunFolder, remark: Callable[[str], None]) -> tuple[Manifest, bool]:
     manifest = run.manifest()
     there = _settings_of(run, manifest, experiment, remark)
-    adapted = (there or experiment).with_findings(experiment.findings)  # computed from tables that are kept
+    adapted = (there or experiment).with_findings_of(experiment)  # computed from tables that are kept
     adapted = adapted.with_groups(experiment.dataset.groups)
     if _has_grown(adapted, experiment):
         adapted = adapted.with_scenes(experiment.dataset.max_scenes)
     _check_same(experiment, adapted, run)
     run.discard_unfinished()
     manifest.settings_hash = experiment.digest()
-    if there is not None and there.findings != experiment.findings:
+    if there is not None and there != there.with_findings_of(experiment):
         manifest.statistics.clear()
     return manifest, adapted != there
 

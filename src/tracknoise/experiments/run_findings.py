@@ -10,7 +10,7 @@ missing in some scenes of a view.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import polars as pl
 
@@ -34,7 +34,8 @@ from tracknoise.analysis.truth_shares import (
 from tracknoise.analysis.zero_mean import zero_mean
 from tracknoise.estimators.depth_intervals import depth_intervals
 from tracknoise.estimators.lookup_table import USED, noise_lookup
-from tracknoise.estimators.run_models import fitted_models
+from tracknoise.estimators.run_models import RunModels, advice_table, fitted_models
+from tracknoise.estimators.training import RunTruth
 from tracknoise.estimators.window_noise import window_sigmas
 from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
 from tracknoise.experiments.run_statistics import reference_condition
@@ -64,6 +65,7 @@ from tracknoise.tables.quantities import Topic
 from tracknoise.tables.result_views import Identified, results_of
 from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
 
 _OF = "population"
@@ -230,28 +232,41 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     keep_freed_memory()
     manifest = run.manifest()
     reference = reference_condition(manifest, experiment, statistics["outliers"])
-    _write_findings(run, manifest, experiment, statistics, reference)
+    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
+    tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
+    models = _models(run, experiment, tables, reference)
+    tables["advice"] = advice_table(models, experiment.estimator.name, experiment.estimator.window, _place(reference))
+    _write_findings(run, manifest, experiment, {**statistics, **tables}, reference, models)
+
+
+def _models(
+    run: RunFolder, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
+) -> RunModels:
+    """Noise models of the trackers, at the lowest speed."""
     trackers = [tracker.label for tracker in experiment.trackers]
-    run.write_statistics({}, documents=fitted_models(run, trackers, reference.speed))
+    truth = RunTruth(TruthVerdict.of(tables["trust"]), tables["audit_curves"])
+    return fitted_models(run, trackers, reference.speed, truth)
+
+
+def _place(reference: ReferenceCondition) -> dict[str, Any]:
+    return {name: getattr(reference, name) for name in (*VIEW, "speed")}
 
 
 def _write_findings(
     run: RunFolder,
     manifest: Manifest,
     experiment: Experiment,
-    statistics: Mapping[str, pl.DataFrame],
+    every: dict[str, pl.DataFrame],
     reference: ReferenceCondition,
+    models: RunModels,
 ) -> None:
-    """Everything but the models, so that it is no longer in memory when these are fitted."""
-    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
-    tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
-    reported = _reported(manifest, experiment, {**statistics, **tables}, reference)
+    reported = _reported(manifest, experiment, every, reference)
     if reported.fitted:
-        tables |= _without_verdicts_on_errors(tables)
-    every = {**statistics, **tables}
+        every |= _without_verdicts_on_errors(every)
     results = results_of(every)
     every["findings"] = headline_table(Identified(_cited(results, reference), every), reported)
-    run.write_statistics(every, results=results, documents={FINDINGS_JSON: findings_json(every)})
+    documents = {FINDINGS_JSON: findings_json(every), **models.documents}
+    run.write_statistics(every, results=results, documents=documents)
 
 
 def _cited(results: pl.DataFrame, reference: ReferenceCondition) -> pl.DataFrame:

@@ -7,10 +7,20 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import tomlkit
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
 from tracknoise.checks import likeliest_problem
+from tracknoise.estimators.exports import estimator, estimator_name
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
@@ -277,6 +287,27 @@ class FindingsSettings(_Section):
     """Method of intervals. docs/findings.md names the findings that use another method."""
 
 
+def _estimator(name: str) -> str:
+    """The name of an estimator that takes one sigma."""
+    try:
+        known = estimator_name(name)
+    except (SettingsError, UnknownNameError) as error:
+        raise ValueError(str(error)) from error
+    if estimator(known).purpose is None:
+        raise ValueError("an estimator with one sigma: this one takes the components of a noise model")
+    return known
+
+
+class EstimatorSettings(_Section):
+    """The estimator that findings say what to set in. It can be changed without measuring again."""
+
+    name: Annotated[str, AfterValidator(_estimator)] = "filter"
+    """Its name, see `tracknoise noise export --list`; or a kind of estimators: `filter` with a gate, `sliding_window`
+    with a robust loss, `mapping`, or `pnp` from known points."""
+    window: Annotated[int, Field(ge=2)] | None = None
+    """Length of its window, processed frames. Default: as shipped."""
+
+
 class Experiment(_Section):
     """All settings of an experiment that affect its results."""
 
@@ -301,6 +332,7 @@ class Experiment(_Section):
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
     findings: FindingsSettings = FindingsSettings()
+    estimator: EstimatorSettings = EstimatorSettings()
 
     @model_validator(mode="after")
     def _values_differ(self) -> Self:
@@ -355,9 +387,9 @@ class Experiment(_Section):
         """Return a copy with a maximum number of scenes; None means all."""
         return self._with_dataset({"max_scenes": most})
 
-    def with_findings(self, settings: FindingsSettings) -> "Experiment":
-        """Return a copy with other settings of findings."""
-        return self.model_copy(update={"findings": settings})
+    def with_findings_of(self, other: "Experiment") -> "Experiment":
+        """Return a copy with the settings of another experiment that change findings only."""
+        return self.model_copy(update={"findings": other.findings, "estimator": other.estimator})
 
     def with_groups(self, groups: dict[str, list[str]] | None) -> "Experiment":
         """Return a copy with other groups of scenes; None for those that the reader knows."""
@@ -490,6 +522,7 @@ def _known_keys(location: tuple[int | str, ...]) -> list[str]:
         "truth": TruthSettings,
         "statistics": StatisticsSettings,
         "findings": FindingsSettings,
+        "estimator": EstimatorSettings,
     }
     section = sections.get(str(location[0]), Experiment) if len(location) > 1 else Experiment
     return list(section.model_fields)

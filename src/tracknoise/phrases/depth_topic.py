@@ -86,5 +86,5 @@ def depth_sentence(data: RunData, tracker: str) -> str:
     residual, consistent = held["residual sigma"], held["consistent sigma"]
     return (
         f"{tracker}: 95{SPACE}% depth intervals hold {residual} of the true depths with the sigma of residuals, and "
-        f"{consistent} with the one to set."
+        f"{consistent} with the one for depths."
     )

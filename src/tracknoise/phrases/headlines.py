@@ -22,7 +22,7 @@ from tracknoise.phrases.survivor_topic import survivorship
 from tracknoise.phrases.track_topics import lifetimes, outliers
 from tracknoise.phrases.trimming_topic import trimming_matters
 from tracknoise.phrases.truth_topic import between_trackers, noise, pose_errors, self_referential, verdict_on_truth
-from tracknoise.phrases.window_topic import estimator_noise
+from tracknoise.phrases.window_topic import depth_noise, estimator_noise
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
 
@@ -30,6 +30,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     verdict_on_truth,
     copied_scenes,
     estimator_noise,
+    depth_noise,
     depths,
     few_scenes,
     grouped_scenes,
@@ -54,7 +55,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     copied_scenes,
     self_referential,
-    estimator_noise,
+    depth_noise,
     few_scenes,
     grouped_scenes,
     noise,
@@ -73,8 +74,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     ----------
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
-        dependence, surrounding_errors, pose_share, tracker_differences, triangulated_noise, noise_lookup, trust,
-        window_sigmas and depth_intervals. One without rows has no headline.
+        dependence, surrounding_errors, pose_share, advice, tracker_differences, triangulated_noise, noise_lookup,
+        trust, window_sigmas and depth_intervals. One without rows has no headline.
     conditions
         Which conditions the sentences are about.
 

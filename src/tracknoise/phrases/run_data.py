@@ -36,7 +36,7 @@ class RunData:
         Its pooled tables.
     two_truths, pose_disagreement, rigid_share, pose_share, pose_law, tracker_differences, intervals, incidence,
     seed_spread, triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
-    noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
+    advice, noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     audit, audit_curves, trust
         What is wrong with the stated truth, and the verdict on it, see `tracknoise.tables.findings_schema`.
@@ -64,6 +64,7 @@ class RunData:
     seed_spread: pl.DataFrame
     triangulated_noise: pl.DataFrame
     point_tracking_metrics: pl.DataFrame
+    advice: pl.DataFrame
     noise_lookup: pl.DataFrame
     window_sigmas: pl.DataFrame
     depth_intervals: pl.DataFrame
@@ -117,6 +118,11 @@ class RunData:
     def keeps_observations(self) -> bool:
         """Whether the run folder keeps single observations and tracks, or only statistics."""
         return bool(self.settings["keep"] == "observations")
+
+    @property
+    def estimator(self) -> str:
+        """Name of the estimator that the experiment asks what to set in."""
+        return str(self.settings.get("estimator", {}).get("name", "filter"))
 
     @property
     def margin(self) -> float:

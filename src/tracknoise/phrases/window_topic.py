@@ -1,4 +1,4 @@
-"""The noise to set in an estimator: what makes depths as certain as they are, and what residuals say."""
+"""The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
 from collections.abc import Mapping
 from math import sqrt
@@ -6,6 +6,8 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.estimators.exports import PURPOSES, estimator
+from tracknoise.estimators.model import Purpose
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import (
     Headline,
@@ -24,11 +26,11 @@ from tracknoise.words import (
     SPACE,
     format_as,
     format_estimate,
+    listing,
     number,
     pixels,
     px,
     ratio,
-    sentence_case,
 )
 
 LONGEST_WINDOW = 15
@@ -43,7 +45,7 @@ _ALIKE = 1.1
 """An uncertainty that is at most this many times another one counts as the same."""
 
 
-_UNITS = {"consistent_sigma": "px", "residual_core": "px"}
+_UNITS = dict.fromkeys(("consistent_sigma", "residual_core", "sigma", "innovations"), "px")
 _ABOUT_DEPTH = ("consistent_sigma", "core_overconfidence")
 
 
@@ -51,18 +53,65 @@ Quantities = Mapping[str, Estimate]
 
 
 def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
-    """The noise to set for windows of tracks, and how wrong depths are if residuals are believed."""
+    """What to set in the estimator of the experiment: sigma, gates, robust loss."""
+    rows = conditions.reported(tables["advice"])
+    if rows.is_empty():
+        return None
+    first = rows.row(0, named=True)
+    where = f"windows of {first['window']} frames {conditions.where(tables['summary'])}"
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _advised(conditions.of(rows, tracker), tables["trust"], tracker),
+        opening=f"Noise to set in {estimator(first['estimator']).title}, {where}.",
+        closing=f"Sigma makes {PURPOSES[Purpose(first['purpose'])]} right.{_between_scenes(rows)}",
+        topic="estimator",
+        figure="estimator",
+        table="advice",
+    )
+
+
+def _between_scenes(rows: pl.DataFrame) -> str:
+    return " Numbers in brackets are 95 % intervals." if rows["low"].drop_nulls().len() else ""
+
+
+def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | None:
+    if rows.is_empty():
+        return None
+    found = {row["quantity"]: Estimate.of_row(row, "value", "low", "high", _UNITS.get(row["quantity"], ""))
+             for row in rows.to_dicts()}  # fmt: skip
+    sigma, innovations = found["sigma"], found["innovations"]
+    caveat = _caveat(sigma.value, trust, tracker)
+    most = "at most " if caveat else ""
+    together = _together(rows["kernel"][0], found)
+    text = f"{tracker}: set {most}{format_estimate(sigma)}{caveat}.{together}"
+    text += f" Innovations will look like {px(innovations.value)}."
+    return Part(text, list(found.values()), f"{tracker}: set {most}{short(sigma)}.")
+
+
+def _together(kernel: str | None, found: Quantities) -> str:
+    """What belongs to sigma: a robust loss, or gates."""
+    if kernel is not None:
+        return f" Its {kernel.title()} loss has the knee at {number(found['knee'].value)} sigma."
+    gates = {noun: found[f"{gate}_gate"] for gate, noun in _GATED.items() if f"{gate}_gate" in found}
+    named = listing([f"{number(one.value)} for {noun}" for noun, one in gates.items()])
+    return f" Multiply chi-square gates by {named}." if gates else ""
+
+
+_GATED = {"track": "tracks", "observation": "single observations"}
+
+
+def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """The noise that makes depths of points right for windows of tracks, and how wrong they are by residuals."""
     windows = tables["window_sigmas"].filter(trimming=conditions.trimming)
     length = shown_window(windows, conditions)
     brackets = in_brackets(conditions.reported(windows.filter(quantity="residual_core")))
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
-    meant = "" if conditions.fitted else " The noise to set makes the depths of fitted points as uncertain as they are."
     return by_tracker(
         conditions.trackers,
         lambda tracker: _noise_of(windows, length, tables["trust"], conditions, tracker),
-        opening=f"Noise to set in an estimator {conditions.where(tables['summary'])}{errors}.",
-        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{meant}{brackets}",
-        topic="estimator",
+        opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.",
+        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{brackets}",
+        topic="depth noise",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",
     )
@@ -129,14 +178,11 @@ def _with_depth(length: int, found: Quantities, tracker: str, trust: pl.DataFram
     )
     caveat = _caveat(consistent.value, trust, tracker)
     residuals = f"Residuals will look like {px(residual.value)}: tuned to them, {_certainty(factor)}."
-    text = f"{tracker}: {_to_set(format_estimate(consistent), length, caveat)}{caveat}. {residuals}"
-    brief = f"{tracker}: {_to_set(short(consistent), length, caveat)}."
+    most = "at most " if caveat else ""
+    right = f"depths are right with {most}{format_estimate(consistent)}, windows of {length} frames{caveat}"
+    text = f"{tracker}: {right}. {residuals}"
+    brief = f"{tracker}: depths are right with {most}{short(consistent)}."
     return Part(text, [consistent, residual, factor], brief)
-
-
-def _to_set(size: str, length: int, caveat: str) -> str:
-    """What to set for windows of a length, which is an upper bound where there is a caveat."""
-    return f"set {'at most ' if caveat else ''}{size} for windows of {length} frames"
 
 
 def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
@@ -178,41 +224,46 @@ def _without_depth(length: int, found: Quantities, tracker: str, conditions: Rep
 
 
 def sigma_sentence(data: RunData, tracker: str) -> str:
-    """What an estimator should set, and what residuals look like. Empty where windows were not measured.
+    """What to set in the estimator of the experiment, and what its innovations look like. Empty where it is unknown.
 
     Where the truth is not trusted, what to set is an upper bound, and the sentence says so.
     """
-    found = _at_window(data, tracker)
-    if "consistent_sigma" not in found or "residual_core" not in found:
-        length = next((row["window"] for row in found.values()), None)
-        return "" if length is None else f"What to set is unknown: {_too_few(length)}."
-    sigma, residual = found["consistent_sigma"], found["residual_core"]
+    rows = reported_conditions(data, data.slowest).of(data.advice, tracker)
+    found = {row["quantity"]: row for row in rows.to_dicts()}
+    if not found:
+        return ""
+    sigma, innovations = found["sigma"], found["innovations"]
     caveat = _caveat(sigma["value"], data.trust, tracker)
-    advice = sentence_case(_to_set(f"{pixels(sigma['value'])} px", sigma["window"], caveat))
-    return f"{advice}{caveat}; residuals look like {pixels(residual['value'])} px."
+    most = "at most " if caveat else ""
+    title = estimator(sigma["estimator"]).title
+    return (
+        f"In {title}, set {most}{pixels(sigma['value'])} px{caveat}; "
+        f"innovations look like {pixels(innovations['value'])} px."
+    )
 
 
 def estimator_sentence(data: RunData, tracker: str) -> str:
-    """The same with the interval, and what follows for an estimator. Empty where windows were not measured."""
+    """With which sigma depths are right, and what follows for an estimator. Empty where windows were not measured."""
     found = _at_window(data, tracker)
     if "consistent_sigma" not in found:
         return ""
     sigma = found["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
     caveat = _caveat(sigma["value"], data.trust, tracker)
-    advice = _to_set(f"{pixels(sigma['value'])} px{bounds}", sigma["window"], caveat)
-    return f"For {tracker}, {advice}{caveat}. {_certain(found)}".strip()
+    most = "at most " if caveat else ""
+    opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds} in windows of "
+    return f"{opening}{sigma['window']} frames{caveat}. {_certain(found)}".strip()
 
 
 def sigma_message(data: RunData) -> str:
-    """Sigma to set over that of residuals, for the tracker whose residuals mislead most; empty if none is shown to."""
+    """Sigma for depths over that of residuals, of the tracker that these mislead most; empty if none is shown to."""
     rows = [_at_window(data, tracker).get("core_overconfidence") for tracker in data.trackers]
     shown = [row for row in rows if row is not None and row["low"] is not None and row["low"] > 1.0]
     if not shown:
         return ""
     row = max(shown, key=lambda one: one["low"])
     times = f"{ratio(row['value'])} times what residuals of {row['tracker']} look like"
-    return f"In windows of {row['window']} frames, set {times}"
+    return f"In windows of {row['window']} frames, depths need {times}"
 
 
 def _certain(found: dict[str, dict[str, Any]]) -> str:

@@ -50,13 +50,17 @@ class Exports:
     missing: Mapping[str, str]
     choices: tuple[Choice, ...]
     packed: str
-    first: str = "openvins"
+    first: str
 
 
-def exports(models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], paths: Mapping[str, str]) -> Exports:
-    """Exports of all models of a run, for every estimator."""
+def exports(
+    models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], paths: Mapping[str, str], first: str
+) -> Exports:
+    """Exports of all models of a run, for every estimator; `first`: the one that is shown at first."""
     content = {tracker: exported(model, paths[tracker]) for tracker, model in models.items()}
-    return Exports(trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content))
+    return Exports(
+        trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content), first=first
+    )
 
 
 def _choices() -> Iterator[Choice]:

@@ -9,9 +9,11 @@ import math
 from typing import Any
 
 from tracknoise.estimators.calibration import Calibration
+from tracknoise.estimators.exports import estimator, in_words
 from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
 from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.exceptions import SettingsError
 from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
 from tracknoise.tables.enumerations import Product, Trust
@@ -33,17 +35,16 @@ _PURPOSES = {
     Purpose.INNOVATIONS: "innovations",
     Purpose.ALL_POSES: "all poses",
     Purpose.NEWEST_POSE: "newest pose",
-    Purpose.DEPTH: "depth",
 }
 
 
-def model_sentences(model: NoiseModel) -> list[str]:
-    """What a model says, the answer first."""
+def model_sentences(model: NoiseModel, name: str) -> list[str]:
+    """What a model says, the answer first: what to set in an estimator (`tracknoise.estimators.exports.estimators`)."""
     training = model.training
     return [
         f"Noise of {training.tracker} at speed {training.speed:g}.",
         *([] if model.truth.verdict is Trust.trusted else [model.truth.sentence]),
-        *_advice(model),
+        *_advice(model, name),
         _tails(model),
         f"{_percent(model.outlier_share)} of the observations are outliers, with errors beyond about "
         f"{number(model.outliers_beyond_px)} px; the numbers do not describe them.",
@@ -88,36 +89,21 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
     return Cells(caption, headings, rows, (False, False, True, True, True, True, True))
 
 
-def _advice(model: NoiseModel) -> list[str]:
+def _advice(model: NoiseModel, name: str) -> list[str]:
     """What to set, and what residuals will look like."""
-    known = [one for one in model.equivalents if one.landmark is Landmark.FREE and one.window == 10]
-    by_purpose = {one.purpose: one.sigma for one in known}
-    if not {Purpose.NEWEST_POSE, Purpose.INNOVATIONS} <= by_purpose.keys():
-        return []
-    newest, residuals = by_purpose[Purpose.NEWEST_POSE], by_purpose[Purpose.INNOVATIONS]
-    text = f"For windows of 10 frames, {_range(newest)} px makes the covariance of the newest pose right."
-    if residuals.value == 0.0:
-        return [text]
-    more = f"Residuals look like {number(residuals.value)} px."
-    factor = newest.value / residuals.value
-    warning = f"Tuned to them, the newest pose is {number(factor)} times less certain than claimed."
-    return [text, more, warning] if factor >= 1.05 else [text, more]
-
-
-def _range(interval: Interval) -> str:
-    if interval.low is None or interval.high is None:
-        return number(interval.value)
-    return f"{number(interval.value)} ({number(interval.low)} to {number(interval.high)})"
+    about = estimator(name)
+    try:
+        found = about.advise(model)
+    except SettingsError as error:
+        return [f"What to set in {about.title} is unknown: {error}."]
+    innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+    return [f"In {about.title}, set {in_words(found)}.", f"Innovations look like {number(innovations.value)} px."]
 
 
 def _tails(model: NoiseModel) -> str:
     if math.isinf(model.tails.nu):
         return "Tails are no heavier than those of a Gaussian."
-    knee = model.loss().knee
-    return (
-        f"Tails are those of Student's t with {number(model.tails.nu)} degrees of freedom; the loss of Cauchy with its "
-        f"knee at {number(knee)} sigma fits them."
-    )
+    return f"Tails are those of Student's t with {number(model.tails.nu)} degrees of freedom."
 
 
 def _model_bias(model: NoiseModel) -> str:

@@ -140,7 +140,9 @@ def _page(
         trimmed=trimming_topic,
         truth_section=truth_section,
         exports=table_files.EXPORTS,
-        noise_exports=estimator_exports.exports(fits.models, missing=fits.missing, paths=fits.paths),
+        noise_exports=estimator_exports.exports(
+            fits.models, missing=fits.missing, paths=fits.paths, first=data.estimator
+        ),
         specs={name: _embedded(spec) for name, spec in specs.items()},
         charts=explorer.charts(data),
         explored=_embedded(explorer.explored(data)),

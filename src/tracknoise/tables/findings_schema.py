@@ -177,6 +177,21 @@ WINDOW_SIGMAS: Schema = {
 Sigmas, residual_core and z_root_mean_square are in px, all others have no unit. n counts windows.
 """
 
+ADVICE: Schema = {
+    **_POOLED,
+    **dict.fromkeys(("estimator", "landmark", "purpose", "kernel"), pl.String),
+    "window": pl.UInt32,
+    "quantity": pl.String,
+    "value": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+}
+"""What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
+
+estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma and innovations
+are in px, knee is in sigmas, gates are factors on chi-square quantiles at .95.
+"""
+
 NOISE_LOOKUP: Schema = {
     "dataset": pl.String,
     "product": PRODUCT,

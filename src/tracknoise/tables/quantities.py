@@ -23,6 +23,7 @@ class Topic(StrEnum):
     factors = "factors"
     largest_differences = "largest differences"
     windows = "windows"
+    advice = "advice"
     lookup = "lookup"
     depths = "depths"
     point_tracking = "point tracking"
@@ -208,9 +209,13 @@ QUANTITIES: Mapping[str, Quantity] = {
     "largest_difference": Quantity(None, "Largest difference between levels' pooled curves, the paper's measure."),
     "largest_difference_part": Quantity(None, "What the largest difference is made from."),
     # windows of an estimator
+    "sigma_to_set": Quantity("px", "Noise to set in the estimator of the experiment.", _RATIO, _SMALLER),
+    "knee_to_set": Quantity("sigmas", "Knee of its robust loss."),
+    "gate_to_set": Quantity("1", "Factor on its chi-square gate at .95."),
+    "sigma_of_innovations": Quantity("px", "Noise with which its innovations look right.", _RATIO, _SMALLER),
     "sigma": Quantity(
         "px",
-        "Noise to set: makes the depths of points fitted to windows of tracks as certain as they are.",
+        "Noise that makes the depths of points fitted to windows of tracks as certain as they are, for known poses.",
         _RATIO,
         _SMALLER,
     ),
@@ -219,9 +224,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "residual_sigma_of_coordinate": Quantity("px", "The same of one coordinate.", _RATIO, _SMALLER),
     "residual_core": Quantity("px", "The same by the median over windows.", _RATIO, _SMALLER),
-    "overconfidence": Quantity("1", "Noise to set over residual sigma.", _RATIO, _SMALLER),
-    "core_overconfidence": Quantity("1", "Noise to set over residual core.", _RATIO, _SMALLER),
-    "z_root_mean_square": Quantity("px", "Noise to set with the tails.", _RATIO, _SMALLER),
+    "overconfidence": Quantity("1", "Noise for depths over residual sigma.", _RATIO, _SMALLER),
+    "core_overconfidence": Quantity("1", "Noise for depths over residual core.", _RATIO, _SMALLER),
+    "z_root_mean_square": Quantity("px", "Noise for depths with the tails.", _RATIO, _SMALLER),
     "gate_factor": Quantity("1", "Quantile of the squared residuals of a window over that of chi square."),
     "window_coverage": Quantity("share", "Share of windows whose depth is inside its interval, for residual sigma."),
     "depth_share": Quantity("share", "Share of windows that show the depth of their point."),

@@ -616,6 +616,26 @@ def _depths() -> View:
     return View(Topic.depths, findings_schema.DEPTH_INTERVALS, keys, values, sort)
 
 
+def _advice() -> View:
+    names: dict[str, tuple[str, Constants]] = {
+        "sigma": ("sigma_to_set", {}),
+        "knee": ("knee_to_set", {}),
+        "track_gate": ("gate_to_set", {"against": "track"}),
+        "observation_gate": ("gate_to_set", {"against": "observation"}),
+        "innovations": ("sigma_of_innovations", {}),
+    }
+    values = [
+        Value(
+            quantity, "value", {"axis": "window", "against": None, **labels}, {"quantity": name}, _same("low", "high")
+        )
+        for name, (quantity, labels) in names.items()
+    ]
+    packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
+    sort = [*_CONDITION, "estimator", "window", "quantity"]
+    keys = {**_CONDITION, "at": "window"}
+    return View(Topic.advice, findings_schema.ADVICE, keys, values, sort, packed=packed)
+
+
 def _second_truth() -> View:
     values = [
         Value(f"truth_difference_{statistic}", "value", {}, {"statistic": statistic}, _ESTIMATED | {"n": "n"})
@@ -715,6 +735,7 @@ VIEWS: Mapping[str, View] = {
         [*_CONDITION, "measure", "trimming", "length_low", "coordinate"],
     ),
     "window_sigmas": _windows(),
+    "advice": _advice(),
     "noise_lookup": _lookup(),
     "depth_intervals": _depths(),
     "point_tracking_metrics": _one(

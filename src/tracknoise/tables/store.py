@@ -124,6 +124,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "seed_spread": findings_schema.SEED_SPREAD,
     "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
     "window_sigmas": findings_schema.WINDOW_SIGMAS,
+    "advice": findings_schema.ADVICE,
     "noise_lookup": findings_schema.NOISE_LOOKUP,
     "depth_intervals": findings_schema.DEPTH_INTERVALS,
     "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,

@@ -11,7 +11,9 @@ from tracknoise.estimators.model import (
     Component,
     Equivalent,
     Interval,
+    Kernel,
     Landmark,
+    LossKind,
     Purpose,
     Tails,
     Training,
@@ -23,7 +25,7 @@ from tracknoise.tables.trust import TruthVerdict
 TRUSTED = TruthVerdict(Trust.trusted, "No fault was found.", "")
 WINDOWS = (5, 10, 11, 20, 30)
 _LANDMARKS = {Landmark.FREE: 1.0, Landmark.EXACT: 1.5, Landmark.STATE: 0.9}
-_PURPOSES = {Purpose.INNOVATIONS: 0.5, Purpose.ALL_POSES: 0.6, Purpose.NEWEST_POSE: 1.0, Purpose.DEPTH: 1.1}
+_PURPOSES = {Purpose.INNOVATIONS: 0.5, Purpose.ALL_POSES: 0.6, Purpose.NEWEST_POSE: 1.0}
 
 
 def interval(value: float) -> Interval:
@@ -57,6 +59,22 @@ def equivalents(sigma: float, per_window: float) -> tuple[Equivalent, ...]:
     return tuple(found)
 
 
+def kernels(innovations: float) -> tuple[Kernel, ...]:
+    """Losses with knees of .3 to 3 innovations; those of 1 are as good as those of .3."""
+    errors = {3.0: 0.9, 1.0: 0.705, 0.3: 0.7}
+    return tuple(
+        Kernel(
+            kind=kind,
+            knee_px=knee * innovations,
+            sigma_ratio=interval(0.5 * knee**0.25),
+            error_ratio=interval(ratio),
+            windows=24,
+        )
+        for kind in LossKind
+        for knee, ratio in errors.items()
+    )
+
+
 def lucas_kanade(**changes: object) -> NoiseModel:
     """White noise .1 px, wider along u, and a walk of .08 px per frame; heavy tails."""
     fields: dict[str, object] = {
@@ -72,6 +90,7 @@ def lucas_kanade(**changes: object) -> NoiseModel:
         "outliers_beyond_px": 3.0,
         "bias": Bias(kind=BiasKind.REFUSED, why="the scenes do not agree"),
         "equivalents": equivalents(0.3, 0.5),
+        "kernels": kernels(0.15),
     }
     return NoiseModel(**{**fields, **changes})  # type: ignore[arg-type]
 
@@ -86,6 +105,7 @@ def detections(**changes: object) -> NoiseModel:
         "walk": component(0.0),
         "tails": Tails(nu=np.inf, core_sigma=0.4),
         "equivalents": equivalents(0.4, 0.0),
+        "kernels": (),
     }
     return lucas_kanade(**{**fields, **changes})
 

@@ -172,7 +172,7 @@ def test_a_focal_length_cannot_be_compared_with_an_unknown_one():
     for change in (None, FocalChange.RESAMPLED):
         with pytest.raises(SettingsError, match="does not know that of its recordings"):
             converted(model, Target(focal_px=458.6, focal_change=change))
-    with pytest.raises(SettingsError, match="VINS-Fusion: no focal length, expected that of its camera"):
+    with pytest.raises(SettingsError, match="VINS-Mono: no focal length, expected that of its camera"):
         export(model, "vins")
     lens = Target(focal_px=458.6, focal_change=FocalChange.LENS)
     assert "focal_px = 458.600;" in export(model, "vins", target=lens).files["vins_mono_noise.cpp"]

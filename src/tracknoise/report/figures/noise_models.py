@@ -186,12 +186,12 @@ def _points(table: pl.DataFrame, ends: pl.Series) -> alt.Chart:
     return chart
 
 
-_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE = "window-sigmas", "Noise to set, by length of the window"
-_LINES = {"consistent_sigma": "to set", "residual_core": "what residuals look like"}
+_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE = "window-sigmas", "Noise for the depths of points, by length of the window"
+_LINES = {"consistent_sigma": "for depths", "residual_core": "what residuals look like"}
 _WINDOW_SIGMA_COLOURS = dict(zip(_LINES.values(), style.PALETTE[:2], strict=True))
 _WINDOW_SIGMA_ADVICE = (
-    "Set the upper line where the two differ: residuals alone look too small where errors of one track are alike from "
-    "frame to frame. If the lines were flat and equal, errors would be independent in every frame."
+    "Where the two lines differ, depths need the upper one: residuals alone look too small where errors of one track "
+    "are alike from frame to frame. If the lines were flat and equal, errors would be independent in every frame."
 )
 
 

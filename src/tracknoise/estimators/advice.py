@@ -1,0 +1,333 @@
+"""What to set in one estimator, all together: sigma, gates, robust loss and its knee.
+
+**Sigma and gates of a filter.** A filter whose covariance is used needs the sigma that makes the newest pose right. It
+is larger than residuals, so that a chi-square gate at its shipped size lets everything pass. The gate of a model lets
+95 % of the good tracks pass at true poses. Predicted poses err, too, and add to innovations. If they make up the share p
+of the claimed variance of innovations, half of the tracks of k degrees of freedom pass the gate
+
+    floor = (p + (1 - p) (innovations / sigma)^2) median_k / quantile_k(.95),  chi square, p = 1/3    (advice.floor)
+
+The gate is the larger of both. So at least half of the good tracks pass as long as predicted poses make up no more than
+that share. For a single observation of a feature in the state, the quantile takes the place of the median, because a
+feature is lost with it.
+
+**Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of those
+that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed covariance
+right with it. Where none was tried, sigma is that of innovations, with a knee of 1 (Cauchy) or 1.345 (Huber) sigmas.
+
+**A point that is known**, from a map or a depth image at its first observation, leaves the whole error in the image:
+sigma is the RMS of errors about the first position, ages 1 to the length of the window.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, dataclass
+from enum import StrEnum
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from scipy import stats
+
+from tracknoise.estimators.bundle import Loss, expected_nees
+from tracknoise.estimators.bundle import LossKind as BundleLoss
+from tracknoise.estimators.model import (
+    Bias,
+    CameraOfModel,
+    Component,
+    Equivalent,
+    Interval,
+    Kernel,
+    Landmark,
+    LossKind,
+    Purpose,
+    Tails,
+    Training,
+)
+from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.exceptions import SettingsError
+from tracknoise.tables.trust import TruthVerdict
+
+
+class ExportedModel(Protocol):
+    """What advice and exports use of a noise model: see `tracknoise.estimators.noise_model.NoiseModel`."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def training(self) -> Training:
+        """What it was fitted to."""
+
+    @property
+    def camera(self) -> CameraOfModel:
+        """The camera of the recordings that it was fitted to."""
+
+    @property
+    def first(self) -> Component:
+        """Noise of the first position."""
+
+    @property
+    def white(self) -> Component:
+        """White noise."""
+
+    @property
+    def walk(self) -> Component:
+        """Random walk."""
+
+    @property
+    def drift(self) -> Component:
+        """Drift."""
+
+    @property
+    def tails(self) -> Tails:
+        """Student's distribution of single errors."""
+
+    @property
+    def outlier_share(self) -> float:
+        """Share of the observations that are outliers."""
+
+    @property
+    def bias(self) -> Bias:
+        """Mean error."""
+
+    @property
+    def equivalents(self) -> tuple[Equivalent, ...]:
+        """Standard deviations for all observations, named by what they make right."""
+
+    @property
+    def kernels(self) -> tuple[Kernel, ...]:
+        """Robust losses that were tried."""
+
+    @property
+    def truth(self) -> TruthVerdict:
+        """The verdict on the truth that it was fitted with."""
+
+    @property
+    def components(self) -> TrackNoise:
+        """All components."""
+
+    @property
+    def text(self) -> str:
+        """The model as a document."""
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the document."""
+
+    def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
+        """The standard deviation for a purpose."""
+
+
+class Gate(StrEnum):
+    """What a chi-square test of an estimator accepts or rejects as a whole."""
+
+    TRACK = "track"
+    """All observations of a track, its point eliminated."""
+    OBSERVATION = "observation"
+    """One observation of a feature in the state, or of a point that is known."""
+
+
+POSE_SHARE = 1.0 / 3.0
+"""Share of the claimed variance of innovations that predicted poses may make up, p of (advice.floor)."""
+UNTRIED_KNEES: Mapping[LossKind, float] = {LossKind.CAUCHY: 1.0, LossKind.HUBER: 1.345}
+"""Knees in sigmas where none was tried."""
+_ALIKE = 1.02
+"""Errors of poses that differ by less than this factor are alike; the larger knee has fewer local minima."""
+_GAUSSIAN_KNEE = 2.385
+"""Knee of a Cauchy loss that keeps 95 % of the efficiency of least squares for Gaussian errors."""
+_LEVEL = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice:
+    """What to set in one estimator.
+
+    Parameters
+    ----------
+    landmark, purpose, window
+        What sigma is for: how the estimator uses the first observation, what is made right, and the length of its
+        window, frames. It is the length that the model has, nearest to that of the estimator.
+    sigma
+        Standard deviation of each coordinate, px.
+    kernel, knee_px
+        The robust loss, and its knee in px; None where the estimator has none.
+    windows
+        On how many windows of the recordings the loss was tried; 0 where it was not.
+    gates
+        What to multiply a chi-square gate at .95 by, with `sigma`.
+    """
+
+    landmark: Landmark
+    purpose: Purpose
+    window: int
+    sigma: Interval
+    kernel: LossKind | None = None
+    knee_px: float | None = None
+    windows: int = 0
+    gates: Mapping[Gate, float]
+
+    @property
+    def knee(self) -> float | None:
+        """The knee in units of sigma."""
+        return None if self.knee_px is None else self.knee_px / self.sigma.value
+
+
+def advise(
+    model: ExportedModel,
+    *,
+    landmark: Landmark,
+    purpose: Purpose,
+    window: int,
+    kernel: LossKind | None = None,
+    knee: float | None = None,
+    gates: Sequence[Gate] = (),
+) -> Advice:
+    """What to set in an estimator.
+
+    Parameters
+    ----------
+    model
+        In px and frames of the estimator.
+    landmark, purpose, window
+        How it uses the first observation of a track, what its sigma is to make right, and the length of its window.
+    kernel, knee
+        Its robust loss, None if it has none; and the knee in sigmas where the estimator fixes it.
+    gates
+        Its chi-square tests.
+
+    Raises
+    ------
+    SettingsError
+        If the model has no such sigma, or one that is not above 0.
+    """
+    if landmark is Landmark.KNOWN:
+        return _of_known_point(model, window, kernel, knee, gates)
+    found = _positive(model, landmark, purpose, window)
+    sigma, knee_px, windows = found.sigma, None, 0
+    if kernel is not None:
+        sigma, knee_px, windows = _with_kernel(model, found, kernel, knee)
+    limits = {gate: _gate(model, found, gate, sigma.value) for gate in gates}
+    return Advice(
+        landmark=landmark,
+        purpose=purpose,
+        window=found.window,
+        sigma=sigma,
+        kernel=kernel,
+        knee_px=knee_px,
+        windows=windows,
+        gates=limits,
+    )
+
+
+def _positive(model: ExportedModel, landmark: Landmark, purpose: Purpose, window: int) -> Equivalent:
+    found = model.equivalent(landmark=landmark, window=window, purpose=purpose)
+    if not 0.0 < found.sigma.value < math.inf:
+        raise SettingsError(
+            f"sigma for {found.purpose}, windows of {found.window} frames, is {found.sigma.value:g} px, "
+            "expected a number above 0"
+        )
+    return found
+
+
+def _with_kernel(
+    model: ExportedModel, plain: Equivalent, kernel: LossKind, knee: float | None
+) -> tuple[Interval, float, int]:
+    """Sigma, knee in px, and on how many windows they were tried, in place of the sigma of least squares."""
+    tried = [one for one in model.kernels if one.kind is kernel]
+    if not tried:
+        sigma = _positive(model, plain.landmark, Purpose.INNOVATIONS, plain.window).sigma
+        return sigma, (knee or UNTRIED_KNEES[kernel]) * sigma.value, 0
+    if knee is None:
+        least = min(one.error_ratio.value for one in tried)
+        best = max((one for one in tried if one.error_ratio.value <= _ALIKE * least), key=lambda one: one.knee_px)
+        return _product(plain.sigma, best.sigma_ratio), best.knee_px, best.windows
+    ratio = _at_fixed_knee(tried, knee * plain.sigma.value)
+    sigma = _product(plain.sigma, ratio)
+    return sigma, knee * sigma.value, tried[0].windows
+
+
+def _at_fixed_knee(tried: Sequence[Kernel], knee_px: float) -> Interval:
+    """Sigma ratio r with a knee of r times a number of px, between the knees that were tried, or of the nearest."""
+    ordered = sorted(tried, key=lambda one: one.knee_px)
+    ratios = np.array([one.sigma_ratio.value for one in ordered])
+    excess = np.array([np.log(one.knee_px) for one in ordered]) - np.log(knee_px * ratios)
+    value = float(np.exp(np.interp(0.0, excess, np.log(ratios))))
+    nearest = ordered[int(np.argmin(np.abs(excess)))].sigma_ratio
+    return _product(nearest, Interval(value=value / nearest.value))
+
+
+def _product(interval: Interval, factor: Interval) -> Interval:
+    """A product with the relative bounds of the factor; where it has none, those of the interval."""
+    value = interval.value * factor.value
+    bounds = factor if factor.low is not None and factor.high is not None else interval
+    low, high = (None if bound is None else value * bound / bounds.value for bound in (bounds.low, bounds.high))
+    return Interval(value=value, low=low, high=high)
+
+
+def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> float:
+    """Factor on a chi-square gate at .95, with this sigma: the larger of that of good tracks and (advice.floor)."""
+    innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
+    if gate is Gate.TRACK:
+        freedom = 2 * plain.window - 3
+        floor = POSE_SHARE + (1.0 - POSE_SHARE) * (innovations.value / sigma) ** 2
+        floor *= float(stats.chi2.median(freedom) / stats.chi2.ppf(_LEVEL, freedom))
+        return max(plain.gate_95 * (plain.sigma.value / sigma) ** 2, floor)
+    return observation_gate(model, innovations.value, sigma, _LEVEL)
+
+
+def observation_gate(model: ExportedModel, innovations: float, sigma: float, level: float) -> float:
+    """Factor on a chi-square gate of one observation at a level: the larger of that of tails and (advice.floor).
+
+    It lets through that share of observations that are no outliers of the model.
+    """
+    noise, tails, good = (innovations / sigma) ** 2, model.tails, level * (1.0 - model.outlier_share)
+    floor = POSE_SHARE + (1.0 - POSE_SHARE) * noise
+    if math.isinf(tails.nu):
+        return max(floor, noise)
+    square = tails.core_ratio**2 * 2.0 * float(stats.f.ppf(good, 2, tails.nu))
+    return max(floor, noise * square / float(stats.chi2.ppf(level, 2)))
+
+
+def _of_known_point(
+    model: ExportedModel, window: int, kernel: LossKind | None, knee: float | None, gates: Sequence[Gate]
+) -> Advice:
+    """For points that are known: in one frame, errors of different points are independent."""
+    ages = np.arange(1.0, window + 1.0)
+    squares = [_half_trace(part) for part in (model.first, model.white, model.walk, model.drift)]
+    plain = math.sqrt(squares[0] + squares[1] + squares[2] * ages.mean() + squares[3] * np.square(ages).mean())
+    if plain <= 0.0:
+        raise SettingsError("sigma of known points is 0 px, expected a number above 0")
+    sigma, knee_px = plain, None
+    if kernel is not None:
+        sigma, knee_px = _independent(model.tails, plain, kernel, knee)
+    limits = {gate: observation_gate(model, plain, sigma, _LEVEL) for gate in gates}
+    return Advice(
+        landmark=Landmark.KNOWN,
+        purpose=Purpose.NEWEST_POSE,
+        window=window,
+        sigma=Interval(value=sigma),
+        kernel=kernel,
+        knee_px=knee_px,
+        gates=limits,
+    )
+
+
+def _half_trace(component: Component) -> float:
+    return float(np.trace(component.covariance)) / 2.0
+
+
+def _independent(tails: Tails, plain: float, kernel: LossKind, knee: float | None) -> tuple[float, float]:
+    """Sigma and knee, px, for independent errors of Student's distribution, by (loss.nees)."""
+    core = tails.core_ratio * plain
+    kind = BundleLoss(kernel)
+
+    def sigma_with(knee_px: float) -> float:
+        return math.sqrt(expected_nees(Loss(kind, knee_px / core), nu=tails.nu)) * core
+
+    if knee is None:
+        usual = math.sqrt(tails.nu) if math.isfinite(tails.nu) else _GAUSSIAN_KNEE
+        knee_px = min(usual, _GAUSSIAN_KNEE) * core
+        return sigma_with(knee_px), knee_px
+    sigma = core
+    for _ in range(30):  # the knee follows sigma
+        sigma = sigma_with(knee * sigma)
+    return sigma, knee * sigma

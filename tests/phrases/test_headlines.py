@@ -13,6 +13,7 @@ from tracknoise.phrases.headlines import findings_json, headline_table
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
+    ADVICE,
     AUDIT_CURVES,
     DEPENDENCE,
     DEPTH_INTERVALS,
@@ -59,6 +60,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "surrounding_errors": SURROUNDING_ERRORS,
     "pose_share": POSE_SHARE,
     "tracker_differences": TRACKER_DIFFERENCES,
+    "advice": ADVICE,
     "window_sigmas": WINDOW_SIGMAS,
     "noise_lookup": NOISE_LOOKUP,
     "depth_intervals": DEPTH_INTERVALS,

@@ -1,4 +1,4 @@
-"""The headline about the noise to set in an estimator."""
+"""The headlines about the noise to set in an estimator, and about the noise that makes depths right."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 
 from tracknoise.phrases.headline import Headline, ReportedConditions
-from tracknoise.phrases.window_topic import estimator_noise
+from tracknoise.phrases.window_topic import depth_noise, estimator_noise
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import TRUST, WINDOW_SIGMAS
+from tracknoise.tables.findings_schema import ADVICE, TRUST, WINDOW_SIGMAS
 from tracknoise.tables.schema import SUMMARY, empty
 
 CONDITION = {
@@ -53,7 +53,7 @@ TRUSTED = trust("trusted")
 
 def headline(table: pl.DataFrame, scope: ReportedConditions = SCOPE, truth: pl.DataFrame = TRUSTED) -> Headline | None:
     summary = pl.DataFrame([CONDITION], schema=dict(SUMMARY))
-    return estimator_noise({"window_sigmas": table, "summary": summary, "trust": truth}, scope)
+    return depth_noise({"window_sigmas": table, "summary": summary, "trust": truth}, scope)
 
 
 def text(*given: Any) -> str:
@@ -65,9 +65,9 @@ def text(*given: Any) -> str:
 def test_a_tracker_that_drifts_has_depths_less_certain_than_its_residuals_say() -> None:
     found = text(windows(DRIFTING))
     assert found.startswith(
-        "Noise to set in an estimator at speed 1, from untrimmed errors. lk: set 0.200 px (0.170 to 0"
+        "Noise for the depths of points at speed 1, from untrimmed errors. lk: depths are right with 0.200 px (0.17"
     )
-    assert "for windows of 15 frames. Residuals will look like 0.040 px: tuned to them, depths are 5.0 times" in found
+    assert ", windows of 15 frames. Residuals will look like 0.040 px: tuned to them, depths are 5.0 times" in found
     assert "5.0 times (4.6 to 5.6) less certain than claimed." in found
     assert found.endswith("In brackets: 95 % intervals over 8 scenes.")
     estimate = headline(windows(DRIFTING)).estimate
@@ -92,7 +92,7 @@ def test_the_longest_window_up_to_15_that_shows_depth_often_enough_is_taken() ->
     rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)}, window=15)
     shorter = windows({**DRIFTING, "consistent_sigma": (0.11, 0.1, 0.12)}, window=10)
     found = text(pl.concat([longer, rare, shorter]))
-    assert "set 0.110 px (0.100 to 0.120) for windows of 10 frames" in found
+    assert "right with 0.110 px (0.100 to 0.120), windows of 10 frames" in found
 
 
 def test_all_trackers_are_described_by_windows_of_one_length() -> None:
@@ -100,11 +100,11 @@ def test_all_trackers_are_described_by_windows_of_one_length() -> None:
     short = windows(DRIFTING, tracker="sift", window=5)
     long = pl.concat([windows(DRIFTING, window=length) for length in (5, 10, 15)])
     found = text(pl.concat([long, short]), both)
-    assert found.count("for windows of 5 frames") == 2
+    assert found.count(", windows of 5 frames") == 2
     assert "windows of 15" not in found
     without = windows({**DRIFTING, "depth_share": (0.0, 0.0, 0.0)}, tracker="sift", window=5)
     found = text(pl.concat([long, without]), both)
-    assert "lk: set 0.200 px (0.170 to 0.230) for windows of 15 frames." in found
+    assert "lk: depths are right with 0.200 px (0.170 to 0.230), windows of 15 frames." in found
     assert "sift: too few windows of 15 frames show the depth of a point." in found
 
 
@@ -117,11 +117,51 @@ def test_without_depth_only_residuals_are_known() -> None:
     assert "is unknown, because true positions are fitted to the tracks." in text(without, fitted)
 
 
+GATED = {"sigma": (0.16, 0.14, 0.18), "innovations": (0.07, 0.06, 0.08), "track_gate": (0.31, None, None)}
+ROBUST = {"sigma": (0.08, 0.05, 0.14), "innovations": (0.07, 0.06, 0.08), "knee": (0.85, None, None)}
+
+
+def advice(found: dict[str, tuple[float, float | None, float | None]], name: str, **where: Any) -> pl.DataFrame:
+    base = {**CONDITION, "estimator": name, "landmark": "free", "purpose": "newest_pose", "window": 11, **where}
+    rows = [
+        {**base, "quantity": quantity, "value": value, "low": low, "high": high}
+        for quantity, (value, low, high) in found.items()
+    ]
+    return pl.DataFrame(rows, schema=dict(ADVICE))
+
+
+def advised(table: pl.DataFrame, truth: pl.DataFrame = TRUSTED) -> str:
+    summary = pl.DataFrame([CONDITION], schema=dict(SUMMARY))
+    found = estimator_noise({"advice": table, "summary": summary, "trust": truth}, SCOPE)
+    return "" if found is None else found.text.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_filter_has_sigma_and_gates_together() -> None:
+    more = {**GATED, "observation_gate": (0.9, None, None)}
+    found = advised(advice(more, "filter"))
+    assert found.startswith(
+        "Noise to set in a filter with a gate, windows of 11 frames at speed 1. lk: set 0.160 px (0.14"
+    )
+    assert "Multiply chi-square gates by 0.310 for tracks and 0.900 for single observations." in found
+    assert "Innovations will look like 0.070 px." in found
+    assert "Sigma makes the covariance of the newest pose right." in found
+
+
+def test_a_window_has_sigma_and_loss_together() -> None:
+    found = advised(advice(ROBUST, "sliding_window", kernel="cauchy"))
+    assert "lk: set 0.080 px (0.050 to 0.140). Its Cauchy loss has the knee at 0.850 sigma." in found
+    assert "chi-square" not in found
+
+
+def test_without_a_model_nothing_is_advised() -> None:
+    assert advised(advice({}, "filter")) == ""
+
+
 @pytest.mark.parametrize("verdict", ["trusted", "limited"])
 def test_a_usable_truth_has_a_number_to_set(verdict: str) -> None:
-    assert "lk: set 0.200 px (0.170 to 0.230) for windows of 15 frames." in text(
-        windows(DRIFTING), SCOPE, trust(verdict, 0.3)
-    )
+    assert "lk: set 0.160 px (0.140 to 0.180). " in advised(advice(GATED, "filter"), trust(verdict, 0.3))
+    found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.3))
+    assert "depths are right with 0.200 px (0.170 to 0.230), windows of 15 frames." in found
 
 
 @pytest.mark.parametrize(
@@ -129,11 +169,13 @@ def test_a_usable_truth_has_a_number_to_set(verdict: str) -> None:
     [("not trusted", "the truth is not trusted"), ("unknown", "whether the truth can be trusted is unknown")],
 )
 def test_another_truth_has_an_upper_bound_that_is_marked(verdict: str, says: str) -> None:
-    found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.75))
-    bound = "lk: set at most 0.200 px (0.170 to 0.230) for windows of 15 frames"
-    assert f"{bound}: {says}, and the tracker alone may have 0.100 px." in found  # half, if it has a quarter of squares
+    found = advised(advice(GATED, "filter"), trust(verdict, 0.75))
+    bound = "lk: set at most 0.160 px (0.140 to 0.180)"
+    assert f"{bound}: {says}, and the tracker alone may have 0.080 px." in found  # half, if it has a quarter of squares
     for unbounded in (trust(verdict, 1.0), trust(verdict)):
-        assert f"{bound}: {says}. Residuals" in text(windows(DRIFTING), SCOPE, unbounded)
+        assert f"{bound}: {says}. Multiply" in advised(advice(GATED, "filter"), unbounded)
+    found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.75))
+    assert f"right with at most 0.200 px (0.170 to 0.230), windows of 15 frames: {says}, and" in found
 
 
 def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:
@@ -142,7 +184,7 @@ def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:
     assert "from trimmed errors." in text(both, scope)
     assert "depths are as certain as claimed" in text(both, scope)
     untouched = ReportedConditions(ReferenceCondition("l"), ("lk",))
-    assert text(windows(DRIFTING), untouched).startswith("Noise to set in an estimator at speed 1. lk: set 0.200 px")
+    assert text(windows(DRIFTING), untouched).startswith("Noise for the depths of points at speed 1. lk: depths")
 
 
 def test_too_few_windows_say_nothing() -> None:

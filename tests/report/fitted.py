@@ -8,6 +8,7 @@ import pytest
 from tests.estimators.conftest import planted_run
 
 from tracknoise.estimators.run_models import fitted_models
+from tracknoise.estimators.training import RunTruth
 from tracknoise.tables.store import RunFolder
 
 __all__ = ["fitted_run", "planted_run"]
@@ -24,7 +25,7 @@ def fitted_run(
     def fit(path: Path) -> None:
         shutil.copytree(planted_run, path)
         run = RunFolder(path)
-        run.write_statistics({}, documents=fitted_models(run, ["oracle"], 1))
+        run.write_statistics({}, documents=fitted_models(run, ["oracle"], 1, RunTruth.of(run)).documents)
 
     original = made_once("fitted-run", fit)
     return RunFolder(shutil.copytree(original, tmp_path_factory.mktemp("fitted") / "run"))

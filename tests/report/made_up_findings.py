@@ -10,6 +10,7 @@ from tracknoise.phrases.headlines import headline_table
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import (
+    ADVICE,
     AUDIT,
     AUDIT_CURVES,
     DEPENDENCE,
@@ -52,6 +53,7 @@ def made_up(
         "radii": radii(tables["curves"]),
         "time_structure": time_structure(tables["curves"]),
         "window_sigmas": window_sigmas(tables["curves"]),
+        "advice": advice(tables["curves"]),
         "noise_lookup": noise_lookup(tables["curves"]),
         "depth_intervals": depth_intervals(tables["curves"]),
         "dependence": dependence(tables["effects"]),
@@ -206,7 +208,7 @@ def noise_lookup(curves: pl.DataFrame) -> pl.DataFrame:
 
 
 def window_sigmas(curves: pl.DataFrame) -> pl.DataFrame:
-    """Residuals of 0.1 px in all windows, and a sigma to set that grows with their length."""
+    """Residuals of 0.1 px in all windows, and a sigma for depths that grows with their length."""
     windows = pl.DataFrame({"window": [3, 5, 10, 15]})
     values = {
         "residual_sigma": pl.lit(0.12),
@@ -222,6 +224,18 @@ def window_sigmas(curves: pl.DataFrame) -> pl.DataFrame:
         resampled=_resampled(WINDOW_SIGMAS),
     )  # fmt: skip
     return _typed(made, WINDOW_SIGMAS)
+
+
+def advice(curves: pl.DataFrame) -> pl.DataFrame:
+    """Sigma of 0.2 px for a filter whose innovations look like 0.1 px, and its gates."""
+    values = {"sigma": 0.2, "innovations": 0.1, "track_gate": 0.3, "observation_gate": 0.5}
+    table = _conditions(curves).with_columns(
+        estimator=pl.lit("filter"), landmark=pl.lit("free"), purpose=pl.lit("newest_pose"), window=pl.lit(11)
+    )
+    rows = [table.with_columns(quantity=pl.lit(name), value=pl.lit(value)) for name, value in values.items()]
+    is_sigma = pl.col("quantity").is_in(["sigma", "innovations"])
+    bounds = {name: pl.when(is_sigma).then(factor * pl.col("value")) for name, factor in (("low", 0.9), ("high", 1.1))}
+    return _typed(pl.concat(rows).with_columns(**bounds), ADVICE)
 
 
 def depth_intervals(curves: pl.DataFrame) -> pl.DataFrame:

@@ -433,47 +433,25 @@ def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) 
     assert measure(found, "lucas-kanade", "error").number.interval == ""
 
 
-def test_the_sigma_to_set_is_that_of_windows_of_fifteen(data: ReportData) -> None:
-    expected = "In these scenes, set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
+def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: ReportData) -> None:
+    expected = "In these scenes, set 0.200 px in a filter with a gate; innovations look like 0.100 px."
     assert card(summarise(data), "lucas-kanade").sigma == expected
-    short_ones = dataclasses.replace(data, window_sigmas=data.window_sigmas.filter(pl.col("window") < 15))
-    assert "windows of 10 frames" in card(summarise(short_ones), "lucas-kanade").sigma
-    none = dataclasses.replace(data, window_sigmas=data.window_sigmas.clear())
+    none = dataclasses.replace(data, advice=data.advice.clear())
     assert card(summarise(none), "lucas-kanade").sigma == ""
-
-
-def test_the_sigmas_of_all_trackers_are_those_of_windows_of_one_length(data: ReportData) -> None:
-    short = (pl.col("tracker") == "correspondence") & (pl.col("window") > 5)
-    made = dataclasses.replace(data, window_sigmas=data.window_sigmas.filter(~short))
-    assert all("windows of 5 frames" in one.sigma for one in summarise(made).cards)
-    residuals = (pl.col("tracker") == "correspondence") & (pl.col("quantity") != "residual_core")
-    made = dataclasses.replace(data, window_sigmas=data.window_sigmas.filter(~residuals))
-    assert "windows of 15 frames" in card(summarise(made), "lucas-kanade").sigma
-    assert card(summarise(made), "correspondence").sigma.endswith(
-        "what to set is unknown: too few windows of 15 frames show the depth of a point."
-    )
 
 
 def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: ReportData) -> None:
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
-        "In these scenes, set at most 0.250 px for windows of 15 frames: the truth is not trusted, and the tracker "
-        f"alone may have 0.125{SPACE}px; residuals look like 0.100 px."
+        "In these scenes, set at most 0.200 px in a filter with a gate: the truth is not trusted, and the tracker "
+        f"alone may have 0.100{SPACE}px; innovations look like 0.100 px."
     )
-
-
-def test_the_sigma_to_set_is_not_that_of_a_few_windows(data: ReportData) -> None:
-    few = pl.when(pl.col("window") == 15).then(99).otherwise(pl.col("n")).cast(pl.Int64)
-    rare = pl.when(pl.col("window") >= 10, pl.col("quantity") == "depth_share").then(0.4).otherwise(pl.col("value"))
-    for change, length in (({"n": few}, 10), ({"value": rare}, 5)):  # 99 windows; 80 windows that show depth
-        made = dataclasses.replace(data, window_sigmas=data.window_sigmas.with_columns(**change))
-        assert f"windows of {length} frames" in card(summarise(made), "lucas-kanade").sigma
 
 
 def test_the_finding_about_estimators_names_each_tracker_and_leads_to_its_section(data: ReportData) -> None:
     (found,) = (one for one in summarise(data).findings if one.topic == "estimator")
     assert [one.section for one in found.statements] == ["estimator"] * len(data.trackers)
-    expected = "lucas-kanade: in these scenes, set 0.250 px for windows of 15 frames; residuals look like 0.100 px."
+    expected = "lucas-kanade: in these scenes, set 0.200 px in a filter with a gate; innovations look like 0.100 px."
     assert expected in [one.text for one in found.statements]
 
 

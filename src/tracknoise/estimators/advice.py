@@ -1,9 +1,9 @@
 """What to set in one estimator, all together: sigma, gates, robust loss and its knee.
 
 **Sigma and gates of a filter.** A filter whose covariance is used needs the sigma that makes the newest pose right. It
-is larger than residuals, so that a chi-square gate at its shipped size lets everything pass. The gate of a model lets
-95 % of the good tracks pass at true poses. Predicted poses err, too, and add to innovations. If they make up the share p
-of the claimed variance of innovations, half of the tracks of k degrees of freedom pass the gate
+is larger than residuals, so that a chi-square gate at its shipped size lets all pass. The gate of a model lets 95 % of
+the good tracks pass at true poses. Predicted poses err, too, and add to innovations. If they make up the share p of the
+claimed variance of innovations, half of the tracks of k degrees of freedom pass the gate
 
     floor = (p + (1 - p) (innovations / sigma)^2) median_k / quantile_k(.95),  chi square, p = 1/3    (advice.floor)
 
@@ -11,9 +11,10 @@ The gate is the larger of both. So at least half of the good tracks pass as long
 that share. For a single observation of a feature in the state, the quantile takes the place of the median, because a
 feature is lost with it.
 
-**Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of those
-that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed covariance
-right with it. Where none was tried, sigma is that of innovations, with a knee of 1 (Cauchy) or 1.345 (Huber) sigmas.
+**Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
+those that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed
+covariance right with it. Where none was tried, sigma is that of innovations, with a knee of 1 (Cauchy) or 1.345 (Huber)
+sigmas.
 
 **A point that is known**, from a map or a depth image at its first observation, leaves the whole error in the image:
 sigma is the RMS of errors about the first position, ages 1 to the length of the window.

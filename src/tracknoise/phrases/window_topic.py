@@ -237,7 +237,7 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     most = "at most " if caveat else ""
     title = estimator(sigma["estimator"]).title
     return (
-        f"In {title}, set {most}{pixels(sigma['value'])} px{caveat}; "
+        f"Set {most}{pixels(sigma['value'])} px in {title}{caveat}; "
         f"innovations look like {pixels(innovations['value'])} px."
     )
 

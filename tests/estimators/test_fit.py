@@ -189,7 +189,9 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
         "  const auto c = tracknoise::covariance(4.0, 1.2, f), d = tracknoise::change_covariance(2.0, f);\n"
         '  const double unknown = tracknoise::factor_min_eigenvalue(std::nan(""));\n'
         "  const double born = tracknoise::covariance(0.0).uu;\n"
-        '  std::printf("[%.9g, %.9g, %.9g, %.9g, %.9g, %.9g]", f, c.uu, c.uv, d.vv, unknown, born);\n}\n'
+        "  const double s = tracknoise::sigma(0.2, 3.0), all = tracknoise::sigma(0.2);\n"
+        '  std::printf("[%.9g, %.9g, %.9g, %.9g, %.9g, %.9g, %.9g, %.9g]",'
+        " f, c.uu, c.uv, d.vv, unknown, born, s, all);\n}\n"
     )
     warnings = ["-Wall", "-Wextra", "-Werror", "-std=c++11"]
     subprocess.run([compiler, *warnings, "-o", tmp_path / "main", tmp_path / "main.cpp"], check=True)
@@ -197,5 +199,6 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
     covariance = conditioned.covariance(age=4, magnification=1.2, min_eigenvalue=3.0)[0]
     change = conditioned.change_covariance(frames=2, min_eigenvalue=3.0)[0]
     factor = math.exp(1.0 - math.log(3.0))
-    assert printed == pytest.approx([factor, covariance[0, 0], covariance[0, 1], change[1, 1], 1.0, 0.0])
-    assert len(cpp_header(model).splitlines()) <= 40
+    expected = [factor, covariance[0, 0], covariance[0, 1], change[1, 1], 1.0, 0.0, 0.2 * factor**0.5, 0.2]
+    assert printed == pytest.approx(expected)
+    assert len(cpp_header(model).splitlines()) <= 45

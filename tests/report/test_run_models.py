@@ -15,6 +15,7 @@ from tracknoise.estimators.calibration import fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import RunModels, fitted_models, run_models
 from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.estimators.training import RunTruth
 from tracknoise.exceptions import StoreError
 from tracknoise.report.figures import noise_models
 from tracknoise.report.figures.figure import Figure
@@ -60,7 +61,7 @@ def test_tables_are_read_once_for_all_models(fitted_run: RunFolder, monkeypatch:
         return stacked(self, name, keys, **options)
 
     monkeypatch.setattr(RunFolder, "stacked_tables", counted)
-    assert fitted_models(fitted_run, ["oracle"], 1)
+    assert fitted_models(fitted_run, ["oracle"], 1, RunTruth.of(fitted_run)).models
     assert read.pop("noise_sums") == 2  # for the names of the trackers, and for the fits
     assert set(read.values()) == {1}
 

@@ -43,7 +43,12 @@ inline Covariance covariance(double age, double m = 1.0, double f = 1.0) {
 inline Covariance change_covariance(double frames = 1.0, double f = 1.0) {
   return sum(0.0, 2.0 * f, f * frames, frames * frames);
 }
-}  // namespace tracknoise
+"""
+_SIGMA = """// Of one observation: the sigma that is set for all (px), times the root of the factors. NaN is unknown.
+inline double sigma(double set_px{parameters}) {{
+  return set_px * std::sqrt({factors});
+}}
+}}  // namespace tracknoise
 """
 
 
@@ -59,7 +64,13 @@ def cpp_header(model: NoiseModel) -> str:
         focal="unknown" if model.camera.focal_px is None else f"{model.camera.focal_px:g} px",
         **parts,
     )
-    return head + "".join(_factor(one) for one in model.conditions) + _TAIL
+    return head + "".join(_factor(one) for one in model.conditions) + _TAIL + _sigma(model)
+
+
+def _sigma(model: NoiseModel) -> str:
+    names = [one.of for one in model.conditions]
+    parameters = "".join(f", double {name} = NAN" for name in names)
+    return _SIGMA.format(parameters=parameters, factors=" * ".join(f"factor_{name}({name})" for name in names) or "1.0")
 
 
 def _covariance(part: Component) -> str:

@@ -1,0 +1,60 @@
+"""One number for each purpose and window, wherever a run states it."""
+
+import re
+
+from tracknoise.cli.run_summary import summary_text
+from tracknoise.estimators.export_render import export, number
+from tracknoise.estimators.exports import estimators
+from tracknoise.estimators.run_models import run_models
+from tracknoise.phrases.answer_summary import Summary
+from tracknoise.report.answer import summarise
+from tracknoise.report.estimator_exports import exported
+from tracknoise.report.noise_cells import equivalent_cells, model_sentences
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.store import RunFolder
+
+SPACES = str.maketrans({"\N{NO-BREAK SPACE}": " ", "\n": " "})
+
+
+def set_px(text: str) -> set[str]:
+    """What a text says to set, px."""
+    return set(re.findall(r"[Ss]et (?:sigma )?([0-9.]+) px", text.translate(SPACES)))
+
+
+def stated(summary: Summary) -> set[str]:
+    """On cards, in short sentences and in whole findings."""
+    texts = [card.sigma for card in summary.cards]
+    for finding in summary.findings:
+        texts += [*(one.text for one in finding.statements), finding.details]
+    return set().union(*map(set_px, texts))
+
+
+def test_what_to_set_is_one_number(fitted_run: RunFolder) -> None:
+    data, model = ReportData.of(fitted_run), run_models(fitted_run).models["oracle"]
+    (row,) = data.run.results().filter(quantity="sigma_to_set").to_dicts()
+    expected = {f"{row['value']:.3f}"}
+    assert set_px(summary_text(fitted_run)) == expected
+    assert stated(summarise(data)) == expected
+    assert {f"{float(one):.3f}" for one in set_px(" ".join(model_sentences(model, "filter")))} == expected
+    written = export(model, "filter").files["filter_noise.yaml"]
+    assert f"sigma_px: {number(row['value'])}\n" in written
+    assert (
+        dict(exported(model, "oracle@1.noise.json")["filter"]["files"])["filter_noise.yaml"].partition("\n")[2]
+        == (written.partition("\n")[2])
+    )
+    (cells,) = (
+        one for one in equivalent_cells(model, row["at"]).rows if one[:2] == ["point solved for", "newest pose"]
+    )
+    assert f"{float(cells[2]):.3f}" in expected
+
+
+def test_estimators_of_one_kind_and_window_have_one_sigma(fitted_run: RunFolder) -> None:
+    model = run_models(fitted_run).models["oracle"]
+    found: dict[tuple[object, ...], set[float]] = {}
+    for about in estimators().values():
+        if about.purpose is not None:
+            advice = about.advise(model)
+            key = (advice.landmark, advice.purpose, advice.window, advice.kernel, about.knee)
+            found.setdefault(key, set()).add(advice.sigma.value)
+    assert all(len(sigmas) == 1 for sigmas in found.values())
+    assert len(found) < len(estimators())

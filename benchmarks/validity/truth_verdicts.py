@@ -44,13 +44,13 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.truth_errors import truth_floor
-from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.enumerations import Trust, TruthCause
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
 from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import AccuracyRule
-from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess, typical_px
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, audit_tables
 from tracknoise.truth_faults.fault_parameters import FAULTS as PARAMETERS
@@ -310,7 +310,7 @@ def size_for(scene: Followed, exact: Measurement, fault: Fault, share: float) ->
 class Raw:
     """Verdicts by what is stated, the bound where nothing is, and what they are made of.
 
-    Of the evidence: named faults and gains, pose shares, gain of all parameters, and share of the floor.
+    Of the evidence: named faults and gains, pose shares, gain of all parameters, and what the stated accuracy explains.
     """
 
     verdicts: dict[str, TruthVerdict]
@@ -321,23 +321,19 @@ class Raw:
     floor: float | None
 
 
-def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, float], floor: float | None) -> Raw:
-    """The verdict on the evidence, and the evidence as it is. `sizes`: RMS of each tracker, px."""
+def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, ErrorSize]) -> Raw:
+    """The verdict on the evidence, and the evidence as it is."""
     audit = found.audit
     bounds = ("gain", "gain_low", "gain_high")
     named = audit.filter(pl.col("rank").is_not_null(), family=str(Family.alone))
     joint = audit.filter(family=str(Family.all)).select(bounds).rows()
     tables = {}
-    for name, share in (("unstated", None), ("stated", floor)):
-        stated = {one: None if share is None else np.sqrt(share) * px for one, px in sizes.items()}
+    for name, is_stated in (("unstated", False), ("stated", True)):
         tables[name] = assess(
             TruthEvidence(
                 audit=audit,
                 pose_shares=shares,
-                sizes={
-                    one: ErrorSize(REFERENCE_AGE, px, stated[one], typical_px(found.audit_curves, one, REFERENCE_AGE))
-                    for one, px in sizes.items()
-                },
+                sizes={one: size if is_stated else replace(size, stated_px=None) for one, size in sizes.items()},
                 curves=found.audit_curves,
                 mistakes=usual_mistakes(audit),
             ),
@@ -352,20 +348,22 @@ def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, flo
             for row in shares.iter_rows(named=True)
         },
         joint[0] if joint else None,
-        floor,
+        _only(tables["stated"].filter(cause=str(TruthCause.stated), tracker=TRACKERS[0])["share"]),
     )
 
 
-def floor_share(measured: Measurement, tracker: str = TRACKERS[0]) -> float | None:
-    """Share of the second moment that the stated accuracy makes at ages up to `REFERENCE_AGE`; None if unknown."""
-    near = truth_floor(measured.floors).filter(
-        pl.col("at").is_between(1, REFERENCE_AGE), tracker=tracker, source="all", axis="age"
-    )
-    if near.is_empty():
-        return None
-    stated = float((near["n"] * (near["floor_uu"] + near["floor_vv"])).sum())
-    error = near_errors(measured, tracker)
-    return stated / float((error["du_px"] ** 2 + error["dv_px"] ** 2).sum())
+def _only(values: pl.Series) -> float | None:
+    """The value of a series of at most one."""
+    return None if values.is_empty() else float(values[0])
+
+
+def size_of(measured: Measurement, tracker: str) -> ErrorSize:
+    """Size of the errors of a tracker at `REFERENCE_AGE`, and of what the stated accuracy makes of them there."""
+    error = near_errors(measured, tracker).filter(age=REFERENCE_AGE)
+    floor = truth_floor(measured.floors).filter(tracker=tracker, source="all", axis="age", at=REFERENCE_AGE)
+    stated = _only(floor["floor_uu"] + floor["floor_vv"])
+    error_px = float(np.sqrt((error["du_px"] ** 2 + error["dv_px"] ** 2).mean()))
+    return ErrorSize(REFERENCE_AGE, error_px, None if stated is None else np.sqrt(stated))
 
 
 def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:
@@ -379,9 +377,7 @@ def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:
     shares = pose_share([rigid.filter(pl.col("tracker").is_in(trackers))])
     if len(trackers) == 1:
         shares = shares.filter(fitted_to="own")
-    errors = {name: near_errors(measured, name) for name in trackers}
-    sizes = {name: float(np.sqrt((one["du_px"] ** 2 + one["dv_px"] ** 2).mean())) for name, one in errors.items()}
-    return verdict_of(found, shares, sizes, floor_share(measured))
+    return verdict_of(found, shares, {name: size_of(measured, name) for name in trackers})
 
 
 @dataclass(frozen=True, slots=True)
@@ -452,7 +448,7 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> 
     yield f"{cell.name}: planted {cut.mean():.3f} ({among}), of all errors {of_all.mean():.3f}"
     floors = [one[TOGETHER].floor for one in found if one[TOGETHER].floor is not None]
     if floors:
-        yield f"    stated floor: {np.mean(floors):.3f} of all errors"
+        yield f"    stated accuracy: explains {np.mean(floors):.3f} at age {REFERENCE_AGE}"
     for name in (TOGETHER, *({ALONE} & found[0].keys())):
         every = [one[name] for one in found]
         for stated in ("unstated", "stated"):

@@ -75,7 +75,9 @@ def _astray(pair, rng):
 
 def test_an_audit_names_what_was_planted_and_nothing_in_an_exact_truth():
     late = EXACT[np.minimum(np.arange(FRAMES) + 1, FRAMES - 1)]
-    honest, faulty = (check_samples(Followed.of(*found(poses, timestamps_s=np.arange(FRAMES) / 30.0))) for poses in (EXACT, late))
+    honest, faulty = (
+        check_samples(Followed.of(*found(poses, timestamps_s=np.arange(FRAMES) / 30.0))) for poses in (EXACT, late)
+    )
     assert not select(honest).named
     (first, *_) = select(faulty).named
     assert first.parameter == "clock_offset"

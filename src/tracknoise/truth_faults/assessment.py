@@ -203,9 +203,7 @@ def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Shar
     return found.get(FittedTo.own), found.get(FittedTo.others)
 
 
-def _bounds(
-    evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequence[Mapping[str, Any]]
-) -> list[_Bounds]:
+def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:
     """Of each tracker; none where the causes could not be measured.
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain

@@ -8,12 +8,12 @@ from collections.abc import Sequence as ListOf
 from math import sqrt
 
 import numpy as np
+import polars as pl
 
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.views import frame_step
 from tracknoise.statistics.definitions import REFERENCE_AGE
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth.accuracies import known_accuracy
 from tracknoise.truth.uncertainty import AnchoredPoints, TrueErrors, TruthDerivatives
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
@@ -29,8 +29,8 @@ _FEWEST = 30
 """Fewest points of an age whose errors have a size."""
 
 
-def sequence_verdict(sequence: Sequence, evidence: Evidence | None, items: ListOf[Item]) -> TruthVerdict:
-    """The verdict on the truth of a sequence.
+def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[Item]) -> pl.DataFrame:
+    """The verdict on the truth of a sequence, schema `TRUST`.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def sequence_verdict(sequence: Sequence, evidence: Evidence | None, items: ListO
         cautions=cautions,
         is_fitted=evidence is not None and not evidence.has_depth and sequence.surface is None,
     )
-    return TruthVerdict.of(assess(found, dataset))
+    return assess(found, dataset)
 
 
 def _size(sequence: Sequence, followed: Followed, samples: AuditSamples) -> ErrorSize:

@@ -435,10 +435,12 @@ class Bench:
 
 
 def causes_in(text: str) -> Iterator[str]:
-    """Causes that a sentence names."""
+    """Causes that a sentence names, and those that it cannot tell from a bias of the trackers."""
+    text, _, unclear = text.partition(" An error of the ")
     known = {"motions of the poses": "poses lack", "constant faults": "constant faults", "depths": "errors of depths"}
     known |= {about.name: about.name for about in PARAMETERS.values()}
     yield from (name for name, part in known.items() if part in text)
+    yield from (f"perhaps {name}" for name, part in known.items() if part in unclear)
 
 
 def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> Iterator[str]:

@@ -101,6 +101,20 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
 
 
+@pytest.mark.parametrize("share", [(0.3, 0.2, 0.4), (0.7, 0.6, 0.8)])
+def test_a_fault_that_looks_like_a_bias_of_the_trackers_is_named_as_such(share: Share) -> None:
+    rows = [
+        {"family": "alone", "parameter": name, "component": "", "verdict": found, "gain": gain}
+        for name, found, gain in (
+            ("readout", "like_bias", 0.02), ("depth_scale", "like_bias", 0.04), ("focal_length", "none", 0.05)
+        )
+    ]  # fmt: skip
+    plain = audit(faults=share)
+    known = verdict(audit=pl.concat([plain, pl.DataFrame(rows, schema=dict(AUDIT))]))
+    unclear = " An error of the scale of the depths against the camera's path fits, but cannot be told from a bias"
+    assert known.text == f"{verdict(audit=plain).text}{unclear} of the trackers."
+
+
 def test_mistakes_and_fitted_points_decide_before_all_else() -> None:
     found = verdict(mistakes=["Poses are inverted.", "Depths are in mm.", "More."], is_fitted=True)
     assert (found.verdict, found.text) == (Trust.not_trusted, "Poses are inverted. There are 2 more such.")

@@ -20,7 +20,7 @@ import polars as pl
 
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
-from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST
+from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT
@@ -299,9 +299,10 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
         return _Found(Trust.not_trusted, text, _of_cause(evidence, TruthCause.poses))
     part = f"{percent(worst.high)} of the squared errors of {worst.tracker}{_in_px(worst)}"
     if worst.high > MOST:
-        text = f"Errors of the truth may explain up to {part}, and nothing is established.{_of_causes(worst)}"
+        unclear = _like_bias(evidence.audit)
+        text = f"Errors of the truth may explain up to {part}, and nothing is established.{_of_causes(worst)}{unclear}"
         return _Found(Trust.unknown, text, _of_cause(evidence, worst.largest))
-    known = f" {_faults_text(faults)}, but that explains little." if faults else ""
+    known = f" {_faults_text(faults)}, but that explains little." if faults else _like_bias(evidence.audit)
     if worst.high > SMALL or faults or evidence.cautions:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
         step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
@@ -332,6 +333,15 @@ def _of_causes(bounds: _Bounds) -> str:
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
     parts = listing(f"{_CAUSES[cause]} {percent(shares[cause])}" for cause in causes)
     return f" {sentence_case(parts)}." if parts else ""
+
+
+def _like_bias(audit: pl.DataFrame) -> str:
+    """The fault that explains most of those that a bias of the trackers explains as well; begins with a space."""
+    like = audit.filter(family=str(Family.alone), verdict=str(AuditVerdict.like_bias)).sort("gain", descending=True)
+    if like.is_empty():
+        return ""
+    name = FAULTS[Parameter(like["parameter"][0])].name
+    return f" An error of the {name} fits, but cannot be told from a bias of the trackers."
 
 
 def _in_px(bounds: _Bounds) -> str:

@@ -8,12 +8,12 @@ correspondence. Their stated truth is then degraded for each seed, and the same 
 trackers. The size of each fault is such that it makes about 5, 15 and 40 % of the second moment of the errors of
 Lucas-Kanade at ages up to 10. Scenes take turns. Exact recordings have no seeds: each scene counts once.
 
-Printed are for each cell, over seeds: the planted share, of errors without outliers as in (pose.share) and of all; how
-often each verdict is given where nothing is stated, and where the accuracy of the truth is stated rightly; the upper
-bound of what the truth explains of the errors of Lucas-Kanade, and how often it holds the planted share; and with
-`--evidence` also the pose share of each tracker with its quantiles and the part of its lower bounds that are above 0,
-how often each fault is named and by how much it explains, and the gain of all parameters together. With
-`--alone`, Lucas-Kanade is also taken alone.
+Printed are for each cell, over seeds: the planted share, of errors without outliers as in (pose.share) and of all;
+what an exact truth removes; how often each verdict is given where nothing is stated, and where the accuracy of the
+truth is stated rightly; the upper bound of what the truth explains of the errors of Lucas-Kanade, and how often it
+holds the planted share; and with `--evidence` also the pose share of each tracker with its quantiles and the part of
+its lower bounds that are above 0, how often each fault is named and by how much it explains, and the gain of all
+parameters together. With `--alone`, Lucas-Kanade is also taken alone.
 """
 
 import argparse
@@ -21,6 +21,7 @@ import pickle
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,8 @@ Array = NDArray[np.float64]
 
 TRACKERS = ("lucas-kanade", "correspondence")
 SHARES = (0.05, 0.15, 0.4)
+LARGE = 0.1
+"""Part of the squared errors from which on a fault is to be named."""
 RATE_HZ = 30.0
 AUDITED = 3
 """One in so many samples is audited, so that an audit takes seconds."""
@@ -282,8 +285,12 @@ def near_errors(measured: Measurement, tracker: str) -> pl.DataFrame:
     return rows.select("track", "frame", "age", "u_true_px", "v_true_px", "du_px", "dv_px")
 
 
-def planted(exact: Measurement, stated: Measurement, tracker: str = TRACKERS[0]) -> tuple[float, float]:
-    """Share of the second moment that is due to the stated truth: without outliers as in (pose.share), and of all."""
+def planted(exact: Measurement, stated: Measurement, tracker: str = TRACKERS[0]) -> tuple[float, float, float]:
+    """Shares of the second moment that are due to the stated truth.
+
+    Of errors without outliers as in (pose.share), of all errors, and the share of the first that goes if the truth is
+    made exact. The last is smaller, or negative, where the tracker's own errors are opposite to those of the truth.
+    """
     both = near_errors(stated, tracker).join(near_errors(exact, tracker), on=["track", "frame"], suffix="_exact")
     error = both.select("du_px", "dv_px").to_numpy()
     shift = both.select(
@@ -292,8 +299,9 @@ def planted(exact: Measurement, stated: Measurement, tracker: str = TRACKERS[0])
     scale = scales(both["age"].to_numpy().astype(np.intp), error)
     inside = np.hypot(*error.T) <= CUT * scale
     weight = inside / scale**2
-    cut = (weight * np.sum(shift**2, axis=1)).sum() / (weight * np.sum(error**2, axis=1)).sum()
-    return float(cut), float(np.sum(shift**2) / np.sum(error**2))
+    own = both.select("du_px_exact", "dv_px_exact").to_numpy()
+    of_truth, of_tracker, every = ((weight * np.sum(part**2, axis=1)).sum() for part in (shift, own, error))
+    return float(of_truth / every), float(np.sum(shift**2) / np.sum(error**2)), float(1.0 - of_tracker / every)
 
 
 def size_for(scene: Followed, exact: Measurement, fault: Fault, share: float) -> float:
@@ -420,7 +428,7 @@ class Bench:
         """One recording of a cell: planted shares and evidence, of both trackers and of one."""
         place = seed % len(self.made)
         scene, exact = self.made[place], self.exact[place]
-        measured, size, shares = exact, 0.0, (0.0, 0.0)
+        measured, size, shares = exact, 0.0, (0.0, 0.0, 0.0)
         if cell.fault is not None:
             fault, size = FAULTS[cell.fault], self.size(cell, place)
             truth = fault.degrade(scene, size, np.random.default_rng(seed))
@@ -445,9 +453,10 @@ def causes_in(text: str) -> Iterator[str]:
 
 def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> Iterator[str]:
     """What is printed of a cell."""
-    cut, of_all = (np.array([one["planted"][place] for one in found]) for place in (0, 1))
+    cut, of_all, undone = np.array([one["planted"] for one in found]).T
     among = f"{cut.min():.3f} to {cut.max():.3f}"
     yield f"{cell.name}: planted {cut.mean():.3f} ({among}), of all errors {of_all.mean():.3f}"
+    yield f"    an exact truth removes {undone.mean():.3f} ({undone.min():.3f} to {undone.max():.3f})"
     floors = [one[TOGETHER].floor for one in found if one[TOGETHER].floor is not None]
     if floors:
         yield f"    stated accuracy: explains {np.mean(floors):.3f} at age {REFERENCE_AGE}"
@@ -457,9 +466,12 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> 
             counts = Counter(str(one.verdicts[stated].verdict) for one in every)
             told = ", ".join(f"{verdict} {counts[verdict]}" for verdict in Trust if counts[verdict])
             yield f"    {name}, {stated}: {told}"
-        causes = Counter(cause for one in every for cause in causes_in(one.verdicts["unstated"].text))
-        named = ", ".join(f"{cause} {n}" for cause, n in causes.most_common())
+        causes = [[*causes_in(one.verdicts["unstated"].text)] for one in every]
+        named = ", ".join(f"{cause} {n}" for cause, n in Counter(chain.from_iterable(causes)).most_common())
         yield f"    {name}, unstated, names: {named or 'nothing'}"
+        removed = [causes for causes, share in zip(causes, undone, strict=True) if share > LARGE]
+        yield f"    {name}, unstated, names a cause in {sum(map(bool, causes))} of {len(causes)}; where an exact truth "
+        yield f"        removes more than {LARGE:.0%}, in {sum(map(bool, removed))} of {len(removed)}"
         bounds = np.array([np.nan if one.bound is None else one.bound for one in every])
         yield f"    {name}, bound {np.nanmean(bounds):.3f}, holds the planted share in {(bounds >= cut).sum()}"
         if not evidence:

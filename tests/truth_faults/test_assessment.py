@@ -160,8 +160,8 @@ def test_too_few_tracks_leave_what_is_stated() -> None:
 
 def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
     rows = [
-        {"tracker": name, "correction": "measured", "age": 8, "n": 500, "second_uu": square, "second_vv": square}
-        for name, square in (("lk", 1.0), ("sift", 4.0))
+        {"tracker": name, "correction": "measured", "age": 8, "n": 500, "core_u_px": core, "core_v_px": core}
+        for name, core in (("lk", 1.0), ("sift", 2.0))
     ]
     found = table(
         pose_shares=poses(lk=(SMALL, SMALL), sift=((0.3, 0.0, 0.9), SMALL)),

@@ -105,21 +105,25 @@ class _Share:
 
 @dataclass(frozen=True, slots=True)
 class _Size:
-    """Size of the errors of a tracker that shares are of, px: without outliers where an audit knows them."""
+    """Size of the errors of a tracker that shares are of, px: the core where an audit knows it, otherwise the RMS.
+
+    Shares are in units of the robust scale. With heavy tails, the RMS within the wider limits of the audit's curves can be
+    1.8 times as large, which makes what is stated look small.
+    """
 
     age: int
     px: float
     stated_px: float | None
-    is_cut: bool
+    is_core: bool
 
     @classmethod
     def of(cls, tracker: str, size: ErrorSize, curves: pl.DataFrame) -> "_Size":
         """Of a tracker: at the last audited age up to that of its size."""
         rows = curves.filter(pl.col("age") <= size.age, tracker=tracker, correction=MEASURED).sort("age")
         if rows.is_empty():
-            return cls(size.age, size.error_px, size.stated_px, is_cut=False)
-        typical_px = hypot(*(sqrt(rows[name][-1]) for name in ("second_uu", "second_vv")))
-        return cls(size.age, typical_px, size.stated_px, is_cut=True)
+            return cls(size.age, size.error_px, size.stated_px, is_core=False)
+        core_px = hypot(rows["core_u_px"][-1], rows["core_v_px"][-1])
+        return cls(size.age, core_px, size.stated_px, is_core=True)
 
     @property
     def stated_share(self) -> float | None:
@@ -258,13 +262,13 @@ def _common(bounds: Sequence[_Bounds], curves: pl.DataFrame) -> list[_Bounds]:
 
 
 def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
-    """Mean squared errors without outliers, px^2, by tracker."""
+    """Mean squared cores of the errors, px^2, by tracker."""
     measured = curves.filter(pl.col("age") <= REFERENCE_AGE, pl.col("tracker").is_in(trackers), correction=MEASURED)
     shared = measured.group_by("age").agg(n=pl.col("tracker").n_unique()).filter(pl.col("n") == len(trackers))
     table = (
         measured.join(shared, on="age", how="semi")
         .group_by("tracker")
-        .agg(square=(pl.col("second_uu") + pl.col("second_vv")).mean())
+        .agg(square=(pl.col("core_u_px") ** 2 + pl.col("core_v_px") ** 2).mean())
     )
     return {name: square for name, square in table.iter_rows() if square > 0.0}
 
@@ -346,7 +350,7 @@ def _like_bias(audit: pl.DataFrame) -> str:
 
 def _in_px(bounds: _Bounds) -> str:
     size = bounds.size
-    of = f"{pixels(size.px)} px RMS{' without outliers' if size.is_cut else ''} at age {size.age}"
+    of = f"{pixels(size.px)} px {'core' if size.is_core else 'RMS'} at age {size.age}"
     return f" ({pixels(sqrt(bounds.high) * size.px)} of {of})" if size.px > 0.0 else ""
 
 

@@ -66,6 +66,8 @@ SHARES = (0.05, 0.15, 0.4)
 LARGE = 0.1
 """Part of the squared errors from which on a fault is to be named."""
 RATE_HZ = 30.0
+_ROUNDS, _CLOSE = 12, 0.1
+"""Most steps to the size of a fault, and how far its share may be from the one that is wanted, as a part of that."""
 AUDITED = 3
 """One in so many samples is audited, so that an audit takes seconds."""
 UNKNOWN = TruthAccuracy()
@@ -305,10 +307,15 @@ def planted(exact: Measurement, stated: Measurement, tracker: str = TRACKERS[0])
 
 
 def size_for(scene: Followed, exact: Measurement, fault: Fault, share: float) -> float:
-    """Size of a fault that is about this share of the second moment: displacements are nearly proportional to it."""
+    """Size of a fault that is about this share of the second moment.
+
+    Displacements are nearly proportional to it, but for random depths that are wrong by more than themselves.
+    """
     size = fault.small
-    for _ in range(3):
+    for _ in range(_ROUNDS):
         found = planted(exact, scene.measured(*fault.degrade(scene, size, np.random.default_rng(0)), UNKNOWN))[0]
+        if abs(found - share) <= _CLOSE * share:
+            break
         found = min(max(found, 1e-6), 0.95)
         size *= float(np.clip(np.sqrt(share / (1.0 - share) * (1.0 - found) / found), 0.05, 20.0))
     return size

@@ -107,8 +107,8 @@ class _Share:
 class _Size:
     """Size of the errors of a tracker that shares are of, px: the core where an audit knows it, otherwise the RMS.
 
-    Shares are in units of the robust scale. With heavy tails, the RMS within the wider limits of the audit's curves can be
-    1.8 times as large, which makes what is stated look small.
+    Shares are in units of the robust scale. With heavy tails, the RMS within the wider limits of the audit's curves can
+    be 1.8 times as large, which makes what is stated look small.
     """
 
     age: int

@@ -340,12 +340,12 @@ def _of_causes(bounds: _Bounds) -> str:
 
 
 def _like_bias(audit: pl.DataFrame) -> str:
-    """The fault that explains most of those that a bias of the trackers explains as well; begins with a space."""
-    like = audit.filter(family=str(Family.alone), verdict=str(AuditVerdict.like_bias)).sort("gain", descending=True)
-    if like.is_empty():
+    """The faults that a bias of the trackers explains as well; begins with a space."""
+    like = audit.filter(family=str(Family.alone), verdict=str(AuditVerdict.like_bias))["parameter"]
+    names = [f"the {FAULTS[Parameter(one)].name}" for one in like.unique(maintain_order=True)]
+    if not names:
         return ""
-    name = FAULTS[Parameter(like["parameter"][0])].name
-    return f" An error of the {name} fits, but cannot be told from a bias of the trackers."
+    return f" An error of {listing(names, joint='or')} fits, but cannot be told from a bias of the trackers."
 
 
 def _in_px(bounds: _Bounds) -> str:

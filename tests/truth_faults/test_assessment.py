@@ -25,7 +25,7 @@ SMALL: Share = (0.01, 0.0, 0.02)
 def audit(faults: Share = SMALL, depths: Share = SMALL, named: Share | None = None) -> pl.DataFrame:
     bounds = ("gain", "gain_low", "gain_high")
     rows: list[dict[str, Any]] = [
-        {"family": "at_most", "parameter": name, **dict(zip(bounds, share, strict=True))}
+        {"family": "at_most", "parameter": name, "component": "lk", **dict(zip(bounds, share, strict=True))}
         for name, share in (("every_fault", faults), ("depths", depths))
     ]
     if named is not None:
@@ -169,6 +169,20 @@ def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
     )
     assert TruthVerdict.of(found).verdict == Trust.trusted
     assert explained_share(found, "sift") == pytest.approx(explained_share(found, "lk") / 4.0)
+
+
+def test_each_tracker_is_bounded_by_what_explains_its_own_errors() -> None:
+    """The same error of the truth is a large share of small errors, and a small one of large errors."""
+    both = {"pose_shares": poses(lk=(SMALL, SMALL), sift=(SMALL, SMALL))}
+    sizes = {"lk": ErrorSize(8, 0.2), "sift": ErrorSize(8, 2.0)}
+    of_lk = audit(faults=(0.3, 0.2, 0.4))
+    of_sift = audit().with_columns(component=pl.lit("sift"))
+    found = table(audit=pl.concat([of_lk, of_sift]), sizes=sizes, **both)
+    assert TruthVerdict.of(found).verdict == Trust.limited
+    assert explained_share(found, "lk") == pytest.approx(0.32 + 0.01 * np.sqrt(102.0))
+    assert explained_share(found, "sift") == pytest.approx(0.03 + 0.01 * np.sqrt(3.0))
+    few = table(audit=of_lk, sizes=sizes, **both)  # a tracker with too few tracks has the largest bound of the others
+    assert explained_share(few, "sift") == explained_share(few, "lk")
 
 
 def test_a_clearer_scene_is_recommended() -> None:

@@ -190,10 +190,12 @@ def _named_share(audit: pl.DataFrame) -> _Share:
     return _of_row(rows[0]) if rows else _Share(0.0, 0.0, 0.0)
 
 
-def _of_audit(audit: pl.DataFrame, parameter: str) -> _Share | None:
-    """A bound of the family `at_most`; None where there was no audit."""
-    rows = audit.filter(family=str(Family.at_most), parameter=parameter).to_dicts()
-    return _of_row(rows[0]) if rows else None
+def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:
+    """A bound of the family `at_most`, the largest where a tracker has too few tracks; None without an audit."""
+    every = audit.filter(family=str(Family.at_most), parameter=parameter).sort("gain_high")
+    own = every.filter(component=tracker)
+    rows = (every if own.is_empty() else own).to_dicts()
+    return _of_row(rows[-1]) if rows else None
 
 
 def _of_row(row: Mapping[str, Any]) -> _Share:
@@ -215,16 +217,16 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
     contradicts what is stated where it surely explains more. A single tracker has small motions of its own also on
     exact data: without another one to confirm it, a motion contradicts only if it explains most of the errors.
     """
-    shared = {
-        TruthCause.any_fault: _of_audit(evidence.audit, EVERY_FAULT),
-        TruthCause.depths: _of_audit(evidence.audit, DEPTHS),
-    }
     found = []
     for tracker, size in sizes.items():
         poses, others = _by_source(evidence.pose_shares, tracker)
         if poses is not None and others is not None and others.low == 0.0:
             poses = replace(poses, low=0.0)
-        causes = {**shared, TruthCause.poses: poses}
+        causes = {
+            TruthCause.any_fault: _of_audit(evidence.audit, EVERY_FAULT, tracker),
+            TruthCause.depths: _of_audit(evidence.audit, DEPTHS, tracker),
+            TruthCause.poses: poses,
+        }
         known = {cause: share for cause, share in causes.items() if share is not None}
         if poses is None or len(known) < len(causes):
             continue
@@ -410,18 +412,16 @@ _STEPS: Mapping[TruthCause, str] = {
 def _rows(
     evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequence[Mapping[str, Any]]
 ) -> Iterator[dict[str, Any]]:
-    """Shares of each tracker, then of causes that are the same for all."""
+    """Shares of each tracker, then what is established for all."""
     for one in bounds:
         size = one.size
         bound_px = sqrt(one.high) * size.px
         of_tracker = {"tracker": one.tracker, "age": size.age, "error_px": size.px}
         yield {"cause": TruthCause.every, "high": one.high, "bound_px": bound_px, **of_tracker}
-        yield {"cause": TruthCause.poses, **_columns(one.causes[TruthCause.poses]), "tracker": one.tracker}
+        for cause in (TruthCause.poses, TruthCause.any_fault, TruthCause.depths):
+            yield {"cause": cause, **_columns(one.causes[cause]), "tracker": one.tracker}
         if size.stated_share is not None:
             yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
-    for cause in (TruthCause.any_fault, TruthCause.depths):
-        if bounds:
-            yield {"cause": cause, **_columns(bounds[0].causes[cause])}
     if faults:
         yield {"cause": TruthCause.faults, **_columns(_named_share(evidence.audit)), "text": _faults_text(faults)}
     for sentence in evidence.mistakes:

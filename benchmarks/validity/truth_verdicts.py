@@ -68,8 +68,6 @@ LARGE = 0.1
 RATE_HZ = 30.0
 _ROUNDS, _CLOSE = 12, 0.1
 """Most steps to the size of a fault, and how far its share may be from the one that is wanted, as a part of that."""
-AUDITED = 3
-"""One in so many samples is audited, so that an audit takes seconds."""
 UNKNOWN = TruthAccuracy()
 EXACT = TruthAccuracy(
     rotation_white_deg=0.0, translation_white_m=0.0, depth_m=0.0, depth_relative=0.0, clock_ms=0.0, focal_relative=0.0
@@ -387,7 +385,7 @@ def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:
     prepared = measured.prepared
     rigid = rigid_tables(prepared, frame_geometry(sequence, n), witnesses=trackers)["rigid"]
     samples = audit_samples(sequence, prepared, "birth").filter(pl.col("tracker").is_in(trackers))
-    tables = AuditedTables(samples[::AUDITED], cameras_table(sequence, n), poses_table(sequence, n))
+    tables = AuditedTables(samples, cameras_table(sequence, n), poses_table(sequence, n))
     found = audit_tables([tables], NO_GROUPS, dataset="simulated")
     shares = pose_share([rigid.filter(pl.col("tracker").is_in(trackers))])
     if len(trackers) == 1:

@@ -307,15 +307,18 @@ def planted(exact: Measurement, stated: Measurement, tracker: str = TRACKERS[0])
 def size_for(scene: Followed, exact: Measurement, fault: Fault, share: float) -> float:
     """Size of a fault that is about this share of the second moment.
 
-    Displacements are nearly proportional to it, but for random depths that are wrong by more than themselves.
+    Displacements are nearly proportional to it, but where depths are wrong by more than themselves: then by halving.
     """
-    size = fault.small
+    size, low, high = fault.small, 0.0, np.inf
     for _ in range(_ROUNDS):
         found = planted(exact, scene.measured(*fault.degrade(scene, size, np.random.default_rng(0)), UNKNOWN))[0]
         if abs(found - share) <= _CLOSE * share:
             break
+        low, high = (size, high) if found < share else (low, size)
         found = min(max(found, 1e-6), 0.95)
         size *= float(np.clip(np.sqrt(share / (1.0 - share) * (1.0 - found) / found), 0.05, 20.0))
+        if not low < size < high:
+            size = float(np.sqrt(low * high))
     return size
 
 

@@ -97,6 +97,10 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     small = verdict(audit=audit(named=(0.04, 0.02, 0.06)))
     assert small.verdict == Trust.limited
     assert "The focal length is 10.0" in small.text
+    beside = verdict(audit=audit(faults=(0.7, 0.6, 0.8), named=(0.04, 0.02, 0.06)))
+    assert beside.verdict == Trust.unknown
+    assert "The focal length is 10.0" in beside.text
+    assert "nothing is established" not in beside.text
     smoothed = audit(named=(0.4, 0.3, 0.5)).with_columns(pl.col("parameter").replace("focal_length", "smoothing"))
     assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
 

@@ -304,14 +304,14 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
         text = f"Motions of the camera that the poses lack explain {of}."
         return _Found(Trust.not_trusted, text, _of_cause(evidence, TruthCause.poses))
     part = f"{percent(worst.high)} of the squared errors of {worst.tracker}{_in_px(worst)}"
-    if worst.high > MOST:
-        unclear = _like_bias(evidence.audit)
-        text = f"Errors of the truth may explain up to {part}, and nothing is established.{_of_causes(worst)}{unclear}"
-        return _Found(Trust.unknown, text, _of_cause(evidence, worst.largest))
     known = f" {_faults_text(faults)}, but that explains little." if faults else _like_bias(evidence.audit)
+    step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
+    if worst.high > MOST:
+        nothing = "" if faults else ", and nothing is established"
+        text = f"Errors of the truth may explain up to {part}{nothing}.{_of_causes(worst)}{known}"
+        return _Found(Trust.unknown, text, step)
     if worst.high > SMALL or faults or evidence.cautions:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
-        step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
         text = f"Errors of the truth can explain up to {part}.{_of_causes(worst)}{known}{caution}"
         return _Found(Trust.limited, text, step)
     stated = worst.size.stated_share

@@ -451,7 +451,7 @@ class Bench:
 
 
 def causes_in(text: str) -> Iterator[str]:
-    """Causes that a sentence names, and those that it cannot tell from a bias of the trackers."""
+    """Causes that a sentence names, and those that it cannot distinguish from a bias of the trackers."""
     text, _, unclear = text.partition(" An error of the ")
     known = {"motions of the poses": "poses lack", "constant faults": "constant faults", "depths": "errors of depths"}
     known |= {about.name: about.name for about in PARAMETERS.values()}

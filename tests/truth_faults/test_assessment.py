@@ -114,7 +114,7 @@ def test_faults_that_look_like_a_bias_of_the_trackers_are_named_as_such(share: S
     plain = audit(faults=share)
     known = verdict(audit=pl.concat([plain, pl.DataFrame(rows, schema=dict(AUDIT))]))
     unclear = "the readout time of the shutter or the scale of the depths against the camera's path"
-    told = "cannot be told from a bias of the trackers."
+    told = "cannot be distinguished from a bias of the trackers."
     assert known.text == f"{verdict(audit=plain).text} An error of {unclear} fits, but {told}"
 
 

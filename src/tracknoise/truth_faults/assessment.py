@@ -347,7 +347,7 @@ def _like_bias(audit: pl.DataFrame) -> str:
     names = [f"the {FAULTS[Parameter(one)].name}" for one in like.unique(maintain_order=True)]
     if not names:
         return ""
-    return f" An error of {listing(names, joint='or')} fits, but cannot be told from a bias of the trackers."
+    return f" An error of {listing(names, joint='or')} fits, but cannot be distinguished from a bias of the trackers."
 
 
 def _in_px(bounds: _Bounds) -> str:

@@ -203,3 +203,20 @@ def test_init_replaces_no_file_unless_it_is_told_to(tracknoise, recording, tmp_p
     assert (code, file.read_text()) == (1, "mine")
     assert "--force" in err
     assert tracknoise("init", str(recording), "--out", str(file), "--force")[0] == 0
+
+
+def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, recording, tmp_path):
+    document = tmp_path / "check.json"
+    tracknoise("check", str(recording), "--json-file", str(document), "--quiet")
+    tracknoise("init", str(recording), "--out", str(tmp_path / "x.toml"), "--quiet")
+    run = ["run", str(tmp_path / "x.toml"), "--out", str(tmp_path / "run"), "--workers", "1", "--quiet", "--no-report"]
+    run += ["--trackers", "lucas-kanade"]
+    code, out, _ = tracknoise(*run, "--check", str(document))
+    verdict = json.loads(document.read_text())["verdict"]
+    assert code == 0
+    assert f"`tracknoise check` said {verdict}" in " ".join(out.split())
+    assert out.startswith("Truth: ")
+    document.unlink()
+    assert tracknoise(*run)[1] == out  # the run keeps it
+    code, _, err = tracknoise(*run, "--check", str(document))
+    assert (code, "check.json" in err) == (1, True)

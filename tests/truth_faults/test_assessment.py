@@ -25,7 +25,7 @@ SMALL: Share = (0.01, 0.0, 0.02)
 def audit(faults: Share = SMALL, depths: Share = SMALL, named: Share | None = None) -> pl.DataFrame:
     bounds = ("gain", "gain_low", "gain_high")
     rows: list[dict[str, Any]] = [
-        {"family": "at_most", "parameter": name, **dict(zip(bounds, share, strict=True))}
+        {"family": "at_most", "parameter": name, "component": "lk", **dict(zip(bounds, share, strict=True))}
         for name, share in (("every_fault", faults), ("depths", depths))
     ]
     if named is not None:
@@ -97,8 +97,25 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     small = verdict(audit=audit(named=(0.04, 0.02, 0.06)))
     assert small.verdict == Trust.limited
     assert "The focal length is 10.0" in small.text
+    beside = verdict(audit=audit(faults=(0.7, 0.6, 0.8), named=(0.04, 0.02, 0.06)))
+    assert beside.verdict == Trust.unknown
+    assert "The focal length is 10.0" in beside.text
+    assert "nothing is established" not in beside.text
     smoothed = audit(named=(0.4, 0.3, 0.5)).with_columns(pl.col("parameter").replace("focal_length", "smoothing"))
     assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
+
+
+@pytest.mark.parametrize("share", [(0.3, 0.2, 0.4), (0.7, 0.6, 0.8)])
+def test_faults_that_look_like_a_bias_of_the_trackers_are_named_as_such(share: Share) -> None:
+    rows = [
+        {"family": "alone", "parameter": name, "component": "", "verdict": found}
+        for name, found in (("readout", "like_bias"), ("depth_scale", "like_bias"), ("focal_length", "none"))
+    ]
+    plain = audit(faults=share)
+    known = verdict(audit=pl.concat([plain, pl.DataFrame(rows, schema=dict(AUDIT))]))
+    unclear = "the readout time of the shutter or the scale of the depths against the camera's path"
+    told = "cannot be distinguished from a bias of the trackers."
+    assert known.text == f"{verdict(audit=plain).text} An error of {unclear} fits, but {told}"
 
 
 def test_mistakes_and_fitted_points_decide_before_all_else() -> None:
@@ -146,8 +163,8 @@ def test_too_few_tracks_leave_what_is_stated() -> None:
 
 def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
     rows = [
-        {"tracker": name, "correction": "measured", "age": 8, "n": 500, "second_uu": square, "second_vv": square}
-        for name, square in (("lk", 1.0), ("sift", 4.0))
+        {"tracker": name, "correction": "measured", "age": 8, "n": 500, "core_u_px": core, "core_v_px": core}
+        for name, core in (("lk", 1.0), ("sift", 2.0))
     ]
     found = table(
         pose_shares=poses(lk=(SMALL, SMALL), sift=((0.3, 0.0, 0.9), SMALL)),
@@ -156,6 +173,20 @@ def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
     )
     assert TruthVerdict.of(found).verdict == Trust.trusted
     assert explained_share(found, "sift") == pytest.approx(explained_share(found, "lk") / 4.0)
+
+
+def test_each_tracker_is_bounded_by_what_explains_its_own_errors() -> None:
+    """The same error of the truth is a large share of small errors, and a small one of large errors."""
+    both = {"pose_shares": poses(lk=(SMALL, SMALL), sift=(SMALL, SMALL))}
+    sizes = {"lk": ErrorSize(8, 0.2), "sift": ErrorSize(8, 2.0)}
+    of_lk = audit(faults=(0.3, 0.2, 0.4))
+    of_sift = audit().with_columns(component=pl.lit("sift"))
+    found = table(audit=pl.concat([of_lk, of_sift]), sizes=sizes, **both)
+    assert TruthVerdict.of(found).verdict == Trust.limited
+    assert explained_share(found, "lk") == pytest.approx(0.32 + 0.01 * np.sqrt(102.0))
+    assert explained_share(found, "sift") == pytest.approx(0.03 + 0.01 * np.sqrt(3.0))
+    few = table(audit=of_lk, sizes=sizes, **both)  # a tracker with too few tracks has the largest bound of the others
+    assert explained_share(few, "sift") == explained_share(few, "lk")
 
 
 def test_a_clearer_scene_is_recommended() -> None:

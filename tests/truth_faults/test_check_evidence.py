@@ -10,7 +10,7 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.tables.identity import SequenceId
 from tracknoise.truth_faults.audit_selection import select
-from tracknoise.truth_faults.check_evidence import check_rigid, check_samples
+from tracknoise.truth_faults.check_evidence import Followed, check_rigid, check_samples
 from tracknoise.truth_faults.image_evidence import Evidence, Flow, Pair
 from tracknoise.truth_faults.pose_accuracy import pose_share
 
@@ -48,7 +48,7 @@ def found(poses, seen=None, timestamps_s=None):
 
 
 def share(poses, seen=None):
-    (row,) = pose_share([check_rigid(*found(poses, seen))]).iter_rows(named=True)
+    (row,) = pose_share([check_rigid(Followed.of(*found(poses, seen)))]).iter_rows(named=True)
     return row
 
 
@@ -75,7 +75,9 @@ def _astray(pair, rng):
 
 def test_an_audit_names_what_was_planted_and_nothing_in_an_exact_truth():
     late = EXACT[np.minimum(np.arange(FRAMES) + 1, FRAMES - 1)]
-    honest, faulty = (check_samples(*found(poses, timestamps_s=np.arange(FRAMES) / 30.0)) for poses in (EXACT, late))
+    honest, faulty = (
+        check_samples(Followed.of(*found(poses, timestamps_s=np.arange(FRAMES) / 30.0))) for poses in (EXACT, late)
+    )
     assert not select(honest).named
     (first, *_) = select(faulty).named
     assert first.parameter == "clock_offset"
@@ -85,21 +87,19 @@ def test_an_audit_names_what_was_planted_and_nothing_in_an_exact_truth():
 def test_frames_without_a_pose_and_their_neighbours_are_left_out():
     gaps = EXACT.copy()
     gaps[[7, 30]] = np.nan
-    samples = check_samples(*found(gaps))
+    samples = check_samples(Followed.of(*found(gaps)))
     frames = set(samples.birth.tolist()) | set(samples.now.tolist())
     assert frames.isdisjoint({6, 7, 8, 29, 30, 31})
     assert share(gaps)["share"] == pytest.approx(0.0, abs=0.02)
 
 
 def test_points_without_depth_say_nothing():
-    evidence, sequence = found(EXACT, flow(depth=False))
-    assert check_samples(evidence, sequence) == "no point that was followed has a depth"
-    assert check_rigid(evidence, sequence).is_empty()
+    assert Followed.of(*found(EXACT, flow(depth=False))) == "no point that was followed has a depth"
 
 
 def test_stretches_of_a_long_recording_are_not_joined():
     seen = flow()
     some = [tuple(p for p in pairs if p.second < 20 or p.first >= 40) for pairs in (seen.steps, seen.wide)]
-    rows = check_rigid(*found(EXACT, Flow(*some)))
+    rows = check_rigid(Followed.of(*found(EXACT, Flow(*some))))
     assert rows["age"].max() == 4
     assert rows["n"].sum() == 150 * (len(some[0]) + len(some[1]))

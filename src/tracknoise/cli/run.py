@@ -54,6 +54,12 @@ def run(
     verify: Annotated[
         bool, typer.Option("--verify", help="Compare images and depth maps by content with those that were measured.")
     ] = False,
+    check: Annotated[
+        Path | None,
+        typer.Option(
+            "--check", help="What `tracknoise check --json-file` wrote: the run says what it changed in that verdict."
+        ),
+    ] = None,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
     schema: Annotated[
         bool,
@@ -73,7 +79,10 @@ def run(
     from tracknoise.cli.measuring import measure
     from tracknoise.cli.run_summary import print_outcome
     from tracknoise.experiments.load import load_experiment
+    from tracknoise.tables.store import RunFolder
+    from tracknoise.truth_faults.check_change import CHECK_JSON, read_check
 
+    checked = None if check is None else read_check(check)
     options = {} if models is None else {"models": str(models.resolve())}
     loaded = load_experiment(
         experiment,
@@ -86,4 +95,6 @@ def run(
     )
     out = out or Path("runs") / loaded.name
     outcome = measure(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh, verify=verify)
+    if checked is not None and outcome.measured:
+        RunFolder(out).write_statistics({}, documents={CHECK_JSON: checked})
     return print_outcome(context.obj, out, outcome, report=report)

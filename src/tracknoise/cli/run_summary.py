@@ -17,6 +17,7 @@ from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
+from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import rms_of_tracks
 
 if TYPE_CHECKING:
@@ -140,9 +141,10 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
 
 
 def _truth(data: ReportData) -> list[str]:
-    """The verdict on the truth, and which scenes are copies, before any number."""
-    copies = data.findings.filter(topic="copies")["text"]
-    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in (TruthVerdict.of(data.trust).sentence, *copies)]
+    """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
+    change, copies = truth_change(data.run, data.trust), data.findings.filter(topic="copies")["text"]
+    texts = (TruthVerdict.of(data.trust).sentence, *([change] if change else []), *copies)
+    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in texts]
 
 
 def _sizes(data: ReportData) -> list[str]:

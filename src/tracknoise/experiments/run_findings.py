@@ -63,7 +63,7 @@ from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.quantities import Topic
 from tracknoise.tables.result_views import Identified, results_of
-from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, VIEW
+from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
@@ -195,8 +195,6 @@ _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "point_tracking_metrics": ("point_tracking", point_tracking_metrics),
     "two_truths": ("truth_differences", two_truths_table),
     "pose_disagreement": ("pose_differences", pose_disagreement_table),
-    "rigid_share": ("rigid", rigid_share),
-    "pose_share": ("rigid", pose_share),
     "pose_law": ("pose_growth", pose_law),
     "tracker_differences": ("between_trackers", tracker_differences),
     "surrounding_errors": ("surroundings", surrounding_errors),
@@ -361,7 +359,19 @@ def _of_sequences(run: RunFolder, sampling: Sampling) -> dict[str, pl.DataFrame]
     lookups = noise_lookup(sums, groups=sampling.groups, level=sampling.level)
     tracks, noise, observed = (run.stored_tables(name) for name in _OF_DEPTHS)
     depths = depth_intervals(tracks, noise, observed, sampling)
-    return {**pooled, "window_sigmas": windows, "noise_lookup": lookups, "depth_intervals": depths}
+    return {
+        **pooled,
+        **_of_motions(run, sampling),
+        "window_sigmas": windows,
+        "noise_lookup": lookups,
+        "depth_intervals": depths,
+    }
+
+
+def _of_motions(run: RunFolder, sampling: Sampling) -> dict[str, pl.DataFrame]:
+    """What errors of the poses explain, by age and of all ages; the table of motions is read once."""
+    rigid = by_condition(run.stored_tables("rigid"), RIGID, "rigid")
+    return {"rigid_share": rigid_share(rigid, sampling), "pose_share": pose_share(rigid, sampling)}
 
 
 def _intervals(

@@ -13,7 +13,7 @@ from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import RIGID, VIEW, empty
 from tracknoise.tables.store import RunFolder
-from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess, typical_px
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
 from tracknoise.truth_faults.pose_accuracy import scene_shares
@@ -79,7 +79,7 @@ def trust_table(
     evidence = TruthEvidence(
         audit=tables["audit"],
         pose_shares=tables["pose_share"].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
-        sizes=_sizes(summary, tables["audit_curves"], str(experiment.findings.trimming), states=states),
+        sizes=_sizes(summary, str(experiment.findings.trimming), states=states),
         curves=tables["audit_curves"],
         mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
         cautions=_each(entries, "cautions"),
@@ -94,7 +94,7 @@ def _each(entries: list[SequenceEntry], name: str) -> list[str]:
     return list(dict.fromkeys(sentence for entry in entries for sentence in getattr(entry, name)))
 
 
-def _sizes(summary: pl.DataFrame, curves: pl.DataFrame, trimming: str, *, states: bool) -> dict[str, ErrorSize]:
+def _sizes(summary: pl.DataFrame, trimming: str, *, states: bool) -> dict[str, ErrorSize]:
     """Size of the errors of each tracker whose errors are known, and of what is stated of the truth."""
     found = {}
     for row in summary.drop_nulls("at").to_dicts():
@@ -103,6 +103,5 @@ def _sizes(summary: pl.DataFrame, curves: pl.DataFrame, trimming: str, *, states
             age=row["at"],
             error_px=hypot(row[f"{trimming}_rms_u_px"], row[f"{trimming}_rms_v_px"]),
             stated_px=hypot(*floor) if states and None not in floor else None,
-            typical_px=typical_px(curves, row["tracker"], row["at"]),
         )
     return found

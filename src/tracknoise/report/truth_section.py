@@ -15,6 +15,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml
+from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import DASH, SPACE, listing, number, percent, pixels
 
 _FAMILIES = {
@@ -91,9 +92,10 @@ _EXACT = "The truth is stated to be exact, so that it adds nothing to the errors
 
 
 def verdicts(data: ReportData) -> list[str]:
-    """Sentences: the verdict, what the audit found, and what the stated accuracy can cause, for every tracker."""
+    """Sentences: the verdict, what it changed in that of a check, what the audit found, and what is stated."""
     found = [] if data.truth_is_fitted else _floor(data)
-    return [TruthVerdict.of(data.trust).sentence, *audit_sentences(data.audit), *found]
+    change = truth_change(data.run, data.trust)
+    return [TruthVerdict.of(data.trust).sentence, *([change] if change else []), *audit_sentences(data.audit), *found]
 
 
 def corrections(data: ReportData) -> str | None:

@@ -672,9 +672,10 @@ TRUST: Schema = {
 """The verdict on the truth, and how much of the errors it can explain.
 
 The first row has the verdict, its sentence, and the step that would help most. The others have shares of the squared
-errors up to the reference age: of each tracker by all causes together (`every`), and by single causes. Causes that are
-fitted to all trackers together have no tracker. high is the upper bound. error_px is the RMS of the tracker at
-`age`, without outliers where an audit knows them, and bound_px how much of it the truth can explain at most.
+errors up to the reference age: of each tracker by all causes together (`every`), and by single causes. Faults that are
+established have no tracker: they are fitted to all together. high is the upper bound. error_px is the core of both
+coordinates of the tracker at `age`, or its RMS where there was no audit, and bound_px how much of it the truth can
+explain at most.
 """
 
 CAMERAS: Schema = {

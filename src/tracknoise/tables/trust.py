@@ -1,6 +1,7 @@
 """The verdict on the truth of a run: the same sentence wherever numbers are shown or written."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import polars as pl
 
@@ -8,6 +9,8 @@ from tracknoise.tables.enumerations import Trust, TruthCause
 from tracknoise.tables.store import RunFolder
 
 _NOT_ASSESSED = "It was not assessed."
+Range: TypeAlias = tuple[float, float]
+"""Lower and upper bound of a share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,3 +70,10 @@ def explained_share(trust: pl.DataFrame, tracker: str) -> float | None:
     """Largest share of the squared errors of a tracker that the truth can explain; None where it is not bounded."""
     rows = trust.filter(pl.col("cause") == TruthCause.every, tracker=tracker)
     return None if rows.is_empty() else float(rows["high"][0])
+
+
+def ranges(trust: pl.DataFrame) -> dict[str, Range]:
+    """Shares of the squared errors that each cause may explain, of the tracker of which it may explain most."""
+    shares = trust.drop_nulls("high").group_by("cause", maintain_order=True)
+    bounds = shares.agg(pl.col("low").max().fill_null(0.0), pl.col("high").max())
+    return {cause: (low, high) for cause, low, high in bounds.iter_rows()}

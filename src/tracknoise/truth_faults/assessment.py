@@ -20,7 +20,7 @@ import polars as pl
 
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
-from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST
+from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT
@@ -47,26 +47,11 @@ class ErrorSize:
         RMS, both coordinates together, px.
     stated_px
         What the stated accuracy of the truth can cause; None where poses or depths have none.
-    typical_px
-        RMS without outliers, of which shares are; by default that of all.
     """
 
     age: int
     error_px: float
     stated_px: float | None = None
-    typical_px: float | None = None
-
-    @property
-    def stated_share(self) -> float | None:
-        """Share of the squared error that the stated accuracy can cause; None where it is not stated."""
-        if self.stated_px is None:
-            return None
-        return min((self.stated_px / self.usual_px) ** 2, 1.0) if self.usual_px > 0.0 else float(self.stated_px > 0.0)
-
-    @property
-    def usual_px(self) -> float:
-        """RMS that shares are of, px."""
-        return self.error_px if self.typical_px is None else self.typical_px
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,10 +104,41 @@ class _Share:
 
 
 @dataclass(frozen=True, slots=True)
+class _Size:
+    """Size of the errors of a tracker that shares are of, px: the core where an audit knows it, otherwise the RMS.
+
+    Shares are in units of the robust scale. With heavy tails, the RMS within the wider limits of the audit's curves can
+    be 1.8 times as large, which makes what is stated look small.
+    """
+
+    age: int
+    px: float
+    stated_px: float | None
+    is_core: bool
+
+    @classmethod
+    def of(cls, tracker: str, size: ErrorSize, curves: pl.DataFrame) -> "_Size":
+        """Of a tracker: at the last audited age up to that of its size."""
+        rows = curves.filter(pl.col("age") <= size.age, tracker=tracker, correction=MEASURED).sort("age")
+        if rows.is_empty():
+            return cls(size.age, size.error_px, size.stated_px, is_core=False)
+        core_px = hypot(rows["core_u_px"][-1], rows["core_v_px"][-1])
+        return cls(size.age, core_px, size.stated_px, is_core=True)
+
+    @property
+    def stated_share(self) -> float | None:
+        """Share of the squared error that the stated accuracy can cause; None where it is not stated."""
+        if self.stated_px is None:
+            return None
+        return min((self.stated_px / self.px) ** 2, 1.0) if self.px > 0.0 else float(self.stated_px > 0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class _Bounds:
     """What the truth can explain of the errors of one tracker."""
 
     tracker: str
+    size: _Size
     causes: Mapping[TruthCause, _Share]
     high: float
 
@@ -141,20 +157,6 @@ class _Found:
     step: str = ""
 
 
-def typical_px(curves: pl.DataFrame, tracker: str, at: int) -> float | None:
-    """RMS of the errors of a tracker without outliers, px, at the last audited age up to another; None if unknown.
-
-    Parameters
-    ----------
-    curves
-        Schema `AUDIT_CURVES`.
-    tracker, at
-        Its name, and the age.
-    """
-    rows = curves.filter(pl.col("age") <= at, tracker=tracker, correction=MEASURED).sort("age")
-    return None if rows.is_empty() else hypot(*(sqrt(rows[name][-1]) for name in ("second_uu", "second_vv")))
-
-
 def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     """The verdict on the truth, its sentence, and the shares that it rests on.
 
@@ -164,8 +166,9 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
         Schema `TRUST`: the verdict first.
     """
     faults = _named(evidence.audit)
-    bounds = _bounds(evidence, faults)
-    found = _verdict(evidence, bounds, faults)
+    sizes = {tracker: _Size.of(tracker, size, evidence.curves) for tracker, size in evidence.sizes.items()}
+    bounds = _bounds(evidence, sizes, faults)
+    found = _verdict(evidence, sizes, bounds, faults)
     rows = [
         {"cause": TruthCause.every, "verdict": found.verdict, "text": found.text, "step": found.step or None},
         *_rows(evidence, bounds, faults),
@@ -187,24 +190,16 @@ def _named_share(audit: pl.DataFrame) -> _Share:
     return _of_row(rows[0]) if rows else _Share(0.0, 0.0, 0.0)
 
 
-def _of_audit(audit: pl.DataFrame, parameter: str) -> _Share | None:
-    """A bound of the family `at_most`; None where there was no audit."""
-    rows = audit.filter(family=str(Family.at_most), parameter=parameter).to_dicts()
-    return _of_row(rows[0]) if rows else None
+def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:
+    """A bound of the family `at_most`, the largest where a tracker has too few tracks; None without an audit."""
+    every = audit.filter(family=str(Family.at_most), parameter=parameter).sort("gain_high")
+    own = every.filter(component=tracker)
+    rows = (every if own.is_empty() else own).to_dicts()
+    return _of_row(rows[-1]) if rows else None
 
 
 def _of_row(row: Mapping[str, Any]) -> _Share:
     return _Share.of(row["gain"], row["gain_low"], row["gain_high"])
-
-
-def _of_poses(shares: pl.DataFrame, tracker: str) -> _Share | None:
-    """What pose errors explain of a tracker, fitted to its own other tracks.
-
-    It is established where pose errors that are fitted to other trackers explain something too, or there is no other:
-    the noise of the others is in what they predict, so that they explain less.
-    """
-    own, others = _by_source(shares, tracker)
-    return replace(own, low=0.0) if own is not None and others is not None and others.low == 0.0 else own
 
 
 def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Share | None]:
@@ -214,20 +209,31 @@ def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Shar
     return found.get(FittedTo.own), found.get(FittedTo.others)
 
 
-def _bounds(evidence: TruthEvidence, faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:
-    """Of each tracker; none where the causes could not be measured."""
-    shared = {
-        TruthCause.any_fault: _of_audit(evidence.audit, EVERY_FAULT),
-        TruthCause.depths: _of_audit(evidence.audit, DEPTHS),
-    }
+def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:
+    """Of each tracker; none where the causes could not be measured.
+
+    A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
+    something too, or there is no other: the noise of the others is in what they predict, so that they explain less. It
+    contradicts what is stated where it surely explains more. A single tracker has small motions of its own also on
+    exact data: without another one to confirm it, a motion contradicts only if it explains most of the errors.
+    """
     found = []
-    for tracker, size in evidence.sizes.items():
-        causes = {**shared, TruthCause.poses: _of_poses(evidence.pose_shares, tracker)}
+    for tracker, size in sizes.items():
+        poses, others = _by_source(evidence.pose_shares, tracker)
+        if poses is not None and others is not None and others.low == 0.0:
+            poses = replace(poses, low=0.0)
+        causes = {
+            TruthCause.any_fault: _of_audit(evidence.audit, EVERY_FAULT, tracker),
+            TruthCause.depths: _of_audit(evidence.audit, DEPTHS, tracker),
+            TruthCause.poses: poses,
+        }
         known = {cause: share for cause, share in causes.items() if share is not None}
-        if len(known) == len(causes):
-            is_refuted = bool(faults) or _contradicts(evidence.pose_shares, tracker, size.stated_share)
-            bound, stated = _bound(known), None if is_refuted else size.stated_share
-            found.append(_Bounds(tracker, known, bound if stated is None else min(bound, _with_stated(stated, known))))
+        if poses is None or len(known) < len(causes):
+            continue
+        bound, stated = _bound(known), size.stated_share
+        if stated is not None and not faults and poses.low <= max(stated, MOST if others is None else SMALL):
+            bound = min(bound, _with_stated(stated, known))
+        found.append(_Bounds(tracker, size, known, bound))
     return _common(found, evidence.curves)
 
 
@@ -248,42 +254,33 @@ def _with_stated(stated: float, causes: Mapping[TruthCause, _Share]) -> float:
     return stated if stated < _EXACT else max(stated, *measured)
 
 
-def _contradicts(shares: pl.DataFrame, tracker: str, stated: float | None) -> bool:
-    """Whether motions that the poses lack explain more than a stated share.
-
-    A single tracker has small motions of its own also on exact data. Without another one to confirm it, a motion
-    contradicts only if it explains most of the errors.
-    """
-    own, others = _by_source(shares, tracker)
-    if own is None or stated is None:
-        return False
-    is_confirmed = others is not None and others.low > 0.0
-    is_denied = others is not None and others.low == 0.0
-    return not is_denied and own.low > max(stated, SMALL if is_confirmed else MOST)
-
-
 def _common(bounds: Sequence[_Bounds], curves: pl.DataFrame) -> list[_Bounds]:
     """Bounds of trackers by what others bound, at the ages that all of them have."""
     squares = _squares(curves, [one.tracker for one in bounds])
     if len(squares) < len(bounds):
         return list(bounds)
     least = min((one.high * squares[one.tracker] for one in bounds), default=0.0)
-    return [_Bounds(one.tracker, one.causes, min(one.high, least / squares[one.tracker])) for one in bounds]
+    return [replace(one, high=min(one.high, least / squares[one.tracker])) for one in bounds]
 
 
 def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
-    """Mean squared errors without outliers, px^2, by tracker."""
+    """Mean squared cores of the errors, px^2, by tracker."""
     measured = curves.filter(pl.col("age") <= REFERENCE_AGE, pl.col("tracker").is_in(trackers), correction=MEASURED)
     shared = measured.group_by("age").agg(n=pl.col("tracker").n_unique()).filter(pl.col("n") == len(trackers))
     table = (
         measured.join(shared, on="age", how="semi")
         .group_by("tracker")
-        .agg(square=(pl.col("second_uu") + pl.col("second_vv")).mean())
+        .agg(square=(pl.col("core_u_px") ** 2 + pl.col("core_v_px") ** 2).mean())
     )
     return {name: square for name, square in table.iter_rows() if square > 0.0}
 
 
-def _verdict(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequence[Mapping[str, Any]]) -> _Found:
+def _verdict(
+    evidence: TruthEvidence,
+    sizes: Mapping[str, _Size],
+    bounds: Sequence[_Bounds],
+    faults: Sequence[Mapping[str, Any]],
+) -> _Found:
     if evidence.mistakes:
         more = len(evidence.mistakes) - 1
         others = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
@@ -296,36 +293,37 @@ def _verdict(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequenc
         rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
         text = f"{_faults_text(faults)}: {_explains(len(faults), share)}.{rest}"
         return _Found(Trust.not_trusted, text, _corrected(faults, share))
-    return _unmeasured(evidence) if worst is None else _measured(evidence, worst, faults)
+    return _unmeasured(evidence.audit, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
 def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[str, Any]]) -> _Found:
     """By how much the truth can explain of the errors of the tracker of which it can explain most."""
     poses = worst.causes[TruthCause.poses]
-    size = evidence.sizes[worst.tracker]
     if worst.high > MOST and poses.low > SMALL:
         of = f"{percent(poses.value)} of the squared errors of {worst.tracker}"
         text = f"Motions of the camera that the poses lack explain {of}."
         return _Found(Trust.not_trusted, text, _of_cause(evidence, TruthCause.poses))
-    part = f"{percent(worst.high)} of the squared errors of {worst.tracker}{_in_px(worst, size)}"
+    part = f"{percent(worst.high)} of the squared errors of {worst.tracker}{_in_px(worst)}"
+    known = f" {_faults_text(faults)}, but that explains little." if faults else _like_bias(evidence.audit)
+    step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
     if worst.high > MOST:
-        text = f"Errors of the truth may explain up to {part}, and nothing is established.{_of_causes(worst)}"
-        return _Found(Trust.unknown, text, _of_cause(evidence, worst.largest))
-    known = f" {_faults_text(faults)}, but that explains little." if faults else ""
+        nothing = "" if faults else ", and nothing is established"
+        text = f"Errors of the truth may explain up to {part}{nothing}.{_of_causes(worst)}{known}"
+        return _Found(Trust.unknown, text, step)
     if worst.high > SMALL or faults or evidence.cautions:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
-        step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
         text = f"Errors of the truth can explain up to {part}.{_of_causes(worst)}{known}{caution}"
         return _Found(Trust.limited, text, step)
-    if size.stated_share is not None and size.stated_share < _EXACT:
+    stated = worst.size.stated_share
+    if stated is not None and stated < _EXACT:
         return _Found(Trust.trusted, f"{_STATED_EXACT[:-1]}, and the tracks do not contradict it.")
     return _Found(Trust.trusted, f"No fault was found. Errors of the truth can explain at most {part}.")
 
 
-def _unmeasured(evidence: TruthEvidence) -> _Found:
+def _unmeasured(audit: pl.DataFrame, sizes: Mapping[str, _Size]) -> _Found:
     """Where tracks are too few, or see too little: by what is stated."""
-    stated = [size.stated_share for size in evidence.sizes.values()]
-    why = evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW]
+    stated = [size.stated_share for size in sizes.values()]
+    why = audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW]
     if stated and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
     known = [share for share in stated if share is not None]
@@ -343,10 +341,19 @@ def _of_causes(bounds: _Bounds) -> str:
     return f" {sentence_case(parts)}." if parts else ""
 
 
-def _in_px(bounds: _Bounds, size: ErrorSize) -> str:
-    bound, outliers = sqrt(bounds.high) * size.usual_px, "" if size.typical_px is None else " without outliers"
-    of = f"{pixels(size.usual_px)} px RMS{outliers} at age {size.age}"
-    return f" ({pixels(bound)} of {of})" if size.usual_px > 0.0 else ""
+def _like_bias(audit: pl.DataFrame) -> str:
+    """The faults that a bias of the trackers explains as well; begins with a space."""
+    like = audit.filter(family=str(Family.alone), verdict=str(AuditVerdict.like_bias))["parameter"]
+    names = [f"the {FAULTS[Parameter(one)].name}" for one in like.unique(maintain_order=True)]
+    if not names:
+        return ""
+    return f" An error of {listing(names, joint='or')} fits, but cannot be distinguished from a bias of the trackers."
+
+
+def _in_px(bounds: _Bounds) -> str:
+    size = bounds.size
+    of = f"{pixels(size.px)} px {'core' if size.is_core else 'RMS'} at age {size.age}"
+    return f" ({pixels(sqrt(bounds.high) * size.px)} of {of})" if size.px > 0.0 else ""
 
 
 def _faults_text(faults: Sequence[Mapping[str, Any]]) -> str:
@@ -405,18 +412,16 @@ _STEPS: Mapping[TruthCause, str] = {
 def _rows(
     evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequence[Mapping[str, Any]]
 ) -> Iterator[dict[str, Any]]:
-    """Shares of each tracker, then of causes that are the same for all."""
+    """Shares of each tracker, then what is established for all."""
     for one in bounds:
-        size = evidence.sizes[one.tracker]
-        bound_px = sqrt(one.high) * size.usual_px
-        of_tracker = {"tracker": one.tracker, "age": size.age, "error_px": size.usual_px}
+        size = one.size
+        bound_px = sqrt(one.high) * size.px
+        of_tracker = {"tracker": one.tracker, "age": size.age, "error_px": size.px}
         yield {"cause": TruthCause.every, "high": one.high, "bound_px": bound_px, **of_tracker}
-        yield {"cause": TruthCause.poses, **_columns(one.causes[TruthCause.poses]), "tracker": one.tracker}
+        for cause in (TruthCause.poses, TruthCause.any_fault, TruthCause.depths):
+            yield {"cause": cause, **_columns(one.causes[cause]), "tracker": one.tracker}
         if size.stated_share is not None:
             yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
-    for cause in (TruthCause.any_fault, TruthCause.depths):
-        if bounds:
-            yield {"cause": cause, **_columns(bounds[0].causes[cause])}
     if faults:
         yield {"cause": TruthCause.faults, **_columns(_named_share(evidence.audit)), "text": _faults_text(faults)}
     for sentence in evidence.mistakes:

@@ -280,11 +280,18 @@ def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
 
 
 def _bounds(samples: AuditSamples) -> Iterator[Row]:
-    """What the truth can explain at most, by all constant faults and by random errors of depths."""
-    found = explained(samples, available(samples))
-    for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths)):
-        gains = {"gain": share.value, "gain_low": share.low, "gain_high": share.high}
-        yield {"family": Family.at_most, "parameter": name, "component": "", "unit": "", **_resampled(samples), **gains}
+    """What the truth can explain at most of each tracker, by all constant faults and by random errors of depths.
+
+    The same error of the truth is a larger share of smaller errors: a share of all trackers together bounds none.
+    """
+    for number, tracker in enumerate(samples.trackers):
+        own = enough(samples.chosen(np.flatnonzero(samples.tracker == number)))
+        if isinstance(own, str):
+            continue
+        found = explained(own, available(own))
+        for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths)):
+            bounds = {"gain": share.value, "gain_low": share.low, "gain_high": share.high, **_resampled(own)}
+            yield {"family": Family.at_most, "parameter": name, "component": tracker, "unit": "", **bounds}
 
 
 def _resampled(samples: AuditSamples) -> Row:

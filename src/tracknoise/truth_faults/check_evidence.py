@@ -21,7 +21,8 @@ from tracknoise.inference.units import BLOCKS, Resampled
 from tracknoise.sequences.other_poses import path_between_frames
 from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
 from tracknoise.statistics.definitions import REFERENCE_AGE
-from tracknoise.tables.schema import ORIGIN, RIGID, SEQUENCE, check, empty
+from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.schema import ORIGIN, RIGID, SEQUENCE, check
 from tracknoise.truth_faults.audit_samples import AuditSamples, Paths, in_order
 from tracknoise.truth_faults.audit_tables import BLOCKS_JOINED, enough, surrounded
 from tracknoise.truth_faults.corrected_positions import predict
@@ -44,48 +45,45 @@ MOST_POINTS = 4_000
 """Largest number of points in an audit, so that it takes seconds."""
 
 
-def check_samples(evidence: Evidence, sequence: Sequence) -> AuditSamples | str:
+def check_samples(followed: "Followed") -> AuditSamples | str:
     """Samples of an audit of one sequence, in blocks of frames; or why there is none."""
-    found = _Followed.of(evidence, sequence)
-    return found if isinstance(found, str) else enough(_thinned(found.samples))
+    return enough(_thinned(followed.samples))
 
 
-def check_rigid(evidence: Evidence, sequence: Sequence) -> pl.DataFrame:
-    """Table `RIGID` of one sequence, at all steps up to `REFERENCE_AGE`; without rows where points have no depth."""
-    found = _Followed.of(evidence, sequence)
-    if isinstance(found, str):
-        return empty(RIGID)
-    rows, axes = _rigid_rows(found)
-    names = {**{name: getattr(sequence.id, name) for name in SEQUENCE}, "tracker": NAME, "speed": 1}
+def check_rigid(followed: "Followed") -> pl.DataFrame:
+    """Table `RIGID` of one sequence, at all steps up to `REFERENCE_AGE`."""
+    rows, axes = _rigid_rows(followed)
+    names = {**{name: getattr(followed.id, name) for name in SEQUENCE}, "tracker": NAME, "speed": 1}
     tracker = PoseWitness.of(pl.DataFrame([names], schema=dict(ORIGIN)), rows, axes)
     return check(rigid_sums(tracker, [tracker], axes, steps=range(1, REFERENCE_AGE + 1)), RIGID, "rigid")
 
 
-def frames_of(places: NDArray[np.intp], evidence: Evidence, sequence: Sequence) -> NDArray[np.intp]:
-    """Frames of the sequence at places (n,) in the paths of its samples, (n,)."""
-    return np.searchsorted(_paths(evidence, sequence)[0], places).astype(np.intp)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class _Followed:
+class Followed:
     """Points with depth whose frames have poses around them.
 
     Attributes
     ----------
+    id
+        Of their sequence.
     samples
         With the true positions that are stated.
+    place : (n_frames,) intp
+        Of each frame of the sequence: its number among the times of the paths of the samples.
     number : (times,) intp
         Of each time of the paths of the samples: number of the frame among those that the check read; -1 of others.
     poses : (frames, 4, 4) float64
         Stated poses of the frames that the check read.
     """
 
+    id: SequenceId
     samples: AuditSamples
+    place: NDArray[np.intp]
     number: NDArray[np.intp]
     poses: NDArray[np.float64]
 
     @classmethod
-    def of(cls, evidence: Evidence, sequence: Sequence) -> "_Followed | str":
+    def of(cls, evidence: Evidence, sequence: Sequence) -> "Followed | str":
         """Those of a sequence; or why there are none."""
         if not isinstance(evidence.camera, Intrinsics):
             return "the camera model is not known"
@@ -126,7 +124,11 @@ class _Followed:
         stated = _stated(surrounded(samples))
         if not len(stated.age):
             return "no point that was followed has a depth, and poses around its frames"
-        return cls(stated, number, evidence.poses[read])
+        return cls(sequence.id, stated, place, number, evidence.poses[read])
+
+    def frames_of(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Frames of the sequence at places (n,) in the paths of the samples, (n,)."""
+        return np.searchsorted(self.place, places).astype(np.intp)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,7 +190,7 @@ def _thinned(samples: AuditSamples) -> AuditSamples:
     return samples.chosen(np.sort(np.argsort(rank, kind="stable")[:MOST_POINTS]))
 
 
-def _rigid_rows(found: _Followed) -> tuple[RigidRows, NDArray[np.float64]]:
+def _rigid_rows(found: Followed) -> tuple[RigidRows, NDArray[np.float64]]:
     """Equations of points between the frames that were read, and Ad of the poses of these frames."""
     samples = found.samples
     zero, frame = found.number[samples.birth], found.number[samples.now]

@@ -17,10 +17,10 @@ from tracknoise.exceptions import DataError
 from tracknoise.sequences.sequence import Reader, Sequence
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import readable
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.trust import TruthVerdict, ranges
 from tracknoise.text import printable
 from tracknoise.truth_faults.check_report import CheckReport, Item, SequenceReport, Severity
-from tracknoise.truth_faults.check_verdict import sequence_verdict
+from tracknoise.truth_faults.check_verdict import sequence_trust
 from tracknoise.truth_faults.clock_check import clock
 from tracknoise.truth_faults.depth_checks import clipped_depth, depth_share, depths, sampled_depths
 from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, Pair, relative_pose, reprojection_px
@@ -106,7 +106,8 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
                 seen(sequence, evidence)
     except DataError as error:
         items.append(_unreadable(error))
-    return SequenceReport(readable(sequence.id.key), tuple(items), sequence_verdict(sequence, evidence, items))
+    trust = sequence_trust(sequence, evidence, items)
+    return SequenceReport(readable(sequence.id.key), tuple(items), TruthVerdict.of(trust), ranges(trust))
 
 
 def check_reader(

@@ -1,13 +1,13 @@
 """The result of a check as plain data: one item per topic, and the verdict on the truth."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.trust import Range, TruthVerdict
 
 Values: TypeAlias = Mapping[str, float | int | str | None]
 """Numbers behind a sentence, by name; None where unknown."""
@@ -25,6 +25,14 @@ class Severity(StrEnum):
 CAUTIONS = frozenset({"pose jumps", "intrinsics", "clipped depth"})
 """Topics about single parts of the data, whose caveats count in the verdict; how much others explain is measured."""
 _WORST = (Trust.not_trusted, Trust.unknown, Trust.limited, Trust.trusted)
+
+
+_One = TypeVar("_One")
+
+
+def worst(found: Iterable[_One], verdict: Callable[[_One], Trust]) -> _One:
+    """The first of those with the worst verdict."""
+    return min(found, key=lambda one: _WORST.index(verdict(one)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +69,14 @@ class SequenceReport:
         In the order of the topics.
     truth
         The verdict on its truth.
+    ranges
+        Shares of the squared errors that the truth may explain, by cause; empty where they were not measured.
     """
 
     sequence: str
     items: tuple[Item, ...]
     truth: TruthVerdict
+    ranges: Mapping[str, Range] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +102,7 @@ class CheckReport:
     def truth(self) -> TruthVerdict:
         """The worst verdict of all sequences."""
         found = [report.truth for report in self.sequences]
-        return min(found, key=lambda one: _WORST.index(one.verdict), default=TruthVerdict())
+        return worst(found, lambda one: one.verdict) if found else TruthVerdict()
 
     def every_item(self) -> Iterable[Item]:
         """Items of all sequences, then those about all together."""

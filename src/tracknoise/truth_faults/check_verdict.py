@@ -5,22 +5,22 @@ of depths, and what is stated. There is one tracker, so that nothing separates t
 """
 
 from collections.abc import Sequence as ListOf
-from dataclasses import replace
 from math import sqrt
 
 import numpy as np
+import polars as pl
 
+from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.views import frame_step
 from tracknoise.statistics.definitions import REFERENCE_AGE
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth.accuracies import known_accuracy
 from tracknoise.truth.uncertainty import AnchoredPoints, TrueErrors, TruthDerivatives
-from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess, typical_px
+from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import not_audited, tables_of
-from tracknoise.truth_faults.check_evidence import NAME, check_rigid, check_samples, frames_of
+from tracknoise.truth_faults.check_evidence import NAME, Followed, check_rigid, check_samples
 from tracknoise.truth_faults.check_report import CAUTIONS, Item, Severity
 from tracknoise.truth_faults.image_evidence import Evidence
 from tracknoise.truth_faults.pose_accuracy import pose_share
@@ -29,8 +29,8 @@ _FEWEST = 30
 """Fewest points of an age whose errors have a size."""
 
 
-def sequence_verdict(sequence: Sequence, evidence: Evidence | None, items: ListOf[Item]) -> TruthVerdict:
-    """The verdict on the truth of a sequence.
+def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[Item]) -> pl.DataFrame:
+    """The verdict on the truth of a sequence, schema `TRUST`.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ def sequence_verdict(sequence: Sequence, evidence: Evidence | None, items: ListO
     """
     mistakes = [item.text for item in items if item.severity is Severity.fatal]
     cautions = [item.text for item in items if item.severity is Severity.caveat and item.topic in CAUTIONS]
-    samples = "its images were not read" if evidence is None else check_samples(evidence, sequence)
+    followed = "its images were not read" if evidence is None else Followed.of(evidence, sequence)
+    samples = followed if isinstance(followed, str) else check_samples(followed)
     dataset = sequence.id.dataset
-    if evidence is None or isinstance(samples, str):
+    if isinstance(followed, str) or isinstance(samples, str):
         tables, shares, sizes = not_audited(str(samples), dataset), pose_share([]), {}
     else:
-        tables, shares = tables_of(samples, dataset), pose_share([check_rigid(evidence, sequence)])
-        size = _size(sequence, evidence, samples)
-        sizes = {NAME: replace(size, typical_px=typical_px(tables.audit_curves, NAME, size.age))}
+        tables, shares = tables_of(samples, dataset), pose_share([check_rigid(followed)])
+        sizes = {NAME: _size(sequence, followed, samples)}
     found = TruthEvidence(
         audit=tables.audit,
         pose_shares=shares,
@@ -58,19 +58,19 @@ def sequence_verdict(sequence: Sequence, evidence: Evidence | None, items: ListO
         cautions=cautions,
         is_fitted=evidence is not None and not evidence.has_depth and sequence.surface is None,
     )
-    return TruthVerdict.of(assess(found, dataset))
+    return assess(found, dataset)
 
 
-def _size(sequence: Sequence, evidence: Evidence, samples: AuditSamples) -> ErrorSize:
+def _size(sequence: Sequence, followed: Followed, samples: AuditSamples) -> ErrorSize:
     """Size of the errors at the last age up to the reference age, and of what is stated of the truth."""
     ages, counts = np.unique(samples.age[samples.age <= REFERENCE_AGE], return_counts=True)
     age = int(max(ages[counts >= _FEWEST], default=ages[np.argmax(counts)] if len(ages) else 0))
     some = samples.chosen(np.flatnonzero(samples.age == age))
     square = float(np.mean(np.sum((some.observed - some.stated) ** 2, axis=1)))
-    return ErrorSize(age, sqrt(square), _stated_px(sequence, evidence, some))
+    return ErrorSize(age, sqrt(square), _stated_px(sequence, followed, some))
 
 
-def _stated_px(sequence: Sequence, evidence: Evidence, samples: AuditSamples) -> float | None:
+def _stated_px(sequence: Sequence, followed: Followed, samples: AuditSamples) -> float | None:
     """RMS that the stated accuracy can cause, px; None where poses or depths have none."""
     kind = TruthKind.raycast if sequence.surface is not None else TruthKind.birth
     known = known_accuracy(sequence, kind)
@@ -79,15 +79,14 @@ def _stated_px(sequence: Sequence, evidence: Evidence, samples: AuditSamples) ->
     errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=frame_step(sequence))
     if errors.is_exact:
         return 0.0
-    points = _points(sequence, evidence, samples)
+    points = _points(sequence, followed, samples)
     traces = [np.trace(sum(found.covariance.values()), axis1=1, axis2=2) for _, found in errors.of(points)]
     return sqrt(float(np.nanmean(np.concatenate(traces))))
 
 
-def _points(sequence: Sequence, evidence: Evidence, samples: AuditSamples) -> AnchoredPoints:
+def _points(sequence: Sequence, followed: Followed, samples: AuditSamples) -> AnchoredPoints:
     """World points of samples, in frames of the sequence."""
-    first, frame = (frames_of(places, evidence, sequence) for places in (samples.birth, samples.now))
-    rays = samples.cameras[0].bearings(samples.uv_at_birth)
-    poses = sequence.world_from_camera[first]
-    world = np.einsum("nij,nj->ni", poses[:, :3, :3], rays * samples.depth[:, None]) + poses[:, :3, 3]
-    return AnchoredPoints(first, frame, world)
+    first, frame = followed.frames_of(samples.birth), followed.frames_of(samples.now)
+    poses = sequence.world_from_camera
+    stated = FrameGeometry(poses, samples.cameras, np.zeros(len(poses), np.intp))
+    return AnchoredPoints(first, frame, stated.unproject(first, samples.uv_at_birth, samples.depth))

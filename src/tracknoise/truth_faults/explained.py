@@ -59,7 +59,7 @@ def explained(samples: AuditSamples, parameters: Sequence[Parameter]) -> Explain
     Parameters
     ----------
     samples
-        The observations.
+        The observations, of one tracker.
     parameters
         Those that can be fitted.
     """

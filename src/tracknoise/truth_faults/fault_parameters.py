@@ -58,7 +58,8 @@ class Family(StrEnum):
     alone: one parameter. beside_bias: one parameter, beside a constant bias and a drift of each tracker. The others are
     joint fits: optics (focal length, principal point, k1), timing (clock offset and drift, readout), depth (scale,
     offset), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
-    at_most: what all faults, or random errors of depths, can explain at most (`tracknoise.truth_faults.explained`).
+    at_most: what all faults, or random errors of depths, can explain at most of a tracker, which is the component
+    (`tracknoise.truth_faults.explained`).
     """
 
     alone = "alone"

@@ -1,4 +1,4 @@
-"""Simulated sequences in the ASL layout of EuRoC MAV, with inertial readings, for the reader `euroc` and for filters."""
+"""Simulated sequences in the ASL layout of EuRoC MAV, with inertial readings for filters."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -163,7 +163,7 @@ def _planted_tracks(poses: NDArray[np.float64], per_frame: int, seed: int) -> li
 
 _INERTIAL = 15
 """Errors of rotation, position, velocity, and biases of gyroscope and accelerometer."""
-_START = np.repeat((1e-3, 1e-3, 1e-2, 1e-4, 1e-3), 3)
+_START = np.repeat((1e-3, 1e-3, 2e-3, 1e-4, 1e-3), 3)
 """Standard deviations of the first state: rad, m, m/s, rad/s, m/s^2."""
 _REFINEMENTS = 2
 _NEAREST_M, _FARTHEST_M, _WORST_CONDITION = 0.1, 60.0, 1e4

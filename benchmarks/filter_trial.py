@@ -38,6 +38,8 @@ from benchmarks.msckf import (
     run_filter,
     with_readings,
 )
+from tracknoise.estimators.equivalents import measured_gates
+from tracknoise.estimators.fit import outlier_limit_px
 from tracknoise.estimators.linear_window import (
     CAMERA,
     Motion,
@@ -51,6 +53,7 @@ from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.proof_windows import recorded_camera, recorded_poses
 from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.estimators.training import TrainingTables, training_tables
 from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import Camera
@@ -170,24 +173,29 @@ def _planted_arms(noise: TrackNoise) -> Arms:
     }
 
 
-def model_arms(model: NoiseModel) -> Arms:
+def model_arms(tables: TrainingTables) -> Arms:
     """What an estimator may make of a noise model: sigma, gate and whole tracks."""
+    model = NoiseModel.fitted_to(tables)
 
     def of(purpose: Purpose) -> tuple[float, float]:
         found = model.equivalent(landmark=Landmark.FREE, window=CLONES, purpose=purpose)
         return found.sigma.value, found.gate_95
 
     (sigma, gate), (innovations, gate_of_innovations) = of(Purpose.NEWEST_POSE), of(Purpose.INNOVATIONS)
-    floor = gate_floor((innovations / sigma) ** 2)
-    raised = {f"newest pose x {factor:g}, same gate in px": factor for factor in (1.5, 2.0, 3.0)}
+    most = good_tracks_gate(tables, GOOD) / sigma**2
     return {
         "1 px, gate 1": (1.0, 1.0),
         "1 px, gate .05": (1.0, 0.05),
         "newest pose, gate 1": (sigma, 1.0),
         "newest pose, gate of the model": (sigma, gate),
-        "newest pose, gate of the model, with floor": (sigma, max(gate, floor)),
+        "newest pose, gate with floor": (sigma, max(gate, gate_floor((innovations / sigma) ** 2))),
+        f"newest pose, gate of {GOOD:g} of good tracks": (sigma, most),
+        "the same, with predicted poses": (sigma, with_predicted_poses(most)),
         **{f"newest pose, gate {value:g}": (sigma, value) for value in (0.25, 0.1, 0.05)},
-        **{name: (factor * sigma, gate / factor**2) for name, factor in raised.items()},
+        **{
+            f"newest pose x {factor:g}, same gate in px": (factor * sigma, gate / factor**2)
+            for factor in (1.5, 2.0, 3.0)
+        },
         "innovations, gate 1": (innovations, 1.0),
         "innovations, gate of the model": (innovations, gate_of_innovations),
         "all poses, gate of the model": of(Purpose.ALL_POSES),
@@ -197,17 +205,37 @@ def model_arms(model: NoiseModel) -> Arms:
     }
 
 
+GOOD = 0.8
+"""Share of good tracks that a gate lets through."""
 _PREDICTED = 1.0 / 3.0
+"""Share of the claimed variance of innovations that errors of predicted poses are taken to have."""
+_FREEDOM = 2 * CLONES - 3
 
 
-def gate_floor(good: float, freedom: int = 2 * CLONES - 3) -> float:
+def good_tracks_gate(tables: TrainingTables, share: float) -> float:
+    """Factor on the chi-square gate at .95, for a sigma of 1 px and true poses, that a share of good tracks passes."""
+    limit_px = outlier_limit_px(tables["noise_outliers"])
+    found = measured_gates(tables["window_noise"], CLONES, limit_px=limit_px, levels=[share])
+    if found is None:
+        raise SettingsError(f"found too few windows of about {CLONES} frames, expected enough for a gate")
+    own, usual = stats.chi2.ppf([share, 0.95], _FREEDOM)
+    return float(found[0] * own / usual)
+
+
+def with_predicted_poses(gate: float) -> float:
+    """A gate for true poses, widened for errors of predicted poses that are as large as claimed."""
+    own, usual = stats.chi2.ppf([GOOD, 0.95], _FREEDOM)
+    return float(_PREDICTED * own / usual + (1.0 - _PREDICTED) * gate)
+
+
+def gate_floor(good: float) -> float:
     """The gate that half of the good tracks pass.
 
-    If errors of predicted poses make up `_PREDICTED` of the claimed variance of innovations, and the rest is what the
-    noise claims, of which `good` is there.
+    Errors of predicted poses have `_PREDICTED` of the claimed variance of innovations, as claimed. The rest of it is
+    what sigma claims, and a share `good` of that is there.
     """
-    half, most = stats.chi2.ppf([0.5, 0.95], freedom)
-    return float((_PREDICTED + (1.0 - _PREDICTED) * good) * half / most)
+    half, usual = stats.chi2.ppf([0.5, 0.95], _FREEDOM)
+    return float((_PREDICTED + (1.0 - _PREDICTED) * good) * half / usual)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,11 +302,10 @@ def ended_tracks(observations: pl.DataFrame) -> EndedTracks:
 
 def of_runs(runs: Sequence[Path], tracker: str, *, seeds: int) -> Iterator[Outcome]:
     """The outcomes of all sequences of some runs, with arms of models fitted to other scenes of the first run."""
-    scenes = [entry.sequence.scene for entry in RunFolder(runs[0]).manifest().sequences.values()]
-    arms = [
-        model_arms(NoiseModel.fit(runs[0], tracker=tracker, scenes=[name for name in scenes if _half(name) != half]))
-        for half in (0, 1)
-    ]
+    folder = RunFolder(runs[0])
+    scenes = [entry.sequence.scene for entry in folder.manifest().sequences.values()]
+    learned = [[name for name in scenes if _half(name) != half] for half in (0, 1)]
+    arms = [model_arms(training_tables(folder, tracker=tracker, speed=1, scenes=names)) for names in learned]
     control = {f"control: {CONTROL_PX:g} px planted, gate {gate:g}": (CONTROL_PX, gate) for gate in (1.0, 0.5)}
     for number, run in enumerate(runs):
         for place, sequence in enumerate(tracked_sequences(run, tracker)):

@@ -1,12 +1,10 @@
-"""A multi-state constraint Kalman filter, and longer sequences with an inertial sensor for it.
+"""A multi-state constraint Kalman filter: inertial readings, poses of the last frames, tracks used once.
 
-- Longer simulated sequences with an inertial sensor, whose readings are made from the true motion.
-
-A multi-state constraint Kalman filter: inertial readings, poses of the last frames, tracks used once.
-
-The state is the newest pose, velocity and biases, and a copy of the pose at each of the last frames. When a track ends,
-its point is triangulated with the copies, its residuals are whitened by the assumed covariance, the point is projected
-out, and what remains updates the filter. A track is used only if it passes a chi-square gate.
+The state is the newest pose, velocity and biases, and a copy of the pose at each of the last frames. A track is used
+when it ends, or when it has been seen in as many frames as there are copies; its next observations are then another
+track. Its point is triangulated with the copies, its residuals are whitened by the assumed noise, the point is
+projected out, and what remains updates the filter. A track is used only if it passes a chi-square gate, over its whole
+innovation: with the errors of the predicted poses. At most `MOST_TRACKS` are used at a frame, the longest first.
 
 A pose errs by (a, b): the true one is (R exp(a), c + b), as in `tracknoise.geometry.projection`.
 """
@@ -20,137 +18,136 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from benchmarks.planted_windows import noisy
-from tracknoise.estimators.linear_window import PointTracks, simulated_tracks
-from tracknoise.estimators.proof_windows import Problem, images
+from tracknoise.estimators.linear_window import PointTracks, of_full_rank, simulated_tracks
+from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import PlantedNoise
-from tracknoise.geometry.projection import cross_matrices, image_derivatives
+from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.projection import cross_matrices
+from tracknoise.simulation.inertial import (
+    GRAVITY,
+    GRAVITY_M_S2,
+    RATE_HZ,
+    InertialNoise,
+    SmoothPath,
+    inertial_readings,
+)
 
-GRAVITY = np.array([0.0, 9.81, 0.0])
-"""In the world, whose y axis points down, m/s^2."""
 CLONES = 11
 """Most frames of a track, and most poses that the filter keeps."""
-_PER_FRAME = 10
-"""Readings between two frames."""
-_RATE_HZ = 20.0
-_SPEED_M_S, _SWAY_M, _TURN_RAD, _SWAY_HZ = 1.2, 0.08, 0.06, 0.7
+LEAST_FRAMES = 3
+"""A track of fewer is not used."""
+MOST_TRACKS = 40
+"""Most tracks that are used at a frame."""
+FRAME_RATE_HZ = 20.0
+_PER_FRAME = round(RATE_HZ / FRAME_RATE_HZ)
+Assumed = float | TrackNoise
+"""The noise that a filter assumes: a standard deviation of all observations, px, or components of whole tracks."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InertialNoise:
-    """Densities of the noise of an inertial sensor; its biases are 0 at first and walk.
+@dataclass(frozen=True, slots=True, eq=False)
+class EndedTracks:
+    """Tracks of at most `CLONES` consecutive frames.
 
     Parameters
     ----------
-    gyro, accelerometer
-        White noise: rad/s and m/s^2 per sqrt(Hz).
-    gyro_walk, accelerometer_walk
-        Walk of the biases: rad/s^2 and m/s^3 per sqrt(Hz).
+    first
+        (tracks,) integers: first frames.
+    length
+        (tracks,) integers: how many observations there are.
+    uv
+        (tracks, CLONES, 2) float64: observed positions, px; 0 after the last.
+    used_at
+        (tracks,) integers: the frame at which the filter may use them.
     """
 
-    gyro: float = 2e-4
-    accelerometer: float = 2e-3
-    gyro_walk: float = 2e-5
-    accelerometer_walk: float = 3e-4
+    first: NDArray[np.int64]
+    length: NDArray[np.int64]
+    uv: NDArray[np.float64]
+    used_at: NDArray[np.int64]
+
+    def chosen(self, places: NDArray[np.intp] | NDArray[np.bool_]) -> "EndedTracks":
+        """Some of them."""
+        return EndedTracks(self.first[places], self.length[places], self.uv[places], self.used_at[places])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InertialProblem:
-    """A sequence with tracks and readings.
+    """A sequence with tracks and inertial readings.
 
     Parameters
     ----------
-    vision
-        Frames, tracks and truth.
+    camera
+        The camera; without distortion.
+    world_from_camera
+        (frames, 4, 4) float64: the true poses, 20 per second.
+    tracks
+        What the filter may use.
     gyro, accelerometer
-        (frames - 1, readings, 3) float64: rad/s and m/s^2, in the frame of the camera.
-    interval_s
-        Time between two readings.
+        (frames - 1, readings, 3) float64: means between two readings, rad/s and m/s^2, along the camera's own axes.
     velocity
         (3,) float64: the true velocity at the first frame, m/s.
+    gravity
+        (3,) float64: in the world, m/s^2.
     noise
         Of the readings.
     """
 
-    vision: Problem
+    camera: Camera
+    world_from_camera: NDArray[np.float64]
+    tracks: EndedTracks
     gyro: NDArray[np.float64]
     accelerometer: NDArray[np.float64]
-    interval_s: float
     velocity: NDArray[np.float64]
+    gravity: NDArray[np.float64]
     noise: InertialNoise
 
 
-def inertial_problem(
-    planted: PlantedNoise,
+def with_readings(
+    camera: Camera,
+    world_from_camera: NDArray[np.float64],
+    tracks: EndedTracks,
     *,
-    scene: str = "simulated",
-    n_frames: int = 40,
-    per_frame: int = 8,
-    noise: InertialNoise | None = None,
+    gravity: NDArray[np.float64] = GRAVITY,
     seed: int = 0,
 ) -> InertialProblem:
-    """A camera that moves sideways, sways and turns, at 20 frames and 200 readings per second."""
-    random = np.random.default_rng((seed, 3))
-    phase = random.uniform(0.0, 2.0 * np.pi, 6)
-    interval_s = 1.0 / (_RATE_HZ * _PER_FRAME)
-    time_s = np.asarray(np.arange((n_frames - 1) * _PER_FRAME + 1) * interval_s, dtype=np.float64)
-    poses = _poses(time_s, phase)
-    sensor = noise or InertialNoise()
-    gyro, accelerometer = _readings(random, time_s, phase, sensor, interval_s)
-    frames = poses[::_PER_FRAME]
-    vision = noisy(scene, frames, _tracks(frames, per_frame, seed), planted, seed=seed)
-    shape = (n_frames - 1, _PER_FRAME, 3)
-    velocity = _derivatives(time_s[:1], phase)[0][0]
-    return InertialProblem(vision, gyro.reshape(shape), accelerometer.reshape(shape), interval_s, velocity, sensor)
+    """Tracks, with simulated readings of a sensor on their camera, whose poses are (frames, 4, 4)."""
+    noise, count = InertialNoise(), len(world_from_camera)
+    path = SmoothPath(np.arange(count) / FRAME_RATE_HZ, world_from_camera)
+    read_s = np.arange((count - 1) * _PER_FRAME + 1) / RATE_HZ
+    read = inertial_readings(path, read_s, np.random.default_rng((seed, 3)), noise=noise, gravity=gravity)
+    gyro, accelerometer = (
+        ((values[:-1] + values[1:]) / 2.0).reshape(count - 1, _PER_FRAME, 3)
+        for values in (read.gyro, read.accelerometer)
+    )
+    velocity = path.velocities(read_s[:1])[0]
+    return InertialProblem(camera, world_from_camera, tracks, gyro, accelerometer, velocity, gravity, noise)
 
 
-def _angle(time_s: NDArray[np.float64], phase: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 3): phases of the sway along x, y, z."""
-    return np.asarray(2.0 * np.pi * _SWAY_HZ * time_s[:, None] + phase[:3])
+_DOWN = np.array([0.0, GRAVITY_M_S2, 0.0])
+"""Gravity of the planted sequences, in whose world y points down."""
+_SPEED_M_S, _SWAY_M, _TURN_RAD, _SWAY_HZ = 1.2, 0.08, 0.06, 0.7
 
 
-def _poses(time_s: NDArray[np.float64], phase: NDArray[np.float64]) -> NDArray[np.float64]:
-    poses = np.tile(np.eye(4), (len(time_s), 1, 1))
-    poses[:, :3, 3] = _SWAY_M * np.sin(_angle(time_s, phase))
-    poses[:, 0, 3] += _SPEED_M_S * time_s
-    turn = _TURN_RAD * np.sin(2.0 * np.pi * _SWAY_HZ * time_s[:, None] + phase[3:])
-    poses[:, :3, :3] = Rotation.from_rotvec(turn).as_matrix()
-    return poses
+def planted_problem(planted: PlantedNoise, *, n_frames: int = 40, per_frame: int = 8, seed: int = 0) -> InertialProblem:
+    """Tracks with planted noise, of a camera that moves sideways, sways and turns."""
+    phase = np.random.default_rng((seed, 5)).uniform(0.0, 2.0 * np.pi, 6)
+    angle = 2.0 * np.pi * _SWAY_HZ / FRAME_RATE_HZ * np.arange(n_frames)[:, None] + phase
+    poses = np.tile(np.eye(4), (n_frames, 1, 1))
+    poses[:, :3, 3] = _SWAY_M * np.sin(angle[:, :3])
+    poses[:, 0, 3] += _SPEED_M_S / FRAME_RATE_HZ * np.arange(n_frames)
+    poses[:, :3, :3] = Rotation.from_rotvec(_TURN_RAD * np.sin(angle[:, 3:])).as_matrix()
+    vision = noisy("planted", poses, _planted_tracks(poses, per_frame, seed), planted, seed=seed)
+    lengths = [group.frames.shape[1] for group in vision.groups]
+    padded = [
+        np.pad(group.uv, ((0, 0), (0, CLONES - n), (0, 0))) for group, n in zip(vision.groups, lengths, strict=True)
+    ]
+    first = np.concatenate([group.frames[:, 0] for group in vision.groups])
+    length = np.repeat(lengths, [len(part) for part in padded])
+    tracks = EndedTracks(first, length, np.concatenate(padded), first + length - 1)
+    return with_readings(vision.camera, poses, tracks, gravity=_DOWN, seed=seed)
 
 
-def _derivatives(
-    time_s: NDArray[np.float64], phase: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Velocities and accelerations, (n, 3)."""
-    angle, rate = _angle(time_s, phase), 2.0 * np.pi * _SWAY_HZ
-    velocity = _SWAY_M * rate * np.cos(angle)
-    velocity[:, 0] += _SPEED_M_S
-    return velocity, -_SWAY_M * rate**2 * np.sin(angle)
-
-
-def _readings(
-    random: np.random.Generator,
-    time_s: NDArray[np.float64],
-    phase: NDArray[np.float64],
-    noise: InertialNoise,
-    interval_s: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean rates between readings, and accelerations in the middle, (n, 3), with noise and biases."""
-    rotation = Rotation.from_matrix(_poses(time_s, phase)[:, :3, :3])
-    rate = (rotation[:-1].inv() * rotation[1:]).as_rotvec() / interval_s
-    middle = time_s[:-1] + interval_s / 2.0
-    halfway = Rotation.from_matrix(_poses(middle, phase)[:, :3, :3])
-    acceleration = halfway.inv().apply(_derivatives(middle, phase)[1] - GRAVITY)
-    found = []
-    for values, white, walk in (
-        (rate, noise.gyro, noise.gyro_walk),
-        (acceleration, noise.accelerometer, noise.accelerometer_walk),
-    ):
-        bias = np.cumsum(walk * np.sqrt(interval_s) * random.standard_normal(values.shape), axis=0)
-        found.append(values + bias + white / np.sqrt(interval_s) * random.standard_normal(values.shape))
-    return found[0], found[1]
-
-
-def _tracks(poses: NDArray[np.float64], per_frame: int, seed: int) -> list[PointTracks]:
+def _planted_tracks(poses: NDArray[np.float64], per_frame: int, seed: int) -> list[PointTracks]:
     """Tracks that begin in each frame and end when they leave the image, or after `CLONES` frames."""
     by_length: dict[int, list[PointTracks]] = {}
     for start in range(len(poses) - 2):
@@ -166,9 +163,11 @@ def _tracks(poses: NDArray[np.float64], per_frame: int, seed: int) -> list[Point
 
 _INERTIAL = 15
 """Errors of rotation, position, velocity, and biases of gyroscope and accelerometer."""
-_TRIANGULATIONS = 5
-_START = np.repeat((1e-3, 1e-3, 1e-2, 1e-4, 1e-3), 3)
+_START = np.repeat((1e-3, 1e-3, 2e-3, 1e-4, 1e-3), 3)
 """Standard deviations of the first state: rad, m, m/s, rad/s, m/s^2."""
+_REFINEMENTS = 2
+_NEAREST_M, _FARTHEST_M, _WORST_CONDITION = 0.1, 60.0, 1e4
+"""Points are used at these depths in the first frame of their track, and if its rays determine them so well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,73 +180,59 @@ class Filtered:
         Each as it was estimated when its frame was the newest.
     nees : (frames - 1,) float64
         Normalised error squared of the newest pose over 6, from the second frame on.
+    triangulated : float
+        Share of tracks whose point was found.
     passed : float
-        Share of tracks that passed the gate.
+        Share of those that passed the gate.
     innovations : float
         Mean of the normalised innovations squared of all tracks over their degrees of freedom.
     """
 
     poses: NDArray[np.float64]
     nees: NDArray[np.float64]
+    triangulated: float
     passed: float
     innovations: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Track:
-    frames: NDArray[np.int64]
-    uv: NDArray[np.float64]
-    point: NDArray[np.float64]
-    whiten: NDArray[np.float64]
-
-
-def run_filter(
-    problem: InertialProblem,
-    covariances: Sequence[NDArray[np.float64]],
-    *,
-    gate: float = 1.0,
-    level: float = 0.95,
-    seed: int = 0,
-) -> Filtered:
-    """Filter a sequence. Shapes: covariances (tracks, 2 n, 2 n)."""
-    work = _Filter(problem, gate=gate, level=level, seed=seed)
-    ending = _by_last_frame(problem, covariances)
-    work.clone(0)
+def run_filter(problem: InertialProblem, assumed: Assumed, *, gate: float = 1.0, seed: int = 0) -> Filtered:
+    """Filter a sequence. `gate`: factor on the chi-square gate at .95."""
+    work = _Filter(problem, assumed, gate=gate, seed=seed)
+    work.clone()
     poses, nees = [work.pose()], []
-    for frame in range(1, len(problem.vision.world_from_camera)):
+    for frame in range(1, len(problem.world_from_camera)):
         work.propagate(problem.gyro[frame - 1], problem.accelerometer[frame - 1])
-        work.clone(frame)
-        work.update(ending.get(frame, []))
+        work.clone()
+        work.update(_used_at(problem.tracks, frame))
         poses.append(work.pose())
-        nees.append(work.nees(problem.vision.world_from_camera[frame]))
-    ratios = np.array(work.ratios)
-    return Filtered(np.stack(poses), np.array(nees), float(np.mean(work.accepted)), float(ratios.mean()))
+        nees.append(work.nees(problem.world_from_camera[frame]))
+    ratios, found = np.concatenate(work.ratios), np.concatenate(work.found)
+    passed = float(np.concatenate(work.accepted).mean())
+    return Filtered(np.stack(poses), np.array(nees), float(found.mean()), passed, float(ratios.mean()))
 
 
-def _by_last_frame(problem: InertialProblem, covariances: Sequence[NDArray[np.float64]]) -> dict[int, list[_Track]]:
-    found: dict[int, list[_Track]] = {}
-    for group, own in zip(problem.vision.groups, covariances, strict=True):
-        whiten = np.linalg.inv(np.linalg.cholesky(own))
-        for place, frames in enumerate(group.frames):
-            track = _Track(frames, group.uv[place], group.points[place], whiten[place])
-            found.setdefault(int(frames[-1]), []).append(track)
-    return found
+def _used_at(tracks: EndedTracks, frame: int) -> EndedTracks:
+    """Tracks that are used at a frame: at most `MOST_TRACKS`, the longest first."""
+    own = np.flatnonzero(tracks.used_at == frame)
+    return tracks.chosen(own[np.argsort(-tracks.length[own], kind="stable")[:MOST_TRACKS]])
 
 
 class _Filter:
     """The state of the filter, and what it did with tracks."""
 
-    def __init__(self, problem: InertialProblem, *, gate: float, level: float, seed: int) -> None:
+    def __init__(self, problem: InertialProblem, assumed: Assumed, *, gate: float, seed: int) -> None:
         error = _START * np.random.default_rng((seed, 4)).standard_normal(_INERTIAL)
-        first = problem.vision.world_from_camera[0]
-        self._problem, self._gate, self._level = problem, gate, level
-        self._rotation = first[:3, :3] @ Rotation.from_rotvec(error[:3]).as_matrix()
+        first = problem.world_from_camera[0]
+        self._problem, self._assumed, self._gate = problem, assumed, gate
+        self._rotation = first[:3, :3] @ _turns(error[:3])
         self._position, self._velocity = first[:3, 3] + error[3:6], problem.velocity + error[6:9]
         self._gyro_bias, self._accelerometer_bias = error[9:12], error[12:15]
-        self._clones: dict[int, NDArray[np.float64]] = {}
+        self._clones = np.zeros((0, 4, 4))
+        self._oldest = 0
         self._covariance = np.diag(_START**2)
-        self.accepted: list[bool] = []
-        self.ratios: list[float] = []
+        self.found: list[NDArray[np.bool_]] = []
+        self.accepted: list[NDArray[np.bool_]] = []
+        self.ratios: list[NDArray[np.float64]] = []
 
     def pose(self) -> NDArray[np.float64]:
         pose = np.eye(4)
@@ -261,113 +246,199 @@ class _Filter:
 
     def propagate(self, gyro: NDArray[np.float64], accelerometer: NDArray[np.float64]) -> None:
         """Readings (n, 3) between two frames."""
-        interval_s = self._problem.interval_s
-        for rate, force in zip(gyro - self._gyro_bias, accelerometer - self._accelerometer_bias, strict=True):
-            turn = Rotation.from_rotvec(rate * interval_s).as_matrix()
-            halfway = self._rotation @ Rotation.from_rotvec(rate * interval_s / 2.0).as_matrix()
-            self._propagate_covariance(turn, halfway, force, interval_s)
-            acceleration = halfway @ force + GRAVITY
+        interval_s, noise = 1.0 / RATE_HZ, self._problem.noise
+        rates, forces = gyro - self._gyro_bias, accelerometer - self._accelerometer_bias
+        turns, halves = _turns(rates * interval_s), _turns(rates * interval_s / 2.0)
+        halfway = np.empty_like(turns)
+        for place, turn in enumerate(turns):
+            halfway[place] = self._rotation @ halves[place]
+            self._rotation = self._rotation @ turn
+        for acceleration in np.einsum("nij,nj->ni", halfway, forces) + self._problem.gravity:
             self._position = self._position + self._velocity * interval_s + acceleration * interval_s**2 / 2.0
             self._velocity = self._velocity + acceleration * interval_s
-            self._rotation = self._rotation @ turn
-
-    def _propagate_covariance(
-        self, turn: NDArray[np.float64], halfway: NDArray[np.float64], force: NDArray[np.float64], interval_s: float
-    ) -> None:
-        tilted = -halfway @ cross_matrices(force[None])[0]
-        step = np.eye(_INERTIAL)
-        step[:3, :3], step[:3, 9:12] = turn.T, -interval_s * np.eye(3)
-        step[6:9, :3], step[6:9, 12:15] = interval_s * tilted, -interval_s * halfway
-        step[3:6, 6:9], step[3:6, :3] = interval_s * np.eye(3), interval_s**2 / 2.0 * tilted
-        step[3:6, 12:15] = -(interval_s**2) / 2.0 * halfway
-        noise = self._problem.noise
         densities = (noise.gyro, 0.0, noise.accelerometer, noise.gyro_walk, noise.accelerometer_walk)
-        own, rest = slice(0, _INERTIAL), slice(_INERTIAL, None)
-        covariance = self._covariance
-        covariance[own, own] = step @ covariance[own, own] @ step.T
-        covariance[own, own] += np.diag(np.repeat(np.square(densities), 3)) * interval_s
-        covariance[own, rest] = step @ covariance[own, rest]
+        added = np.diag(np.repeat(np.square(densities), 3)) * interval_s
+        moved, gained = np.eye(_INERTIAL), np.zeros((_INERTIAL, _INERTIAL))
+        for step in _steps(turns, halfway, forces, interval_s):
+            moved, gained = step @ moved, step @ gained @ step.T + added
+        own, rest, covariance = slice(0, _INERTIAL), slice(_INERTIAL, None), self._covariance
+        inertial = moved @ covariance[own, own] @ moved.T + gained
+        covariance[own, own] = (inertial + inertial.T) / 2.0
+        covariance[own, rest] = moved @ covariance[own, rest]
         covariance[rest, own] = covariance[own, rest].T
 
-    def clone(self, frame: int) -> None:
+    def clone(self) -> None:
         """Keep a copy of the newest pose, and drop the oldest one if there are too many."""
-        self._covariance = np.block(
-            [
-                [self._covariance, self._covariance[:, :6]],
-                [self._covariance[:6], self._covariance[:6, :6]],
-            ]
-        )
-        self._clones[frame] = self.pose()
+        covariance = self._covariance
+        self._covariance = np.block([[covariance, covariance[:, :6]], [covariance[:6], covariance[:6, :6]]])
+        self._clones = np.concatenate([self._clones, self.pose()[None]])
         if len(self._clones) > CLONES:
-            del self._clones[min(self._clones)]
+            self._clones, self._oldest = self._clones[1:], self._oldest + 1
             kept = np.r_[:_INERTIAL, _INERTIAL + 6 : len(self._covariance)]
             self._covariance = self._covariance[np.ix_(kept, kept)]
 
-    def update(self, tracks: Sequence[_Track]) -> None:
-        """Use tracks that end in the newest frame."""
-        parts = [part for track in tracks if (part := self._constraint(track)) is not None]
-        if not parts:
+    def update(self, tracks: EndedTracks) -> None:
+        """Use tracks that pass the gate."""
+        residual, by_clones = self._constraints(tracks)
+        if not len(residual):
             return
-        residual = np.concatenate([part[0] for part in parts])
-        by_state = np.concatenate([part[1] for part in parts])
-        crossed = self._covariance @ by_state.T
-        gain = np.asarray(np.linalg.solve(by_state @ crossed + np.eye(len(residual)), crossed.T).T, dtype=np.float64)
-        kept = np.eye(len(self._covariance)) - gain @ by_state
-        self._covariance = kept @ self._covariance @ kept.T + gain @ gain.T
+        reduced = np.linalg.qr(np.column_stack([by_clones, residual]), mode="r")
+        by_clones, residual = reduced[:, :-1], reduced[:, -1]
+        crossed = self._covariance[:, _INERTIAL:] @ by_clones.T
+        spread = by_clones @ crossed[_INERTIAL:] + np.eye(len(residual))
+        gain = np.asarray(np.linalg.solve(spread, crossed.T).T, dtype=np.float64)
+        kept = np.eye(len(self._covariance))
+        kept[:, _INERTIAL:] -= gain @ by_clones
+        covariance = kept @ self._covariance @ kept.T + gain @ gain.T
+        self._covariance = (covariance + covariance.T) / 2.0  # or rounding errors grow
         self._correct(gain @ residual)
 
-    def _constraint(self, track: _Track) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Whitened residuals and derivatives of a track without its point; None if it fails the gate."""
-        residual, by_pose, by_point = self._linearised(track, self._triangulated(track))
-        span = np.linalg.qr(track.whiten @ by_point, mode="complete")[0][:, 3:]
-        left = np.asarray(span.T @ track.whiten, dtype=np.float64)
-        reduced, by_state = left @ residual, left @ self._spread(track, by_pose)
-        spread = by_state @ self._covariance @ by_state.T + np.eye(len(reduced))
-        squared = float(reduced @ np.linalg.solve(spread, reduced))
-        passes = squared <= self._gate * float(stats.chi2.ppf(self._level, len(reduced)))
+    def _constraints(self, tracks: EndedTracks) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Whitened residuals and derivatives by the copies, of tracks without their points that pass the gate.
+
+        After the last observation of a track, both are 0.
+        """
+        poses = self._clones[self._places(tracks)]
+        points, known = triangulated(self._problem.camera, poses, tracks)
+        self.found.append(known)
+        tracks, poses, points = tracks.chosen(known), poses[known], points[known]
+        count = len(points)
+        residual, by_pose, by_point = _linearised(self._problem.camera, poses, points, tracks)
+        spread = np.zeros((count, CLONES, 2, len(self._clones), 6))
+        spread[np.arange(count)[:, None], np.arange(CLONES), :, self._places(tracks)] = by_pose
+        by_clones = spread.reshape(count, 2 * CLONES, 6 * len(self._clones))
+        residual, by_clones, by_point = self._whitened(tracks, poses, points, (residual, by_clones, by_point))
+        span = np.swapaxes(np.linalg.qr(by_point, mode="complete")[0][:, :, 3:], 1, 2)
+        rows, residual = span @ by_clones, (span @ residual[:, :, None])[:, :, 0]
+        freedom = 2 * tracks.length - 3
+        covariance = rows @ self._covariance[_INERTIAL:, _INERTIAL:] @ np.swapaxes(rows, 1, 2) + np.eye(rows.shape[1])
+        squared = np.einsum("ti,ti->t", residual, np.linalg.solve(covariance, residual[:, :, None])[:, :, 0])
+        passes = squared <= self._gate * stats.chi2.ppf(0.95, freedom)
         self.accepted.append(passes)
-        self.ratios.append(squared / len(reduced))
-        return (reduced, by_state) if passes else None
+        self.ratios.append(squared / freedom)
+        return residual[passes].ravel(), rows[passes].reshape(-1, by_clones.shape[2])
 
-    def _linearised(
-        self, track: _Track, point: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Residuals (2 n,), derivatives by poses (n, 2, 6) and by the point (2 n, 3)."""
-        poses = np.stack([self._clones[int(frame)] for frame in track.frames])
-        camera, count = self._problem.vision.camera, len(track.frames)
-        by_pose, by_point = image_derivatives(camera, poses, np.tile(point, (count, 1)))
-        predicted = images(camera, poses, PointTracks(np.arange(count)[None], point[None]))[0]
-        return (track.uv - predicted).ravel(), by_pose, by_point.reshape(2 * count, 3)
+    def _places(self, tracks: EndedTracks) -> NDArray[np.int64]:
+        """(tracks, CLONES): which copies see them; the newest one after the last observation."""
+        return np.minimum(tracks.first[:, None] - self._oldest + np.arange(CLONES), len(self._clones) - 1)
 
-    def _triangulated(self, track: _Track) -> NDArray[np.float64]:
-        """The point of a track from the copies of poses, by Gauss-Newton steps from the true one."""
-        point = track.point
-        for _ in range(_TRIANGULATIONS):
-            residual, _, by_point = self._linearised(track, point)
-            step = np.linalg.lstsq(track.whiten @ by_point, track.whiten @ residual)[0]
-            point = point + np.asarray(step, dtype=np.float64)
-        return point
-
-    def _spread(self, track: _Track, by_pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(2 n, states): derivatives by the whole state."""
-        count = len(track.frames)
-        spread = np.zeros((count, 2, len(self._covariance)))
-        order = {frame: place for place, frame in enumerate(sorted(self._clones))}
-        for row, frame in enumerate(track.frames):
-            first = _INERTIAL + 6 * order[int(frame)]
-            spread[row, :, first : first + 6] = by_pose[row]
-        return spread.reshape(2 * count, -1)
+    def _whitened(
+        self,
+        tracks: EndedTracks,
+        poses: NDArray[np.float64],
+        points: NDArray[np.float64],
+        values: Sequence[NDArray[np.float64]],
+    ) -> list[NDArray[np.float64]]:
+        """Values (tracks, 2 CLONES, ...), times the inverse root of the assumed covariance."""
+        if not isinstance(self._assumed, TrackNoise):
+            return [one / self._assumed for one in values]
+        depth = _seen(poses, points)[:, :, 2]
+        covariance = of_full_rank(self._assumed.covariance(depth[:, :1] / depth))
+        there = np.repeat(_there(tracks), 2, axis=1)
+        covariance = np.where(there[:, :, None] & there[:, None, :], covariance, np.eye(2 * CLONES))
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        return [np.einsum("tij,tj...->ti...", whiten, one) for one in values]
 
     def _correct(self, move: NDArray[np.float64]) -> None:
-        self._rotation = self._rotation @ Rotation.from_rotvec(move[:3]).as_matrix()
+        self._rotation = self._rotation @ _turns(move[:3])
         self._position, self._velocity = self._position + move[3:6], self._velocity + move[6:9]
-        self._gyro_bias, self._accelerometer_bias = (
-            self._gyro_bias + move[9:12],
-            self._accelerometer_bias + move[12:15],
-        )
-        for place, frame in enumerate(sorted(self._clones)):
-            own = move[_INERTIAL + 6 * place : _INERTIAL + 6 * place + 6]
-            pose = self._clones[frame].copy()
-            pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(own[:3]).as_matrix()
-            pose[:3, 3] += own[3:]
-            self._clones[frame] = pose
+        self._gyro_bias = self._gyro_bias + move[9:12]
+        self._accelerometer_bias = self._accelerometer_bias + move[12:15]
+        own = move[_INERTIAL:].reshape(-1, 6)
+        self._clones = self._clones.copy()
+        self._clones[:, :3, :3] @= _turns(own[:, :3])
+        self._clones[:, :3, 3] += own[:, 3:]
+
+
+def _turns(rotvecs: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(Rotation.from_rotvec(rotvecs).as_matrix())
+
+
+def _steps(
+    turns: NDArray[np.float64], halfway: NDArray[np.float64], forces: NDArray[np.float64], interval_s: float
+) -> NDArray[np.float64]:
+    """(n, 15, 15): what errors of the inertial state become from each reading to the next."""
+    tilted = -halfway @ cross_matrices(forces)
+    steps = np.tile(np.eye(_INERTIAL), (len(turns), 1, 1))
+    steps[:, :3, :3], steps[:, :3, 9:12] = np.swapaxes(turns, 1, 2), -interval_s * np.eye(3)
+    steps[:, 6:9, :3], steps[:, 6:9, 12:15] = interval_s * tilted, -interval_s * halfway
+    steps[:, 3:6, 6:9], steps[:, 3:6, :3] = interval_s * np.eye(3), interval_s**2 / 2.0 * tilted
+    steps[:, 3:6, 12:15] = -(interval_s**2) / 2.0 * halfway
+    return steps
+
+
+def _there(tracks: EndedTracks) -> NDArray[np.bool_]:
+    """(tracks, CLONES): whether there is an observation."""
+    return np.asarray(np.arange(CLONES) < tracks.length[:, None])
+
+
+def _seen(poses: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(tracks, n, 3): points (tracks, 3) in the cameras (tracks, n, 4, 4) that see them."""
+    return np.asarray(np.einsum("tnji,tnj->tni", poses[:, :, :3, :3], points[:, None] - poses[:, :, :3, 3]))
+
+
+def _linearised(
+    camera: Camera, poses: NDArray[np.float64], points: NDArray[np.float64], tracks: EndedTracks
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Residuals (tracks, 2 n), derivatives by poses (tracks, n, 2, 6) and by the point (tracks, 2 n, 3)."""
+    count, length = poses.shape[:2]
+    weight = _there(tracks)[:, :, None, None].astype(np.float64)
+    seen = _seen(poses, points)
+    uv, projected = _imaged(camera, seen)
+    projected *= weight
+    by_point = projected @ np.swapaxes(poses[:, :, :3, :3], 2, 3)
+    turned = projected @ cross_matrices(seen.reshape(-1, 3)).reshape(count, length, 3, 3)
+    by_pose = np.concatenate([turned, -by_point], axis=3)
+    residual = weight[:, :, 0] * (tracks.uv - uv)
+    return residual.reshape(count, 2 * length), by_pose, by_point.reshape(count, 2 * length, 3)
+
+
+def _imaged(camera: Camera, seen: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Images (tracks, n, 2) of points in the frame of the camera (tracks, n, 3), and derivatives (tracks, n, 2, 3)."""
+    focal, centre = np.array([camera.fx, camera.fy]), (camera.cx, camera.cy)
+    slope = seen[:, :, :2] / seen[:, :, 2:]
+    derivative = np.zeros((*seen.shape[:2], 2, 3))
+    derivative[:, :, (0, 1), (0, 1)] = focal / seen[:, :, 2:]
+    derivative[:, :, :, 2] = -focal * slope / seen[:, :, 2:]
+    return focal * slope + centre, derivative
+
+
+def triangulated(
+    camera: Camera, poses: NDArray[np.float64], tracks: EndedTracks
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Points (tracks, 3) nearest to the rays of tracks, refined in the image, and which of them are usable (tracks,).
+
+    Shapes: poses (tracks, CLONES, 4, 4). Refined are position and inverse depth in the first frame.
+    """
+    there = _there(tracks)
+    count, length = there.shape
+    rays = camera.unproject(tracks.uv.reshape(-1, 2), np.ones(count * length)).reshape(count, length, 3)
+    rays = np.einsum("tnij,tnj->tni", poses[:, :, :3, :3], rays / np.linalg.norm(rays, axis=2, keepdims=True))
+    across = there[:, :, None, None] * (np.eye(3) - rays[:, :, :, None] * rays[:, :, None, :])
+    system, centres = across.sum(axis=1), poses[:, :, :3, 3]
+    usable = np.linalg.cond(system) < _WORST_CONDITION
+    system[~usable] = np.eye(3)
+    points = np.linalg.solve(system, np.einsum("tnij,tnj->ti", across, centres)[:, :, None])[:, :, 0]
+    first, centre = poses[:, 0, :3, :3], poses[:, 0, :3, 3]
+    for _ in range(_REFINEMENTS):
+        usable &= _within(_seen(poses, points))
+        points[~usable] = (centre + first[:, :, 2])[~usable]
+        local = np.einsum("tji,tj->ti", first, points - centre)
+        depth = local[:, 2:]
+        by_inverse = np.concatenate([first[:, :, :2], -(first @ local[:, :, None])], axis=2) * depth[:, :, None]
+        residual, _, by_point = _linearised(camera, poses, points, tracks)
+        derivative = by_point @ by_inverse
+        derivative[~usable], residual[~usable] = np.eye(2 * length, 3), 0.0
+        transposed = np.swapaxes(derivative, 1, 2)
+        step = np.linalg.solve(transposed @ derivative, transposed @ residual[:, :, None])[:, :, 0]
+        moved = np.column_stack([local[:, :2], np.ones(count)]) / depth + step
+        usable &= moved[:, 2] > 1.0 / _FARTHEST_M
+        inverse = np.where(usable, moved[:, 2], 1.0)[:, None]
+        points = centre + np.einsum("tij,tj->ti", first, np.column_stack([moved[:, :2], np.ones(count)]) / inverse)
+    return points, np.asarray(usable & _within(_seen(poses, points)))
+
+
+def _within(seen: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether points (tracks, n, 3) are before all cameras, and at a usable depth in the first."""
+    ahead = (seen[:, :, 2] > _NEAREST_M).all(axis=1)
+    return np.asarray(ahead & (seen[:, 0, 2] < _FARTHEST_M))

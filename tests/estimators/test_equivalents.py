@@ -23,7 +23,7 @@ from tracknoise.tables.store import RunFolder
 def of_state(length: int, **planted: float) -> dict[Purpose, Interval]:
     fitted = fit_components(units(0, scenes=8, **planted), level=0.95)
     some = windows([], speed=1, length=length, lifetimes=np.full(50, 12))
-    limits = Gates(TrackGates.of(some[0], fitted.noise), (1.0, 1.0))
+    limits = Gates(TrackGates.of(some[0], fitted.noise), (1.0, 1.0, 1.0))
     found = equivalents(fitted, some, length=length, speed=1, gates=limits)
     return {one.purpose: one.sigma for one in found if one.landmark is Landmark.STATE}
 

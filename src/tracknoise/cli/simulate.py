@@ -25,6 +25,7 @@ class Layout(StrEnum):
     """File layouts that can be written. Each has the name of the reader that reads it."""
 
     folder = "folder"
+    euroc = "euroc"
     dtu = "dtu"
     kitti = "kitti"
 
@@ -41,10 +42,14 @@ _MOVING = {
 }
 _DEFAULTS: dict[Layout, dict[str, Any]] = {
     Layout.folder: {**_MOVING, "motion": "sideways", "width": 800, "height": 600, "hfov": 60.0},
+    Layout.euroc: {**_MOVING, "motion": "arvr", "width": 752, "height": 480, "hfov": 78.8},
     Layout.kitti: {**_MOVING, "motion": "forward", "width": 1242, "height": 375, "hfov": 81.5},
     Layout.dtu: {**_ANY, "width": 1600, "height": 1200, "supersampling": 1, "image_format": "png"},
 }
 """Options of each layout, with their defaults."""
+
+_EUROC_RATE_HZ = 20.0
+"""Frames per second of EuRoC's cameras."""
 
 
 def register(app: typer.Typer) -> None:
@@ -78,11 +83,12 @@ def simulate(
 ) -> int:
     """Render simulated sequences in the layout of a dataset. The reader of the same name reads them.
 
-    `folder`: images, exact depth, poses and camera. `dtu`: a light stage with 19 LEDs and a scan. `kitti`: a drive with
-    a lidar. See docs/folder-layout.md, docs/dtu.md and docs/kitti.md.
+    `folder`: images, exact depth, poses and camera. `euroc`: images at 20 Hz, inertial readings at 200 Hz with EuRoC's
+    noise, poses, velocities and biases, for filters. `dtu`: a light stage with 19 LEDs and a scan. `kitti`: a drive
+    with a lidar. See docs/folder-layout.md, docs/formats/euroc.md, docs/dtu.md and docs/kitti.md.
 
     Examples: `tracknoise simulate --motion forward --frames 100 --out data/forward`,
-    `tracknoise simulate --layout dtu --scenes 2 --out data/dtu`
+    `tracknoise simulate --layout euroc --world objects --motion linear --frames 300 --out data/flight`
     """
     options = _options(layout, context.params)
     if layout is Layout.dtu:
@@ -136,6 +142,8 @@ def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: in
     motion, lighting = options.pop("motion"), options.pop("lighting")
     options |= {"motions": [motion], "worlds": scenes}
     options |= {"noise_sigma": options.pop("noise"), "hfov_deg": options.pop("hfov")}
+    if layout is Layout.euroc:
+        options["imaging"] = {"rate_hz": _EUROC_RATE_HZ}
     if lighting is not None:
         options["lightings"] = [lighting]
     reader = make_reader("simulated", None, {name: value for name, value in options.items() if value is not None})
@@ -145,19 +153,26 @@ def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: in
             from tracknoise.sequences.kitti_writer import write_kitti
 
             write_kitti(map(reader.open, names), out, seed=options["seed"], progress=progress)
+        elif layout is Layout.euroc:
+            from tracknoise.sequences.euroc_writer import write_euroc
+
+            _write_folders(partial(write_euroc, seed=options["seed"]), reader, names, out, progress)
         else:
-            _write_folders(reader, names, out, progress)
+            from tracknoise.sequences.folder import write_folder
+
+            _write_folders(write_folder, reader, names, out, progress)
     return counted(options["frames"] * len(names), "frame")
 
 
-def _write_folders(reader: "Reader", names: "list[SequenceId]", out: Path, progress: "Progress") -> None:
+def _write_folders(
+    write: "Callable[..., None]", reader: "Reader", names: "list[SequenceId]", out: Path, progress: "Progress"
+) -> None:
     """Write a single sequence into the folder itself, several sequences into subfolders."""
-    from tracknoise.sequences.folder import write_folder
     from tracknoise.sequences.writing import new_folder
 
     if len(names) == 1:
-        write_folder(reader.open(names[0]), out, progress=progress)
+        write(reader.open(names[0]), out, progress=progress)
         return
     with new_folder(out) as unfinished:
         for name in names:
-            write_folder(reader.open(name), unfinished / name.scene, progress=progress)
+            write(reader.open(name), unfinished / name.scene, progress=progress)

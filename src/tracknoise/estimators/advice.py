@@ -1,15 +1,15 @@
 """What to set in one estimator, all together: sigma, gates, robust loss and its knee.
 
 **Sigma and gates of a filter.** A filter whose covariance is used needs the sigma that makes the newest pose right. It
-is larger than residuals, so that a chi-square gate at its shipped size lets all pass. The gate of a model lets 95 % of
-the good tracks pass at true poses. Predicted poses err, too, and add to innovations. If they make up the share p of the
-claimed variance of innovations, half of the tracks of k degrees of freedom pass the gate
+is larger than residuals, so that a chi-square gate at its shipped size lets all pass. The tails of good tracks, in turn,
+would widen a gate that all but a few of them pass, and let bad ones in. So the gate is the one that four of five good
+tracks pass, if errors of the predicted poses make up the share p of the claimed variance of innovations, as claimed:
 
-    floor = (p + (1 - p) (innovations / sigma)^2) median_k / quantile_k(.95),  chi square, p = 1/3    (advice.floor)
+    gate = (p + (1 - p) g_.80) q_k(.80) / q_k(.95),  p = 1/3    (advice.gate)
 
-The gate is the larger of both. So at least half of the good tracks pass as long as predicted poses make up no more than
-that share. For a single observation of a feature in the state, the quantile takes the place of the median, because a
-feature is lost with it.
+with the gate g_.80 of good tracks at true poses, and quantiles q of chi square with the k degrees of freedom of a
+track. It is at least a third of q_k(.80) / q_k(.95), .26 for windows of 11 frames. For one observation of a feature in
+the state .95 takes the place of .80, because a feature is lost with it.
 
 **Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
 those that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed
@@ -128,7 +128,9 @@ class Gate(StrEnum):
 
 
 POSE_SHARE = 1.0 / 3.0
-"""Share of the claimed variance of innovations that predicted poses may make up, p of (advice.floor)."""
+"""Share of the claimed variance of innovations that errors of predicted poses are taken to have, p of (advice.gate)."""
+GOOD = 0.8
+"""Share of good tracks that a gate lets through."""
 UNTRIED_KNEES: Mapping[LossKind, float] = {LossKind.CAUCHY: 1.0, LossKind.HUBER: 1.345}
 """Knees in sigmas where none was tried."""
 _ALIKE = 1.02
@@ -265,27 +267,26 @@ def _product(interval: Interval, factor: Interval) -> Interval:
 
 
 def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> float:
-    """Factor on a chi-square gate at .95, with this sigma: the larger of that of good tracks and (advice.floor)."""
-    innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
+    """Factor on a chi-square gate at .95, with this sigma, by (advice.gate)."""
     if gate is Gate.TRACK:
         freedom = 2 * plain.window - 3
-        floor = POSE_SHARE + (1.0 - POSE_SHARE) * (innovations.value / sigma) ** 2
-        floor *= float(stats.chi2.median(freedom) / stats.chi2.ppf(_LEVEL, freedom))
-        return max(plain.gate_95 * (plain.sigma.value / sigma) ** 2, floor)
+        good = plain.gate_95 if plain.gate_80 is None else plain.gate_80
+        allowed = POSE_SHARE + (1.0 - POSE_SHARE) * good * (plain.sigma.value / sigma) ** 2
+        return allowed * float(stats.chi2.ppf(GOOD, freedom) / stats.chi2.ppf(_LEVEL, freedom))
+    innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
     return observation_gate(model, innovations.value, sigma, _LEVEL)
 
 
 def observation_gate(model: ExportedModel, innovations: float, sigma: float, level: float) -> float:
-    """Factor on a chi-square gate of one observation at a level: the larger of that of tails and (advice.floor).
+    """Factor on a chi-square gate of one observation at a level, which that share of good observations passes.
 
-    It lets through that share of observations that are no outliers of the model.
+    Good observations are no outliers of the model. Predicted poses are allowed for as in (advice.gate).
     """
     noise, tails, good = (innovations / sigma) ** 2, model.tails, level * (1.0 - model.outlier_share)
-    floor = POSE_SHARE + (1.0 - POSE_SHARE) * noise
-    if math.isinf(tails.nu):
-        return max(floor, noise)
-    square = tails.core_ratio**2 * 2.0 * float(stats.f.ppf(good, 2, tails.nu))
-    return max(floor, noise * square / float(stats.chi2.ppf(level, 2)))
+    if math.isfinite(tails.nu):
+        square = tails.core_ratio**2 * 2.0 * float(stats.f.ppf(good, 2, tails.nu))
+        noise *= square / float(stats.chi2.ppf(level, 2))
+    return POSE_SHARE + (1.0 - POSE_SHARE) * noise
 
 
 def _of_known_point(

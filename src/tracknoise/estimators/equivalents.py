@@ -88,7 +88,7 @@ def _interpolated(known: dict[float, Array]) -> Array:
     return np.array([np.interp(0.0, column, places) for column in table.T])
 
 
-LEVELS = (0.95, 0.99)
+LEVELS = (0.8, 0.95, 0.99)
 _LEAST = 200
 _NEAR = 0.2
 """Windows may differ in length by this share."""
@@ -131,11 +131,31 @@ def gates(
     windows: pl.DataFrame, length: int, *, limit_px: float, window: Sequence[LinearTracks], noise: TrackNoise
 ) -> Gates:
     """Gates of windows of a length. `windows`: schema `WINDOW_NOISE`, of one tracker and speed."""
-    return Gates(TrackGates.of(window, noise), _measured(windows, length, limit_px))
+    measured = measured_gates(windows, length, limit_px=limit_px)
+    return Gates(TrackGates.of(window, noise), measured)
 
 
-def _measured(windows: pl.DataFrame, length: int, limit_px: float) -> tuple[float, ...] | None:
-    """Those of the measured windows of nearly this length; None if there are too few, or if they have no noise."""
+def measured_gates(
+    windows: pl.DataFrame, length: int, *, limit_px: float, levels: Sequence[float] = LEVELS
+) -> tuple[float, ...] | None:
+    """Gates of the measured windows of nearly a length; None if there are too few, or if they have no noise.
+
+    Parameters
+    ----------
+    windows
+        Table `WINDOW_NOISE`, of one tracker and speed.
+    length
+        Frames of the tracker.
+    limit_px
+        Tracks whose residuals are as large as with one outlier beyond it are not good ones.
+    levels
+        Shares of good tracks that are let through.
+
+    Returns
+    -------
+    (levels,) float
+        Quantiles of the sum of squared residuals of good tracks with the true poses, px^2, over those of chi square.
+    """
     apart = (pl.col("window").cast(pl.Int64) - length).abs()
     near = windows.filter(pl.col("trimming") == Trimming.untrimmed, apart <= _NEAR * length)
     if near["n"].to_numpy().sum() < _LEAST:
@@ -148,11 +168,11 @@ def _measured(windows: pl.DataFrame, length: int, limit_px: float) -> tuple[floa
         "n"
     ].to_numpy().sum()
     good = float(share_below(counts, np.array(limit_px / np.sqrt(freedom))))
-    squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in LEVELS]
+    squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in levels]
     if not np.isfinite(squares).all():
         return None
     return tuple(
-        float(square / (2.0 * gammaincinv(freedom / 2.0, level))) for square, level in zip(squares, LEVELS, strict=True)
+        float(square / (2.0 * gammaincinv(freedom / 2.0, level))) for square, level in zip(squares, levels, strict=True)
     )
 
 
@@ -195,14 +215,15 @@ def _named(
                 purpose=purpose,
                 window=length,
                 sigma=sigma,
-                gate_95=ratios[0],
-                gate_99=ratios[1],
+                gate_80=ratios[0],
+                gate_95=ratios[1],
+                gate_99=ratios[2],
             )
 
 
 def _gates_of(sigma: float, prior: float | None, gates: Gates, *, born_only: bool) -> tuple[float, ...]:
     if sigma <= 0.0:
-        return 1.0, 1.0
+        return tuple(1.0 for _ in LEVELS)
     return gates.factors(sigma, first=None if prior is None else max(prior / sigma, EXACT), born_only=born_only)
 
 

@@ -110,7 +110,8 @@ def _grown(equivalent: Equivalent, growth: Mapping[Purpose, float]) -> Equivalen
     own = growth[equivalent.purpose]
     seen = growth[Purpose.INNOVATIONS] / own
     found = scaled_equivalent(equivalent, math.sqrt(own))
-    return replace(found, gate_95=found.gate_95 * seen, gate_99=found.gate_99 * seen)
+    good = None if found.gate_80 is None else found.gate_80 * seen
+    return replace(found, gate_80=good, gate_95=found.gate_95 * seen, gate_99=found.gate_99 * seen)
 
 
 _MOST_PX = 1e6

@@ -503,8 +503,8 @@ def _of_advice(advice: Advice) -> Iterator[str]:
         yield "Sigma is that of residuals. Whether it is right with this loss was not tried: there are too few tracks."
     if Gate.TRACK in advice.gates:
         yield (
-            "The gate passes 95 % of good tracks at true poses, and more than half of them where predicted poses make "
-            "up a third of the innovations. Raise it if good tracks are lost."
+            "The gate passes 80 % of good tracks where errors of predicted poses make up a third of the innovations. "
+            "Raise it if good tracks are lost."
         )
 
 

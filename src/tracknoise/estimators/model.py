@@ -131,8 +131,9 @@ class Equivalent:
         Length of the window, frames.
     sigma
         Standard deviation of each coordinate, px at full resolution.
-    gate_95, gate_99
-        What to multiply a chi-square gate at .95 or .99 by, so that it lets through that share of good tracks.
+    gate_95, gate_99, gate_80
+        What to multiply a chi-square gate at .95, .99 or .80 by, so that it lets through that share of good tracks at
+        true poses. That of .80 is missing in files of earlier versions.
     """
 
     landmark: Landmark
@@ -141,6 +142,7 @@ class Equivalent:
     sigma: Interval
     gate_95: float
     gate_99: float
+    gate_80: float | None = None
 
 
 class LossKind(StrEnum):

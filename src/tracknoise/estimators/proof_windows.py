@@ -226,13 +226,20 @@ def _read(folder: RunFolder, key: str, cut: Cut) -> _Sequence:
     poses, cameras = folder.sequence_table("poses", key), folder.sequence_table("cameras", key)
     return _Sequence(
         scene=poses["scene"][0],
-        camera=_camera(cameras, key),
-        poses=_poses(poses.sort("frame")),
+        camera=recorded_camera(cameras, key),
+        poses=recorded_poses(poses),
         observations=_seen(observations, cut.most_px).join(tracks, on="track").sort("track", "frame"),
     )
 
 
-def _camera(table: pl.DataFrame, key: str) -> KnownCamera:
+def recorded_camera(table: pl.DataFrame, key: str) -> KnownCamera:
+    """The camera of a sequence, from its table `cameras`. `key`: of the sequence, for messages.
+
+    Raises
+    ------
+    StoreError
+        If it is not known, or changes.
+    """
     names = ("model", "width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
     different = table.select(names).unique()
     if different.height != 1 or different["model"][0] is None:
@@ -241,8 +248,9 @@ def _camera(table: pl.DataFrame, key: str) -> KnownCamera:
     return make_camera(model, (width, height), intrinsics, tuple(distortion))
 
 
-def _poses(table: pl.DataFrame) -> NDArray[np.float64]:
-    """(frames, 4, 4): NaN where a frame has none."""
+def recorded_poses(table: pl.DataFrame) -> NDArray[np.float64]:
+    """(frames, 4, 4) float64, world_from_camera, from the table `poses` of a sequence: NaN where a frame has none."""
+    table = table.sort("frame")
     known = table["qw"].is_not_null().to_numpy()
     rows = table.filter(pl.col("qw").is_not_null())
     poses = np.full((table.height, 4, 4), np.nan)

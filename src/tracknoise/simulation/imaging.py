@@ -303,6 +303,7 @@ class Stream(IntEnum):
     second_noise = 3
     pattern = 4
     second_pattern = 5
+    inertial = 6
 
 
 def generator(seed: int, stream: Stream, name: str, index: int = 0) -> np.random.Generator:

@@ -52,6 +52,7 @@ def equivalents(sigma: float, per_window: float) -> tuple[Equivalent, ...]:
                 purpose=purpose,
                 window=window,
                 sigma=interval(value),
+                gate_80=1.1 * gate,
                 gate_95=1.2 * gate,
                 gate_99=1.4 * gate,
             )

@@ -1,9 +1,9 @@
 """What to set in one estimator, all together: sigma, gates, robust loss and its knee.
 
 **Sigma and gates of a filter.** A filter whose covariance is used needs the sigma that makes the newest pose right. It
-is larger than residuals, so that a chi-square gate at its shipped size lets all pass. The tails of good tracks, in turn,
-would widen a gate that all but a few of them pass, and let bad ones in. So the gate is the one that four of five good
-tracks pass, if errors of the predicted poses make up the share p of the claimed variance of innovations, as claimed:
+is larger than residuals, so that a chi-square gate at its shipped size lets all pass. The tails of good tracks would
+widen a gate that all but a few of them pass, and let bad ones in. So the gate is the one that four of five good tracks
+pass, if errors of the predicted poses make up the share p of the claimed variance of innovations, as claimed:
 
     gate = (p + (1 - p) g_.80) q_k(.80) / q_k(.95),  p = 1/3    (advice.gate)
 

@@ -28,19 +28,20 @@ A model from a truth that is not trusted, or of which this is unknown, is refuse
 ([trust](../trust.md)). The verdict on the truth is in a comment of each file. CSV has the comment only where the truth
 is not trusted or this is unknown.
 
-## Which number is written
+## Which numbers are written
 
-Each estimator has a default window and a default purpose, in the tables below. `--window` and `--purpose` change them.
-The number is the one of the model whose window is nearest in length. The first line of each file states it with its
-interval.
+Sigma, gates and robust loss are chosen together, for the state and the window of the estimator
+([how](../estimators.md#how-the-numbers-are-chosen)). They are what `tracknoise noise show MODEL --for NAME` says, and what the first
+finding of a run with `[estimator] name = "NAME"` says. Each estimator has a default window and a default purpose, in the tables below.
+`--window` and `--purpose` change them. The window of the model that is nearest in length is taken. The first line of each file states
+the numbers with their intervals. `filter`, `sliding_window`, `mapping` and `pnp` are kinds of estimators.
 
 | Purpose | What is right |
 |---|---|
 """
 _CONVERSION = f"""
-With a walk, these numbers differ. A sigma that makes innovations look right makes the newest pose too certain. Knees of
-robust losses and bounds in px follow the size of residuals, whatever the purpose. Gates are widened by the tails of the
-residuals. They are never narrowed, because innovations contain the errors of predicted poses too.
+With a walk, these numbers differ. A sigma that makes innovations look right makes the newest pose too certain. Files in the syntax of a
+configuration are fragments: replace the keys of the same names in your file, and keep all others.
 
 ## Focal length and rate
 

@@ -9,7 +9,7 @@ pass, if errors of the predicted poses make up the share p of the claimed varian
 
 with the gate g_.80 of good tracks at true poses, and quantiles q of chi square with the k degrees of freedom of a
 track. It is at least a third of q_k(.80) / q_k(.95), .26 for windows of 11 frames. For one observation of a feature in
-the state .95 takes the place of .80, because a feature is lost with it.
+the state .95 takes the place of .80, because a feature is lost with it; its gate is at most 1.
 
 **Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
 those that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed
@@ -274,7 +274,7 @@ def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> 
         allowed = POSE_SHARE + (1.0 - POSE_SHARE) * good * (plain.sigma.value / sigma) ** 2
         return allowed * float(stats.chi2.ppf(GOOD, freedom) / stats.chi2.ppf(_LEVEL, freedom))
     innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
-    return observation_gate(model, innovations.value, sigma, _LEVEL)
+    return min(observation_gate(model, innovations.value, sigma, _LEVEL), 1.0)
 
 
 def observation_gate(model: ExportedModel, innovations: float, sigma: float, level: float) -> float:

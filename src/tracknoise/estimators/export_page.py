@@ -31,17 +31,18 @@ is not trusted or this is unknown.
 ## Which numbers are written
 
 Sigma, gates and robust loss are chosen together, for the state and the window of the estimator
-([how](../estimators.md#how-the-numbers-are-chosen)). They are what `tracknoise noise show MODEL --for NAME` says, and what the first
-finding of a run with `[estimator] name = "NAME"` says. Each estimator has a default window and a default purpose, in the tables below.
-`--window` and `--purpose` change them. The window of the model that is nearest in length is taken. The first line of each file states
-the numbers with their intervals. `filter`, `sliding_window`, `mapping` and `pnp` are kinds of estimators.
+([how](../estimators.md#how-the-numbers-are-chosen)). `tracknoise noise show MODEL --for NAME` says the same, and so does
+the first finding of a run with `[estimator] name = "NAME"`. Each estimator has a default window and a default purpose,
+in the tables below. `--window` and `--purpose` change them. The window of the model that is nearest in length is taken.
+The first line of each file states the numbers with their intervals. `filter`, `sliding_window`, `mapping` and `pnp` are
+kinds of estimators.
 
 | Purpose | What is right |
 |---|---|
 """
 _CONVERSION = f"""
-With a walk, these numbers differ. A sigma that makes innovations look right makes the newest pose too certain. Files in the syntax of a
-configuration are fragments: replace the keys of the same names in your file, and keep all others.
+With a walk, these numbers differ. A sigma that makes innovations look right makes the newest pose too certain. Files in
+the syntax of a configuration are fragments: replace the keys of the same names in your file, and keep all others.
 
 ## Focal length and rate
 

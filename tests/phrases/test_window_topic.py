@@ -139,9 +139,7 @@ def advised(table: pl.DataFrame, truth: pl.DataFrame = TRUSTED) -> str:
 def test_a_filter_has_sigma_and_gates_together() -> None:
     more = {**GATED, "observation_gate": (0.9, None, None)}
     found = advised(advice(more, "filter"))
-    assert found.startswith(
-        "Noise to set in a filter with a gate, windows of 11 frames at speed 1. lk: set 0.160 px (0.14"
-    )
+    assert found.startswith("Noise to set in a filter, windows of 11 frames at speed 1. lk: set 0.160 px (0.14")
     assert "Multiply chi-square gates by 0.310 for tracks and 0.900 for single observations." in found
     assert "Innovations will look like 0.070 px." in found
     assert "Sigma makes the covariance of the newest pose right." in found

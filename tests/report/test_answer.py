@@ -434,7 +434,7 @@ def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) 
 
 
 def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: ReportData) -> None:
-    expected = "In these scenes, set 0.200 px in a filter with a gate; innovations look like 0.100 px."
+    expected = "In these scenes, set 0.200 px and a track gate of 0.300 in a filter; innovations look like 0.100 px."
     assert card(summarise(data), "lucas-kanade").sigma == expected
     none = dataclasses.replace(data, advice=data.advice.clear())
     assert card(summarise(none), "lucas-kanade").sigma == ""
@@ -443,15 +443,15 @@ def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: Repor
 def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: ReportData) -> None:
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
-        "In these scenes, set at most 0.200 px in a filter with a gate: the truth is not trusted, and the tracker "
-        f"alone may have 0.100{SPACE}px; innovations look like 0.100 px."
+        "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter: the truth is not trusted, "
+        f"and the tracker alone may have 0.100{SPACE}px; innovations look like 0.100 px."
     )
 
 
 def test_the_finding_about_estimators_names_each_tracker_and_leads_to_its_section(data: ReportData) -> None:
     (found,) = (one for one in summarise(data).findings if one.topic == "estimator")
     assert [one.section for one in found.statements] == ["estimator"] * len(data.trackers)
-    expected = "lucas-kanade: in these scenes, set 0.200 px in a filter with a gate; innovations look like 0.100 px."
+    expected = "lucas-kanade: in these scenes, set 0.200 px and a track gate of 0.300 in a filter; innovations look like 0.100 px."
     assert expected in [one.text for one in found.statements]
 
 

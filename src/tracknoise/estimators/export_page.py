@@ -31,9 +31,10 @@ is not trusted or this is unknown.
 ## Which numbers are written
 
 Sigma, gates and robust loss are chosen together, for the state and the window of the estimator
-([how](../estimators.md#how-the-numbers-are-chosen)). `tracknoise noise show MODEL --for NAME` says the same, and so does
-the first finding of a run with `[estimator] name = "NAME"`. Each estimator has a default window and a default purpose,
-in the tables below. `--window` and `--purpose` change them. The window of the model that is nearest in length is taken.
+([how](../estimators.md#how-the-numbers-are-chosen)). `tracknoise noise show MODEL --for NAME` says the same, and so
+does the first finding of a run with `[estimator] name = "NAME"`. Each estimator has a default window and a default
+purpose, in the tables below. `--window` and `--purpose` change them. The window of the model that is nearest in length
+is taken.
 The first line of each file states the numbers with their intervals. `filter`, `sliding_window`, `mapping` and `pnp` are
 kinds of estimators.
 

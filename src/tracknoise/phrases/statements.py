@@ -8,6 +8,7 @@ from tracknoise.phrases.depth_topic import depth_sentence
 from tracknoise.phrases.factor_topic import answers_counted
 from tracknoise.phrases.measures import Subject
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.window_topic import depth_noise_sentence
 
 _MEASURES = {
     "noise": ("error", "noise"),
@@ -22,6 +23,10 @@ _MEASURES = {
 
 _NUMBERS = ("ratios", "survivorship", "pose errors", "differences", "depth edges")
 """Topics whose sentences are numbers of the measured scenes."""
+
+
+_OF_TRACKERS = {"depth": depth_sentence, "depth noise": depth_noise_sentence}
+"""Topics with a sentence for each tracker."""
 
 
 def findings(data: RunData, cards: Sequence[Card], accuracy: Judgement) -> tuple[Finding, ...]:
@@ -49,7 +54,8 @@ def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> lis
     if row["topic"] == "factors":
         first = [(accuracy.text, accuracy.section)] if len(data.trackers) > 1 else []
         return [*first, *([(text, row["figure"])] if (text := answers_counted(data)) else [])]
-    if row["topic"] == "depth" and (sentences := [*filter(None, (depth_sentence(data, one) for one in data.trackers))]):
+    say = _OF_TRACKERS.get(row["topic"])
+    if say is not None and (sentences := [*filter(None, (say(data, one) for one in data.trackers))]):
         return [(text, row["figure"]) for text in sentences]
     if row["topic"] in _NUMBERS and data.trackers:
         return [(Subject(data, data.trackers[0]).said(row["brief"]), row["figure"])]

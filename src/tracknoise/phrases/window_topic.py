@@ -235,11 +235,22 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     sigma, innovations = found["sigma"], found["innovations"]
     caveat = _caveat(sigma["value"], data.trust, tracker)
     most = "at most " if caveat else ""
-    title = estimator(sigma["estimator"]).title
+    more = f" and a track gate of {number(found['track_gate']['value'])}" if "track_gate" in found else ""
+    more = f" and a knee of {number(found['knee']['value'])} sigma" if "knee" in found else more
     return (
-        f"Set {most}{pixels(sigma['value'])} px in {title}{caveat}; "
+        f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}{caveat}; "
         f"innovations look like {pixels(innovations['value'])} px."
     )
+
+
+def depth_noise_sentence(data: RunData, tracker: str) -> str:
+    """With which sigma depths are right; empty where this is not known."""
+    sigma = _at_window(data, tracker).get("consistent_sigma")
+    if sigma is None:
+        return ""
+    most = "at most " if _caveat(sigma["value"], data.trust, tracker) else ""
+    window = f"in windows of {sigma['window']} frames"
+    return f"{tracker}: depths are right with {most}{pixels(sigma['value'])} px {window}."
 
 
 def estimator_sentence(data: RunData, tracker: str) -> str:

@@ -1,9 +1,10 @@
 """Whether each track has a scale of its own, and whether noise depends on reported quality, by whole tracks.
 
 The likelihood is that of all errors of a track together (`tracknoise.estimators.track_likelihood`). Parts are added one
-at a time: a scale of each track, then the covariate that gains most, then a second one. Each is kept if it gains in log
-likelihood per track on what was left out, scenes or groups of them, and the interval of the gain does not reach 0. What
-remains is compared in the same way with the components that second moments give (`tracknoise.estimators.components`).
+at a time: a scale of each track, then the covariate that gains most, then a second one. Each is kept if it gains more
+than 0.05 nat per track on what was left out, scenes or groups of them, and the interval of the gain does not reach 0.
+What remains is compared in the same way with the components that second moments give
+(`tracknoise.estimators.components`).
 
 Intervals are those of the jackknife, where leaving out unit i changes the values by one step of Newton,
 
@@ -13,7 +14,7 @@ with sums s of the first derivatives, and J of minus the second ones.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -37,7 +38,9 @@ _LEAST_TRACKS, _MOST_TRACKS = 50, 4000
 """Tracks that are fitted."""
 _FOLDS = 10
 _MOST_FACTORS = 2
-_RANGE = (0.05, 0.95)
+_LEAST_GAIN = 0.05
+"""Nat per track."""
+_RANGE = (0.01, 0.99)
 """Shares of the observations within which factors change."""
 _NEGLIGIBLE = 1e-3
 """A component with a variance below this share of the largest one is 0."""
@@ -124,12 +127,13 @@ class Sample:
     def gain(self, those: Array, others: Array, level: float) -> Interval:
         """Mean of the differences of log likelihoods (tracks,), with its interval over units."""
         counts = np.bincount(self.unit).astype(np.float64)
-        return mean_gain(np.bincount(self.unit, weights=those - others), counts, level)
+        gain = np.bincount(self.unit, weights=those - others).astype(np.float64)
+        return mean_gain(gain, counts, level)
 
 
 def is_gain(gain: Interval) -> bool:
-    """Whether the interval of a gain does not reach 0."""
-    return gain.low is not None and gain.low > 0.0
+    """Whether a gain is worth a part, and its interval does not reach 0."""
+    return gain.value > _LEAST_GAIN and gain.low is not None and gain.low > 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,32 +150,41 @@ class ChosenLaw:
         Of each of these over the law before.
     held_out : (tracks,) float64
         Log likelihoods of tracks that were left out.
+    without_factors
+        The law before covariates were added.
     scale_gain
-        Of a scale for each track.
+        Of a scale for each track; None where it was not tried.
     """
 
     law: TrackLaw
     places: tuple[int, ...]
     gains: tuple[Interval, ...]
     held_out: Array
-    scale_gain: Interval
+    without_factors: TrackLaw
+    scale_gain: Interval | None = None
 
 
-def choose_law(sample: Sample, *, level: float) -> ChosenLaw:
-    """Add parts one at a time, while what was left out is described better."""
+def choose_law(sample: Sample, *, level: float, scales: bool = True) -> ChosenLaw:
+    """Add parts one at a time, while what was left out is described better; `scales`: whether one of each track is."""
     gaussian = sample.fitted(TrackLaw(), ())
-    student = sample.fitted(with_scales(gaussian), ())
-    of_gaussian, of_student = sample.held_out(gaussian, ()), sample.held_out(student, ())
-    scale_gain = sample.gain(of_student, of_gaussian, level)
-    law, held_out = (student, of_student) if is_gain(scale_gain) else (gaussian, of_gaussian)
-    chosen = ChosenLaw(law, (), (), held_out, scale_gain)
+    chosen = ChosenLaw(gaussian, (), (), sample.held_out(gaussian, ()), gaussian)
+    if scales:
+        student = sample.fitted(with_scales(gaussian), ())
+        held_out = sample.held_out(student, ())
+        gain = sample.gain(held_out, chosen.held_out, level)
+        scaled = ChosenLaw(student, (), (), held_out, student, gain)
+        chosen = scaled if is_gain(gain) else replace(chosen, scale_gain=gain)
     while len(chosen.places) < _MOST_FACTORS:
         more = [_with(sample, chosen, place, level) for place in range(len(sample.covariates))]
         better = [one for one in more if one is not None and is_gain(one.gains[-1])]
         if not better:
             break
-        chosen = max(better, key=lambda one: one.gains[-1].value)
+        chosen = max(better, key=_last_gain)
     return chosen
+
+
+def _last_gain(chosen: ChosenLaw) -> float:
+    return chosen.gains[-1].value
 
 
 def _with(sample: Sample, before: ChosenLaw, place: int, level: float) -> ChosenLaw | None:
@@ -179,11 +192,10 @@ def _with(sample: Sample, before: ChosenLaw, place: int, level: float) -> Chosen
     if place in before.places:
         return None
     places = (*before.places, place)
-    start = before.law
-    law = sample.fitted(TrackLaw(start.first, start.white, start.walk, start.nu, (*start.powers, 0.0)), places)
+    law = sample.fitted(replace(before.law, powers=(*before.law.powers, 0.0)), places)
     held_out = sample.held_out(law, places)
     gain = sample.gain(held_out, before.held_out, level)
-    return ChosenLaw(law, places, (*before.gains, gain), held_out, before.scale_gain)
+    return replace(before, law=law, places=places, gains=(*before.gains, gain), held_out=held_out)
 
 
 def fit_track_scale(
@@ -194,17 +206,15 @@ def fit_track_scale(
     `errors`: schema `TRACK_ERRORS`, of one tracker and speed. `sums`: schema `NOISE_SUMS`, of the same. `conditions`:
     factors on the components that second moments give.
     """
-    rows = _thinned(errors)
+    rows = thinned(errors)
     first = rows.filter(age=0)
     if first.height < _LEAST_TRACKS or not rows.select("du_px", "dv_px").to_numpy().any():
         return None
-    units = _units(first, groups)
-    labels = _labels(first, units)
-    sample = _sample(rows, labels, _numbers(first, labels, units, groups), independent_noun(units))
+    sample = sample_of_tracks(rows, groups)
     chosen = choose_law(sample, level=level)
-    today = _of_second_moments(sample, rows, sums, labels, units, conditions, groups, level)
+    today = _of_second_moments(sample, rows, sums, conditions, groups, level)
     gain = sample.gain(chosen.held_out, today, level)
-    intervals = _intervals(sample, chosen, first, groups, level)
+    intervals = law_intervals(sample, chosen.law, chosen.places, first, groups=groups, level=level)
     scale = chosen.scale_gain
     return TrackScale(
         nu=intervals["nu"] if chosen.law.has_scales else None,
@@ -219,8 +229,8 @@ def fit_track_scale(
     )
 
 
-def _not_better(part: str, gain: Interval, noun: str) -> str:
-    if gain.low is None:
+def _not_better(part: str, gain: Interval | None, noun: str) -> str:
+    if gain is None or gain.low is None:
         return f"too few {noun} can be left out to tell what is gained by {part}"
     shown = f"{gain.value:+.2g} nat per track, interval from {gain.low:+.2g}"
     return f"{noun} that were left out are not described better with {part} ({shown})"
@@ -236,7 +246,7 @@ def _component(sigma: Interval | None) -> Component:
 _TRACK = ["dataset", "scene", "track"]
 
 
-def _thinned(errors: pl.DataFrame) -> pl.DataFrame:
+def thinned(errors: pl.DataFrame) -> pl.DataFrame:
     """Rows of at most `_MOST_TRACKS` tracks, in order."""
     ordered = errors.sort(*_TRACK, "age")
     count = ordered.filter(age=0).height
@@ -256,14 +266,15 @@ def _labels(table: pl.DataFrame, units: Units) -> pl.Series:
     return table.select(label=name).to_series()
 
 
-def _numbers(first: pl.DataFrame, labels: pl.Series, units: Units, groups: SceneGroups) -> NDArray[np.intp]:
-    """Number of what each track is left out with, (tracks,)."""
+def sample_of_tracks(rows: pl.DataFrame, groups: SceneGroups) -> Sample:
+    """From rows of the schema `TRACK_ERRORS` that are `thinned`. Scenes are left out, or blocks where they are few."""
+    first = rows.filter(age=0)
+    units = _units(first, groups)
+    labels = _labels(first, units)
     if units.resampled == Resampled.blocks:
-        return np.asarray(labels.rank("dense").to_numpy().astype(np.intp) - 1)
-    return group_numbers(first, groups)
-
-
-def _sample(rows: pl.DataFrame, labels: pl.Series, unit: NDArray[np.intp], noun: str) -> Sample:
+        unit = labels.rank("dense").to_numpy().astype(np.intp) - 1
+    else:
+        unit = group_numbers(first, groups)
     track = rows.select(pl.struct(_TRACK).rank("dense")).to_series().to_numpy().astype(np.intp) - 1
     qualities = [name for name in rows.columns if name.startswith(QUALITY_PREFIX)]
     values = {name.removeprefix(QUALITY_PREFIX): _floats(rows[name]) for name in (MOTION, *qualities)}
@@ -275,7 +286,7 @@ def _sample(rows: pl.DataFrame, labels: pl.Series, unit: NDArray[np.intp], noun:
         born=np.ones(len(labels), dtype=bool),
         values=values,
         unit=unit,
-        noun=noun,
+        noun=independent_noun(units),
     )
 
 
@@ -310,8 +321,6 @@ def _of_second_moments(
     sample: Sample,
     rows: pl.DataFrame,
     sums: pl.DataFrame,
-    labels: pl.Series,
-    units: Units,
     conditions: Sequence[Factor],
     groups: SceneGroups,
     level: float,
@@ -320,7 +329,10 @@ def _of_second_moments(
 
     The factors of `conditions` are those of all scenes, which favours these components.
     """
-    found, fold, own = np.zeros(len(sample.unit)), sample.fold, _labels(sums, units)
+    first = rows.filter(age=0)
+    units = _units(first, groups)
+    labels, own = _labels(first, units), _labels(sums, units)
+    found, fold = np.zeros(len(sample.unit)), sample.fold
     at = {one.of: _floats(rows[one.of if one.of == MOTION else QUALITY_PREFIX + one.of]) for one in conditions}
     factor = _by_track(sample.tracks, factor_of(conditions, at, rows.height))
     for one in np.unique(fold):
@@ -342,11 +354,13 @@ def _by_track(tracks: TrackErrors, values: Array) -> Array:
     return table
 
 
-def _intervals(
-    sample: Sample, chosen: ChosenLaw, first: pl.DataFrame, groups: SceneGroups, level: float
+def law_intervals(
+    sample: Sample, law: TrackLaw, places: Sequence[int], first: pl.DataFrame, *, groups: SceneGroups, level: float
 ) -> dict[str, Interval]:
-    """Standard deviations of the components that are not negligible, and nu, with their intervals, by name."""
-    law = chosen.law
+    """Standard deviations of the components that are not negligible, and nu, with their intervals, by name.
+
+    `law`: fitted to the sample with the covariates `places`. `first`: columns dataset, scene and block of its tracks.
+    """
     names = [*COMPONENTS, *(["nu"] if law.has_scales else [])]
     variances = np.square([law.first, law.white, law.walk])
     negligible = variances < _NEGLIGIBLE * variances.max()
@@ -354,7 +368,7 @@ def _intervals(
     cells = first.select("dataset", "scene", "block", cell=pl.struct("dataset", "scene", "block").rank("dense") - 1)
     each = cells.unique("cell").sort("cell")
     cell = cells["cell"].to_numpy().astype(np.intp)
-    slopes, second = law.information(sample.tracks.with_covariates(chosen.places), cell, each.height)
+    slopes, second = law.information(sample.tracks.with_covariates(places), cell, each.height)
     size = len(active)
     columns = np.hstack(
         [

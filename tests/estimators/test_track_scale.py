@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from scipy import stats
-from tests.estimators.models import component, made
+from tests.estimators.models import TEXTURE, component, made
 from tests.estimators.simulated_tracks import error_tracks, errors_of, sums_of
 
 from tracknoise.estimators.model import Interval, TrackScale, log_factor
@@ -13,6 +13,7 @@ from tracknoise.estimators.track_likelihood import TrackErrors, TrackLaw
 from tracknoise.estimators.track_scale import fit_track_scale
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.units import NO_GROUPS
+from tracknoise.report.noise_cells import model_sentences
 
 N_TRACKS, MOST, SCENES = 80, 10, 6
 PLANTED = {"first": 0.2, "white": 0.15, "walk": 0.08}
@@ -159,6 +160,19 @@ def test_files_of_the_earlier_format_have_no_scale_of_tracks() -> None:
     assert found.track_scale is None
     with pytest.raises(SettingsError, match="no scale of tracks"):
         found.scale_matrix([0, 1])
+
+
+def test_models_say_what_a_scale_of_each_track_gains() -> None:
+    said = " ".join(model_sentences(made(0.3, track_scale=scale(conditions=(TEXTURE,)))))
+    assert "Student's distribution with 3.00 (2.50 to 4.00) degrees of freedom" in said
+    assert (
+        "Q 0.0800 px per sqrt(frame); W and Q depend on min_eigenvalue. On what was left out, this gains 1.00" in said
+    )
+    said = " ".join(model_sentences(made(0.3, track_scale=scale(nu=None))))
+    assert "all have one scale: A 0.200 px" in said
+    assert "Student's distribution" not in said
+    said = " ".join(model_sentences(made(0.3, track_scale=scale(why_refused="scenes do not agree"))))
+    assert "The likelihood of whole tracks is not used: scenes do not agree." in said
 
 
 def test_a_refused_scale_is_not_used() -> None:

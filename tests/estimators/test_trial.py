@@ -64,7 +64,8 @@ def test_planted_texture_comes_back() -> None:
     (texture,) = law.conditions
     assert texture.of == TEXTURE
     assert np.diff(log_factor(texture, np.exp([-0.5, 0.5]))) == pytest.approx(-2.0, abs=0.2)
-    assert _sigmas(law.noise)[1] == pytest.approx(0.4, abs=0.03)
+    (of_one,) = np.exp(0.5 * log_factor(texture, np.array([1.0])))
+    assert of_one * _sigmas(law.noise)[1] == pytest.approx(0.4, abs=0.03)
 
 
 def test_tracks_of_one_scale_are_not_given_their_own() -> None:

@@ -22,9 +22,17 @@ from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators.components import fit_noise, group_numbers, independent_noun, sums_of_units
+from tracknoise.estimators.exports import invertible
 from tracknoise.estimators.model import Component, Factor, Interval, TrackScale, factor_of
 from tracknoise.estimators.run_time_conditions import TRENDS, Trend, mean_gain
-from tracknoise.estimators.track_likelihood import COMPONENTS, STEEPEST, TrackErrors, TrackLaw, fit_law, with_scales
+from tracknoise.estimators.track_likelihood import (
+    COMPONENTS,
+    STEEPEST,
+    TrackErrors,
+    TrackLaw,
+    fit_law,
+    with_scales,
+)
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.intervals import Method, pooled
@@ -327,7 +335,8 @@ def _of_second_moments(
 ) -> Array:
     """Log likelihoods (tracks,) of tracks that were left out, under components fitted to the sums of all others.
 
-    The factors of `conditions` are those of all scenes, which favours these components.
+    The factors of `conditions` are those of all scenes, which favours these components. No observation is exact, as in
+    exports.
     """
     first = rows.filter(age=0)
     units = _units(first, groups)
@@ -342,7 +351,8 @@ def _of_second_moments(
             noise = fit_noise(sums_of_units(rest, groups), level=level)
         except SettingsError:  # too few errors
             return np.full(len(sample.unit), np.nan)
-        found[left] = sample.tracks.chosen(left).gaussian(noise, factor[left])
+        used = replace(noise, white=invertible(noise.white))
+        found[left] = sample.tracks.chosen(left).gaussian(used, factor[left])
     return found
 
 

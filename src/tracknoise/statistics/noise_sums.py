@@ -441,7 +441,7 @@ def track_errors(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFram
 
     Returns schema `TRACK_ERRORS`, sorted. A track ends before its first outlier or hidden observation.
     """
-    place, length = _until_unknown(tracks)
+    place, length = until_unknown(tracks)
     chosen = _some_tracks(sequence.seen.condition[tracks.rows[place]], length >= _LEAST_OBSERVATIONS)
     taken = length[chosen]
     kept = np.repeat(place[chosen] - np.cumsum(taken) + taken, taken) + np.arange(taken.sum())
@@ -466,7 +466,7 @@ _LEAST_OBSERVATIONS = 2
 """Of a track with a known error: the first one is where it is about."""
 
 
-def _until_unknown(tracks: ErrorTracks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def until_unknown(tracks: ErrorTracks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Where each track begins, and how many observations it has before the first one without a known error."""
     begins = np.flatnonzero(np.diff(tracks.track, prepend=-1))
     length = np.diff(np.append(begins, len(tracks.track)))

@@ -143,7 +143,7 @@ def test_documents_come_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "tracknoise.noise/0"}, "format is 'tracknoise.noise/0', expected 'tracknoise.noise/1'"),
+        ({"format": "tracknoise.noise/0"}, "format is 'tracknoise.noise/0', expected 'tracknoise.noise/2'"),
         ({"outlier_shares": 0.1}, "outlier_shares"),
         ({"outlier_share": "much"}, "outlier_share: found 'much'"),
         ({"white": {"covariance": [[1, 2], [2, 1]], "sigma": {"value": 1}}}, "white.covariance: found"),

@@ -27,6 +27,10 @@ from tracknoise.estimators.model import Component, Factor, Interval, TrackScale,
 from tracknoise.estimators.run_time_conditions import TRENDS, Trend, mean_gain
 from tracknoise.estimators.track_likelihood import (
     COMPONENTS,
+    LEAST_NU,
+    LEAST_PX,
+    MOST_NU,
+    MOST_PX,
     STEEPEST,
     TrackErrors,
     TrackLaw,
@@ -400,12 +404,16 @@ def law_intervals(
 
     found = pooled(units, np.zeros((0, len(units.sums))), statistics, Method(IntervalKind.student, level))
     bounds = zip(active.tolist(), found.low[:, 0].tolist(), found.high[:, 0].tolist(), strict=True)
+    limits = [(LEAST_PX, MOST_PX)] * len(COMPONENTS) + [(LEAST_NU, MOST_NU)]
     return {
-        names[place]: _exponential(float(law.values[place]), *ends) for place, *ends in bounds if place < len(names)
+        names[place]: _exponential(float(law.values[place]), *ends, *limits[place])
+        for place, *ends in bounds
+        if place < len(names)
     }
 
 
-def _exponential(value: float, low: float, high: float) -> Interval:
-    """The exponential of an estimate, with bounds that contain it; None where they are NaN."""
+def _exponential(value: float, low: float, high: float, least: float, most: float) -> Interval:
+    """The exponential of an estimate, with bounds that contain it and are within limits; None where they are NaN."""
     ends = [None if np.isnan(end) else float(np.exp(end)) for end in (min(low, value), max(high, value))]
-    return Interval(value=float(np.exp(value)), low=ends[0], high=ends[1])
+    lower, upper = (None if end is None else min(max(end, least), most) for end in ends)
+    return Interval(value=float(np.exp(value)), low=lower, high=upper)

@@ -126,7 +126,10 @@ def _errors(
     q[:, 0] = 0.0
     walked = magnification * np.cumsum(q / magnification, axis=1)
     later = w + walked + ages[:, :, None] * (d[:, :1] + planted.bias_px_per_frame)
-    return np.where(ages[:, :, None] == 0, a, later)
+    errors = np.where(ages[:, :, None] == 0, a, later)
+    if not np.isfinite(planted.track_nu):
+        return errors
+    return np.asarray(errors / np.sqrt(random.chisquare(planted.track_nu, (len(ages), 1, 1)) / planted.track_nu))
 
 
 def _root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,6 @@
 """Trials of noise assumptions on simulated tracks: what helps, what does not, and what must not seem to."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -75,18 +76,9 @@ def test_tracks_of_one_scale_are_not_given_their_own() -> None:
 
 
 def test_a_scale_of_each_track_is_learned_from_windows() -> None:
-    windows = [_with_scales(window, place, nu=3.0) for place, window in enumerate(_windows(MIXED, 12, 0))]
-    beliefs = learn(windows)
+    beliefs = learn(_windows(replace(MIXED, track_nu=3.0), 12, 0))
     assert beliefs.scaled.nu == pytest.approx(3.0, rel=0.3)
     assert _sigmas(beliefs.scaled.noise) == pytest.approx([0.1, 0.2, 0.1], abs=0.03)
-
-
-def _with_scales(problem: Problem, seed: int, *, nu: float) -> Problem:
-    """The same window, where the errors of each track are divided by a number of its own."""
-    random = np.random.default_rng(seed)
-    pairs = zip(problem.groups, errors_of(problem), strict=True)
-    divided = [(group.uv, errors, np.sqrt(random.chisquare(nu, (len(errors), 1, 1)) / nu)) for group, errors in pairs]
-    return problem.with_uv(tuple(uv - errors + errors / scale for uv, errors, scale in divided))
 
 
 def test_a_tuned_knee_is_consistent_on_its_windows() -> None:

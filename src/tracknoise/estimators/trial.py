@@ -264,7 +264,11 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
             lambda beliefs: _loss_of_tracks(beliefs.scaled_by_quality.nu),
         ),
         "9c": Arm("sigma by quality, Cauchy, knee tuned", _cauchy_by_quality, lambda beliefs: beliefs.knees["9c"].loss),
-        "U": Arm("whole tracks, planted noise", _planted),
+        "U": Arm(
+            "whole tracks, planted noise",
+            _planted,
+            lambda beliefs: _loss_of_tracks(beliefs.planted.nu) if beliefs.planted else PLAIN,
+        ),
     }
 )
 """All other arms, by their short names."""
@@ -280,6 +284,9 @@ class PlantedNoise:
         Components of the errors.
     student_nu
         Degrees of freedom of Student's distribution of every part of an error, above 2. Covariances stay the same.
+    track_nu
+        Degrees of freedom of a scale of each track: its errors together have Student's distribution, whose scale
+        matrices are those of the noise.
     bias_px_per_frame
         Mean drift of all tracks along u and v, px per frame since birth.
     common_share
@@ -291,6 +298,7 @@ class PlantedNoise:
 
     noise: TrackNoise = field(default_factory=TrackNoise)
     student_nu: float = np.inf
+    track_nu: float = np.inf
     bias_px_per_frame: tuple[float, float] = (0.0, 0.0)
     common_share: float = 0.0
     texture_exponent: float = 0.0
@@ -305,7 +313,7 @@ class PlantedNoise:
             log_factor=(2.0 * exponent * furthest, -2.0 * exponent * furthest),
             gain=Interval(value=0.0),
         )
-        return Law(self.noise, conditions=(texture,) if exponent else ())
+        return Law(self.noise, self.track_nu, (texture,) if exponent else ())
 
 
 _PERTURBED_RAD, _PERTURBED_SHARE = 0.002, 0.02

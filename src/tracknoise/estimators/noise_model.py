@@ -337,8 +337,9 @@ class NoiseModel:
         """Scale matrix S of all observations of a track, for Student's distribution of the whole track.
 
         With residuals r of d numbers that are whitened by it, the cost of a track is
-        (nu + d) / 2 log(1 + r r / nu), nu = `track_scale.nu`. The second moment is S nu / (nu - 2). Where `nu` is None
-        the noise is Gaussian and S is its covariance.
+        (nu + d) / 2 log(1 + r r / nu), nu = `track_scale.nu`. Where the point of the track is solved for, d is 3 less,
+        which is what the point absorbs. The second moment is S nu / (nu - 2). Where `nu` is None the noise is Gaussian
+        and S is its covariance.
 
         Parameters
         ----------

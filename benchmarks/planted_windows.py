@@ -18,7 +18,7 @@ from tracknoise.estimators.linear_window import (
     trajectory,
 )
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, errors_of, images, magnification_of
-from tracknoise.estimators.trial import Beliefs, PlantedNoise
+from tracknoise.estimators.trial import TEXTURE, Beliefs, PlantedNoise
 
 
 def with_permuted_covariates(problems: Sequence[Problem], *, seed: int = 0) -> list[Problem]:
@@ -27,10 +27,15 @@ def with_permuted_covariates(problems: Sequence[Problem], *, seed: int = 0) -> l
     return [
         replace(
             problem,
-            groups=tuple(replace(group, covariate=random.permutation(group.covariate)) for group in problem.groups),
+            groups=tuple(_with_permuted_quality(group, random) for group in problem.groups),
         )
         for problem in problems
     ]
+
+
+def _with_permuted_quality(group: TrackGroup, random: np.random.Generator) -> TrackGroup:
+    order = random.permutation(len(group.points))
+    return replace(group, quality={name: values[order] for name, values in group.quality.items()})
 
 
 def with_permuted_errors(problems: Sequence[Problem], *, seed: int = 0) -> list[Problem]:
@@ -48,7 +53,7 @@ def with_permuted_errors(problems: Sequence[Problem], *, seed: int = 0) -> list[
 
 def with_noise_of(beliefs: Beliefs, other: Beliefs) -> Beliefs:
     """Control N4: the noise model of another tracker."""
-    return replace(beliefs, noise=other.noise, by_covariate=other.by_covariate, exponent=other.exponent)
+    return replace(beliefs, noise=other.noise, by_quality=other.by_quality)
 
 
 def with_drift_reversed(beliefs: Beliefs) -> Beliefs:
@@ -96,8 +101,9 @@ def noisy(
 
 def _exact(random: np.random.Generator, poses: NDArray[np.float64], tracks: PointTracks) -> TrackGroup:
     count = len(tracks.points)
-    texture = _TEXTURES * random.standard_normal(count)
-    return TrackGroup(tracks.frames, images(CAMERA, poses, tracks), tracks.points, np.ones(count, dtype=bool), texture)
+    texture = np.exp(_TEXTURES * random.standard_normal((count, 1)))
+    born, quality = np.ones(count, dtype=bool), {TEXTURE: np.broadcast_to(texture, tracks.frames.shape)}
+    return TrackGroup(tracks.frames, images(CAMERA, poses, tracks), tracks.points, born, quality)
 
 
 def _errors(
@@ -116,11 +122,14 @@ def _errors(
     )
     common = shared[group.frames] @ _root(planted.noise.white).T
     w = np.sqrt(1.0 - planted.common_share) * w + np.sqrt(planted.common_share) * common
-    w *= np.exp(-planted.texture_exponent * group.covariate)[:, None, None]
+    w *= (group.quality[TEXTURE] ** -planted.texture_exponent)[:, :, None]
     q[:, 0] = 0.0
     walked = magnification * np.cumsum(q / magnification, axis=1)
     later = w + walked + ages[:, :, None] * (d[:, :1] + planted.bias_px_per_frame)
-    return np.where(ages[:, :, None] == 0, a, later)
+    errors = np.where(ages[:, :, None] == 0, a, later)
+    if not np.isfinite(planted.track_nu):
+        return errors
+    return np.asarray(errors / np.sqrt(random.chisquare(planted.track_nu, (len(ages), 1, 1)) / planted.track_nu))
 
 
 def _root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

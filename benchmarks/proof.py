@@ -41,6 +41,7 @@ CASES: Mapping[str, PlantedNoise] = {
     "drift": PlantedNoise(noise=_NOISE(first=0.1, white=0.2), bias_px_per_frame=(0.05, 0.0)),
     "texture": PlantedNoise(noise=_NOISE(first=0.2, white=0.3), texture_exponent=1.0),
     "student": PlantedNoise(noise=_NOISE(first=0.3, white=0.3), student_nu=4.0),
+    "scales": PlantedNoise(noise=_NOISE(white=0.1, walk=0.05), track_nu=3.0),
     "common": PlantedNoise(noise=_NOISE(first=0.3, white=0.3), common_share=0.1),
 }
 Control = Callable[[Sequence[Problem], Beliefs], tuple[Sequence[Problem], Beliefs]]

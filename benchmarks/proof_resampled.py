@@ -72,7 +72,7 @@ def _group(
 ) -> TrackGroup:
     points = np.stack([_point(poses, frames, random) for frames in group.frames])
     uv = images(CAMERA, poses, PointTracks(group.frames, points)) + errors
-    return TrackGroup(group.frames, uv, points, group.born, group.covariate)
+    return TrackGroup(group.frames, uv, points, group.born, group.quality)
 
 
 def _point(poses: NDArray[np.float64], frames: NDArray[np.int64], random: np.random.Generator) -> NDArray[np.float64]:

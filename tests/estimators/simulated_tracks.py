@@ -24,10 +24,12 @@ def error_tracks(
     most: int = 20,
     mean_length: float = 12.0,
     factor: NDArray[np.float64] | None = None,
+    nu: float = np.inf,
 ) -> ErrorTracks:
     """Tracks of at most `most` observations, whose lengths are geometrically distributed.
 
-    With `factor`, (n_tracks, most), variances of white noise and walk are multiplied.
+    With `factor`, (n_tracks, most), variances of white noise and walk are multiplied. With `nu`, each track has a scale
+    of its own, so that its errors have Student's distribution.
     """
     length = np.clip(random.geometric(1.0 / mean_length, n_tracks), 2, most)
     depth = random.uniform(2.0, 10.0, n_tracks)[:, None]
@@ -42,6 +44,8 @@ def error_tracks(
     error += white * scale * random.standard_normal(error.shape) + age * drift * random.standard_normal(
         (n_tracks, 1, 2)
     )
+    if np.isfinite(nu):
+        error /= np.sqrt(random.chisquare(nu, (n_tracks, 1, 1)) / nu)
     walked = np.cumsum((age[..., 0] > 0) / magnification**2, axis=1)
     there = np.arange(most) < length[:, None]
     track, frame = np.nonzero(there)
@@ -71,6 +75,20 @@ def sums_of(scene: str, tracks: ErrorTracks) -> pl.DataFrame:
         for kind, found in products(tracks)
     ]
     return pl.concat(parts).with_columns(scene=pl.lit(scene))
+
+
+def errors_of(scene: str, tracks: ErrorTracks, **quality: NDArray[np.float64]) -> pl.DataFrame:
+    """Rows of `TRACK_ERRORS`; `quality`: (n_tracks, most) each."""
+    columns = {
+        "track": tracks.track,
+        "block": (tracks.track % BLOCKS).astype(np.uint8),
+        "age": tracks.age.astype(np.uint32),
+        **dict(zip(("du_px", "dv_px"), tracks.error_px.T, strict=True)),
+        "magnification": tracks.magnification,
+        "motion_px": np.full(len(tracks.track), np.nan),
+        **{f"quality_{name}": values[tracks.track, tracks.frame] for name, values in quality.items()},
+    }
+    return pl.DataFrame(columns).with_columns(dataset=pl.lit("made"), scene=pl.lit(scene))
 
 
 def units(seed: int, *, scenes: int = 20, spread: float = 0.0, **planted: object) -> Units:

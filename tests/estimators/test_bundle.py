@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from benchmarks.planted_windows import simulated_problem
+from scipy import integrate, stats
 
 from tracknoise.estimators.bundle import Adjusted, Assumption, Loss, LossKind, adjust
 from tracknoise.estimators.linear_window import (
@@ -99,3 +100,22 @@ def test_scalar_covariances_of_the_benchmark_are_those_of_a_window() -> None:
     ]
     for own, other in zip(_scalar(problem, 0.4), scalar_covariances(window, 0.4), strict=True):
         assert np.array_equal(own, other)
+
+
+@pytest.mark.parametrize("square", [0.5, 4.0, 40.0])
+def test_the_cost_of_a_track_is_that_of_its_scale_and_point_integrated_out(square: float) -> None:
+    nu, size = 3.0, 8
+    loss = Loss(LossKind.STUDENT, nu)
+
+    def integral(square: float) -> float:
+        def density(g: float) -> float:
+            return stats.gamma(nu / 2.0, scale=2.0 / nu).pdf(g) * g ** ((size - 3) / 2.0) * np.exp(-g * square / 2.0)
+
+        return integrate.quad(density, 0.0, np.inf)[0]
+
+    whitened = np.zeros((1, size))
+    whitened[0, 0] = np.sqrt(square)
+    assert loss.cost(whitened) == pytest.approx(-2.0 * np.log(integral(square) / integral(0.0)), rel=1e-6)
+    step = 1e-4
+    costs = [loss.cost(whitened * np.sqrt(1.0 + sign * step / square)) for sign in (1.0, -1.0)]
+    assert loss.weights(whitened)[0, 0] == pytest.approx((costs[0] - costs[1]) / (2.0 * step), rel=1e-5)

@@ -117,6 +117,15 @@ def test_runs_of_earlier_versions_say_what_is_missing(planted_run: Path, tmp_pat
         tn.NoiseModel.fit(folder.path, tracker="oracle")
 
 
+def test_models_of_runs_without_sampled_tracks_have_no_scale_of_tracks(planted_run: Path, tmp_path: Path) -> None:
+    assert tn.NoiseModel.fit(planted_run, tracker="oracle").track_scale is not None
+    folder = RunFolder(shutil.copytree(planted_run, tmp_path / "run"))
+    manifest = folder.manifest()
+    del next(iter(manifest.sequences.values())).sha256["track_errors"]
+    folder.write_manifest(manifest)
+    assert tn.NoiseModel.fit(folder.path, tracker="oracle").track_scale is None
+
+
 def test_commands(planted_run: Path, tmp_path: Path, tracknoise) -> None:
     code, out, _ = tracknoise("noise", "fit", planted_run, "--speed", "1", "-o", tmp_path)
     assert code == 0

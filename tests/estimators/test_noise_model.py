@@ -134,7 +134,7 @@ def test_documents_come_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "tracknoise.noise/0"}, "format is 'tracknoise.noise/0', expected 'tracknoise.noise/1'"),
+        ({"format": "tracknoise.noise/0"}, "format is 'tracknoise.noise/0', expected 'tracknoise.noise/2'"),
         ({"outlier_shares": 0.1}, "outlier_shares"),
         ({"outlier_share": "much"}, "outlier_share: found 'much'"),
         ({"white": {"covariance": [[1, 2], [2, 1]], "sigma": {"value": 1}}}, "white.covariance: found"),
@@ -160,7 +160,12 @@ def test_documents_of_earlier_versions_are_read(tmp_path: Path) -> None:
     path = tmp_path / "noise.json"
     document = json.loads(made(0.1).text)
     assert document["common_share"] is None  # as all earlier ones
-    path.write_text(json.dumps({name: value for name, value in document.items() if name != "common_share"}))
+    earlier = {
+        name: value for name, value in document.items() if name not in ("common_share", "kernels", "track_scale")
+    }
+    depth = {**document["equivalents"][0], "purpose": "depth"}
+    earlier |= {"format": "tracknoise.noise/1", "equivalents": [depth, *document["equivalents"]]}
+    path.write_text(json.dumps(earlier))
     assert NoiseModel.read(path).text == made(0.1).text
 
 

@@ -1,5 +1,6 @@
 """Trials of noise assumptions on simulated tracks: what helps, what does not, and what must not seem to."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,10 +17,20 @@ from benchmarks.planted_windows import (
 from tracknoise.estimators.bundle import Assumption, Loss, LossKind, adjust, expected_nees
 from tracknoise.estimators.learning import fit_noise, learn, mean_drift, student_of_errors
 from tracknoise.estimators.linear_window import Motion
+from tracknoise.estimators.model import log_factor
 from tracknoise.estimators.proof import Verdict, sentence, summarise, verdict
 from tracknoise.estimators.proof_windows import Problem, errors_of
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import ARMS, Beliefs, PlantedNoise, one_sigma, perturbed, try_arms, whole_tracks
+from tracknoise.estimators.trial import (
+    ARMS,
+    TEXTURE,
+    Beliefs,
+    PlantedNoise,
+    one_sigma,
+    perturbed,
+    try_arms,
+    whole_tracks,
+)
 
 WHITE = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3))
 MIXED = PlantedNoise(noise=TrackNoise.isotropic(first=0.1, white=0.2, walk=0.1))
@@ -46,13 +57,34 @@ def _sigmas(noise: TrackNoise) -> list[float]:
 
 def test_planted_components_come_back() -> None:
     fitted = fit_noise(_windows(MIXED, 30, 0, n_frames=11))
-    assert _sigmas(fitted.noise) == pytest.approx([0.1, 0.2, 0.1], abs=0.02)
+    assert _sigmas(fitted) == pytest.approx([0.1, 0.2, 0.1], abs=0.02)
 
 
 def test_planted_texture_comes_back() -> None:
-    fitted = fit_noise(_windows(TEXTURED, 12, 0), with_covariate=True)
-    assert fitted.exponent == pytest.approx(1.0, abs=0.1)
-    assert _sigmas(fitted.noise)[1] == pytest.approx(0.4, abs=0.03)
+    law = _learned(TEXTURED).by_quality
+    (texture,) = law.conditions
+    assert texture.of == TEXTURE
+    assert np.diff(log_factor(texture, np.exp([-0.5, 0.5]))) == pytest.approx(-2.0, abs=0.2)
+    (of_one,) = np.exp(0.5 * log_factor(texture, np.array([1.0])))
+    assert of_one * _sigmas(law.noise)[1] == pytest.approx(0.4, abs=0.03)
+
+
+def test_tracks_of_one_scale_are_not_given_their_own() -> None:
+    beliefs = _learned(MIXED)
+    assert np.isinf(beliefs.scaled.nu)
+    assert beliefs.scaled_by_quality.conditions == ()
+
+
+def test_a_scale_of_each_track_is_learned_from_windows() -> None:
+    beliefs = learn(_windows(replace(MIXED, track_nu=3.0), 12, 0))
+    assert beliefs.scaled.nu == pytest.approx(3.0, rel=0.3)
+    assert _sigmas(beliefs.scaled.noise) == pytest.approx([0.1, 0.2, 0.1], abs=0.03)
+
+
+def test_a_tuned_knee_is_consistent_on_its_windows() -> None:
+    windows, beliefs = _windows(WHITE, 6, 1000), _learned(WHITE)
+    trial = try_arms(windows, beliefs, arms=["8d"])
+    assert trial["nees_newest"].mean() == pytest.approx(1.0, rel=1e-3)
 
 
 def test_planted_drift_and_tails_come_back() -> None:

@@ -7,7 +7,8 @@ from tests.estimators.simulated_tracks import error_tracks
 
 import tracknoise
 from tracknoise.experiments.geometry_tables import frame_geometry
-from tracknoise.statistics.noise_sums import noise_tables, products
+from tracknoise.statistics import noise_sums
+from tracknoise.statistics.noise_sums import noise_tables, products, until_unknown
 from tracknoise.tables.enumerations import Product
 
 ERRORS = np.array([[0.0, 0.0], [0.1, 0.2], [0.4, -0.1], [0.3, 0.3]])
@@ -55,6 +56,14 @@ def test_gaps_and_outliers_break_products(one_track) -> None:
     assert [len(found[kind].rows) for kind in Product] == [1, 0, 0, 0]
 
 
+def test_a_track_ends_before_its_first_unknown_error(one_track) -> None:
+    error = ERRORS.copy()
+    error[2] = np.nan
+    places, length = until_unknown(replace(one_track, error_px=error))
+    assert places.tolist() == [0]
+    assert length.tolist() == [2]
+
+
 @pytest.fixture(scope="module")
 def measured():
     sequence = tracknoise.open_sequence("simulated", motions=["forward"], frames=10, width=160, height=120, worlds=1)
@@ -95,3 +104,19 @@ def test_scans_have_no_sums(measured) -> None:
     prepared, geometry = measured
     tables = noise_tables(replace(prepared, key_frame=3), geometry)
     assert all(table.is_empty() for table in tables.values())
+
+
+def test_sampled_tracks_have_the_errors_of_the_sums(measured, monkeypatch) -> None:
+    prepared, geometry = measured
+    tables = noise_tables(replace(prepared, slowest=1), geometry)
+    found, sums = tables["track_errors"], tables["noise_sums"].filter(pl.col("product") == "error")
+    for (speed,), part in found.filter(pl.col("age") > 0).group_by("speed"):
+        assert part.height <= sums.filter(speed=speed)["n"].sum()
+        assert (part["du_px"] ** 2 + part["dv_px"] ** 2).mean() == pytest.approx(0.08, rel=0.2)
+    born = found.filter(age=0)
+    assert not born.select("du_px", "dv_px").to_numpy().any()
+    assert born["motion_px"].null_count() == born.height
+    monkeypatch.setattr(noise_sums, "MOST_TRACKS", 10)
+    some = noise_tables(replace(prepared, slowest=1), geometry)["track_errors"]
+    assert some.filter(age=0).group_by("speed").len()["len"].to_list() == [10, 10]
+    assert some.join(found, on=found.columns, how="semi", nulls_equal=True).height == some.height

@@ -31,6 +31,9 @@ from tracknoise.estimators.linear_window import PointTracks, linear_tracks
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, images
 from tracknoise.geometry.pose import invert, transform
 
+OF_POINT = 3
+"""Numbers that a point of a track takes from its residuals."""
+
 
 class LossKind(StrEnum):
     """How the cost grows with the squared norm of a whitened residual."""
@@ -39,7 +42,10 @@ class LossKind(StrEnum):
     HUBER = "huber"
     CAUCHY = "cauchy"
     STUDENT = "student"
-    """Student's distribution of the residuals of a whole track; the knee is its degrees of freedom."""
+    """Student's distribution of the residuals of a whole track; the knee is its degrees of freedom.
+
+    The point of the track is integrated out, which takes three numbers from the residuals.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +81,7 @@ class Loss:
             case LossKind.CAUCHY:
                 return np.asarray(1.0 / (1.0 + squares / self.knee**2))
             case LossKind.STUDENT:
-                return np.asarray((self.knee + size) / (self.knee + squares))
+                return np.asarray((self.knee + size - OF_POINT) / (self.knee + squares))
             case _:
                 return np.ones_like(squares)
 
@@ -90,7 +96,7 @@ class Loss:
             case LossKind.CAUCHY:
                 return float((self.knee**2 * np.log1p(squares / self.knee**2)).sum())
             case LossKind.STUDENT:
-                return float(((self.knee + size) * np.log1p(squares / self.knee)).sum())
+                return float(((self.knee + size - OF_POINT) * np.log1p(squares / self.knee)).sum())
             case _:
                 return float(squares.sum())
 

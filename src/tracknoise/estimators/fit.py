@@ -43,6 +43,7 @@ from tracknoise.estimators.kernels import LENGTH, tried_kernels
 from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Kernel, Landmark, Purpose, Tails, Training
 from tracknoise.estimators.run_time_conditions import conditions_of
 from tracknoise.estimators.track_noise import TrackNoise, error_covariances
+from tracknoise.estimators.track_scale import fit_track_scale
 from tracknoise.estimators.training import Recording, TrainingTables, recorded_camera, windows
 from tracknoise.inference.conventions import LEVEL, IntervalKind
 from tracknoise.inference.densities import Student, fit_student, moments, terms
@@ -311,6 +312,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
     sigmas = equivalents_of(read, fitted, LENGTHS)
+    conditions = conditions_of(read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level)
     return {
         "training": _training(read),
         "camera": recorded_camera({key: read.of_sequence("cameras", key) for key in read.keys}),
@@ -318,9 +320,8 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "tails": fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups),
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
         "outliers_beyond_px": outlier_limit_px(outliers),
-        "conditions": conditions_of(
-            read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level
-        ),
+        "conditions": conditions,
+        "track_scale": fit_track_scale(read["track_errors"], sums, conditions, groups=read.groups, level=level),
         "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.truth.audit_curves),
         "common_share": fit_common(read["rigid"], sums, groups=read.groups, level=level),
         "truth_floor_px": _floor(read["floors"], last_age),

@@ -1,15 +1,12 @@
 """What noise assumptions learn from windows of training scenes.
 
 - From windows of training scenes, and a noise model if there is one, to what the arms need to know.
-
-The noise of tracks, from windows of training scenes, by the likelihood of what their points cannot absorb.
-
-The error of each track is projected on what is left when its 3-D point is fitted with the true poses. What remains is
-Gaussian with a covariance that is linear in A, W and Q, which are found by maximum likelihood (training.likelihood).
+- The noise of tracks, by the likelihood of their errors about their first observations in the window
+  (`tracknoise.estimators.track_likelihood`).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,123 +15,65 @@ from scipy.optimize import minimize
 
 from tracknoise.estimators.linear_window import LinearTracks, PointTracks, consistent_sigma, linear_tracks
 from tracknoise.estimators.model import Purpose
-from tracknoise.estimators.proof_windows import ROUNDING_PX, Problem, TrackGroup, errors_of
+from tracknoise.estimators.proof_windows import ROUNDING_PX, Problem, errors_of, magnification_of, scenes_of
+from tracknoise.estimators.track_likelihood import TrackLaw
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import Beliefs, PlantedNoise, Student, try_arms
+from tracknoise.estimators.track_scale import ChosenLaw, Sample, choose_law, sample_of
+from tracknoise.estimators.trial import TUNED_ARMS, Beliefs, Knee, Law, PlantedNoise, Student, try_arms
+from tracknoise.inference.conventions import LEVEL
 
-_LEAST_PX, _MOST_PX, _START_PX = 1e-3, 30.0, 0.2
 _LEAST_NU, _MOST_NU = 2.05, 200.0
-_NEGLIGIBLE = 1e-3
-"""A component with a variance below this share of the largest one is 0."""
+_MOST_TRACKS = 4000
+"""Tracks that laws are fitted to."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FittedNoise:
-    """What was learned from training windows.
-
-    Attributes
-    ----------
-    noise : TrackNoise
-        Isotropic A, W and Q.
-    exponent : float
-        W of a track is multiplied by exp(-2 exponent covariate); 0 where that was not fitted.
-    log_likelihood : float
-        Per track, natural units.
-    """
-
-    noise: TrackNoise
-    exponent: float
-    log_likelihood: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Projected:
-    """Tracks of one length after their points: errors (tracks, 2 n - 3), and what each component contributes."""
-
-    left: NDArray[np.float64]
-    first: NDArray[np.float64]
-    white: NDArray[np.float64]
-    walk: NDArray[np.float64]
-    covariate: NDArray[np.float64]
-
-    def _whitened(
-        self, variances: NDArray[np.float64], exponent: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Squared norms of the whitened errors, (tracks,), and logarithms of determinants of the roots."""
-        factor = np.exp(-2.0 * exponent * self.covariate)[:, None, None]
-        covariance = variances[0] * self.first + variances[1] * factor * self.white + variances[2] * self.walk
-        root = np.linalg.cholesky(covariance)
-        whitened = np.linalg.solve(root, self.left[:, :, None])[:, :, 0]
-        return np.square(whitened).sum(axis=1), np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-
-    def log_likelihood(self, variances: NDArray[np.float64], exponent: float) -> float:
-        squares, logs = self._whitened(variances, exponent)
-        return float(-0.5 * squares.sum() - logs.sum())
-
-    def mean_squares(self, variances: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
-        """(tracks,): mean of the squared whitened errors of each track."""
-        return np.asarray(self._whitened(variances, exponent)[0] / self.left.shape[1])
-
-
-def fit_noise(problems: Sequence[Problem], *, with_covariate: bool = False) -> FittedNoise:
-    """Isotropic A, W and Q of windows, and how W depends on the covariate if asked for: (training.likelihood)."""
-    groups = [part for problem in problems for part in _projected(problem)]
-    n_tracks = sum(len(group.left) for group in groups)
-
-    def loss(values: NDArray[np.float64]) -> float:
-        variances, exponent = np.exp(2.0 * values[:3]), values[3] if with_covariate else 0.0
-        return -sum(group.log_likelihood(variances, exponent) for group in groups) / n_tracks
-
-    found, value = _minimum(loss, 4 if with_covariate else 3)
-    variances = np.exp(2.0 * found[:3])
-    kept = np.sqrt(np.where(variances > _NEGLIGIBLE * variances.max(), variances, 0.0))
-    noise = TrackNoise.isotropic(first=float(kept[0]), white=float(kept[1]), walk=float(kept[2]))
-    return FittedNoise(noise, float(found[3]) if with_covariate else 0.0, -value)
-
-
-def _minimum(loss: Callable[[NDArray[np.float64]], float], count: int) -> tuple[NDArray[np.float64], float]:
-    start = np.array([np.log(_START_PX)] * 3 + [0.0])[:count]
-    limits = [(np.log(_LEAST_PX), np.log(_MOST_PX))] * 3 + [(-3.0, 3.0)]
-    found = minimize(loss, start, method="L-BFGS-B", bounds=limits[:count])
-    return np.asarray(found.x), float(found.fun)
-
-
-def _projected(problem: Problem) -> list[_Projected]:
-    pairs = zip(problem.groups, errors_of(problem), strict=True)
-    return [_of_group(problem, group, errors) for group, errors in pairs]
-
-
-def _of_group(problem: Problem, group: TrackGroup, errors: NDArray[np.float64]) -> _Projected:
-    tracks = PointTracks(group.frames, group.points)
-    linear = linear_tracks(problem.camera, problem.world_from_camera, tracks)
-    span = np.asarray(np.linalg.qr(linear.by_point, mode="complete")[0][:, :, 3:], dtype=np.float64)
-    across = np.swapaxes(span, 1, 2)
-
-    def share(noise: TrackNoise) -> NDArray[np.float64]:
-        return np.asarray(across @ noise.covariance(linear.magnification, ages=group.ages) @ span)
-
-    # a track that began before the window begins there with the independent noise of any other observation
-    own, other = share(TrackNoise.isotropic(first=1.0)), share(TrackNoise.isotropic(white=1.0))
-    born = group.born[:, None, None]
-    return _Projected(
-        left=(across @ errors.reshape(len(errors), -1, 1))[:, :, 0],
-        first=np.where(born, own, 0.0),
-        white=np.where(born, other, own + other),
-        walk=share(TrackNoise.isotropic(walk=1.0)),
-        covariate=group.covariate,
+def sample_of_windows(problems: Sequence[Problem]) -> Sample:
+    """Tracks of windows, thinned evenly; scenes are left out together, windows where there is one scene."""
+    every = max(1, -(-sum(problem.n_tracks for problem in problems) // _MOST_TRACKS))
+    scenes = scenes_of(problems)
+    track, error, magnification, age, born, unit = [], [], [], [], [], []
+    names = sorted({name for problem in problems for group in problem.groups for name in group.quality})
+    values: dict[str, list[NDArray[np.float64]]] = {name: [] for name in names}
+    count = passed = 0
+    for place, problem in enumerate(problems):
+        for group, errors in zip(problem.groups, errors_of(problem), strict=True):
+            kept = np.flatnonzero((passed + np.arange(len(errors))) % every == 0)
+            passed += len(errors)
+            carried = magnification_of(problem, group)[kept]
+            about = errors[kept] - carried[:, :, None] * errors[kept][:, :1]
+            length = group.frames.shape[1]
+            track.append(np.repeat(count + np.arange(len(kept)), length))
+            error.append(about.reshape(-1, 2))
+            magnification.append(carried.ravel())
+            age.append(group.ages[kept].ravel().astype(np.float64))
+            born.append(group.born[kept])
+            unit.append(np.full(len(kept), scenes.index(problem.scene) if len(scenes) > 1 else place))
+            for name in names:
+                unknown = np.full(group.frames.shape, np.nan)
+                values[name].append(group.quality.get(name, unknown)[kept].ravel())
+            count += len(kept)
+    return sample_of(
+        np.concatenate(track),
+        error=np.concatenate(error),
+        magnification=np.concatenate(magnification),
+        age=np.concatenate(age),
+        born=np.concatenate(born),
+        values={name: np.concatenate(parts) for name, parts in values.items()},
+        unit=np.unique(np.concatenate(unit), return_inverse=True)[1],
+        noun="scenes" if len(scenes) > 1 else "windows",
     )
 
 
-def student_of_tracks(problems: Sequence[Problem], noise: TrackNoise) -> tuple[float, float]:
-    """Student's distribution of whole tracks about isotropic noise: degrees of freedom, and scale of the covariance.
+def fit_noise(problems: Sequence[Problem]) -> TrackNoise:
+    """Isotropic Gaussian A, W and Q of windows."""
+    return sample_of_windows(problems).fitted(TrackLaw(), ()).noise
 
-    By maximum likelihood. Infinitely many degrees of freedom where there is no sign of tails.
-    """
-    variances = np.array([float(np.trace(part)) / 2.0 for part in (noise.first, noise.white, noise.walk)])
-    least = np.maximum(variances, _LEAST_PX**2)
-    groups = [part for problem in problems for part in _projected(problem)]
-    sizes = np.concatenate([np.full(len(group.left), group.left.shape[1]) for group in groups])
-    return student(np.concatenate([group.mean_squares(least, 0.0) for group in groups]), sizes)
+
+def law_of(sample: Sample, chosen: ChosenLaw) -> Law:
+    """The same with its factors as estimators evaluate them."""
+    parts = zip(chosen.places, chosen.law.powers, chosen.gains, strict=True)
+    conditions = tuple(sample.covariates[place].factor(power, gain) for place, power, gain in parts)
+    return Law(chosen.law.noise, chosen.law.nu, conditions)
 
 
 def student(mean_squares: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[float, float]:
@@ -174,8 +113,7 @@ def _about_first(problems: Sequence[Problem]) -> tuple[NDArray[np.float64], NDAr
     ages, errors = [], []
     for problem in problems:
         for group, error in zip(problem.groups, errors_of(problem), strict=True):
-            tracks = PointTracks(group.frames, group.points)
-            magnification = linear_tracks(problem.camera, problem.world_from_camera, tracks).magnification
+            magnification = magnification_of(problem, group)
             about = error - magnification[:, :, None] * error[:, :1]
             ages.append(group.ages[:, 1:].ravel())
             errors.append(about[:, 1:].reshape(-1, 2))
@@ -193,8 +131,9 @@ def learn(
     planted: PlantedNoise | None = None,
 ) -> Beliefs:
     """What the arms need to know."""
-    by_covariate = fit_noise(problems, with_covariate=True)
-    components = noise or fit_noise(problems).noise
+    sample = sample_of_windows(problems)
+    gaussian, scaled = (choose_law(sample, level=LEVEL, scales=scales) for scales in (False, True))
+    components = noise or sample.fitted(TrackLaw(), ()).noise
     benchmarks = problems[:: max(1, len(problems) // _MOST_BENCHMARKS)][:_MOST_BENCHMARKS]
     newest, innovations = (
         float(np.mean([_equivalent(problem, components, purpose) for problem in benchmarks]))
@@ -206,21 +145,42 @@ def learn(
         about_birth_px=float(np.sqrt(mean_square_about_birth(problems))),
         newest_pose_px=newest,
         innovations_px=innovations,
-        by_covariate=by_covariate.noise,
-        exponent=by_covariate.exponent,
+        by_quality=law_of(sample, gaussian),
+        scaled=Law(scaled.without_factors.noise, scaled.without_factors.nu),
+        scaled_by_quality=law_of(sample, scaled),
         drift_px=mean_drift(problems),
         of_errors=Student(*student_of_errors(problems)),
-        of_tracks=Student(*student_of_tracks(problems, components)),
-        planted=None if planted is None else planted.noise,
-        planted_exponent=0.0 if planted is None else planted.texture_exponent,
+        planted=None if planted is None else planted.law,
     )
     return tuned(draft, problems)
 
 
+_MOST_TUNED = 60
+"""Training windows that knees are tuned on."""
+_KNEES = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Knees that are tried, in units of the sigma for innovations."""
+
+
 def tuned(beliefs: Beliefs, problems: Sequence[Problem]) -> Beliefs:
-    """The same with the standard deviation that makes the newest pose of windows consistent."""
+    """The same with standard deviations for which the newest pose of windows is consistent, and knees of Cauchy's loss.
+
+    A knee is the one under which positions of training windows err least, as a geometric mean.
+    """
     nees = try_arms(problems, beliefs, arms=["0"])["nees_newest"].to_numpy()
-    return replace(beliefs, tuned_px=float(np.sqrt(np.mean(nees))))
+    own = replace(beliefs, tuned_px=float(np.sqrt(np.mean(nees))))
+    some = problems[:: max(1, -(-len(problems) // _MOST_TUNED))]
+    return replace(own, knees={arm: _tuned_knee(own, some, arm) for arm in TUNED_ARMS})
+
+
+def _tuned_knee(beliefs: Beliefs, problems: Sequence[Problem], arm: str) -> Knee:
+    """Poses depend on the knee in px alone. The sigma scales what is claimed, and is 1 px while knees are tried."""
+    found = []
+    for share in _KNEES:
+        knee = Knee(sigma_px=1.0, knee_px=share * beliefs.innovations_px)
+        trial = try_arms(problems, replace(beliefs, knees={arm: knee}), arms=[arm])
+        error, nees = (trial[column].to_numpy() for column in ("position_m", "nees_newest"))
+        found.append((float(np.mean(np.log(error))), Knee(sigma_px=float(np.sqrt(nees.mean())), knee_px=knee.knee_px)))
+    return min(found, key=lambda one: one[0])[1]
 
 
 def _equivalent(problem: Problem, noise: TrackNoise, purpose: Purpose) -> float:

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, GetPydanticSchema
 from pydantic_core import CoreSchema, core_schema
 
+from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import SettingsError, UnknownNameError
 
 
@@ -305,8 +306,8 @@ class Factor:
     log_knots, log_factor
         Natural logarithms of the covariate, and of the factor there.
     gain
-        Mean gain in log likelihood on scenes that were left out, nat per change of the error. That of a second factor
-        is beyond the first one.
+        Mean gain in log likelihood on scenes that were left out, nat per change of the error, or per track where the
+        factor is one of `TrackScale`. That of a second factor is beyond the first one.
     """
 
     of: str
@@ -318,6 +319,46 @@ class Factor:
         """Refuse knots without a factor, and factors without a knot."""
         if not self.log_knots or len(self.log_knots) != len(self.log_factor) or not _increase(self.log_knots):
             raise ValueError("increasing knots and a factor at each")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackScale:
+    """Noise with a scale of its own for each track (`tracknoise.estimators.track_likelihood`).
+
+    The covariance of a track is S / g, with a gamma variable g of mean 1 and shape nu / 2: its errors together have
+    Student's distribution. S is made of `first`, `white` and `walk` as covariances of second moments are. It describes
+    the bulk of the tracks. The second moment is S nu / (nu - 2), which the worst tracks decide.
+
+    Parameters
+    ----------
+    nu
+        Degrees of freedom, with their interval over scenes; None where all tracks have the same scale.
+    why_one_scale
+        A sentence, where all tracks have the same scale.
+    first, white, walk
+        Scale matrices A, W and Q of S, the same in all directions, with intervals over scenes.
+    conditions
+        Factors on W and Q in S. They multiply.
+    gain
+        Gain in log likelihood over the components of second moments, on scenes that were left out, nat per track.
+    why_refused
+        A sentence, if this gain is not warranted; the components of second moments are then to be used.
+    """
+
+    nu: Interval | None
+    why_one_scale: str | None = None
+    first: Component
+    white: Component
+    walk: Component
+    conditions: tuple[Factor, ...] = ()
+    gain: Interval
+    why_refused: str | None = None
+
+    @property
+    def noise(self) -> TrackNoise:
+        """The scale matrices of the bulk."""
+        parts = {name: getattr(self, name).covariance for name in ("first", "white", "walk")}
+        return TrackNoise(**parts)
 
 
 def _increase(values: Sequence[float]) -> bool:

@@ -5,7 +5,7 @@
 
 import hashlib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -32,6 +32,7 @@ from tracknoise.estimators.model import (
     Landmark,
     Purpose,
     Tails,
+    TrackScale,
     Training,
     corrected,
     factor_of,
@@ -50,7 +51,11 @@ from tracknoise.tables.files import write_atomically
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 
-FORMAT = "tracknoise.noise/1"
+FORMAT = "tracknoise.noise/2"
+_EARLIER = ("tracknoise.noise/1",)
+"""Formats whose documents lack fields that may be missing."""
+_GONE = "depth"
+"""A purpose of equivalents in earlier formats. Depths are those of the table `window_sigmas` of a run."""
 _KEY = "format"
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 """What a class of documents sets as its ``__pydantic_config__``: unknown keys are refused."""
@@ -92,9 +97,11 @@ def _fields(path: Path, text: str) -> dict[str, object]:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:  # thousands of brackets
         raise DataError(path, f"is not JSON ({error})", "a noise model, as `tracknoise noise fit` writes it") from error
-    if not isinstance(document, dict) or document.get(_KEY) != FORMAT:
+    if not isinstance(document, dict) or document.get(_KEY) not in (FORMAT, *_EARLIER):
         found = document.get(_KEY) if isinstance(document, dict) else None
         raise DataError(path, f"format is {found!r}", f"{FORMAT!r}")
+    if document[_KEY] in _EARLIER and isinstance(known := document.get("equivalents"), list):
+        document["equivalents"] = [one for one in known if not (isinstance(one, dict) and one.get("purpose") == _GONE)]
     return {name: value for name, value in document.items() if name != _KEY}
 
 
@@ -115,7 +122,7 @@ class NoiseModel:
     training, camera
         What it was fitted to.
     first, white, walk, drift
-        A, W, Q and D of (noise_model.error).
+        A, W, Q and D of (noise_model.error), by second moments: those of `covariance`, `track_covariance` and `whiten`.
     tails
         Student t of the errors, with the outliers.
     outlier_share, outliers_beyond_px
@@ -124,6 +131,9 @@ class NoiseModel:
         Mean error.
     conditions
         Factors on white noise and walk. They multiply.
+    track_scale
+        The same noise with a scale of its own for each track, by the likelihood of whole tracks; None where the run has
+        no sample of tracks.
     common_share
         Share of the variance that all features of a frame have in common, with its interval; None if unknown.
     truth_floor_px
@@ -149,6 +159,7 @@ class NoiseModel:
     outliers_beyond_px: float
     bias: Bias
     conditions: tuple[Factor, ...] = ()
+    track_scale: TrackScale | None = None
     common_share: Interval | None = None
     truth_floor_px: float | None = None
     truth: TruthVerdict = field(default_factory=TruthVerdict)
@@ -227,7 +238,7 @@ class NoiseModel:
         return self.equivalent(landmark=kind, window=window, purpose=use).sigma
 
     def covariance(self, *, age: ArrayLike, magnification: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
-        """Covariances of errors about the first position: 0 at age 0.
+        """Covariances of errors about the first position: 0 at age 0. They are second moments.
 
         No estimator must take an observation of age 0 as exact because of that. `track_covariance` with the reference
         ``free`` has the covariance that it should assume.
@@ -294,7 +305,7 @@ class NoiseModel:
         magnification: ArrayLike = 1.0,
         **at: ArrayLike,
     ) -> NDArray[np.float64]:
-        """Covariance of all observations of a track.
+        """Covariance of all observations of a track: its second moment, of good and bad tracks together.
 
         Parameters
         ----------
@@ -320,14 +331,46 @@ class NoiseModel:
         UnknownNameError
             If the model has no such condition, or there is no such reference.
         """
-        about = _named(Reference, "reference", reference)
-        spread, carried = _spread(ages, magnification)
-        increase = len(spread) > 0 and spread[0] >= 0.0 and bool((np.diff(spread) > 0.0).all())
-        if not (increase and (carried > 0.0).all()):
-            found = f"ages {spread.tolist()}, magnifications {carried.tolist()}"
-            raise SettingsError(f"track: found {found}, expected increasing ages from 0 on, and M > 0")
-        factor = factor_of(self.conditions, at, len(spread))
-        return track_covariance(self.components, spread, about, carried, factor)
+        return _of_track(self.components, self.conditions, ages, reference, magnification, at)
+
+    def scale_matrix(
+        self,
+        ages: ArrayLike,
+        *,
+        reference: str = Reference.FREE,
+        magnification: ArrayLike = 1.0,
+        **at: ArrayLike,
+    ) -> NDArray[np.float64]:
+        """Scale matrix S of all observations of a track, for Student's distribution of the whole track.
+
+        With residuals r of d numbers that are whitened by it, the cost of a track is
+        (nu + d) / 2 log(1 + r r / nu), nu = `track_scale.nu`. Where the point of the track is solved for, d is 3 less,
+        which is what the point absorbs. The second moment is S nu / (nu - 2). Where `nu` is None the noise is Gaussian
+        and S is its covariance.
+
+        Parameters
+        ----------
+        ages, reference, magnification
+            As in `track_covariance`.
+        **at
+            As in `track_covariance`, by the names of `track_scale.conditions`.
+
+        Returns
+        -------
+        (2 m, 2 m) float64, px^2
+
+        Raises
+        ------
+        SettingsError
+            As `track_covariance`, and if the model has no `track_scale`, or it was refused.
+        UnknownNameError
+            If there is no such condition of `track_scale`, or no such reference.
+        """
+        scale = self.track_scale
+        if scale is None or scale.why_refused is not None:
+            why = "the run has no sample of tracks" if scale is None else scale.why_refused
+            raise SettingsError(f"noise of {self.training.tracker}: found no scale of tracks ({why}), expected one")
+        return _of_track(scale.noise, scale.conditions, ages, reference, magnification, at)
 
     def whiten(
         self,
@@ -472,6 +515,23 @@ class NoiseModel:
             If it is not a noise model: with the place, what was found and what was expected.
         """
         return parse_document(cls, text, Path(path))
+
+
+def _of_track(
+    noise: TrackNoise,
+    conditions: Sequence[Factor],
+    ages: ArrayLike,
+    reference: str,
+    magnification: ArrayLike,
+    at: Mapping[str, ArrayLike],
+) -> NDArray[np.float64]:
+    about = _named(Reference, "reference", reference)
+    spread, carried = _spread(ages, magnification)
+    increase = len(spread) > 0 and spread[0] >= 0.0 and bool((np.diff(spread) > 0.0).all())
+    if not (increase and (carried > 0.0).all()):
+        found = f"ages {spread.tolist()}, magnifications {carried.tolist()}"
+        raise SettingsError(f"track: found {found}, expected increasing ages from 0 on, and M > 0")
+    return track_covariance(noise, spread, about, carried, factor_of(conditions, at, len(spread)))
 
 
 def _spread(*values: ArrayLike) -> list[NDArray[np.float64]]:

@@ -293,7 +293,7 @@ def _stated(row: Mapping[str, float | None]) -> str:
     return f"{value or 'unknown'} ({low} to {high})" if low and high else value or "unknown"
 
 
-RUN_ARMS = ("0", "1", "1e", "2", "3", "3b", "4", "5", "6", "6b", "7", "7b", "8", "8b", "8c", "8d")
+RUN_ARMS = ("0", "1", "1e", "2", "3", "3b", "4", "5", "6", "6b", "7", "7b", "8", "8b", "8c", "8d", "9", "9b", "9c")
 """Arms that need no planted noise."""
 
 

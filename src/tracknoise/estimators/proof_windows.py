@@ -19,8 +19,8 @@ them, each group counts as one scene: it is learned from or tried on as a whole,
 A single scene is cut in two: its earlier windows are learned from, and its later ones tried. Nothing is decided then.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import polars as pl
@@ -34,8 +34,10 @@ from tracknoise.exceptions import SettingsError, StoreError
 from tracknoise.geometry.cameras import CameraModel, KnownCamera, make_camera
 from tracknoise.geometry.pose import from_quaternion, invert, transform
 from tracknoise.inference.units import JoinedScenes, SceneGroups
+from tracknoise.statistics.noise_sums import MOTION
 from tracknoise.statistics.prepared import in_population
 from tracknoise.tables.enumerations import Population
+from tracknoise.tables.schema import QUALITY_PREFIX
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import count
 
@@ -57,16 +59,15 @@ class TrackGroup:
         (tracks, 3) float64: true points, world, metres.
     born
         (tracks,) bool: whether a track begins with its first observation of the window. Others began before it.
-    covariate
-        (tracks,) float64: what is known of a track beforehand and may change its noise, as the logarithm of its
-        texture.
+    quality
+        (tracks, n) float64 each, NaN where unknown: what a front end knows of each observation, by its name.
     """
 
     frames: NDArray[np.int64]
     uv: NDArray[np.float64]
     points: NDArray[np.float64]
     born: NDArray[np.bool_]
-    covariate: NDArray[np.float64]
+    quality: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     @property
     def ages(self) -> NDArray[np.int64]:
@@ -143,7 +144,6 @@ def magnification_of(problem: Problem, group: TrackGroup) -> NDArray[np.float64]
 _LEAST_LENGTH, _LEAST_TRACKS = 3, 20
 _UNCERTAIN = 0.3
 """A track is used if noise of 1 px leaves its distance uncertain by at most this share."""
-_LEAST_MOTION_PX = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,8 +265,11 @@ def _seen(observations: pl.DataFrame, most_px: float) -> pl.DataFrame:
     ordered = observations.with_columns(usable=pl.Series(usable)).sort("track", "frame")
     before = pl.col("usable").cast(pl.UInt8).cum_min().over("track") == 1
     birth = {f"birth_{axis}_px": pl.col(f"{axis}_true_px").first().over("track") for axis in "uv"}
-    kept = ordered.with_columns(**birth).filter(before)
-    return kept.select("track", "frame", "du_px", "dv_px", *birth)
+    moved = [pl.col(f"{axis}_true_px").diff().over("track").pow(2) for axis in "uv"]
+    motion = {QUALITY_PREFIX + MOTION: (moved[0] + moved[1]).sqrt()}
+    kept = ordered.with_columns(**birth, **motion).filter(before)
+    known = [one.name for one in kept if one.name.startswith(QUALITY_PREFIX) and one.count()]
+    return kept.select("track", "frame", "du_px", "dv_px", *birth, *known)
 
 
 def _small(observations: pl.DataFrame, most_px: float) -> NDArray[np.bool_]:
@@ -312,14 +315,13 @@ def _group(sequence: _Sequence, rows: pl.DataFrame, length: int, frames: NDArray
         uv=uv,
         points=points,
         born=at[:, 0] == first["first_frame"].to_numpy(),
-        covariate=-np.log(np.maximum(_motion_px(uv), _LEAST_MOTION_PX)),
+        quality={
+            name.removeprefix(QUALITY_PREFIX): rows[name].cast(pl.Float64).to_numpy().reshape(-1, length)
+            for name in rows.columns
+            if name.startswith(QUALITY_PREFIX)
+        },
     )
     return _chosen(group, np.flatnonzero(np.isfinite(uv).all(axis=(1, 2))))
-
-
-def _motion_px(uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(tracks,): mean distance from observation to observation."""
-    return np.asarray(np.linalg.norm(np.diff(uv, axis=1), axis=2).mean(axis=1))
 
 
 def _showing_depth(camera: KnownCamera, poses: NDArray[np.float64], group: TrackGroup) -> TrackGroup | None:
@@ -348,8 +350,10 @@ def _chosen(group: TrackGroup, tracks: NDArray[np.intp]) -> TrackGroup | None:
     """Some tracks of a group; None without any."""
     if not len(tracks):
         return None
-    return TrackGroup(
-        group.frames[tracks], group.uv[tracks], group.points[tracks], group.born[tracks], group.covariate[tracks]
+    return replace(
+        group,
+        **{name: getattr(group, name)[tracks] for name in ("frames", "uv", "points", "born")},
+        quality={name: values[tracks] for name, values in group.quality.items()},
     )
 
 

@@ -308,7 +308,14 @@ def _gain(cells: Cells, knots: Sequence[Knots], simpler: Sequence[Knots], level:
             own = cells.chosen(cells.group == group)
             gain[group] = own.cost(simpler, with_fewer) - own.cost(knots, with_all)
             n[group] = own.count.sum()
+    return mean_gain(gain, n, level)
+
+
+def mean_gain(gain: Array, n: Array, level: float) -> Interval:
+    """Gains (units,) over counts (units,), all together, with the interval over units; no bounds with one unit."""
     value = gain.sum() / n.sum()
+    if len(gain) < 2:
+        return Interval(value=float(value))
     without = (gain.sum() - gain) / (n.sum() - n)
     low, high = student_interval(value, without, level=level, sizes=n)
     return Interval(value=float(value), low=_known(low), high=_known(high))

@@ -33,7 +33,7 @@ from tracknoise.inference.units import SceneGroups, scheme
 from tracknoise.statistics.grouping import without_blocks
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, empty
+from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, TRACK_ERRORS, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 
@@ -99,7 +99,7 @@ def _size_note(sizes: set[tuple[int, int]]) -> Iterable[str]:
         yield f"It was fitted to images of different sizes: {shown} px."
 
 
-_NEEDED, _PAIRS = "noise_sums", "noise_pairs"
+_NEEDED, _PAIRS, _TRACK_ERRORS = "noise_sums", "noise_pairs", "track_errors"
 _OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "noise_tracks", "floors", "rigid")
 _USED = {
     "samples": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "at", "du_px", "dv_px"),
@@ -261,6 +261,7 @@ def all_training_tables(
     of |= {name: _pooled(folder, name, tuple(chosen), wanted) for name in names}
     if not has_pairs:
         of[_PAIRS] = [empty(NOISE_PAIRS)] * len(wanted)
+    of[_TRACK_ERRORS] = _of_tracks(folder, chosen, wanted)
     read = [
         TrainingTables(
             tracker=tracker,
@@ -311,6 +312,21 @@ def _pooled(
         for table in folder.stacked_tables(name, keys, only=_USED.get(name))
     )
     return [pl.concat(own) for own in zip(*parts, strict=True)]
+
+
+def _of_tracks(
+    folder: RunFolder, entries: Mapping[str, SequenceEntry], wanted: Sequence[tuple[str, int]]
+) -> list[pl.DataFrame]:
+    """Errors of tracks of each tracker and speed, with the qualities that it reports; none of an earlier version."""
+    if not all(_TRACK_ERRORS in entry.sha256 for entry in entries.values()):
+        return [empty(TRACK_ERRORS)] * len(wanted)
+    rows = [(pl.col("tracker") == tracker) & (pl.col("speed") == speed) for tracker, speed in wanted]
+    parts = [
+        [table.filter(mine) for mine in rows]
+        for table in (folder.sequence_table(_TRACK_ERRORS, key) for key in entries)
+    ]
+    found = [pl.concat(own, how="diagonal") for own in zip(*parts, strict=True)]
+    return [table.select(one for one in table if one.name in TRACK_ERRORS or one.count()) for table in found]
 
 
 def _without_blocks(entries: Iterable[SequenceEntry], groups: SceneGroups) -> Callable[[pl.DataFrame], pl.DataFrame]:

@@ -13,9 +13,14 @@ from tracknoise.estimators.linear_window import (
     EXACT,
     of_full_rank,
 )
+from tracknoise.estimators.model import Factor, Interval, factor_of
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, magnification_of
 from tracknoise.estimators.track_noise import TrackNoise
 
+TEXTURE = "texture"
+"""Name of what planted noise depends on."""
+TUNED_ARMS = ("8d", "9c")
+"""Arms whose knee is tuned: with one sigma, and with a sigma by quality."""
 REFERENCE = "1"
 """The arm that all others are compared with."""
 
@@ -26,6 +31,28 @@ class Student:
 
     nu: float
     squared_scale: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Law:
+    """Noise of whole tracks: scale matrices of its components, degrees of freedom, and factors on W and Q."""
+
+    noise: TrackNoise
+    nu: float = np.inf
+    conditions: tuple[Factor, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Knee:
+    """Cauchy's loss: the standard deviation of one observation, and where the loss begins to differ, px."""
+
+    sigma_px: float = 1.0
+    knee_px: float = 1.0
+
+    @property
+    def loss(self) -> Loss:
+        """On whitened residuals."""
+        return Loss(LossKind.CAUCHY, self.knee_px / self.sigma_px)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,15 +69,17 @@ class Beliefs:
         Root mean square error about the first position, of each coordinate.
     newest_pose_px, innovations_px
         Standard deviations that the linear benchmark names for the newest pose and for innovations.
-    by_covariate, exponent
-        Components of the noise where W of a track is multiplied by exp(-2 exponent covariate).
+    by_quality
+        Gaussian noise of whole tracks, with factors by what a front end knows.
+    scaled, scaled_by_quality
+        The same with a scale of its own for each track, without and with these factors.
+    knees
+        Cauchy's loss of single observations as it was tuned, by the names of `TUNED_ARMS`.
     drift_px
         (2,) float64, px per frame: mean drift.
     of_errors
         Student's distribution of single errors; its squared scale is in px^2.
-    of_tracks
-        Student's distribution of whole tracks; its squared scale is in units of the covariance of the noise.
-    planted, planted_exponent
+    planted
         The true noise, if it is known.
     """
 
@@ -59,13 +88,13 @@ class Beliefs:
     about_birth_px: float
     newest_pose_px: float
     innovations_px: float
-    by_covariate: TrackNoise
-    exponent: float
+    by_quality: Law
+    scaled: Law
+    scaled_by_quality: Law
     drift_px: NDArray[np.float64]
     of_errors: Student
-    of_tracks: Student
-    planted: TrackNoise | None = None
-    planted_exponent: float = 0.0
+    knees: Mapping[str, Knee] = field(default_factory=lambda: dict.fromkeys(TUNED_ARMS, Knee()))
+    planted: Law | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,21 +135,23 @@ def one_sigma(problem: Problem, sigma: float) -> list[NDArray[np.float64]]:
     return [np.tile(sigma**2 * np.eye(2 * length), (count, 1, 1)) for count, length, _ in sizes]
 
 
-def whole_tracks(problem: Problem, noise: TrackNoise, *, exponent: float = 0.0) -> list[NDArray[np.float64]]:
+def whole_tracks(problem: Problem, noise: TrackNoise, conditions: Sequence[Factor] = ()) -> list[NDArray[np.float64]]:
     """Covariances of whole tracks."""
-    return [_whole(problem, group, noise, exponent) for group in problem.groups]
+    return [_whole(problem, group, noise, factor_in(group, conditions)) for group in problem.groups]
 
 
-def _whole(problem: Problem, group: TrackGroup, noise: TrackNoise, exponent: float) -> NDArray[np.float64]:
-    magnification, ages = magnification_of(problem, group), group.ages
-    ones = np.ones_like(magnification)
-    carried = TrackNoise(walk=noise.walk, drift=noise.drift).covariance(magnification, ages=ages)
-    white = TrackNoise(first=noise.white, white=noise.white).covariance(ones, ages=ages)
-    factor = np.exp(-2.0 * exponent * group.covariate)[:, None, None]
-    found = carried + factor * white
-    detected = found.copy()
-    detected[:, :2, :2] = noise.first
-    return of_full_rank(np.where(group.born[:, None, None], detected, found))
+def factor_in(group: TrackGroup, conditions: Sequence[Factor]) -> NDArray[np.float64]:
+    """(tracks, n) float64: factor on W and Q of each observation; 1 where nothing is known."""
+    at = {factor.of: group.quality[factor.of].ravel() for factor in conditions if factor.of in group.quality}
+    return factor_of(conditions, at, group.frames.size).reshape(group.frames.shape)
+
+
+def _whole(problem: Problem, group: TrackGroup, noise: TrackNoise, factor: NDArray[np.float64]) -> NDArray[np.float64]:
+    magnification = magnification_of(problem, group)
+    found = noise.covariance(magnification, ages=group.ages, factor=factor)
+    begun = factor[:, :1, None] * noise.white
+    found[:, :2, :2] = np.where(group.born[:, None, None], noise.first, begun)
+    return of_full_rank(found)
 
 
 def independent(covariances: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
@@ -133,16 +164,17 @@ def _by_age(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
     return independent(whole_tracks(problem, beliefs.noise))
 
 
-def _by_covariate(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
-    return independent(_modelled_by_covariate(problem, beliefs))
+def _by_quality(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return independent(_tracks_by_quality(problem, beliefs))
 
 
-def _modelled_by_covariate(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
-    return whole_tracks(problem, beliefs.by_covariate, exponent=beliefs.exponent)
+def _tracks_by_quality(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.by_quality.noise, beliefs.by_quality.conditions)
 
 
 def _planted(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
-    return whole_tracks(problem, beliefs.planted or beliefs.noise, exponent=beliefs.planted_exponent)
+    planted = beliefs.planted or Law(beliefs.noise)
+    return whole_tracks(problem, planted.noise, planted.conditions)
 
 
 def _tuned(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
@@ -171,13 +203,26 @@ def _student_core(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64
     return one_sigma(problem, float(np.sqrt(share * squared_scale)))
 
 
-def _student_tracks(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
-    return [beliefs.of_tracks.squared_scale * part for part in whole_tracks(problem, beliefs.noise)]
+def _scaled(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.scaled.noise)
 
 
-def _student_of_tracks(beliefs: Beliefs) -> Loss:
-    nu = beliefs.of_tracks.nu
+def _scaled_by_quality(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return whole_tracks(problem, beliefs.scaled_by_quality.noise, beliefs.scaled_by_quality.conditions)
+
+
+def _loss_of_tracks(nu: float) -> Loss:
     return Loss(LossKind.STUDENT, nu) if np.isfinite(nu) else PLAIN
+
+
+def _one_cauchy(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return one_sigma(problem, beliefs.knees["8d"].sigma_px)
+
+
+def _cauchy_by_quality(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    factors = [factor_in(group, beliefs.scaled_by_quality.conditions) for group in problem.groups]
+    one = one_sigma(problem, beliefs.knees["9c"].sigma_px)
+    return [np.repeat(factor, 2, axis=1)[:, :, None] * part for factor, part in zip(factors, one, strict=True)]
 
 
 def _huber(_: Beliefs) -> Loss:
@@ -203,16 +248,27 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "1e": Arm("one sigma, first observation exact", _exact_first),
         "4": Arm("by age, independent", _by_age),
-        "5": Arm("by covariate, independent", _by_covariate),
+        "5": Arm("by quality, independent", _by_quality),
         "6": Arm("whole tracks", _modelled),
-        "6b": Arm("whole tracks, by covariate", _modelled_by_covariate),
+        "6b": Arm("whole tracks, by quality", _tracks_by_quality),
         "7": Arm("whole tracks, mean drift corrected", _modelled, unbiased=True),
         "7b": Arm("one sigma, mean drift corrected", _tuned, unbiased=True),
         "8": Arm("one sigma, Huber 1.345", _tuned, _huber),
         "8b": Arm("one sigma, Cauchy 1", _tuned, _cauchy),
         "8c": Arm("core sigma, Cauchy of Student's knee", _student_core, _student),
-        "8d": Arm("whole tracks, Student", _student_tracks, _student_of_tracks),
-        "U": Arm("whole tracks, planted noise", _planted),
+        "8d": Arm("one sigma, Cauchy, knee tuned", _one_cauchy, lambda beliefs: beliefs.knees["8d"].loss),
+        "9": Arm("scale of each track", _scaled, lambda beliefs: _loss_of_tracks(beliefs.scaled.nu)),
+        "9b": Arm(
+            "scale of each track, by quality",
+            _scaled_by_quality,
+            lambda beliefs: _loss_of_tracks(beliefs.scaled_by_quality.nu),
+        ),
+        "9c": Arm("sigma by quality, Cauchy, knee tuned", _cauchy_by_quality, lambda beliefs: beliefs.knees["9c"].loss),
+        "U": Arm(
+            "whole tracks, planted noise",
+            _planted,
+            lambda beliefs: _loss_of_tracks(beliefs.planted.nu) if beliefs.planted else PLAIN,
+        ),
     }
 )
 """All other arms, by their short names."""
@@ -228,6 +284,9 @@ class PlantedNoise:
         Components of the errors.
     student_nu
         Degrees of freedom of Student's distribution of every part of an error, above 2. Covariances stay the same.
+    track_nu
+        Degrees of freedom of a scale of each track: its errors together have Student's distribution, whose scale
+        matrices are those of the noise.
     bias_px_per_frame
         Mean drift of all tracks along u and v, px per frame since birth.
     common_share
@@ -239,9 +298,22 @@ class PlantedNoise:
 
     noise: TrackNoise = field(default_factory=TrackNoise)
     student_nu: float = np.inf
+    track_nu: float = np.inf
     bias_px_per_frame: tuple[float, float] = (0.0, 0.0)
     common_share: float = 0.0
     texture_exponent: float = 0.0
+
+    @property
+    def law(self) -> Law:
+        """What an estimator that knows it would assume."""
+        exponent, furthest = self.texture_exponent, 10.0
+        texture = Factor(
+            of=TEXTURE,
+            log_knots=(-furthest, furthest),
+            log_factor=(2.0 * exponent * furthest, -2.0 * exponent * furthest),
+            gain=Interval(value=0.0),
+        )
+        return Law(self.noise, self.track_nu, (texture,) if exponent else ())
 
 
 _PERTURBED_RAD, _PERTURBED_SHARE = 0.002, 0.02

@@ -50,6 +50,7 @@ def model_sentences(model: NoiseModel, name: str) -> list[str]:
         f"{number(model.outliers_beyond_px)} px; the numbers do not describe them.",
         _model_bias(model),
         *_conditions(model),
+        *_track_scale(model),
         *_common(model),
         *_floor(model),
         f"Fitted to {counted(len(training.scenes), 'scene')}, {counted(training.n_tracks, 'track')}, "
@@ -100,6 +101,12 @@ def _advice(model: NoiseModel, name: str) -> list[str]:
     return [f"In {about.title}, set {in_words(found)}.", f"Innovations look like {number(innovations.value)} px."]
 
 
+def _range(interval: Interval) -> str:
+    if interval.low is None or interval.high is None:
+        return number(interval.value)
+    return f"{number(interval.value)} ({number(interval.low)} to {number(interval.high)})"
+
+
 def _tails(model: NoiseModel) -> str:
     if math.isinf(model.tails.nu):
         return "Tails are no heavier than those of a Gaussian."
@@ -121,6 +128,28 @@ def _conditions(model: NoiseModel) -> list[str]:
         f"{number(one.gain.value)} nat per change{' beyond the first factor' if place else ''}."
         for place, one in enumerate(model.conditions)
     ]
+
+
+def _track_scale(model: NoiseModel) -> list[str]:
+    """What is gained by a scale of each track, and the bulk that is then left."""
+    scale = model.track_scale
+    if scale is None:
+        return []
+    if scale.why_refused is not None:
+        return [f"The likelihood of whole tracks is not used: {scale.why_refused}."]
+    parts = ", ".join(f"{title} {_range(getattr(scale, name).sigma)} {unit}" for name, title, unit in _BULK)
+    gain = f"On what was left out, this gains {_range(scale.gain)} nat per track over second moments."
+    qualities = " and ".join(one.of for one in scale.conditions)
+    by_quality = f"; W and Q depend on {qualities}" if qualities else ""
+    if scale.nu is None:
+        return [f"By the likelihood of whole tracks, all have one scale: {parts}{by_quality}. {gain}"]
+    return [
+        f"Each track has a scale of its own: whole tracks have Student's distribution with {_range(scale.nu)} degrees "
+        f"of freedom. The bulk has {parts}{by_quality}. {gain}"
+    ]
+
+
+_BULK = (("first", "A", "px"), ("white", "W", "px"), ("walk", "Q", "px per sqrt(frame)"))
 
 
 def _common(model: NoiseModel) -> list[str]:

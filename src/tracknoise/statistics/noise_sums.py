@@ -4,6 +4,7 @@
 - Errors of tracks about their first positions, with the magnification of the image and its motion.
 - The errors of the tracks of a sequence, with what is an outlier among them.
 - Sums of products of errors by condition, block, product and age, and counts of outliers.
+- A sample of tracks, each with its errors.
 - All tables of a sequence that noise models are fitted to.
 
 Sums from which the components of the noise of tracks are fitted: products of errors, and what they should contain.
@@ -62,11 +63,14 @@ from tracknoise.tables.schema import (
     NOISE_OUTLIERS,
     NOISE_PAIRS,
     NOISE_SUMS,
+    ORIGIN,
     PRODUCT,
     QUALITY_PREFIX,
+    TRACK_ERRORS,
     Schema,
     check,
     empty,
+    layout_of,
 )
 
 
@@ -428,11 +432,63 @@ def _octaves(values: NDArray[np.float64], changes: Products) -> dict[str, NDArra
     return {end: known_classes(values[changes.rows - back]) // PER_OCTAVE for end, back in backs.items()}
 
 
+MOST_TRACKS = 200
+"""Tracks of a sequence and condition whose errors are kept."""
+
+
+def track_errors(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFrame:
+    """Errors of some tracks of every condition, spread evenly over those with at least one known error.
+
+    Returns schema `TRACK_ERRORS`, sorted. A track ends before its first outlier or hidden observation.
+    """
+    place, length = until_unknown(tracks)
+    chosen = _some_tracks(sequence.seen.condition[tracks.rows[place]], length >= _LEAST_OBSERVATIONS)
+    taken = length[chosen]
+    kept = np.repeat(place[chosen] - np.cumsum(taken) + taken, taken) + np.arange(taken.sum())
+    rows, known = tracks.rows[kept], dict(covariates_of(sequence, tracks))
+    columns = {
+        "track": sequence.seen.track[rows],
+        "block": np.where(sequence.at_slowest[rows], sequence.block[rows], 0),
+        "age": tracks.age[kept],
+        **dict(zip(("du_px", "dv_px"), tracks.error_px[kept].T, strict=True)),
+        "magnification": tracks.magnification[kept],
+        MOTION: known.pop(MOTION)[kept],
+        **{QUALITY_PREFIX + name: known[name][kept] for name in sorted(known)},
+    }
+    values = {name: pl.Series(name, column, nan_to_null=True) for name, column in columns.items()}
+    table = sequence.seen.conditions[sequence.seen.condition[rows]].hstack(pl.DataFrame(values))
+    layout = layout_of(TRACK_ERRORS, table.columns)
+    typed = table.select(pl.col(name).cast(kind) for name, kind in layout.items())
+    return check(typed.sort(*ORIGIN, "track", "age"), TRACK_ERRORS, "track errors")
+
+
+_LEAST_OBSERVATIONS = 2
+"""Of a track with a known error: the first one is where it is about."""
+
+
+def until_unknown(tracks: ErrorTracks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where each track begins, and how many observations it has before the first one without a known error."""
+    begins = np.flatnonzero(np.diff(tracks.track, prepend=-1))
+    length = np.diff(np.append(begins, len(tracks.track)))
+    since = np.arange(len(tracks.track)) - np.repeat(begins, length)
+    unknown = np.where(np.isnan(tracks.error_px[:, 0]), since, np.repeat(length, length))
+    return begins, np.minimum.reduceat(unknown, begins) if len(begins) else length
+
+
+def _some_tracks(condition: NDArray[np.intp], usable: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Places of at most `MOST_TRACKS` usable tracks of each condition, in order."""
+    own = (np.flatnonzero(usable & (condition == one)) for one in np.unique(condition))
+    counts = [(places, min(len(places), MOST_TRACKS)) for places in own]
+    parts = [places[np.arange(count) * len(places) // max(count, 1)] for places, count in counts]
+    return np.concatenate([np.empty(0, np.intp), *parts])
+
+
 _SCHEMAS = {
     "noise_sums": NOISE_SUMS,
     "noise_outliers": NOISE_OUTLIERS,
     "noise_covariates": NOISE_COVARIATES,
     "noise_pairs": NOISE_PAIRS,
+    "track_errors": TRACK_ERRORS,
 }
 
 
@@ -449,8 +505,8 @@ def noise_tables(sequence: PreparedSequence, geometry: FrameGeometry) -> dict[st
     Returns
     -------
     dict
-        Tables of the schemas `NOISE_SUMS`, `NOISE_OUTLIERS`, `NOISE_COVARIATES` and `NOISE_PAIRS` by their names in
-        lower case, sorted.
+        Tables of the schemas `NOISE_SUMS`, `NOISE_OUTLIERS`, `NOISE_COVARIATES`, `NOISE_PAIRS` and `TRACK_ERRORS` by
+        their names in lower case, sorted.
     """
     if sequence.key_frame is not None:
         return {name: empty(schema) for name, schema in _SCHEMAS.items()}
@@ -461,4 +517,5 @@ def noise_tables(sequence: PreparedSequence, geometry: FrameGeometry) -> dict[st
         "noise_outliers": noise_outliers(sequence, tracks),
         "noise_covariates": noise_covariates(sequence, tracks, found[Product.change]),
         "noise_pairs": noise_pairs(sequence, tracks, found[Product.change]),
+        "track_errors": track_errors(sequence, tracks),
     }

@@ -427,6 +427,24 @@ NOISE_PAIRS: Schema = {
 }
 """The same sums by two covariates together, in classes of an octave (`tracknoise.statistics.noise_sums`)."""
 
+TRACK_ERRORS = OpenSchema(
+    {
+        **ORIGIN,
+        "track": pl.UInt32,
+        "block": pl.UInt8,
+        "age": pl.UInt32,
+        **dict.fromkeys(("du_px", "dv_px", "magnification", "motion_px"), pl.Float32),
+    },
+    (),
+    QUALITY_PREFIX + QUALITY_NAME,
+    pl.Float32,
+)
+"""Errors of some tracks of every condition, about their first positions (`tracknoise.statistics.noise_sums`).
+
+magnification is Z_0 / Z_k, and motion_px the motion of the true position since the observation before (null at birth).
+Further columns ``quality_<name>`` are those of the observations.
+"""
+
 
 FLOORS: Schema = {
     **ORIGIN,

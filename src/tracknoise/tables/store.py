@@ -86,6 +86,7 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
     "noise_covariates": schema.NOISE_COVARIATES,
     "noise_pairs": schema.NOISE_PAIRS,
     "noise_tracks": schema.NOISE_TRACKS,
+    "track_errors": schema.TRACK_ERRORS,
 }
 """What noise models are fitted to and tried on. Sequences that an earlier version measured do not have it."""
 _ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}

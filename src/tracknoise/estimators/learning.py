@@ -19,7 +19,7 @@ from tracknoise.estimators.proof_windows import ROUNDING_PX, Problem, errors_of,
 from tracknoise.estimators.track_likelihood import TrackLaw
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.track_scale import ChosenLaw, Sample, choose_law, sample_of
-from tracknoise.estimators.trial import TUNED_ARMS, Beliefs, Knee, Law, PlantedNoise, Student, try_arms
+from tracknoise.estimators.trial import ADVISED, TUNED_ARMS, Beliefs, Knee, Law, PlantedNoise, Student, try_arms
 from tracknoise.inference.conventions import LEVEL
 
 _LEAST_NU, _MOST_NU = 2.05, 200.0
@@ -152,7 +152,8 @@ def learn(
         of_errors=Student(*student_of_errors(problems)),
         planted=None if planted is None else planted.law,
     )
-    return tuned(draft, problems)
+    untried = Knee(sigma_px=innovations, knee_px=innovations)
+    return tuned(replace(draft, knees={**draft.knees, ADVISED: untried}), problems)
 
 
 _MOST_TUNED = 60
@@ -169,7 +170,7 @@ def tuned(beliefs: Beliefs, problems: Sequence[Problem]) -> Beliefs:
     nees = try_arms(problems, beliefs, arms=["0"])["nees_newest"].to_numpy()
     own = replace(beliefs, tuned_px=float(np.sqrt(np.mean(nees))))
     some = problems[:: max(1, -(-len(problems) // _MOST_TUNED))]
-    return replace(own, knees={arm: _tuned_knee(own, some, arm) for arm in TUNED_ARMS})
+    return replace(own, knees={**own.knees, **{arm: _tuned_knee(own, some, arm) for arm in TUNED_ARMS}})
 
 
 def _tuned_knee(beliefs: Beliefs, problems: Sequence[Problem], arm: str) -> Knee:

@@ -16,7 +16,7 @@ the change excludes 0.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
 
@@ -41,7 +41,18 @@ from tracknoise.estimators.proof_windows import (
     with_joined_scenes,
 )
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.trial import ARMS, NEWEST, REFERENCE, SCALARS, Beliefs, one_sigma, try_arms, whole_tracks
+from tracknoise.estimators.trial import (
+    ADVISED,
+    ARMS,
+    NEWEST,
+    REFERENCE,
+    SCALARS,
+    Beliefs,
+    Knee,
+    one_sigma,
+    try_arms,
+    whole_tracks,
+)
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.tables.store import RunFolder
@@ -293,7 +304,28 @@ def _stated(row: Mapping[str, float | None]) -> str:
     return f"{value or 'unknown'} ({low} to {high})" if low and high else value or "unknown"
 
 
-RUN_ARMS = ("0", "1", "1e", "2", "3", "3b", "4", "5", "6", "6b", "7", "7b", "8", "8b", "8c", "8d", "9", "9b", "9c")
+RUN_ARMS = (
+    "0",
+    "1",
+    "1e",
+    "2",
+    "3",
+    "3b",
+    "4",
+    "5",
+    "6",
+    "6b",
+    "7",
+    "7b",
+    "8",
+    "8b",
+    "8c",
+    "8d",
+    "8e",
+    "9",
+    "9b",
+    "9c",
+)
 """Arms that need no planted noise."""
 
 
@@ -367,18 +399,33 @@ def prove(
     if problems and all(are_exact(problem) for problem in problems):
         raise SettingsError(f"{folder.path}: found no errors of {training.tracker}, expected a tracker that errs")
     parts = divided(folder, problems, training)
-    beliefs = learn(parts.learned_from, noise=noise)
+    learned = learn(parts.learned_from, noise=noise)
+    beliefs = replace(learned, knees={**learned.knees, ADVISED: _advised(model, length)})
     joined = with_joined_scenes(folder, parts.tested)
     poses = summarise(try_arms(joined, beliefs, arms=RUN_ARMS, seed=seed))
     distances = triangulate(joined, learn_sigmas(parts.learned_from), noise)
+    found = [sentence(poses, arm) for arm in (ADVISED, "6")]
     return Proof(
         poses=poses,
         distances=distances,
-        sentences=(sentence(poses, "6"), _distance_sentence(distances), *parts.limits, _tried(parts, joined)),
+        sentences=(
+            sentence(poses, ADVISED),
+            sentence(poses, "6"),
+            _distance_sentence(distances),
+            *parts.limits,
+            _tried(parts, joined),
+        ),
         training=scenes_of(parts.learned_from),
         tested=scenes_of(parts.tested),
         beliefs=beliefs,
     )
+
+
+def _advised(model: NoiseModel, length: int) -> Knee:
+    """What is set in a sliding window of so many frames."""
+    found = model.advise("sliding_window", window=length)
+    assert found.knee_px is not None
+    return Knee(sigma_px=found.sigma.value, knee_px=found.knee_px)
 
 
 def windows_for(

@@ -21,6 +21,8 @@ TEXTURE = "texture"
 """Name of what planted noise depends on."""
 TUNED_ARMS = ("8d", "9c")
 """Arms whose knee is tuned: with one sigma, and with a sigma by quality."""
+ADVISED = "8e"
+"""The arm of what is set in a sliding window (`tracknoise.estimators.advice`); its sigma and knee are of a model."""
 REFERENCE = "1"
 """The arm that all others are compared with."""
 
@@ -74,7 +76,7 @@ class Beliefs:
     scaled, scaled_by_quality
         The same with a scale of its own for each track, without and with these factors.
     knees
-        Cauchy's loss of single observations as it was tuned, by the names of `TUNED_ARMS`.
+        Cauchy's loss of single observations as it was tuned, by the names of `TUNED_ARMS`, and that of `ADVISED`.
     drift_px
         (2,) float64, px per frame: mean drift.
     of_errors
@@ -93,7 +95,7 @@ class Beliefs:
     scaled_by_quality: Law
     drift_px: NDArray[np.float64]
     of_errors: Student
-    knees: Mapping[str, Knee] = field(default_factory=lambda: dict.fromkeys(TUNED_ARMS, Knee()))
+    knees: Mapping[str, Knee] = field(default_factory=lambda: dict.fromkeys((*TUNED_ARMS, ADVISED), Knee()))
     planted: Law | None = None
 
 
@@ -219,6 +221,10 @@ def _one_cauchy(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]
     return one_sigma(problem, beliefs.knees["8d"].sigma_px)
 
 
+def _advised(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
+    return one_sigma(problem, beliefs.knees[ADVISED].sigma_px)
+
+
 def _cauchy_by_quality(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
     factors = [factor_in(group, beliefs.scaled_by_quality.conditions) for group in problem.groups]
     one = one_sigma(problem, beliefs.knees["9c"].sigma_px)
@@ -257,6 +263,7 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
         "8b": Arm("one sigma, Cauchy 1", _tuned, _cauchy),
         "8c": Arm("core sigma, Cauchy of Student's knee", _student_core, _student),
         "8d": Arm("one sigma, Cauchy, knee tuned", _one_cauchy, lambda beliefs: beliefs.knees["8d"].loss),
+        "8e": Arm("what is set in a sliding window", _advised, lambda beliefs: beliefs.knees[ADVISED].loss),
         "9": Arm("scale of each track", _scaled, lambda beliefs: _loss_of_tracks(beliefs.scaled.nu)),
         "9b": Arm(
             "scale of each track, by quality",

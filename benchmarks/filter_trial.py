@@ -6,7 +6,7 @@
 
 With runs of the reader `simulated`, kept with `keep = "observations"` and 20 frames per second, the filter is given the
 tracks as they are, outliers included. Scenes are named `<motion>-NN`: noise models are fitted to those scenes of the
-first run whose NN is even for scenes with an odd one, and the reverse. Each sequence is filtered with several draws of
+first run, or of `--models`, whose NN is even for scenes with an odd one, and the reverse. Each sequence is filtered with several draws of
 inertial noise. A control has white noise of .5 px in place of the errors of the same tracks.
 
 Prints, for each assumed noise: the root mean square error of the newest position, its ratio to that of the first row
@@ -297,9 +297,9 @@ def ended_tracks(observations: pl.DataFrame) -> EndedTracks:
     return EndedTracks(first, length, uv, first + length - (~lost | (length == CLONES)))
 
 
-def of_runs(runs: Sequence[Path], tracker: str, *, seeds: int) -> Iterator[Outcome]:
-    """The outcomes of all sequences of some runs, with arms of models fitted to other scenes of the first run."""
-    folder = RunFolder(runs[0])
+def of_runs(runs: Sequence[Path], tracker: str, *, models: Path, seeds: int) -> Iterator[Outcome]:
+    """The outcomes of all sequences of some runs, with arms of models fitted to scenes of the other half of a run."""
+    folder = RunFolder(models)
     scenes = [entry.sequence.scene for entry in folder.manifest().sequences.values()]
     learned = [[name for name in scenes if _half(name) != half] for half in (0, 1)]
     arms = [model_arms(training_tables(folder, tracker=tracker, speed=1, scenes=names)) for names in learned]
@@ -319,6 +319,7 @@ def _half(scene: str) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.filter_trial", description=__doc__.partition("\n")[0])
     parser.add_argument("run", type=Path, nargs="*", help="run folders; without any, noise is planted")
+    parser.add_argument("--models", type=Path, help="run folder that models are fitted to (default: the first)")
     parser.add_argument("--tracker", default="lucas-kanade", help="of the runs")
     parser.add_argument("--seeds", type=int, default=2, help="draws of inertial noise for each sequence of a run")
     parser.add_argument("--runs", type=int, default=40, help="sequences with planted noise")
@@ -326,7 +327,8 @@ def main() -> None:
     parser.add_argument("--tracks", type=int, default=8, help="tracks that begin in each of its frames")
     options = parser.parse_args()
     if options.run:
-        print(table(list(of_runs(options.run, options.tracker, seeds=options.seeds))))
+        models = options.models or options.run[0]
+        print(table(list(of_runs(options.run, options.tracker, models=models, seeds=options.seeds))))
         return
     for case, noise in PLANTED.items():
         arms, found = _planted_arms(noise), []

@@ -186,6 +186,8 @@ class Filtered:
         Share of those that passed the gate.
     innovations : float
         Mean of the normalised innovations squared of all tracks over their degrees of freedom.
+    predicted : float
+        Mean share of the claimed variance of innovations that errors of the predicted poses have.
     """
 
     poses: NDArray[np.float64]
@@ -193,6 +195,7 @@ class Filtered:
     triangulated: float
     passed: float
     innovations: float
+    predicted: float
 
 
 def run_filter(problem: InertialProblem, assumed: Assumed, *, gate: float = 1.0, seed: int = 0) -> Filtered:
@@ -206,9 +209,8 @@ def run_filter(problem: InertialProblem, assumed: Assumed, *, gate: float = 1.0,
         work.update(_used_at(problem.tracks, frame))
         poses.append(work.pose())
         nees.append(work.nees(problem.world_from_camera[frame]))
-    ratios, found = np.concatenate(work.ratios), np.concatenate(work.found)
-    passed = float(np.concatenate(work.accepted).mean())
-    return Filtered(np.stack(poses), np.array(nees), float(found.mean()), passed, float(ratios.mean()))
+    shares = (work.found, work.accepted, work.ratios, work.predicted)
+    return Filtered(np.stack(poses), np.array(nees), *(float(np.concatenate(one).mean()) for one in shares))
 
 
 def _used_at(tracks: EndedTracks, frame: int) -> EndedTracks:
@@ -233,6 +235,7 @@ class _Filter:
         self.found: list[NDArray[np.bool_]] = []
         self.accepted: list[NDArray[np.bool_]] = []
         self.ratios: list[NDArray[np.float64]] = []
+        self.predicted: list[NDArray[np.float64]] = []
 
     def pose(self) -> NDArray[np.float64]:
         pose = np.eye(4)
@@ -316,6 +319,8 @@ class _Filter:
         passes = squared <= self._gate * stats.chi2.ppf(0.95, freedom)
         self.accepted.append(passes)
         self.ratios.append(squared / freedom)
+        of_poses = np.trace(covariance, axis1=1, axis2=2) - rows.shape[1]
+        self.predicted.append(of_poses / (of_poses + freedom))
         return residual[passes].ravel(), rows[passes].reshape(-1, by_clones.shape[2])
 
     def _places(self, tracks: EndedTracks) -> NDArray[np.int64]:

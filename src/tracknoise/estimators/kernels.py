@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators import bundle
-from tracknoise.estimators.linear_window import LinearTracks
+from tracknoise.estimators.linear_window import LinearTracks, determines_poses
 from tracknoise.estimators.model import Equivalent, Interval, Kernel, LossKind
 from tracknoise.estimators.trial import NEWEST, normalised
 from tracknoise.inference.conventions import IntervalKind
@@ -139,8 +139,9 @@ def _windows(
         random = np.random.default_rng(place)
         for window in [one for one in windows for _ in range(_PER_SCENE)]:
             drawn = [(group, own) for group in window if (own := scene.drawn(group, random)) is not None]
-            if any(own.any() for _, own in drawn):
-                yield scenes[place], [group for group, _ in drawn], [own for _, own in drawn]
+            groups = [group for group, _ in drawn]
+            if any(own.any() for _, own in drawn) and determines_poses(groups):
+                yield scenes[place], groups, [own for _, own in drawn]
 
 
 def _plain(window: Sequence[LinearTracks], errors: Sequence[Array]) -> float:

@@ -400,7 +400,7 @@ def prove(
         raise SettingsError(f"{folder.path}: found no errors of {training.tracker}, expected a tracker that errs")
     parts = divided(folder, problems, training)
     learned = learn(parts.learned_from, noise=noise)
-    beliefs = replace(learned, knees={**learned.knees, ADVISED: _advised(model, length)})
+    beliefs = replace(learned, knees={**learned.knees, **_advised(model, length)})
     joined = with_joined_scenes(folder, parts.tested)
     poses = summarise(try_arms(joined, beliefs, arms=RUN_ARMS, seed=seed))
     distances = triangulate(joined, learn_sigmas(parts.learned_from), noise)
@@ -408,24 +408,21 @@ def prove(
     return Proof(
         poses=poses,
         distances=distances,
-        sentences=(
-            sentence(poses, ADVISED),
-            sentence(poses, "6"),
-            _distance_sentence(distances),
-            *parts.limits,
-            _tried(parts, joined),
-        ),
+        sentences=(*found, _distance_sentence(distances), *parts.limits, _tried(parts, joined)),
         training=scenes_of(parts.learned_from),
         tested=scenes_of(parts.tested),
         beliefs=beliefs,
     )
 
 
-def _advised(model: NoiseModel, length: int) -> Knee:
-    """What is set in a sliding window of so many frames."""
-    found = model.advise("sliding_window", window=length)
+def _advised(model: NoiseModel, length: int) -> dict[str, Knee]:
+    """What is set in a sliding window of so many frames; nothing where the model has no sigma for windows."""
+    try:
+        found = model.advise("sliding_window", window=length)
+    except SettingsError:
+        return {}
     assert found.knee_px is not None
-    return Knee(sigma_px=found.sigma.value, knee_px=found.knee_px)
+    return {ADVISED: Knee(sigma_px=found.sigma.value, knee_px=found.knee_px)}
 
 
 def windows_for(

@@ -156,6 +156,8 @@ class Cut:
         As in the run.
     length
         Processed frames of a window.
+    every
+        Processed frames from one window to the next; by default `length`, so that windows share no frame.
     per_sequence
         Most windows of a sequence, spread evenly.
     most_tracks
@@ -169,6 +171,7 @@ class Cut:
     tracker: str
     speed: int
     length: int = 11
+    every: int | None = None
     per_sequence: int = 8
     most_tracks: int = 80
     most_px: float = np.inf
@@ -212,7 +215,7 @@ class _Sequence:
 def _of_sequence(folder: RunFolder, key: str, cut: Cut) -> Iterator[Problem]:
     sequence = _read(folder, key, cut)
     frames = np.arange(0, len(sequence.poses), cut.speed)
-    starts = np.arange(0, len(frames) - cut.length + 1, cut.length)
+    starts = np.arange(0, len(frames) - cut.length + 1, cut.every or cut.length)
     chosen = starts[np.unique(np.linspace(0, len(starts) - 1, min(cut.per_sequence, len(starts))).astype(int))]
     for start in chosen:
         found = _window(sequence, frames[start : start + cut.length], cut)

@@ -40,8 +40,7 @@ from benchmarks.msckf import (
     run_filter,
     with_readings,
 )
-from tracknoise.estimators.equivalents import measured_gates
-from tracknoise.estimators.fit import outlier_limit_px
+from tracknoise.estimators.advice import GOOD, Gate
 from tracknoise.estimators.linear_window import (
     CAMERA,
     Motion,
@@ -55,7 +54,6 @@ from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.proof_windows import recorded_camera, recorded_poses
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.training import TrainingTables, training_tables
 from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import Camera
@@ -178,25 +176,22 @@ def _planted_arms(noise: TrackNoise) -> Arms:
     }
 
 
-def model_arms(tables: TrainingTables) -> Arms:
+def model_arms(model: NoiseModel) -> Arms:
     """What an estimator may make of a noise model: sigma, gate and whole tracks."""
-    model = NoiseModel.fitted_to(tables)
 
     def of(purpose: Purpose) -> tuple[float, float]:
         found = model.equivalent(landmark=Landmark.FREE, window=CLONES, purpose=purpose)
         return found.sigma.value, found.gate_95
 
+    advised = model.advise("filter", window=CLONES)
     (sigma, gate), (innovations, gate_of_innovations) = of(Purpose.NEWEST_POSE), of(Purpose.INNOVATIONS)
     return {
         "1 px, gate 1": (1.0, 1.0),
         "1 px, gate .05": (1.0, 0.05),
         "newest pose, gate 1": (sigma, 1.0),
         "newest pose, gate of the model": (sigma, gate),
-        "newest pose, gate with floor": (sigma, max(gate, gate_floor((innovations / sigma) ** 2))),
-        **{
-            f"newest pose, gate of {share:g} of good tracks": (sigma, good_tracks_gate(tables, share) / sigma**2)
-            for share in (0.9, 0.8)
-        },
+        "newest pose, gate of .8 of good tracks": (sigma, good_tracks_gate(model)),
+        "what is set in a filter": (advised.sigma.value, advised.gates[Gate.TRACK]),
         **{f"newest pose, gate {value:g}": (sigma, value) for value in (0.25, 0.1, 0.05)},
         **{
             f"newest pose x {factor:g}, same gate in px": (factor * sigma, gate / factor**2)
@@ -205,35 +200,16 @@ def model_arms(tables: TrainingTables) -> Arms:
         "innovations, gate 1": (innovations, 1.0),
         "innovations, gate of the model": (innovations, gate_of_innovations),
         "all poses, gate of the model": of(Purpose.ALL_POSES),
-        "depth, gate of the model": of(Purpose.DEPTH),
         "whole tracks, gate 1": (model.components, 1.0),
         "whole tracks, gate .25": (model.components, 0.25),
     }
 
 
-_PREDICTED = 1.0 / 3.0
-"""Share of the claimed variance of innovations that errors of predicted poses are taken to have."""
-_FREEDOM = 2 * CLONES - 3
-
-
-def good_tracks_gate(tables: TrainingTables, share: float) -> float:
-    """Factor on the chi-square gate at .95, with a sigma of 1 px, that a share of good tracks passes (true poses)."""
-    limit_px = outlier_limit_px(tables["noise_outliers"])
-    found = measured_gates(tables["window_noise"], CLONES, limit_px=limit_px, levels=[share])
-    if found is None:
-        raise SettingsError(f"found too few windows of about {CLONES} frames, expected enough for a gate")
-    own, usual = stats.chi2.ppf([share, 0.95], _FREEDOM)
-    return float(found[0] * own / usual)
-
-
-def gate_floor(good: float) -> float:
-    """The gate that half of the good tracks pass.
-
-    Errors of predicted poses have `_PREDICTED` of the claimed variance of innovations, as claimed. The rest of it is
-    what sigma claims, and a share `good` of that is there.
-    """
-    half, usual = stats.chi2.ppf([0.5, 0.95], _FREEDOM)
-    return float((_PREDICTED + (1.0 - _PREDICTED) * good) * half / usual)
+def good_tracks_gate(model: NoiseModel) -> float:
+    """Factor on the gate at .95, for the sigma of the newest pose, that .8 of good tracks pass at true poses."""
+    found = model.equivalent(landmark=Landmark.FREE, window=CLONES, purpose=Purpose.NEWEST_POSE)
+    own, usual = stats.chi2.ppf([GOOD, 0.95], 2 * CLONES - 3)
+    return float((found.gate_80 or found.gate_95) * own / usual)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -303,7 +279,7 @@ def of_runs(runs: Sequence[Path], tracker: str, *, models: Path, seeds: int) -> 
     folder = RunFolder(models)
     scenes = [entry.sequence.scene for entry in folder.manifest().sequences.values()]
     learned = [[name for name in scenes if _half(name) != half] for half in (0, 1)]
-    arms = [model_arms(training_tables(folder, tracker=tracker, speed=1, scenes=names)) for names in learned]
+    arms = [model_arms(NoiseModel.fit(folder.path, tracker=tracker, scenes=names)) for names in learned]
     control = {f"control: {CONTROL_PX:g} px planted, gate {gate:g}": (CONTROL_PX, gate) for gate in (1.0, 0.5)}
     for number, run in enumerate(runs):
         for place, sequence in enumerate(tracked_sequences(run, tracker)):

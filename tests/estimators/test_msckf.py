@@ -3,9 +3,8 @@
 import numpy as np
 import polars as pl
 import pytest
-from benchmarks.filter_trial import ended_tracks, gate_floor
+from benchmarks.filter_trial import ended_tracks
 from benchmarks.msckf import CLONES, Assumed, EndedTracks, Filtered, planted_problem, run_filter, triangulated
-from scipy.stats import chi2
 
 from tracknoise.estimators.linear_window import CAMERA, Motion, trajectory
 from tracknoise.estimators.track_noise import TrackNoise
@@ -77,12 +76,3 @@ def test_the_first_part_of_a_track_is_shorter_by_its_number_and_used_at_its_last
     found = ended_tracks(table)
     rows = zip(found.first.tolist(), found.length.tolist(), found.used_at.tolist(), strict=True)
     assert sorted(rows) == [(0, 7, 6), (7, 11, 17)]
-
-
-def test_half_of_the_good_tracks_pass_the_floor_of_the_gate() -> None:
-    good, freedom = 0.3, 2 * CLONES - 3
-    variance = (
-        1.0 / 3.0 + 2.0 / 3.0 * good
-    )  # of innovations over the claimed one, a third of which predicted poses have
-    squared = variance * np.random.default_rng(0).chisquare(freedom, 20_000)
-    assert np.mean(squared <= gate_floor(good) * chi2.ppf(0.95, freedom)) == pytest.approx(0.5, abs=0.02)

@@ -131,31 +131,11 @@ def gates(
     windows: pl.DataFrame, length: int, *, limit_px: float, window: Sequence[LinearTracks], noise: TrackNoise
 ) -> Gates:
     """Gates of windows of a length. `windows`: schema `WINDOW_NOISE`, of one tracker and speed."""
-    measured = measured_gates(windows, length, limit_px=limit_px)
-    return Gates(TrackGates.of(window, noise), measured)
+    return Gates(TrackGates.of(window, noise), _measured(windows, length, limit_px))
 
 
-def measured_gates(
-    windows: pl.DataFrame, length: int, *, limit_px: float, levels: Sequence[float] = LEVELS
-) -> tuple[float, ...] | None:
-    """Gates of the measured windows of nearly a length; None if there are too few, or if they have no noise.
-
-    Parameters
-    ----------
-    windows
-        Table `WINDOW_NOISE`, of one tracker and speed.
-    length
-        Frames of the tracker.
-    limit_px
-        Tracks whose residuals are as large as with one outlier beyond it are not good ones.
-    levels
-        Shares of good tracks that are let through.
-
-    Returns
-    -------
-    (levels,) float
-        Quantiles of the sum of squared residuals of good tracks with the true poses, px^2, over those of chi square.
-    """
+def _measured(windows: pl.DataFrame, length: int, limit_px: float) -> tuple[float, ...] | None:
+    """Those of the measured windows of nearly this length; None if there are too few, or if they have no noise."""
     apart = (pl.col("window").cast(pl.Int64) - length).abs()
     near = windows.filter(pl.col("trimming") == Trimming.untrimmed, apart <= _NEAR * length)
     if near["n"].to_numpy().sum() < _LEAST:
@@ -168,11 +148,11 @@ def measured_gates(
         "n"
     ].to_numpy().sum()
     good = float(share_below(counts, np.array(limit_px / np.sqrt(freedom))))
-    squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in levels]
+    squares = [float(quantile(counts, level * good)) ** 2 * freedom for level in LEVELS]
     if not np.isfinite(squares).all():
         return None
     return tuple(
-        float(square / (2.0 * gammaincinv(freedom / 2.0, level))) for square, level in zip(squares, levels, strict=True)
+        float(square / (2.0 * gammaincinv(freedom / 2.0, level))) for square, level in zip(squares, LEVELS, strict=True)
     )
 
 

@@ -319,7 +319,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         **fitted.components,
         "tails": fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups),
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
-        "outliers_beyond_px": outlier_limit_px(outliers),
+        "outliers_beyond_px": _limit_px(outliers),
         "conditions": conditions,
         "track_scale": fit_track_scale(read["track_errors"], sums, conditions, groups=read.groups, level=level),
         "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.truth.audit_curves),
@@ -340,7 +340,7 @@ def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequ
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
     lifetimes, recordings = lengths_of_tracks(read["ends"], longest=max(*LENGTHS, *lengths)), _recordings(read)
     noise = fitted.noise.per_frames(read.speed)
-    limit_px, found = outlier_limit_px(read["noise_outliers"]), list[Equivalent]()
+    limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length in lengths:
         some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
         limits = gates(read["window_noise"], length, limit_px=limit_px, window=some[0], noise=noise)
@@ -357,13 +357,13 @@ def _kernels(read: TrainingTables, sigmas: Sequence[Equivalent], level: float) -
         windows(_recordings(read), speed=read.speed, length=LENGTH, lifetimes=lifetimes),
         innovations=of_window[Purpose.INNOVATIONS],
         newest=of_window[Purpose.NEWEST_POSE],
-        most_px=outlier_limit_px(read["noise_outliers"]),
+        most_px=_limit_px(read["noise_outliers"]),
         groups=read.groups,
         level=level,
     )
 
 
-def outlier_limit_px(outliers: pl.DataFrame) -> float:
+def _limit_px(outliers: pl.DataFrame) -> float:
     """Beyond what errors are outliers, mean over sequences."""
     return float((outliers["limit_px"] * outliers["n"]).to_numpy().sum() / outliers["n"].to_numpy().sum())
 

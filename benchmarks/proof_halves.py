@@ -16,13 +16,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import polars as pl
 
 from benchmarks.proof import table
-from tracknoise.estimators.components import fit_noise, sums_of_units
 from tracknoise.estimators.learning import learn
-from tracknoise.estimators.proof import summarise
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.proof import summarise, with_advice
 from tracknoise.estimators.proof_windows import Cut, Problem, recorded_problems, scenes_of
 from tracknoise.estimators.training import training_tables
 from tracknoise.estimators.trial import REFERENCE, try_arms
-from tracknoise.inference.conventions import LEVEL
 from tracknoise.tables.store import RunFolder
 
 _CAUCHY = "8d"
@@ -52,7 +51,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--trackers", nargs="+", default=["lucas-kanade", "correspondence"])
     parser.add_argument("--length", type=int, default=10, help="frames of a window")
     parser.add_argument("--every", type=int, default=2, help="frames from one window to the next")
-    parser.add_argument("--arms", nargs="+", default=["1", "6", "8b", "8d", "9", "9b", "9c"])
+    parser.add_argument("--arms", nargs="+", default=["1", "6", "8b", "8d", "8e", "9", "9b", "9c"])
     return parser.parse_args()
 
 
@@ -69,9 +68,9 @@ def _tried(
     folder: RunFolder, tracker: str, problems: list[Problem], training: set[str], arms: list[str]
 ) -> pl.DataFrame:
     """The windows of all other scenes."""
-    read = training_tables(folder, tracker=tracker, speed=1, scenes=training)
-    noise = fit_noise(sums_of_units(read["noise_sums"], read.groups), level=LEVEL)
-    beliefs = learn([problem for problem in problems if problem.scene in training], noise=noise)
+    model = NoiseModel.fit(folder.path, tracker=tracker, scenes=training)
+    learned = learn([problem for problem in problems if problem.scene in training], noise=model.components)
+    beliefs = with_advice(learned, model, len(problems[0].world_from_camera))
     trial = try_arms([problem for problem in problems if problem.scene not in training], beliefs, arms=arms)
     return trial.with_columns(window=pl.struct("scene", "window").hash())
 

@@ -399,8 +399,7 @@ def prove(
     if problems and all(are_exact(problem) for problem in problems):
         raise SettingsError(f"{folder.path}: found no errors of {training.tracker}, expected a tracker that errs")
     parts = divided(folder, problems, training)
-    learned = learn(parts.learned_from, noise=noise)
-    beliefs = replace(learned, knees={**learned.knees, **_advised(model, length)})
+    beliefs = with_advice(learn(parts.learned_from, noise=noise), model, length)
     joined = with_joined_scenes(folder, parts.tested)
     poses = summarise(try_arms(joined, beliefs, arms=RUN_ARMS, seed=seed))
     distances = triangulate(joined, learn_sigmas(parts.learned_from), noise)
@@ -415,14 +414,15 @@ def prove(
     )
 
 
-def _advised(model: NoiseModel, length: int) -> dict[str, Knee]:
-    """What is set in a sliding window of so many frames; nothing where the model has no sigma for windows."""
+def with_advice(beliefs: Beliefs, model: NoiseModel, length: int) -> Beliefs:
+    """The same with what a model says to set in a sliding window of so many frames, if it has sigmas for windows."""
     try:
         found = model.advise("sliding_window", window=length)
     except SettingsError:
-        return {}
+        return beliefs
     assert found.knee_px is not None
-    return {ADVISED: Knee(sigma_px=found.sigma.value, knee_px=found.knee_px)}
+    knee = Knee(sigma_px=found.sigma.value, knee_px=found.knee_px)
+    return replace(beliefs, knees={**beliefs.knees, ADVISED: knee})
 
 
 def windows_for(

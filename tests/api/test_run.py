@@ -34,8 +34,8 @@ def test_sequences_are_those_that_were_measured(run):
 def test_findings_come_in_the_order_of_their_rank(run):
     findings = run.findings()
     assert findings["rank"].to_list() == list(range(1, findings.height + 1))
-    assert findings["topic"][:2].to_list() == ["estimator", "scenes"]
-    assert "only 2 scenes" in findings["text"][1]
+    assert findings["topic"][:3].to_list() == ["estimator", "depth noise", "scenes"]
+    assert "only 2 scenes" in findings["text"][2]
     noise = findings.filter(topic="noise").row(0, named=True)
     assert noise["low"] < noise["value"] < noise["high"]
 

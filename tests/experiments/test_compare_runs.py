@@ -216,7 +216,7 @@ def test_the_sigma_to_set_can_be_better_where_residuals_are_worse(make, tmp_path
     gate = Gate({"consistent_sigma": 0.1, "residual_sigma": 0.1})
     comparison = tracknoise.compare(*runs, gate=gate)
     found = rows_of(comparison)
-    # the sigma to set is that of windows of 15, as in the first finding; the others are means over the three lengths
+    # the sigma for depths is that of windows of 15, as in the findings; the others are means over the three lengths
     expected = {"consistent_sigma": 0.145 / 0.2, "residual_sigma": 1.5}
     assert {name: found[name].verdict for name in expected} == {"consistent_sigma": "better", "residual_sigma": "worse"}
     assert [found[name].at for name in expected] == [15, None]
@@ -224,7 +224,7 @@ def test_the_sigma_to_set_can_be_better_where_residuals_are_worse(make, tmp_path
         assert found[name].effect == pytest.approx(ratio, rel=0.03)
         assert (found[name].of.tracker, found[name].n_scenes) == ("lk", 8)
     assert [ESTIMANDS[name].title for name in ("consistent_sigma", "residual_sigma")] == [
-        "sigma to set",
+        "sigma for depths",
         "residual sigma",
     ]
     outcomes = {row.statistic: row.outcome for row in comparison.gate.rows}

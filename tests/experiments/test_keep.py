@@ -95,10 +95,10 @@ def test_data_that_gained_a_scene_are_measured_there_alone(scenes, tmp_path, tol
 def test_other_questions_are_answered_without_measuring_again(finished, tmp_path, told, files, read):
     asked = FindingsSettings(margin=0.5, level=0.8, intervals="percentile")
     (experiment, run), whole = finished(2), RunFolder(tmp_path / "whole")
-    execute(experiment.with_findings(asked), whole, listener=told())
+    execute(experiment.model_copy(update={"findings": asked}), whole, listener=told())
     read.clear()
     listener = told()
-    execute(experiment.with_findings(asked), run, listener=listener)
+    execute(experiment.model_copy(update={"findings": asked}), run, listener=listener)
     assert listener.keys == []
     assert not read & set(OBSERVED)
     assert files(run) == files(whole)
@@ -145,7 +145,7 @@ def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(fini
     (run.path / "report").mkdir()
     monkeypatch.setattr("tracknoise.experiments.execute.compute_findings", lambda *_: pytest.fail("interrupted"))
     with pytest.raises(pytest.fail.Exception):
-        execute(experiment.with_findings(FindingsSettings(margin=0.5)), run, listener=told())
+        execute(experiment.model_copy(update={"findings": FindingsSettings(margin=0.5)}), run, listener=told())
     with pytest.raises(StoreError, match="no finished run, expected one; `tracknoise run` starts or resumes a run"):
         run.statistics("findings")
     assert not (run.path / "report").exists()

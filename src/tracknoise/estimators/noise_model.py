@@ -143,7 +143,7 @@ class NoiseModel:
     equivalents
         Standard deviations for all observations, named by what they make right.
     kernels
-        Robust losses that were tried on windows of the run; none where it keeps no observations.
+        Robust losses that were tried on sampled tracks of the run; none at speeds without a sample.
     """
 
     __pydantic_config__ = STRICT

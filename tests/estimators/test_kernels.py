@@ -25,6 +25,8 @@ def tracks(scales: np.ndarray, *, scenes: int = 12, walk: float = 0.0, seed: int
         rows = {
             "dataset": "d",
             "scene": f"s{scene:02}",
+            "lighting": "default",
+            "camera": "",
             "track": np.repeat(np.arange(len(scales)), length),
             "stands_for": 1.0,
             "age": np.tile(np.arange(length), len(scales)),

@@ -52,9 +52,11 @@ class _Scene:
         """From rows of `NOISE_TRACKS`. A track ends before its first error beyond `most_px`."""
         length = rows["age"].n_unique()
         small = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).sqrt() <= most_px
-        kept = rows.sort("track", "age").filter(small.cast(pl.UInt8).cum_min().over("track") == 1)
-        number = kept["track"].rank("dense").to_numpy().astype(np.int64) - 1
-        place = kept.select(pl.int_range(pl.len()).over("track")).to_series().to_numpy()
+        track = pl.struct("lighting", "camera", "track")
+        numbered = rows.with_columns(number=track.rank("dense") - 1).sort("number", "age")
+        kept = numbered.filter(small.cast(pl.UInt8).cum_min().over("number") == 1)
+        number = kept["number"].rank("dense").to_numpy().astype(np.int64) - 1  # a first error may be too large, too
+        place = kept.select(pl.int_range(pl.len()).over("number")).to_series().to_numpy()
         errors = np.full((int(number.max(initial=-1)) + 1, length, 2), np.nan)
         errors[number, place] = kept.select("du_px", "dv_px").to_numpy()
         first = np.searchsorted(number, np.arange(len(errors)))

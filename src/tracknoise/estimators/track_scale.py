@@ -42,7 +42,7 @@ from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.intervals import Method, pooled
 from tracknoise.inference.units import Resampled, SceneGroups, Units
 from tracknoise.statistics.noise_sums import MOTION
-from tracknoise.tables.schema import QUALITY_PREFIX
+from tracknoise.tables.schema import QUALITY_PREFIX, SEQUENCE
 
 Array = NDArray[np.float64]
 
@@ -255,7 +255,7 @@ def _component(sigma: Interval | None) -> Component:
     return Component(covariance=sigma.value**2 * np.eye(2), sigma=sigma)
 
 
-_TRACK = ["dataset", "scene", "track"]
+_TRACK = [*SEQUENCE, "track"]
 
 
 def thinned(errors: pl.DataFrame) -> pl.DataFrame:

@@ -103,8 +103,7 @@ _NEEDED, _PAIRS, _TRACK_ERRORS = "noise_sums", "noise_pairs", "track_errors"
 _OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "noise_tracks", "floors", "rigid")
 _USED = {
     "samples": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "at", "du_px", "dv_px"),
-    "noise_tracks": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "track", "stands_for", "age",
-                     "du_px", "dv_px"),
+    "noise_tracks": (*ORIGIN, "track", "stands_for", "age", "du_px", "dv_px"),
 }  # fmt: skip
 """Columns that are read of large tables."""
 

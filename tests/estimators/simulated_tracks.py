@@ -88,7 +88,9 @@ def errors_of(scene: str, tracks: ErrorTracks, **quality: NDArray[np.float64]) -
         "motion_px": np.full(len(tracks.track), np.nan),
         **{f"quality_{name}": values[tracks.track, tracks.frame] for name, values in quality.items()},
     }
-    return pl.DataFrame(columns).with_columns(dataset=pl.lit("made"), scene=pl.lit(scene))
+    view = {"lighting": "default", "rotation": 0, "direction": "forward", "camera": ""}
+    origin = {"dataset": "made", "scene": scene, **view}
+    return pl.DataFrame(columns).with_columns(**{name: pl.lit(value) for name, value in origin.items()})
 
 
 def units(seed: int, *, scenes: int = 20, spread: float = 0.0, **planted: object) -> Units:

@@ -18,7 +18,7 @@ def test_a_planted_common_share_comes_back(common_run) -> None:
     assert share is not None
     assert share.low < SHARE < share.high
     assert share.value == pytest.approx(SHARE, rel=0.2)
-    assert "All features of a frame have 3" in " ".join(model_sentences(model))
+    assert "All features of a frame have 3" in " ".join(model_sentences(model, "filter"))
 
 
 def test_independent_noise_has_nothing_in_common(planted_run) -> None:

@@ -49,7 +49,7 @@ def test_no_model_is_fitted_where_no_lens_is_known() -> None:
 def test_exports_ask_for_a_focal_length_that_the_recordings_do_not_have_in_common_and_repeat_the_note() -> None:
     mixed = replace(lucas_kanade(), camera=recorded_camera({"a": recording(), "b": recording(focal=700.0)}))
     (note,) = mixed.camera.notes
-    assert note in model_sentences(mixed)
+    assert note in model_sentences(mixed, "filter")
     with pytest.raises(SettingsError, match="does not know that of its recordings"):
         export(mixed, "openvins", target=Target(focal_px=460.0))
     used = export(mixed, "openvins", target=Target(focal_px=460.0, focal_change=FocalChange.LENS))

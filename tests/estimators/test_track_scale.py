@@ -163,15 +163,15 @@ def test_files_of_the_earlier_format_have_no_scale_of_tracks() -> None:
 
 
 def test_models_say_what_a_scale_of_each_track_gains() -> None:
-    said = " ".join(model_sentences(made(0.3, track_scale=scale(conditions=(TEXTURE,)))))
+    said = " ".join(model_sentences(made(0.3, track_scale=scale(conditions=(TEXTURE,))), "filter"))
     assert "Student's distribution with 3.00 (2.50 to 4.00) degrees of freedom" in said
     assert (
         "Q 0.0800 px per sqrt(frame); W and Q depend on min_eigenvalue. On what was left out, this gains 1.00" in said
     )
-    said = " ".join(model_sentences(made(0.3, track_scale=scale(nu=None))))
+    said = " ".join(model_sentences(made(0.3, track_scale=scale(nu=None)), "filter"))
     assert "all have one scale: A 0.200 px" in said
     assert "Student's distribution" not in said
-    said = " ".join(model_sentences(made(0.3, track_scale=scale(why_refused="scenes do not agree"))))
+    said = " ".join(model_sentences(made(0.3, track_scale=scale(why_refused="scenes do not agree")), "filter"))
     assert "The likelihood of whole tracks is not used: scenes do not agree." in said
 
 

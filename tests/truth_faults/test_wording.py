@@ -38,5 +38,5 @@ def test_an_interval_that_is_no_number_of_seconds_is_written_out():
 
 
 def test_all_are_100_percent():
-    said = " ".join(model_sentences(made_model(0.1, 0.2, outlier_share=1.0)))
+    said = " ".join(model_sentences(made_model(0.1, 0.2, outlier_share=1.0), "filter"))
     assert "100 % of the observations are outliers" in said

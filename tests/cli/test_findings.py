@@ -26,7 +26,7 @@ def test_sentences_then_verdicts_are_printed(tracknoise, finished):
     assert (code, err) == (0, "")
     lines = out.splitlines()
     assert lines[0].startswith(" 1. Truth: limited. ")
-    assert any(line.startswith(" 2. Noise for the depths of points at speed 1") for line in lines)
+    assert any(line.startswith(" 2. Noise to set in a filter, windows of 11 frames at speed 1") for line in lines)
     assert any(line[4:].startswith("Every condition has only 2 scenes.") for line in lines)
     assert (
         sum(line[:2].strip().isdigit() and line[2:4] == ". " for line in lines)

@@ -66,7 +66,7 @@ def test_files_are_named_by_the_estimator_however_it_is_spelled(tracknoise, file
     code, _, err = tracknoise("noise", "export", file, "--to", "VINS-Mono", "-o", str(tmp_path / "config"))
     assert (code, err) == (0, "")
     names = sorted(path.name for path in (tmp_path / "config").iterdir())
-    assert names == ["vins.txt", "vins_fusion_noise.cpp", "vins_mono_noise.cpp"]
+    assert names == ["vins.txt", "vins_mono_noise.cpp"]
 
 
 def test_the_list_has_those_without_an_export_too(tracknoise):

@@ -14,7 +14,7 @@ from tracknoise.tables.store import RunFolder
 
 SENTENCE = (
     "lucas-kanade: 95 % depth intervals hold 57 % of the true depths with the sigma of residuals, and 80 % with the "
-    "one to set."
+    "one for depths."
 )
 
 

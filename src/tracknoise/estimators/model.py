@@ -340,7 +340,8 @@ class TrackScale:
     conditions
         Factors on W and Q in S. They multiply.
     gain
-        Gain in log likelihood over the components of second moments, on scenes that were left out, nat per track.
+        Gain in log likelihood over the components of second moments, on scenes that were left out, nat per track; None
+        if nothing can be left out.
     why_refused
         A sentence, if this gain is not warranted; the components of second moments are then to be used.
     """
@@ -351,7 +352,7 @@ class TrackScale:
     white: Component
     walk: Component
     conditions: tuple[Factor, ...] = ()
-    gain: Interval
+    gain: Interval | None
     why_refused: str | None = None
 
     @property

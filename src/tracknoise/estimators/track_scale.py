@@ -236,7 +236,7 @@ def fit_track_scale(
             sample.covariates[place].factor(power, gained)
             for place, power, gained in zip(chosen.places, chosen.law.powers, chosen.gains, strict=True)
         ),
-        gain=gain,
+        gain=None if np.isnan(gain.value) else gain,
         why_refused=None if is_gain(gain) else _not_better("it instead of second moments", gain, sample.noun),
     )
 

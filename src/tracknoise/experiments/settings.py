@@ -20,7 +20,6 @@ from pydantic import (
 from pydantic_core import ErrorDetails
 
 from tracknoise.checks import likeliest_problem
-from tracknoise.estimators.exports import estimator, estimator_name
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
@@ -289,6 +288,8 @@ class FindingsSettings(_Section):
 
 def _estimator(name: str) -> str:
     """The name of an estimator that takes one sigma."""
+    from tracknoise.estimators.exports import estimator, estimator_name
+
     try:
         known = estimator_name(name)
     except (SettingsError, UnknownNameError) as error:

@@ -135,7 +135,7 @@ def _track_scale(model: NoiseModel) -> list[str]:
     scale = model.track_scale
     if scale is None:
         return []
-    if scale.why_refused is not None:
+    if scale.why_refused is not None or scale.gain is None:
         return [f"The likelihood of whole tracks is not used: {scale.why_refused}."]
     parts = ", ".join(f"{title} {_range(getattr(scale, name).sigma)} {unit}" for name, title, unit in _BULK)
     gain = f"On what was left out, this gains {_range(scale.gain)} nat per track over second moments."

@@ -82,7 +82,8 @@ EXPORTS: tuple[Export, ...] = (
     Export("seed-spread", "differences between random seeds", lambda data: data.seed_spread),
     Export("triangulated-noise", "noise from triangulated truth", lambda data: data.triangulated_noise),
     Export("noise-lookup", "gain of tables of noise by tracker, speed and motion", lambda data: data.noise_lookup),
-    Export("window-sigmas", "noise for estimators, by length of window", lambda data: data.window_sigmas),
+    Export("advice", "what to set in the estimator", lambda data: data.advice),
+    Export("window-sigmas", "noise for depths, by length of window", lambda data: data.window_sigmas),
     Export("depth-intervals", "intervals of depths, by assumed noise", lambda data: data.depth_intervals),
     Export(
         "point-tracking-metrics",

@@ -65,5 +65,5 @@ def test_what_follows_a_run_works_without_causes_of_ends(run, tracknoise, tmp_pa
     status, *_ = tracknoise("noise", "fit", run, "--tracker", "colmap.db", "--accept-truth", "-o", str(tmp_path))
     assert status == 0
     (model,) = tmp_path.glob("*.noise.json")
-    status, *_ = tracknoise("prove", run, str(model), "--window", "6", "--accept-truth")
-    assert status == 0
+    status, _, err = tracknoise("prove", run, str(model), "--window", "6", "--accept-truth")
+    assert status == 0, err

@@ -27,7 +27,7 @@ from enum import StrEnum
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from scipy import stats
+from scipy.special import gammaincinv
 
 from tracknoise.estimators.bundle import Loss, expected_nees
 from tracknoise.estimators.bundle import LossKind as BundleLoss
@@ -272,7 +272,7 @@ def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> 
         freedom = 2 * plain.window - 3
         good = plain.gate_95 if plain.gate_80 is None else plain.gate_80
         allowed = POSE_SHARE + (1.0 - POSE_SHARE) * good * (plain.sigma.value / sigma) ** 2
-        return allowed * float(stats.chi2.ppf(GOOD, freedom) / stats.chi2.ppf(_LEVEL, freedom))
+        return allowed * _chi_square(GOOD, freedom) / _chi_square(_LEVEL, freedom)
     innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
     return min(observation_gate(model, innovations.value, sigma, _LEVEL), 1.0)
 
@@ -284,9 +284,13 @@ def observation_gate(model: ExportedModel, innovations: float, sigma: float, lev
     """
     noise, tails, good = (innovations / sigma) ** 2, model.tails, level * (1.0 - model.outlier_share)
     if math.isfinite(tails.nu):
-        square = tails.core_ratio**2 * 2.0 * float(stats.f.ppf(good, 2, tails.nu))
-        noise *= square / float(stats.chi2.ppf(level, 2))
+        square = tails.core_ratio**2 * tails.nu * ((1.0 - good) ** (-2.0 / tails.nu) - 1.0)  # of Student's distribution
+        noise *= square / _chi_square(level, 2)
     return POSE_SHARE + (1.0 - POSE_SHARE) * noise
+
+
+def _chi_square(level: float, freedom: int) -> float:
+    return 2.0 * float(gammaincinv(freedom / 2.0, level))
 
 
 def _of_known_point(

@@ -25,7 +25,6 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from tracknoise.estimators.linear_window import PointTracks, linear_tracks
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, images
@@ -340,8 +339,8 @@ def expected_nees(loss: Loss, *, nu: float = np.inf, scale: float = 1.0) -> floa
 def _density(norms: NDArray[np.float64], nu: float) -> NDArray[np.float64]:
     """Of the norm of two coordinates of scale 1."""
     if np.isfinite(nu):
-        return np.asarray(norms * stats.f.pdf(norms**2 / 2.0, 2, nu))
-    return np.asarray(stats.rayleigh.pdf(norms))
+        return np.asarray(norms * (1.0 + norms**2 / nu) ** (-nu / 2.0 - 1.0))
+    return np.asarray(norms * np.exp(-(norms**2) / 2.0))
 
 
 def _mean(values: NDArray[np.float64], density: NDArray[np.float64]) -> float:

@@ -122,10 +122,13 @@ class Sample:
         return fit_law(self.tracks.with_covariates(places), start, powers=bounds)
 
     def held_out(self, law: TrackLaw, places: Sequence[int]) -> Array:
-        """Log likelihoods (tracks,) of tracks under the law of the same form that is fitted to all other units."""
+        """Log likelihoods (tracks,) of tracks under the law of the same form that is fitted to all other units.
+
+        NaN where there is a single unit.
+        """
         tracks, bounds = self.tracks.with_covariates(places), [self.covariates[place].bounds for place in places]
-        found, fold = np.zeros(len(self.unit)), self.fold
-        for one in np.unique(fold):
+        found, fold = np.full(len(self.unit), np.nan), self.fold
+        for one in np.unique(fold) if fold.any() else ():
             left = fold == one
             others = fit_law(tracks.chosen(~left), law, powers=bounds)
             found[left] = others.log_likelihoods(tracks.chosen(left))

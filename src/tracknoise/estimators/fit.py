@@ -27,7 +27,7 @@ The mean of e' p is not changed by noise that is independent from track to track
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,6 +40,7 @@ from tracknoise.analysis.truth_shares import audited_mean
 from tracknoise.estimators.components import FittedComponents, fit_components, group_numbers, matrix, sums_of_units
 from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
 from tracknoise.estimators.kernels import LENGTH, tried_kernels
+from tracknoise.estimators.linear_window import LinearTracks
 from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Kernel, Landmark, Purpose, Tails, Training
 from tracknoise.estimators.run_time_conditions import conditions_of
 from tracknoise.estimators.track_noise import TrackNoise, error_covariances
@@ -311,7 +312,8 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     fitted = components_of(read, level=level)
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
-    sigmas = equivalents_of(read, fitted, LENGTHS)
+    by_length = _windows(read, LENGTHS)
+    sigmas = _equivalents(read, fitted, by_length)
     conditions = conditions_of(read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level)
     return {
         "training": _training(read),
@@ -327,7 +329,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "truth_floor_px": _floor(read["floors"], last_age),
         "truth": read.truth.verdict,
         "equivalents": sigmas,
-        "kernels": _kernels(read, sigmas, level),
+        "kernels": _kernels(read, by_length[LENGTH], sigmas, level),
     }
 
 
@@ -338,23 +340,37 @@ def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
 
 def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
+    return _equivalents(read, fitted, _windows(read, lengths))
+
+
+Window = Sequence[LinearTracks]
+
+
+def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, list[Window]]:
+    """Windows of the sequences of the tables, by length."""
     lifetimes, recordings = lengths_of_tracks(read["ends"], longest=max(*LENGTHS, *lengths)), _recordings(read)
+    return {length: windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes) for length in lengths}
+
+
+def _equivalents(
+    read: TrainingTables, fitted: FittedComponents, by_length: Mapping[int, Sequence[Window]]
+) -> tuple[Equivalent, ...]:
     noise = fitted.noise.per_frames(read.speed)
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
-    for length in lengths:
-        some = windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes)
+    for length, some in by_length.items():
         limits = gates(read["window_noise"], length, limit_px=limit_px, window=some[0], noise=noise)
         found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
     return tuple(found)
 
 
-def _kernels(read: TrainingTables, sigmas: Sequence[Equivalent], level: float) -> tuple[Kernel, ...]:
+def _kernels(
+    read: TrainingTables, some: Sequence[Window], sigmas: Sequence[Equivalent], level: float
+) -> tuple[Kernel, ...]:
     """Robust losses tried on the sampled tracks of a run; none at other speeds than the lowest, which has no sample."""
     of_window = {one.purpose: one for one in sigmas if one.landmark is Landmark.FREE and one.window == LENGTH}
-    lifetimes = lengths_of_tracks(read["ends"], longest=max(LENGTHS))
     return tried_kernels(
         read["noise_tracks"],
-        windows(_recordings(read), speed=read.speed, length=LENGTH, lifetimes=lifetimes),
+        some,
         innovations=of_window[Purpose.INNOVATIONS],
         newest=of_window[Purpose.NEWEST_POSE],
         most_px=_limit_px(read["noise_outliers"]),

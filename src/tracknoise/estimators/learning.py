@@ -15,14 +15,13 @@ from scipy.optimize import minimize
 
 from tracknoise.estimators.linear_window import LinearTracks, PointTracks, consistent_sigma, linear_tracks
 from tracknoise.estimators.model import Purpose
-from tracknoise.estimators.proof_windows import ROUNDING_PX, Problem, errors_of, magnification_of, scenes_of
-from tracknoise.estimators.track_likelihood import TrackLaw
+from tracknoise.estimators.proof_windows import ROUNDING_PX, Problem, TrackGroup, errors_of, magnification_of, scenes_of
+from tracknoise.estimators.track_likelihood import LEAST_NU, MOST_NU, TrackLaw
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.track_scale import ChosenLaw, Sample, choose_law, sample_of
 from tracknoise.estimators.trial import ADVISED, TUNED_ARMS, Beliefs, Knee, Law, PlantedNoise, Student, try_arms
 from tracknoise.inference.conventions import LEVEL
 
-_LEAST_NU, _MOST_NU = 2.05, 200.0
 _MOST_TRACKS = 4000
 """Tracks that laws are fitted to."""
 
@@ -39,8 +38,7 @@ def sample_of_windows(problems: Sequence[Problem]) -> Sample:
         for group, errors in zip(problem.groups, errors_of(problem), strict=True):
             kept = np.flatnonzero((passed + np.arange(len(errors))) % every == 0)
             passed += len(errors)
-            carried = magnification_of(problem, group)[kept]
-            about = errors[kept] - carried[:, :, None] * errors[kept][:, :1]
+            carried, about = (part[kept] for part in _about_first(problem, group, errors))
             length = group.frames.shape[1]
             track.append(np.repeat(count + np.arange(len(kept)), length))
             error.append(about.reshape(-1, 2))
@@ -83,10 +81,10 @@ def student(mean_squares: NDArray[np.float64], sizes: NDArray[np.int64]) -> tupl
         nu, scale = np.exp(values)
         return -float(np.mean(stats.f.logpdf(mean_squares / scale, sizes, nu) - np.log(scale)))
 
-    limits = [(np.log(_LEAST_NU), np.log(_MOST_NU)), (None, None)]
+    limits = [(np.log(LEAST_NU), np.log(MOST_NU)), (None, None)]
     start = [np.log(8.0), np.log(np.median(mean_squares))]
     nu, scale = np.exp(minimize(loss, start, method="L-BFGS-B", bounds=limits).x)
-    return (float(nu) if nu < 0.5 * _MOST_NU else float("inf")), float(scale)
+    return (float(nu) if nu < 0.5 * MOST_NU else float("inf")), float(scale)
 
 
 def student_of_errors(problems: Sequence[Problem]) -> tuple[float, float]:
@@ -99,22 +97,29 @@ def student_of_errors(problems: Sequence[Problem]) -> tuple[float, float]:
 
 def mean_drift(problems: Sequence[Problem]) -> NDArray[np.float64]:
     """(2,) float64, px per frame: the mean error of all tracks as a multiple of their age, by least squares."""
-    ages, errors = _about_first(problems)
+    ages, errors = _later_about_first(problems)
     return np.asarray(ages @ errors / (ages @ ages))
 
 
 def mean_square_about_birth(problems: Sequence[Problem]) -> float:
     """Mean square of each coordinate of the errors about the first observation of tracks in the window, px^2."""
-    return float(np.square(_about_first(problems)[1]).mean())
+    return float(np.square(_later_about_first(problems)[1]).mean())
 
 
-def _about_first(problems: Sequence[Problem]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _about_first(
+    problem: Problem, group: TrackGroup, errors: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Magnifications (tracks, n) since the first observation, and errors (tracks, n, 2) about it, px."""
+    carried = magnification_of(problem, group)
+    return carried, errors - carried[:, :, None] * errors[:, :1]
+
+
+def _later_about_first(problems: Sequence[Problem]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Ages (n,) and errors (n, 2) about the first position, first observations left out."""
     ages, errors = [], []
     for problem in problems:
         for group, error in zip(problem.groups, errors_of(problem), strict=True):
-            magnification = magnification_of(problem, group)
-            about = error - magnification[:, :, None] * error[:, :1]
+            about = _about_first(problem, group, error)[1]
             ages.append(group.ages[:, 1:].ravel())
             errors.append(about[:, 1:].reshape(-1, 2))
     return np.concatenate(ages).astype(np.float64), np.concatenate(errors)
@@ -133,7 +138,7 @@ def learn(
     """What the arms need to know."""
     sample = sample_of_windows(problems)
     gaussian, scaled = (choose_law(sample, level=LEVEL, scales=scales) for scales in (False, True))
-    components = noise or sample.fitted(TrackLaw(), ()).noise
+    components = noise or gaussian.without_factors.noise
     benchmarks = problems[:: max(1, len(problems) // _MOST_BENCHMARKS)][:_MOST_BENCHMARKS]
     newest, innovations = (
         float(np.mean([_equivalent(problem, components, purpose) for problem in benchmarks]))

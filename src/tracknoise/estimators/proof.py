@@ -43,8 +43,10 @@ from tracknoise.estimators.proof_windows import (
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import (
     ADVISED,
+    ALL_ARMS,
     ARMS,
     NEWEST,
+    PLANTED,
     REFERENCE,
     SCALARS,
     Beliefs,
@@ -304,28 +306,7 @@ def _stated(row: Mapping[str, float | None]) -> str:
     return f"{value or 'unknown'} ({low} to {high})" if low and high else value or "unknown"
 
 
-RUN_ARMS = (
-    "0",
-    "1",
-    "1e",
-    "2",
-    "3",
-    "3b",
-    "4",
-    "5",
-    "6",
-    "6b",
-    "7",
-    "7b",
-    "8",
-    "8b",
-    "8c",
-    "8d",
-    "8e",
-    "9",
-    "9b",
-    "9c",
-)
+RUN_ARMS = tuple(arm for arm in ALL_ARMS if arm != PLANTED)
 """Arms that need no planted noise."""
 
 

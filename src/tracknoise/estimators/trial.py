@@ -23,6 +23,8 @@ TUNED_ARMS = ("8d", "9c")
 """Arms whose knee is tuned: with one sigma, and with a sigma by quality."""
 ADVISED = "8e"
 """The arm of what is set in a sliding window (`tracknoise.estimators.advice`); its sigma and knee are of a model."""
+PLANTED = "U"
+"""The arm that knows the planted noise."""
 REFERENCE = "1"
 """The arm that all others are compared with."""
 
@@ -217,17 +219,14 @@ def _loss_of_tracks(nu: float) -> Loss:
     return Loss(LossKind.STUDENT, nu) if np.isfinite(nu) else PLAIN
 
 
-def _one_cauchy(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
-    return one_sigma(problem, beliefs.knees["8d"].sigma_px)
-
-
-def _advised(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
-    return one_sigma(problem, beliefs.knees[ADVISED].sigma_px)
+def _of_knee(arm: str) -> Callable[[Problem, Beliefs], list[NDArray[np.float64]]]:
+    """The sigma that belongs to the knee of an arm."""
+    return lambda problem, beliefs: one_sigma(problem, beliefs.knees[arm].sigma_px)
 
 
 def _cauchy_by_quality(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.float64]]:
     factors = [factor_in(group, beliefs.scaled_by_quality.conditions) for group in problem.groups]
-    one = one_sigma(problem, beliefs.knees["9c"].sigma_px)
+    one = _of_knee("9c")(problem, beliefs)
     return [np.repeat(factor, 2, axis=1)[:, :, None] * part for factor, part in zip(factors, one, strict=True)]
 
 
@@ -262,8 +261,8 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
         "8": Arm("one sigma, Huber 1.345", _tuned, _huber),
         "8b": Arm("one sigma, Cauchy 1", _tuned, _cauchy),
         "8c": Arm("core sigma, Cauchy of Student's knee", _student_core, _student),
-        "8d": Arm("one sigma, Cauchy, knee tuned", _one_cauchy, lambda beliefs: beliefs.knees["8d"].loss),
-        "8e": Arm("what is set in a sliding window", _advised, lambda beliefs: beliefs.knees[ADVISED].loss),
+        "8d": Arm("one sigma, Cauchy, knee tuned", _of_knee("8d"), lambda beliefs: beliefs.knees["8d"].loss),
+        "8e": Arm("what is set in a sliding window", _of_knee(ADVISED), lambda beliefs: beliefs.knees[ADVISED].loss),
         "9": Arm("scale of each track", _scaled, lambda beliefs: _loss_of_tracks(beliefs.scaled.nu)),
         "9b": Arm(
             "scale of each track, by quality",
@@ -271,7 +270,7 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
             lambda beliefs: _loss_of_tracks(beliefs.scaled_by_quality.nu),
         ),
         "9c": Arm("sigma by quality, Cauchy, knee tuned", _cauchy_by_quality, lambda beliefs: beliefs.knees["9c"].loss),
-        "U": Arm(
+        PLANTED: Arm(
             "whole tracks, planted noise",
             _planted,
             lambda beliefs: _loss_of_tracks(beliefs.planted.nu) if beliefs.planted else PLAIN,

@@ -81,7 +81,7 @@ def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | No
              for row in rows.to_dicts()}  # fmt: skip
     sigma, innovations = found["sigma"], found["innovations"]
     caveat = _caveat(sigma.value, trust, tracker)
-    most = "at most " if caveat else ""
+    most = _most(caveat)
     together = _together(rows["kernel"][0], found)
     text = f"{tracker}: set {most}{format_estimate(sigma)}{caveat}.{together}"
     text += f" Innovations will look like {px(innovations.value)}."
@@ -178,7 +178,7 @@ def _with_depth(length: int, found: Quantities, tracker: str, trust: pl.DataFram
     )
     caveat = _caveat(consistent.value, trust, tracker)
     residuals = f"Residuals will look like {px(residual.value)}: tuned to them, {_certainty(factor)}."
-    most = "at most " if caveat else ""
+    most = _most(caveat)
     right = f"depths are right with {most}{format_estimate(consistent)}, windows of {length} frames{caveat}"
     text = f"{tracker}: {right}. {residuals}"
     brief = f"{tracker}: depths are right with {most}{short(consistent)}."
@@ -197,6 +197,11 @@ def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
     if share is None or share >= 1.0:
         return opening
     return f"{opening}, and the tracker alone may have {px(sigma_px * sqrt(1.0 - share))}"
+
+
+def _most(caveat: str) -> str:
+    """What stands before a number that is an upper bound, where there is a caveat."""
+    return "at most " if caveat else ""
 
 
 _UNTRUSTED, _UNKNOWN = ": the truth is not trusted", ": whether the truth can be trusted is unknown"
@@ -234,7 +239,7 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
         return ""
     sigma, innovations = found["sigma"], found["innovations"]
     caveat = _caveat(sigma["value"], data.trust, tracker)
-    most = "at most " if caveat else ""
+    most = _most(caveat)
     more = f" and a track gate of {number(found['track_gate']['value'])}" if "track_gate" in found else ""
     more = f" and a knee of {number(found['knee']['value'])} sigma" if "knee" in found else more
     return (
@@ -248,7 +253,7 @@ def depth_noise_sentence(data: RunData, tracker: str) -> str:
     sigma = _at_window(data, tracker).get("consistent_sigma")
     if sigma is None:
         return ""
-    most = "at most " if _caveat(sigma["value"], data.trust, tracker) else ""
+    most = _most(_caveat(sigma["value"], data.trust, tracker))
     window = f"in windows of {sigma['window']} frames"
     return f"{tracker}: depths are right with {most}{pixels(sigma['value'])} px {window}."
 
@@ -261,7 +266,7 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
     sigma = found["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
     caveat = _caveat(sigma["value"], data.trust, tracker)
-    most = "at most " if caveat else ""
+    most = _most(caveat)
     opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds} in windows of "
     return f"{opening}{sigma['window']} frames{caveat}. {_certain(found)}".strip()
 

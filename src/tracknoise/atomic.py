@@ -30,14 +30,36 @@ def write_file(path: Path, content: bytes, *, durably: bool = False) -> None:
     OSError
         If it cannot be written. The file is then as it was.
     """
+    with replaced_file(path) as temporary, temporary.open("wb") as file:
+        file.write(content)
+        if durably:
+            file.flush()
+            os.fsync(file.fileno())
+
+
+@contextmanager
+def replaced_file(path: Path) -> Iterator[Path]:
+    """Give the path of a file to write. It gets its name when the block ends without an error.
+
+    Parameters
+    ----------
+    path
+        Where the file is to be. Its folder is made. A file that is there already is replaced.
+
+    Yields
+    ------
+    Path
+        The file under its temporary name, beside that place.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written. The file is then as it was.
+    """
     temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("wb") as file:
-            file.write(content)
-            if durably:
-                file.flush()
-                os.fsync(file.fileno())
+        yield temporary
         temporary.replace(path)
     finally:  # also of an interrupt
         with suppress(OSError):

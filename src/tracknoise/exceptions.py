@@ -41,6 +41,10 @@ class DataError(TracknoiseError):
         return f"{self.place}: {self.found}, expected {self.expected}"
 
 
+class NothingToMeasureError(DataError):
+    """Input data are sound, but show nothing that could be measured: no pose, no feature or no depth."""
+
+
 class SettingsError(TracknoiseError):
     """A setting has an unknown name, a wrong type or an invalid value."""
 

@@ -73,6 +73,52 @@ class Pace:
         return f"{_rate(rate)}, {_duration(left_s)} left"
 
 
+class FramePace:
+    """Frames of the sequences that are being measured: how many are done, the rate, and the time left at that rate."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._done: dict[str, dict[int, int]] = {}
+        self._totals: dict[str, int] = {}
+        self._measured = 0
+        self._started: float | None = None
+
+    def advance(self, key: str, done: int, total: int, first: int) -> None:
+        """Count a frame of a sequence: `done` frames from `first` on are measured, of `total` in all its parts."""
+        if self._started is None:
+            self._started = self._clock()
+        pieces = self._done.setdefault(key, {})
+        self._measured += done - pieces.get(first, 0) == 1  # parts that an earlier start measured do not count
+        pieces[first], self._totals[key] = done, total
+
+    def end(self, key: str) -> None:
+        """Count a sequence as done."""
+        self._done.pop(key, None)
+        self._totals.pop(key, None)
+
+    @property
+    def done(self) -> int:
+        """Frames that are done, of all sequences that are being measured."""
+        return sum(sum(pieces.values()) for pieces in self._done.values())
+
+    @property
+    def total(self) -> int:
+        """Frames of these sequences."""
+        return sum(self._totals.values())
+
+    @property
+    def name(self) -> str:
+        """What is being measured: the name of a sequence, or how many there are."""
+        return readable(next(iter(self._done))) if len(self._done) == 1 else f"{len(self._done)} sequences"
+
+    def __str__(self) -> str:
+        elapsed_s = 0.0 if self._started is None else self._clock() - self._started
+        if not self._done or not self._measured or not elapsed_s:
+            return ""
+        rate = self._measured / elapsed_s
+        return f"{rate:.1f} frames/s, {_duration((self.total - self.done) / rate)} left"
+
+
 class Heartbeat:
     """Prints a status line from time to time, from its own thread: a sequence can take long.
 
@@ -132,7 +178,7 @@ class RunProgress:
         self._total, self._done = 0, 0
         self._all: TaskID | None = None
         self._frames: TaskID | None = None
-        self._at = ""
+        self._of_frames = FramePace(clock)
 
     def __enter__(self) -> Self:
         self._bars.start()
@@ -154,17 +200,17 @@ class RunProgress:
         self._total, self._done = len(keys) + done, done
         self._all = self._bars.add_task("sequences", total=self._total, completed=done, pace="")
 
-    def frame(self, key: str, done: int, total: int) -> None:
-        """Show the progress within the current sequence."""
-        name = printable(readable(key))
-        self._at = f"{name} at frame {done} of {total}"
+    def frame(self, key: str, done: int, total: int, first: int) -> None:
+        """Show the progress within the sequences that are being measured."""
+        self._of_frames.advance(key, done, total, first)
+        name, found = escape(printable(self._of_frames.name)), self._of_frames
         if self._frames is None:
             self._frames = self._bars.add_task(name, total=total, pace="")
-        self._bars.update(self._frames, description=escape(name), completed=done, total=total)
+        self._bars.update(self._frames, description=name, completed=found.done, total=found.total, pace=str(found))
 
     def measured(self, key: str, entry: "SequenceEntry") -> None:
         """Print that a sequence is done, the notes of its reader, and why its data look wrong."""
-        self._advance()
+        self._advance(key)
         name = readable(key)
         self._terminal.say(f"measured {name}: {entry.n_frames} frames in {entry.seconds:.1f} s ({self._position()})")
         for note in entry.notes:
@@ -174,15 +220,16 @@ class RunProgress:
 
     def failed(self, keys: list[str], cause: str) -> None:
         """Print that sequences failed, and why. Sequences that were read together share one line."""
-        for _ in keys:
-            self._advance()
+        for key in keys:
+            self._advance(key)
         self._terminal.error(f"{together([*map(readable, keys)])}: {cause}")
 
     def remark(self, text: str) -> None:
         """Print any other message."""
         self._terminal.say(text)
 
-    def _advance(self) -> None:
+    def _advance(self, key: str) -> None:
+        self._of_frames.end(key)
         self._done += 1
         self._pace.advance()
         if self._all is not None:
@@ -197,7 +244,9 @@ class RunProgress:
         if self._done == self._total:
             return ""
         of_all = f"{self._done} of {counted(self._total, 'sequence')} done after {_duration(elapsed_s)}"
-        return "; ".join(filter(None, [of_all, str(self._pace), self._at]))
+        found = self._of_frames
+        at = f"{printable(found.name)} at frame {found.done} of {found.total}" if found.total else ""
+        return "; ".join(filter(None, [of_all, str(self._pace), at, str(found)]))
 
 
 @contextmanager

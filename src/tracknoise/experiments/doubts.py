@@ -5,6 +5,7 @@ What changes gradually, such as errors of poses, is not among them: how much of 
 """
 
 from collections.abc import Iterator, Mapping
+from collections.abc import Sequence as Items
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
-from tracknoise.sequences.sequence import TruthKind, z_depth_from
+from tracknoise.sequences.sequence import Sequence, TruthKind, z_depth_from
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity
 from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth
@@ -55,15 +56,34 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
     if observed.is_empty():
         return Doubts()
     slowest = observed.filter(pl.col("speed") == observed["speed"].min())
-    items = [*_of_poses(measurement), *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0]))]
+    items = [
+        *_of_poses(measurement.sequence),
+        *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0])),
+    ]
     fatal = [item.text for item in items if item.severity is Severity.fatal]
     cautions = tuple(item.text for item in items if item.severity is Severity.caveat)
     return Doubts((*fatal, *_of_errors(slowest), *_of_depths(measurement)), cautions)
 
 
-def _of_poses(measurement: "Measurement") -> list[Item]:
+def _of_poses(sequence: Sequence) -> list[Item]:
     """Topics that need poses and intrinsics alone."""
-    return [pose_jumps(measurement.sequence), intrinsics(measurement.sequence)]
+    return [pose_jumps(sequence), intrinsics(sequence)]
+
+
+def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> Doubts:
+    """Those of a sequence that was measured in parts, of each of which they are known.
+
+    What its poses say is said of all of it. What is a mistake in at least half of the parts is one of the sequence,
+    told as in the first of them.
+    """
+    items = _of_poses(sequence)
+    of_poses = [item.text for item in items if item.severity is Severity.fatal]
+    cautions = [item.text for item in items if item.severity is Severity.caveat]
+    wrong = [(frames, found.mistakes) for frames, found in parts if found.mistakes]
+    told = [f"Frames {frames[0]} to {frames[-1]}: {texts[0]}" for frames, texts in wrong]
+    if told and 2 * len(wrong) >= len(parts):
+        return Doubts((*of_poses, told[0]), tuple(cautions))
+    return Doubts(tuple(of_poses), (*cautions, *told[:1]))
 
 
 def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Item]:

@@ -15,7 +15,16 @@ import polars as pl
 
 from tracknoise.exceptions import DataWarning, SettingsError, StoreError
 from tracknoise.experiments.cluster import remote_workers
-from tracknoise.experiments.failures import RETRIES, Batch, Failure, FailureKind, Measure, Result, Results, with_retries
+from tracknoise.experiments.failures import (
+    RETRIES,
+    Batch,
+    Failure,
+    FailureKind,
+    Measure,
+    Results,
+    Settled,
+    with_retries,
+)
 from tracknoise.experiments.geometry_tables import geometry_tables
 from tracknoise.experiments.load import resolve
 from tracknoise.experiments.local_workers import measure_locally
@@ -26,7 +35,7 @@ from tracknoise.experiments.run_findings import compute_findings
 from tracknoise.experiments.run_lock import ManifestWriter, hold
 from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
-from tracknoise.experiments.task import Job, attempt
+from tracknoise.experiments.task import Job, attempt, following
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.statistics.trimming import trim
@@ -42,8 +51,12 @@ class Listener(Protocol):
         """Before the first sequence: the keys to be measured, and the number of sequences already measured."""
         ...
 
-    def frame(self, key: str, done: int, total: int) -> None:
-        """After each frame of a sequence, if sequences are measured one at a time on this machine."""
+    def frame(self, key: str, done: int, total: int, first: int) -> None:
+        """After each frame of a sequence that is measured on this machine.
+
+        The number of frames done from the frame `first` on, of `total` frames of the sequence: parts of a long one are
+        measured side by side.
+        """
         ...
 
     def measured(self, key: str, entry: SequenceEntry) -> None:
@@ -143,6 +156,7 @@ def execute(
                 for batch, result in results:
                     _settle(batch, result, manifest_writer, listener)
                     manifest_writer.write_if_due()
+        run.discard_parts(manifest.sequences)
         if todo:
             run.discard_unfinished()  # files of workers that died while they wrote
         if manifest.sequences:
@@ -177,11 +191,11 @@ def _crew(
 
 def _here(job: Job, listener: Listener, together: list[Batch]) -> Results:
     for batch in together:
-        progress = partial(listener.frame, batch[0].key)
+        progress = following(batch[0], listener.frame)
         yield batch, attempt(batch, job.run, claim=job.claim, progress=progress, debug=job.debug)
 
 
-def _settle(batch: Batch, result: Result, manifest_writer: ManifestWriter, listener: Listener) -> None:
+def _settle(batch: Batch, result: Settled, manifest_writer: ManifestWriter, listener: Listener) -> None:
     """Record the result of a batch. A fatal failure ends the run."""
     if not isinstance(result, Failure):
         for task, entry in zip(batch, result, strict=True):

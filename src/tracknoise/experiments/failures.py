@@ -66,8 +66,25 @@ class Failure:
 
 
 Batch = list[Task]
-Result = list[SequenceEntry] | Failure
-"""Result of measuring a batch: one entry per sequence, or a failure."""
+
+
+@dataclass(frozen=True, slots=True)
+class InParts:
+    """A sequence is too long to be measured in one piece.
+
+    Attributes
+    ----------
+    parts
+        Its parts.
+    """
+
+    parts: tuple[range, ...]
+
+
+Settled = list[SequenceEntry] | Failure
+"""What became of a batch: one entry per sequence, or a failure."""
+Result = Settled | InParts
+"""Result of measuring a batch, or the parts in which to measure it."""
 Results = Generator[tuple[Batch, Result], None, None]
 """Results in the order of completion. Closing the generator stops the work."""
 Measure = Callable[[list[Batch]], Results]
@@ -83,23 +100,65 @@ def diagnose(error: BaseException) -> Failure:
 
 def with_retries(
     measure: Measure, together: list[Batch], *, retries: int, retrying: Callable[[Batch, str], None]
-) -> Results:
-    """Measure batches. Batches with transient failures are retried after all others."""
-    attempts: dict[str, int] = {}
+) -> Generator[tuple[Batch, Settled], None, None]:
+    """Measure batches. Batches with transient failures are retried after all others, as are those in parts.
+
+    The parts of a sequence are batches of their own. When all are measured, they are joined by one more batch. The
+    first part that fails is the failure of its sequence; the others are measured nevertheless, and are kept.
+    """
+    attempts: dict[tuple[str, int | None], int] = {}
+    parts = _Parts()
     while together:
-        again = []
+        again: list[Batch] = []
         with closing(measure(together)) as results:
             for batch, result in results:
+                task = batch[0]
+                if isinstance(result, InParts):
+                    again += parts.begin(task, result)
+                    continue
                 if isinstance(result, Failure):
-                    key = batch[0].key
-                    attempts[key] = attempts.get(key, 0) + result.attempts
-                    if result.kind is FailureKind.transient and attempts[key] <= retries:
+                    which = task.key, task.part
+                    attempts[which] = attempts.get(which, 0) + result.attempts
+                    if result.kind is FailureKind.transient and attempts[which] <= retries:
                         retrying(batch, result.cause)
                         again.append(batch)
                         continue
-                    result = replace(result, attempts=attempts[key])
-                yield batch, result
+                    result = replace(result, attempts=attempts[which])
+                if task.part is None:
+                    yield batch, result
+                    continue
+                left = parts.end(task, result)
+                if isinstance(left, Failure):
+                    yield [replace(task, part=None)], left
+                else:
+                    again += left
         together = again
+
+
+class _Parts:
+    """Which parts of which sequences are still to be measured."""
+
+    def __init__(self) -> None:
+        self._left: dict[str, int] = {}
+        self._failed: dict[str, Failure] = {}
+
+    def begin(self, task: Task, result: InParts) -> list[Batch]:
+        """The parts of a sequence, a batch each."""
+        self._left[task.key] = len(result.parts)
+        return [[replace(task, parts=result.parts, part=number)] for number in range(len(result.parts))]
+
+    def end(self, task: Task, result: Result) -> list[Batch] | Failure:
+        """After a part: what joins all parts, if it was the last, or the failure of their sequence."""
+        self._left[task.key] -= 1
+        if isinstance(result, Failure):
+            frames = task.parts[task.part or 0]
+            cause = f"frames {frames[0]} to {frames[-1]}: {result.cause}"
+            failure = self._failed.setdefault(task.key, replace(result, cause=cause))
+            if result.kind is FailureKind.fatal:
+                return failure
+        if self._left[task.key]:
+            return []
+        return self._failed.get(task.key) or [[replace(task, part=None)]]
 
 
 def _kind(error: BaseException) -> FailureKind:

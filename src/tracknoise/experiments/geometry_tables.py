@@ -132,19 +132,25 @@ def geometry_tables(
     experiment: Experiment, sequence: Sequence, prepared: PreparedSequence, n_frames: int, truth: str
 ) -> dict[str, pl.DataFrame]:
     """Poses, cameras, samples for the audit, pose errors, noise of windows, and the map of the image, by name."""
-    geometry = frame_geometry(sequence, n_frames)
     of_images = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
     population, with_depth = experiment.truth.population, truth != TRIANGULATED
-    camera = sequence.camera
+    geometry, camera = frame_geometry(sequence, n_frames), sequence.camera
     return {
-        "poses": poses_table(sequence, n_frames),
-        **_path(sequence, n_frames),
-        "cameras": cameras_table(sequence, n_frames),
+        **camera_tables(sequence, n_frames),
         "audit_samples": audit_samples(sequence, prepared, truth),
         "image_map": image_map(prepared, width=camera.width, height=camera.height),
         **rigid_tables(prepared, geometry, witnesses=of_images),
         **window_noise(prepared, geometry, population=population, with_depth=with_depth),
         **(_of_depth(prepared, geometry, population) if with_depth else {}),
+    }
+
+
+def camera_tables(sequence: Sequence, n_frames: int) -> dict[str, pl.DataFrame]:
+    """Poses and cameras by name, which do not depend on what trackers saw."""
+    return {
+        "poses": poses_table(sequence, n_frames),
+        **_path(sequence, n_frames),
+        "cameras": cameras_table(sequence, n_frames),
     }
 
 

@@ -232,7 +232,7 @@ def measure_locally(
     starts new processes, so that retries do not depend on the state of old ones.
     """
     count = min(workers, len(together))
-    pool = _Pool(job, deque(together), count, frame if count == 1 else None)
+    pool = _Pool(job, deque(together), count, frame)
     try:
         yield from pool.results()
     finally:

@@ -272,14 +272,14 @@ def complete(
         snapshot_frame=measured.snapshot_frame,
         snapshot=measured.snapshot,
         prepared=trimmed.sequence,
-        pose_differences=_pose_differences(sequence, second_truth, measured.n_frames),
+        pose_differences=poses_of_two(sequence, second_truth, measured.n_frames),
         notes=measured.notes,
         states_accuracy=measured.states_accuracy,
         images=measured.images,
     )
 
 
-def _pose_differences(sequence: Sequence, second: Sequence | None, n_frames: int) -> pl.DataFrame:
+def poses_of_two(sequence: Sequence, second: Sequence | None, n_frames: int) -> pl.DataFrame:
     """How the poses of the frames that were read differ."""
     if second is None:
         return empty(POSE_DIFFERENCES)

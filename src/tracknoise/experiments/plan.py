@@ -34,16 +34,27 @@ class Task:
         Which sequence to measure.
     speeds
         At which speeds.
+    parts
+        Frames of the parts in which it is measured; none if it is measured in one piece, or that is not known yet.
+    part
+        Which of these to measure. None: join all of them.
     """
 
     experiment: Experiment
     sequence: SequenceId
     speeds: tuple[int, ...]
+    parts: tuple[range, ...] = ()
+    part: int | None = None
 
     @property
     def key(self) -> str:
         """File name, without extension, of the sequence's tables."""
         return self.sequence.key
+
+    @property
+    def frames(self) -> range | None:
+        """Frames of the part to measure; None for all."""
+        return None if self.part is None else self.parts[self.part]
 
 
 def plan(experiment: Experiment) -> list[Task]:
@@ -134,6 +145,7 @@ def open_batch(
             n_frames=dataset.max_frames,
             direction=task.sequence.direction,
             rotation=task.sequence.rotation,
+            part=task.frames,
         )
         for name, task in zip(recorded, tasks, strict=True)
     ]

@@ -330,6 +330,11 @@ class Experiment(_Section):
     keep: Keep = "observations"
     """What the run folder keeps: all `observations` and tracks, or only `statistics`, which need less space. Figures of
     single errors require observations. All other figures and tables are the same."""
+    part_frames: Annotated[int, Field(ge=2)] | None = None
+    """Frames of the parts in which a longer sequence is measured. Tracks end at the end of a part. Default: as many as
+    1000 processed frames of 640x480, of all trackers and speeds together, at least 120."""
+    clips: Annotated[int, Field(ge=1)] | None = None
+    """Measure this many parts only, spread evenly over each sequence. Default: all of it."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
     findings: FindingsSettings = FindingsSettings()
@@ -343,6 +348,11 @@ class Experiment(_Section):
         for speeds in (self.speeds, *(view.speeds or [] for view in self.views)):
             if len(set(speeds)) < len(speeds):
                 raise ValueError(f"speeds must differ, found {speeds}")
+        fastest = max(
+            speed for speeds in (self.speeds, *(view.speeds or [] for view in self.views)) for speed in speeds
+        )
+        if self.part_frames is not None and self.part_frames <= fastest:
+            raise ValueError(f"part_frames = {self.part_frames}, expected more than the largest speed, {fastest}")
         ways = [(view.rotation, str(view.direction)) for view in self.views]
         if len(set(ways)) < len(ways):
             raise ValueError(f"views must differ in rotation or direction, found {ways}")

@@ -7,21 +7,30 @@
 import socket
 import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
-from functools import partial
 
 import polars as pl
 
-from tracknoise.exceptions import DataWarning
-from tracknoise.experiments.doubts import doubts
-from tracknoise.experiments.failures import Batch, Result, diagnose
-from tracknoise.experiments.geometry_tables import geometry_tables
+from tracknoise.exceptions import DataWarning, NothingToMeasureError
+from tracknoise.experiments.doubts import Doubts, doubts, doubts_of_parts
+from tracknoise.experiments.failures import Batch, InParts, Result, diagnose
+from tracknoise.experiments.geometry_tables import camera_tables, geometry_tables
 from tracknoise.experiments.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.local_workers import notify
 from tracknoise.experiments.machine import kernels, one_blas_thread
-from tracknoise.experiments.measure import Measurement, measure_together, tap_metrics
+from tracknoise.experiments.measure import Measurement, measure_together, poses_of_two, tap_metrics
+from tracknoise.experiments.parts import (
+    digest_of_part,
+    folder_of,
+    joined_inputs,
+    joined_tables,
+    measured_before,
+    measured_parts,
+    note_of,
+    parts_of,
+)
 from tracknoise.experiments.patches import KEPT_BYTES, track_patches
 from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_second
 from tracknoise.experiments.resume import new_manifest, require_versions
@@ -63,8 +72,8 @@ def attempt(
 
 def run_batch(
     batch: list[Task], run: RunFolder, *, claim: Claim | None = None, progress: Progress | None = None
-) -> list[SequenceEntry]:
-    """Measure the sequences of a batch and write their tables into the run folder.
+) -> list[SequenceEntry] | InParts:
+    """Measure the sequences of a batch, or a part of one, or join its parts, and write the tables into the run folder.
 
     Parameters
     ----------
@@ -79,14 +88,85 @@ def run_batch(
 
     Returns
     -------
-    list of SequenceEntry
-        Entries for the manifest, one per task. A sequence counts as measured once the manifest contains its entry.
+    list of SequenceEntry or InParts
+        Entries for the manifest, one per task. A sequence counts as measured once the manifest contains its entry. Or
+        the parts in which a sequence is to be measured, which is too long for one piece.
 
     Raises
     ------
     TracknoiseError
         If the data cannot be used, or the folder cannot be written.
     """
+    task = batch[0]
+    if not task.parts:
+        return _measure_batch(batch, run, claim=claim, progress=progress)
+    return [_joined(task, run, claim) if task.part is None else _measure_part(task, run, claim, progress)]
+
+
+def _measure_part(task: Task, run: RunFolder, claim: Claim | None, progress: Progress | None) -> SequenceEntry:
+    """Measure a part of a sequence, unless an earlier start did. An entry without files if there is nothing in it."""
+    before, frames = measured_before(task, run), task.parts[task.part or 0]
+    if before is not None:
+        if progress is not None:
+            progress(len(frames), len(frames))
+        return before
+    folder = folder_of(task, run)
+    try:
+        measured = _measure_batch([task], folder, claim=claim, progress=progress)
+        assert not isinstance(measured, InParts)
+        entry = measured[0]
+    except NothingToMeasureError:
+        entry = SequenceEntry(task.sequence, len(frames), 0, 0, "", 0, 0.0)
+    manifest = new_manifest(task.experiment)
+    manifest.settings_hash, manifest.sequences = digest_of_part(task), {task.key: entry}
+    folder.create(task.experiment.to_toml(), manifest)
+    return entry
+
+
+def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
+    """Write the tables of a sequence from those of its parts."""
+    whole = replace(task, parts=())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
+        (sequence,), second = open_batch([whole]), open_second([whole])
+    parts, n_frames = measured_parts(task, run), len(sequence)
+    if not parts:
+        raise NothingToMeasureError(sequence.source, "no feature with a true position", "poses, and depth or a surface")
+    tables = {
+        **dict(joined_tables(task, parts)),
+        **camera_tables(sequence, n_frames),
+        "pose_differences": poses_of_two(sequence, next(iter(second), None), n_frames),
+    }
+    middle, entries = parts[len(parts) // 2], [one.entry for one in parts]
+    if claim:
+        claim.check()
+    hashes = run.write_sequence(task.key, tables, middle.folder.snapshot(task.key))
+    frames = [task.parts[one.part.place] for one in parts]
+    doubted = [(one, Doubts(entry.doubts, entry.cautions)) for one, entry in zip(frames, entries, strict=True)]
+    found = doubts_of_parts(sequence, doubted)
+    entry = replace(
+        middle.entry,
+        n_frames=n_frames,
+        snapshot_frame=middle.part.first_frame + middle.entry.snapshot_frame,
+        seconds=round(sum(entry.seconds for entry in entries), 3),
+        notes=(note_of(task, n_frames), *_notes(sequence, n_frames, middle.entry.truth, _different(entries))),
+        states_accuracy=all(entry.states_accuracy for entry in entries),
+        doubts=found.mistakes,
+        cautions=found.cautions,
+        kernels=" and ".join(sorted({entry.kernels for entry in entries})),
+        parts=tuple((one.start, one.stop) for one in frames),
+        sha256=hashes,
+    )
+    return _with_inputs(entry, joined_inputs([one.folder for one in parts], task.key), run)
+
+
+def _different(entries: Iterable[SequenceEntry]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(note for entry in entries for note in entry.notes))
+
+
+def _measure_batch(
+    batch: list[Task], run: RunFolder, *, claim: Claim | None, progress: Progress | None
+) -> list[SequenceEntry] | InParts:
     started, entries = time.monotonic(), []
     for task in batch:
         task.sequence.require_utf8()
@@ -94,6 +174,9 @@ def run_batch(
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
         progress = recorder.following(progress)
         sequences = open_batch(batch, change=recorder.recorded)
+        parts = () if batch[0].parts else parts_of(batch, sequences)
+        if parts:
+            return InParts(parts)
         repeated = _repeated(batch, progress)
         measured = _measure(batch[0], sequences, progress, second=open_second(batch))
         for task, sequence, measurement, more in zip(batch, sequences, measured, repeated, strict=True):
@@ -106,6 +189,8 @@ def run_batch(
             hashes = run.write_sequence(task.key, tables, snapshot)
             seconds = (time.monotonic() - started) / len(batch)
             entry = sequence_entry(measurement, seconds=seconds, sha256=hashes)
+            if task.part is not None:
+                entry = replace(entry, notes=measurement.notes)  # those of the sequence are of all of its frames
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
             found = doubts(measurement, kinds)
             entries.append(replace(entry, doubts=found.mistakes, cautions=found.cautions))
@@ -130,13 +215,7 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         truth=measurement.truth,
         snapshot_frame=measurement.snapshot_frame,
         seconds=round(seconds, 3),
-        notes=(
-            *sequence.notes,
-            *pose_notes(sequence.world_from_camera[: measurement.n_frames]),
-            *shutter_notes(sequence, measurement.n_frames),
-            *((SELF_REFERENTIAL,) if measurement.truth == TRIANGULATED else ()),
-            *measurement.notes,
-        ),
+        notes=_notes(sequence, measurement.n_frames, measurement.truth, measurement.notes),
         key_frame=measurement.key_frame,
         group=group_of(sequence),
         kernels=kernels(),
@@ -144,6 +223,17 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         states_accuracy=measurement.states_accuracy,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
+    )
+
+
+def _notes(sequence: Sequence, n_frames: int, truth: str, measured: tuple[str, ...]) -> tuple[str, ...]:
+    """What is to be known of a sequence, of its first frames, and of what was measured."""
+    return (
+        *sequence.notes,
+        *pose_notes(sequence.world_from_camera[:n_frames]),
+        *shutter_notes(sequence, n_frames),
+        *((SELF_REFERENTIAL,) if truth == TRIANGULATED else ()),
+        *measured,
     )
 
 
@@ -215,6 +305,13 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
     }
 
 
+def following(task: Task, tell: Callable[[str, int, int, int], None]) -> Progress:
+    """Progress within a task, told with its key: frames done, of all frames of the sequence, from which frame on."""
+    first = 0 if task.frames is None else task.frames.start
+    total = sum(len(frames) for frames in task.parts)
+    return lambda done, of_part: tell(task.key, done, total or of_part, first)
+
+
 @dataclass(frozen=True, slots=True)
 class Job:
     """What every worker needs besides its batch.
@@ -241,11 +338,11 @@ class Job:
 
     def __call__(self, batch: Batch) -> Result:
         """Measure a batch in a worker."""
-        if self.one_thread:
+        if self.one_thread or batch[0].parts:
             use_one_thread()
         require_versions(self.versions, place=f"worker on {socket.gethostname()}")
         self.claim.check()
-        progress = partial(notify, batch[0].key)
+        progress = following(batch[0], notify)
         return attempt(batch, self.run, claim=self.claim, progress=progress, debug=self.debug)
 
 

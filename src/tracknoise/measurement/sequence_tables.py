@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.exceptions import DataError, NothingToMeasureError, SettingsError
 from tracknoise.geometry.surroundings import Surroundings, unknown_surroundings
 from tracknoise.measurement.floors import TruthFloor
 from tracknoise.measurement.recording import Recording
@@ -359,7 +359,7 @@ def _is_known(positions: TruePositions) -> bool:
 
 def _check_features(sequence: Sequence, result: TrackingResult, key_frame: int | None) -> None:
     if not any(len(recording.first_frame) for recording in result.recordings):
-        raise DataError(
+        raise NothingToMeasureError(
             sequence.source,
             "no tracker found a feature in any image",
             "images with texture, or tracks in the frames read",
@@ -368,10 +368,14 @@ def _check_features(sequence: Sequence, result: TrackingResult, key_frame: int |
         return
     if any(positions.epipolar is not None for positions in result.positions):
         found = "no feature with a fitted point or an epipolar line"
-        raise DataError(sequence.source, found, "a camera that changes its position, and poses that fit the images")
+        raise NothingToMeasureError(
+            sequence.source, found, "a camera that changes its position, and poses that fit the images"
+        )
     if key_frame is None:
-        raise DataError(
+        raise NothingToMeasureError(
             sequence.source, "no depth for any feature", "depth for some, so that their true positions are known"
         )
     found = f"no feature of the key frame {key_frame} on the scan"
-    raise DataError(sequence.source, found, "features where it has points; it must be in metres, as the poses are")
+    raise NothingToMeasureError(
+        sequence.source, found, "features where it has points; it must be in metres, as the poses are"
+    )

@@ -42,6 +42,7 @@ def view(
     direction: Direction,
     rotation: int,
     frames: Items[int] | None = None,
+    part: range | None = None,
 ) -> Sequence:
     """Make the view of a sequence that an experiment requires.
 
@@ -57,6 +58,8 @@ def view(
         By how many degrees the images are turned counter-clockwise: a multiple of 90.
     frames
         First, last and step of the frames that are chosen; None for all.
+    part
+        Which of these frames are played, in the order of play; None for all.
 
     Raises
     ------
@@ -66,6 +69,10 @@ def view(
     sequence = chosen_frames(sequence, frames)
     if n_frames is not None and n_frames < len(sequence):
         sequence = ChosenFrames(sequence, range(n_frames))
+    if part is not None:
+        last_first = direction is Direction.backward
+        recorded = range(len(sequence) - part.stop, len(sequence) - part.start) if last_first else part
+        sequence = PartOfSequence(sequence, recorded)
     if direction is Direction.backward:
         sequence = Backward(sequence)
     return turned(sequence, rotation)
@@ -316,6 +323,16 @@ class ChosenFrames(View):
     @property
     def _slice(self) -> slice:
         return slice(self.frames.start, self.frames.stop, self.frames.step)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartOfSequence(ChosenFrames):
+    """Some successive frames of a sequence that is measured in parts."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the sequence shown."""
+        return self.sequence.notes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

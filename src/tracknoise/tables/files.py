@@ -38,8 +38,20 @@ def write_atomically(path: Path, content: bytes, *, durably: bool = False) -> st
     return digest(content)
 
 
-def write_parquet(path: Path, table: pl.DataFrame) -> str:
-    """Write a table as Parquet, compressed with zstd, as `write_atomically` does."""
+_ROWS_TOGETHER = 2**17
+"""Rows of a table that are written, and later read, together, where it is not in memory."""
+
+
+def write_parquet(path: Path, table: pl.DataFrame | pl.LazyFrame) -> str:
+    """Write a table as Parquet, compressed with zstd, as `write_atomically` does; a lazy one a few rows at a time."""
+    if isinstance(table, pl.LazyFrame):
+        try:
+            with atomic.replaced_file(path) as temporary:
+                table.sink_parquet(temporary, compression="zstd", row_group_size=_ROWS_TOGETHER)
+                with temporary.open("rb") as file:
+                    return hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error
     buffer = io.BytesIO()
     table.write_parquet(buffer, compression="zstd")
     return write_atomically(path, buffer.getvalue())

@@ -66,6 +66,8 @@ class SequenceEntry:
         Machine code that numerical libraries used: see `tracknoise.experiments.machine`. Empty where unknown.
     image
         Hash of the pixels of the image in ``snapshots/``; empty where they are of one gray value.
+    parts
+        First frame of each part in which it was measured, and the frame after its last; none if in one piece.
     sha256
         Hash of each of its files, by the folder that holds it.
     """
@@ -87,6 +89,7 @@ class SequenceEntry:
     cautions: tuple[str, ...] = ()
     states_accuracy: bool = False
     image: str = ""
+    parts: tuple[tuple[int, int], ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
 
     @property

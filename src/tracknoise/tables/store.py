@@ -40,6 +40,7 @@ __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 _LOCK, _INPUTS = ".lock", "inputs"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
 FINDINGS_JSON = "findings.json"
+_PARTS = "parts"
 _OUTDATED = ("report", "statistics")
 _RESULTS = "results"
 _STACKED = 16
@@ -156,6 +157,11 @@ STORED: tuple[str, ...] = (_RESULTS, *(name for name in _RUN_TABLES if name not 
 """Files of the whole run: the results, of which most of its tables are views, and tables of another kind."""
 
 
+def schema_of(name: str) -> schema.Schema:
+    """Columns of a table of a sequence."""
+    return _ALL_SEQUENCE_TABLES[name]
+
+
 @dataclass(frozen=True, slots=True)
 class _Hashes:
     """Hashes in one version of the manifest: of the files of each sequence, and of those of the whole run."""
@@ -183,6 +189,24 @@ class RunFolder:
     def lock_path(self) -> Path:
         """The file that names the process that measures into this folder."""
         return self.path / _LOCK
+
+    def part(self, key: str, number: int) -> "RunFolder":
+        """Where a part of a sequence is kept until all of its parts are measured."""
+        return RunFolder(self.path / _PARTS / key / f"{number:04d}")
+
+    def discard_parts(self, keys: Collection[str]) -> None:
+        """Remove the parts of sequences, and of no others.
+
+        Raises
+        ------
+        StoreError
+            If one cannot be removed.
+        """
+        for key in keys:
+            remove(self.path / _PARTS / key)
+        folder = self.path / _PARTS
+        if folder.is_dir() and not any(folder.iterdir()):
+            remove(folder)
 
     @property
     def exists(self) -> bool:
@@ -286,8 +310,10 @@ class RunFolder:
         """
         write_atomically(self.path / _MANIFEST, manifest.to_json().encode(), durably=True)
 
-    def write_sequence(self, key: str, tables: Mapping[str, pl.DataFrame], snapshot_png: bytes) -> dict[str, str]:
-        """Write the tables and the image of one sequence.
+    def write_sequence(
+        self, key: str, tables: Mapping[str, pl.DataFrame | pl.LazyFrame], snapshot_png: bytes
+    ) -> dict[str, str]:
+        """Write the tables and the image of one sequence. Lazy tables must be of stored ones, and are not checked.
 
         Only tables of `OBSERVED` and `SEED_TABLES`, and those that an experiment must ask for, may be missing.
 
@@ -306,7 +332,9 @@ class RunFolder:
         hashes = {}
         for name, columns in _ALL_SEQUENCE_TABLES.items():
             if name in tables or name not in _OPTIONAL:
-                table = schema.storable(schema.check(tables[name], columns, name))
+                table = tables[name]
+                if isinstance(table, pl.DataFrame):
+                    table = schema.storable(schema.check(table, columns, name))
                 hashes[name] = write_parquet(self._table_path(name, key), table)
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 
@@ -387,7 +415,7 @@ class RunFolder:
         self._require_run()
         self.write_manifest(Manifest.empty())
         self.discard_results()
-        for name in (*_ALL_SEQUENCE_TABLES, _INPUTS, _SNAPSHOTS, _FAILURES, _SETTINGS, _MANIFEST):
+        for name in (*_ALL_SEQUENCE_TABLES, _INPUTS, _SNAPSHOTS, _PARTS, _FAILURES, _SETTINGS, _MANIFEST):
             remove(self.path / name)
 
     def snapshot_path(self, key: str) -> Path:
@@ -418,6 +446,19 @@ class RunFolder:
             If the run does not keep such tables, or the file is missing or damaged, or has other columns.
         """
         return read_parquet(self._table_path(name, key), _ALL_SEQUENCE_TABLES[name], self._hash_of(name, key))
+
+    def scan(self, name: str, key: str) -> pl.LazyFrame:
+        """One table of one sequence, of which only those rows are read that are asked for, after its hash is checked.
+
+        Raises
+        ------
+        StoreError
+            If the run does not keep such tables, or the file is missing or damaged.
+        """
+        path, sha256 = self._table_path(name, key), self._hash_of(name, key)
+        if sha256 is not None and not is_intact(path, sha256):
+            read_checked(path, [sha256], expected="a table of the run")  # says what is wrong
+        return pl.scan_parquet(path)
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of each measured sequence, in the order of their keys."""

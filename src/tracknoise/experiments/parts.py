@@ -1,0 +1,183 @@
+"""Long recordings are measured in parts, each like a sequence of its own, and their tables are joined.
+
+The memory of a worker depends on the length of a part, all cores measure one recording, and a crash loses the parts
+that were being measured. Tracks end at the end of a part, as at the end of a sequence: their lifetimes are censored
+there. The parts depend on the settings and the recording only, never on workers. They are blocks of one scene
+(`tracknoise.statistics.joining`), not scenes.
+
+Until a recording is complete, its parts are in the folder ``parts`` of the run, each as a run folder of its own.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import polars as pl
+
+from tracknoise.experiments.inputs import InputCheck
+from tracknoise.experiments.plan import Task
+from tracknoise.experiments.settings import Experiment
+from tracknoise.sequences.sequence import Sequence as Recording
+from tracknoise.sequences.sequence import TruthKind
+from tracknoise.statistics.joining import OF_THE_WHOLE, Part, join, place
+from tracknoise.tables.enumerations import InputKind
+from tracknoise.tables.identity import Direction
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.schema import INPUTS
+from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
+from tracknoise.text import counted
+
+BUDGET = 1000 * 640 * 480
+"""Pixels that all trackers process in a part at all speeds, unless the experiment says how long parts are."""
+SHORTEST = 120
+"""Frames of a part, at least, unless the experiment says how long parts are."""
+
+
+def parts_of(batch: Sequence[Task], sequences: Sequence[Recording]) -> tuple[range, ...]:
+    """Frames of the parts in which a batch is measured; none if it is measured in one piece.
+
+    Sequences that are read together are measured in one piece, and so are those whose true positions are fixed in one
+    key frame, and those that are played backward with imported tracks.
+    """
+    task, sequence = batch[0], sequences[0]
+    imported = any(choice.kind == "imported" for choice in task.experiment.trackers)
+    of_one_frame = (task.experiment.truth.kind or next(iter(sequence.truths), None)) == TruthKind.scan
+    if len(batch) > 1 or of_one_frame or (imported and task.sequence.direction == Direction.backward):
+        return ()
+    pixels = sequence.camera.width * sequence.camera.height
+    return ranges_of(len(sequence), task.experiment, task.speeds, pixels=pixels)
+
+
+def ranges_of(n_frames: int, experiment: Experiment, speeds: Sequence[int], *, pixels: int) -> tuple[range, ...]:
+    """Frames of the parts of a sequence of so many frames with so many pixels; none if it is one piece.
+
+    Parts begin with a frame that trackers of all speeds see, where a part is long enough for that.
+    """
+    per_frame = len(experiment.trackers) * sum(1 / speed for speed in speeds) * pixels
+    wanted = experiment.part_frames or max(SHORTEST, int(BUDGET / per_frame))
+    together = math.lcm(*speeds)
+    step = together if together <= wanted else 1
+    count = max(1, round(n_frames / wanted))
+    if experiment.clips is not None and experiment.clips * wanted < n_frames:
+        return _clips(n_frames, experiment.clips, length=wanted, step=step)
+    starts = [round(number * n_frames / count / step) * step for number in range(count)]
+    return tuple(range(*ends) for ends in zip(starts, [*starts[1:], n_frames], strict=True)) if count > 1 else ()
+
+
+def _clips(n_frames: int, count: int, *, length: int, step: int) -> tuple[range, ...]:
+    """Frames of clips, with equal gaps before, between and after them."""
+    gap = (n_frames - count * length) / (count + 1)
+    starts = [int((gap + number * (gap + length)) / step) * step for number in range(count)]
+    return tuple(range(start, start + length) for start in starts)
+
+
+def folder_of(task: Task, run: RunFolder) -> RunFolder:
+    """Where the tables of a task are written: those of a part in a folder of its own."""
+    return run if task.part is None else run.part(task.key, task.part)
+
+
+def measured_before(task: Task, run: RunFolder) -> SequenceEntry | None:
+    """Entry of a part that an earlier start measured, whose tables are intact and whose files have not changed."""
+    folder = folder_of(task, run)
+    if not folder.exists:
+        return None
+    manifest = folder.manifest()
+    entry = manifest.sequences.get(task.key)
+    if entry is None or manifest.settings_hash != digest_of_part(task) or not folder.has_sequence(entry):
+        return None
+    return entry if InputCheck(folder).change(task, entry) is None else None
+
+
+def digest_of_part(task: Task) -> str:
+    """Hash of the settings and of the frames of a part."""
+    return f"{task.experiment.digest()} {task.frames}"
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredPart:
+    """A part of a sequence that was measured.
+
+    Attributes
+    ----------
+    part
+        Where it belongs.
+    folder
+        Where its tables are.
+    entry
+        Its entry.
+    """
+
+    part: Part
+    folder: RunFolder
+    entry: SequenceEntry
+
+
+def measured_parts(task: Task, run: RunFolder) -> list[MeasuredPart]:
+    """All parts of a sequence that show anything, in their order."""
+    tracks: dict[tuple[str, int], int] = {}
+    found = []
+    for number, frames in enumerate(task.parts):
+        folder = run.part(task.key, number)
+        entry = folder.manifest().sequences[task.key]
+        if not entry.sha256:  # nothing could be measured there
+            continue
+        part = Part(number, len(task.parts), frames.start, dict(tracks))
+        found.append(MeasuredPart(part, folder, entry))
+        for tracker, speed, count in (
+            folder.sequence_table("trims", task.key).select("tracker", "speed", "n_tracks").rows()
+        ):
+            tracks[tracker, speed] = tracks.get((tracker, speed), 0) + count
+    return found
+
+
+def joined_tables(task: Task, parts: Sequence[MeasuredPart]) -> Iterator[tuple[str, pl.DataFrame | pl.LazyFrame]]:
+    """Tables of a sequence from those of its parts; those of single observations are read when they are written."""
+    names = dict.fromkeys(name for one in parts for name in one.folder.names_of_tables(task.key))
+    for name in names:
+        if name in OF_THE_WHOLE:
+            continue
+        having = [one for one in parts if name in one.entry.sha256]
+        if name in OBSERVED:
+            yield name, _observed(name, task.key, having)
+        else:
+            tables = [(one.part, one.folder.sequence_table(name, task.key)) for one in having]
+            yield name, join(name, tables, schema_of(name))
+
+
+def _observed(name: str, key: str, parts: Sequence[MeasuredPart]) -> pl.LazyFrame:
+    """Rows of each tracker and speed, part after part."""
+    conditions = dict.fromkeys(condition for one in parts for condition in _conditions(one, key))
+    scanned = [(one.part, one.folder.scan(name, key)) for one in parts]
+    rows = [
+        place(table.filter(tracker=tracker, speed=speed), part, name)
+        for tracker, speed in conditions
+        for part, table in scanned
+    ]
+    return pl.concat(rows, how="diagonal")
+
+
+def _conditions(one: MeasuredPart, key: str) -> list[tuple[str, int]]:
+    table = one.folder.sequence_table("frames", key)
+    return table.select("tracker", "speed").unique(maintain_order=True).rows()
+
+
+def joined_inputs(parts: Sequence[RunFolder], key: str) -> pl.DataFrame:
+    """What a sequence was measured from: all that its parts were measured from."""
+    tables = [table for table in (folder.inputs(key) for folder in parts) if table is not None]
+    every = (
+        pl.concat(tables)
+        .filter(pl.col("kind") != InputKind.frames)
+        .unique(["kind", "in_data", "path"], keep="first", maintain_order=True)
+    )
+    frames = tables[0].filter(pl.col("kind") == InputKind.frames)
+    return pl.concat([every, frames]).select(list(INPUTS)).sort("kind", "in_data", "path")
+
+
+def note_of(task: Task, n_frames: int) -> str:
+    """How a sequence was measured, one sentence."""
+    lengths = [len(frames) for frames in task.parts]
+    if sum(lengths) < n_frames:
+        return f"measured in {counted(len(lengths), 'clip')} of {max(lengths)} frames, spread over {n_frames} frames"
+    return (
+        f"measured in {len(lengths)} parts of {min(lengths)} to {max(lengths)} frames; tracks end at the end of a part"
+    )

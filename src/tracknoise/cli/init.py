@@ -39,5 +39,8 @@ def init(
     if file.exists() and not force:
         raise SettingsError(f"{file}: exists, expected a new file; --force replaces it")
     write_atomically(file, text.encode())
-    context.obj.result(f"{file}: reader {reader.name}. Measure with: tracknoise run {file}")
+    context.obj.result(
+        f"{file}: reader {reader.name}. A first answer in about a minute: tracknoise run {file} --quick. "
+        f"Measure all of it: tracknoise run {file}"
+    )
     return 0

@@ -60,6 +60,10 @@ def run(
             "--check", help="What `tracknoise check --json-file` wrote: the run says what it changed in that verdict."
         ),
     ] = None,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report."),
+    ] = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
     schema: Annotated[
         bool,
@@ -74,11 +78,14 @@ def run(
 
     An interrupted run resumes when the same command is run again.
 
-    Example: `tracknoise run examples/sevenscenes.toml --data /data/7scenes --out runs/7scenes`
+    Examples: `tracknoise run examples/sevenscenes.toml --data /data/7scenes --out runs/7scenes`,
+    `tracknoise run recording.toml --quick`
     """
     from tracknoise.cli.measuring import measure
     from tracknoise.cli.run_summary import print_outcome
     from tracknoise.experiments.load import load_experiment
+    from tracknoise.experiments.plan import plan
+    from tracknoise.phrases.quick import quick_limits
     from tracknoise.tables.store import RunFolder
     from tracknoise.truth_faults.check_change import CHECK_JSON, read_check
 
@@ -93,8 +100,13 @@ def run(
         trackers=None if trackers is None else parse_names(trackers),
         options=options,
     )
+    if quick:
+        loaded = loaded.quick(len({task.sequence.scene for task in plan(loaded)}))
     out = out or Path("runs") / loaded.name
     outcome = measure(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh, verify=verify)
     if checked is not None and outcome.measured:
         RunFolder(out).write_statistics({}, documents={CHECK_JSON: checked})
-    return print_outcome(context.obj, out, outcome, report=report)
+    status = print_outcome(context.obj, out, outcome, report=report and not quick)
+    if quick and outcome.measured:
+        context.obj.result(quick_limits(RunFolder(out)))
+    return status

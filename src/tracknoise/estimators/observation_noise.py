@@ -111,8 +111,8 @@ def _of_run(path: Path, model: "NoiseModel") -> pl.DataFrame:
     run, training = RunFolder(path), model.training
     found = []
     for key in sorted(run.manifest().sequences):
-        table = run.sequence_table("observations", key)
-        mine = table.filter((pl.col("tracker") == training.tracker) & (pl.col("speed") == training.speed))
+        of_model = pl.col("tracker") == training.tracker, pl.col("speed") == training.speed
+        mine = run.rows("observations", key, *of_model)
         quality = [name for name in mine.columns if name.startswith(QUALITY_PREFIX)]
         found.append(mine.with_columns(pl.lit(key).alias("sequence")).select(*_NAMES, *_VIEW, *quality))
     tracks = pl.concat(found, how="diagonal") if found else pl.DataFrame()

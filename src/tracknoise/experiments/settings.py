@@ -309,6 +309,10 @@ class EstimatorSettings(_Section):
     """Length of its window, processed frames. Default: as shipped."""
 
 
+QUICK_CLIPS, QUICK_FRAMES = 5, 60
+"""Clips that are measured for a quick answer, and their frames."""
+
+
 class Experiment(_Section):
     """All settings of an experiment that affect its results."""
 
@@ -397,6 +401,16 @@ class Experiment(_Section):
     def with_scenes(self, most: int | None) -> "Experiment":
         """Return a copy with a maximum number of scenes; None means all."""
         return self._with_dataset({"max_scenes": most})
+
+    def quick(self, n_scenes: int) -> "Experiment":
+        """Return a copy that measures a few clips of a few scenes, of how many there are, at the slowest speed."""
+        changes = {
+            "name": f"{self.name}-quick",
+            "part_frames": QUICK_FRAMES,
+            "clips": max(1, round(QUICK_CLIPS / max(1, min(n_scenes, QUICK_CLIPS)))),
+        }
+        few = self.with_speeds([min(self.speeds)]).with_scenes(min(self.dataset.max_scenes or n_scenes, QUICK_CLIPS))
+        return few.model_copy(update=changes)
 
     def with_findings_of(self, other: "Experiment") -> "Experiment":
         """Return a copy with the settings of another experiment that change findings only."""

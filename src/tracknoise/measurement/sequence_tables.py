@@ -303,11 +303,14 @@ def _sequence_tables(
     n_frames: int,
     truth: str,
 ) -> SequenceTables:
-    seconds: Items[TruePositions | None] = result.second_positions or [None for _ in setups]
+    """Tables of one sequence. What was tracked is taken out of `result`, so that it is not held twice."""
     parts = []
-    for setup, recording, positions, second in zip(setups, result.recordings, result.positions, seconds, strict=True):
+    for setup in setups:  # whose arrays are released as soon as their tables are made
+        recording, positions = result.recordings.pop(0), result.positions.pop(0)
+        second = result.second_positions.pop(0) if result.second_positions else None
         known, floors = floor.add(recording, positions)
         parts.append(setup_tables(sequence.id, setup, recording, known, floors.to_dict(), second))
+        del recording, positions, second, known
     return SequenceTables(
         observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),
         tracks=schema.joined([part[1] for part in parts], schema.TRACKS),

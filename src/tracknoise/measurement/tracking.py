@@ -164,13 +164,16 @@ class _Pass:
             self._free_bytes -= frame.image.nbytes
 
     def finish(self) -> TrackingResult:
-        """What was recorded, and the true positions."""
-        recordings = [run.recorder.finish() for run in self._runs]
-        positions = [run.truth.resolve() for run in self._runs]
-        sessions = [run.second for run in self._runs if run.second is not None]
-        second = [session.resolve() for session in sessions] or None
+        """What was recorded, and the true positions. What each tracker setup collected is released at once."""
+        recordings, positions, second = [], [], []
+        while self._runs:
+            run = self._runs.pop(0)
+            recordings.append(run.recorder.finish())
+            positions.append(run.truth.resolve())
+            if run.second is not None:
+                second.append(run.second.resolve())
         return TrackingResult(
-            recordings, positions, self._snapshot_frame, self._snapshot, self._notes, second, self._images
+            recordings, positions, self._snapshot_frame, self._snapshot, self._notes, second or None, self._images
         )
 
 

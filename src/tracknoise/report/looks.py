@@ -38,8 +38,8 @@ def looks(data: ReportData) -> dict[str, Any]:
 def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
     """Groups of one sequence."""
     patches = data.run.sequence_table("patches", key).filter(speed=data.slowest)
-    observed = data.run.sequence_table("observations", key).filter(speed=data.slowest)
-    ends = data.run.sequence_table("tracks", key).filter(speed=data.slowest)
+    shown = pl.col("track").is_in(patches["track"].explode().unique().to_list()), pl.col("speed") == data.slowest
+    observed, ends = (data.run.rows(name, key, *shown) for name in ("observations", "tracks"))
     for row in patches.to_dicts():
         own = observed.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"]).sort("frame")
         reasons = ends.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])

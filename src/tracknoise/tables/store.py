@@ -460,6 +460,21 @@ class RunFolder:
             read_checked(path, [sha256], expected="a table of the run")  # says what is wrong
         return pl.scan_parquet(path)
 
+    def rows(self, name: str, key: str, *chosen: pl.Expr) -> pl.DataFrame:
+        """Those rows of one table of one sequence that are chosen, which alone are in memory.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            As `sequence_table`.
+        """
+        columns = _ALL_SEQUENCE_TABLES[name]
+        try:
+            table = self.scan(name, key).filter(*chosen).collect()
+        except pl.exceptions.PolarsError:
+            table = self.sequence_table(name, key).filter(*chosen)  # says what is wrong, if it is the file
+        return schema.check(schema.with_new_categories(table, columns), columns, name)
+
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of each measured sequence, in the order of their keys."""
         for key in sorted(self._hashes().sequences):

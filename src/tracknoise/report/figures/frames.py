@@ -173,11 +173,9 @@ def _nothing(data: ReportData, entry: SequenceEntry) -> str:
 
 
 def _scene(data: ReportData, entry: SequenceEntry, png: bytes) -> Scene:
-    observed = data.run.sequence_table("observations", entry.key).filter(
-        (pl.col("speed") == data.slowest)
-        & (pl.col("frame") <= entry.snapshot_frame)
-        & (pl.col("frame").cast(pl.Int64) >= entry.snapshot_frame - TRAIL * data.slowest)
-    )
+    first = max(0, entry.snapshot_frame - TRAIL * data.slowest)
+    in_frames = pl.col("frame").is_between(first, entry.snapshot_frame)
+    observed = data.run.rows("observations", entry.key, pl.col("speed") == data.slowest, in_frames)
     error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
     fixed = pl.col("age") == 0 if entry.key_frame is None else pl.col("frame") == entry.key_frame
     now = observed.filter(pl.col("frame") == entry.snapshot_frame, ~fixed).drop_nulls("du_px")
@@ -353,8 +351,8 @@ def trimmed_frame(data: ReportData) -> TrimmedFrame | None:
 
 
 def _features(data: ReportData, entry: SequenceEntry) -> pl.DataFrame:
-    observed = data.run.sequence_table("observations", entry.key)
-    now = observed.filter(pl.col("speed") == data.slowest, pl.col("frame") == entry.snapshot_frame)
+    in_frame = pl.col("frame") == entry.snapshot_frame
+    now = data.run.rows("observations", entry.key, pl.col("speed") == data.slowest, in_frame)
     error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
     positions = {"u": "u_px", "v": "v_px", "u_true": "u_true_px", "v_true": "v_true_px"}
     trimming = pl.when("kept").then(pl.lit("kept")).otherwise(pl.lit("dropped"))

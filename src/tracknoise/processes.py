@@ -2,6 +2,7 @@
 
 - Standard streams that are closed, that lead to a full disk, or whose reader has gone.
 - How processes of Python that this program starts begin: what they import, and what becomes of what they print.
+- Memory that is freed and not needed again soon.
 - The signals that end a program, what they raise and end, and how to make them wait while a process is started.
 """
 
@@ -13,7 +14,8 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
+from ctypes import CDLL
 from multiprocessing import get_context
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TextIO
@@ -230,3 +232,9 @@ def ignore() -> None:
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+
+
+def release_memory() -> None:
+    """Return freed memory to the system, where the C library can: workers keep it while they track features."""
+    with suppress(OSError, AttributeError):  # not glibc
+        CDLL(None).malloc_trim(0)

@@ -19,6 +19,7 @@ from tracknoise.geometry.cameras import (
 )
 from tracknoise.geometry.pose import invert, position_rows, transform
 from tracknoise.geometry.projection import FrameGeometry
+from tracknoise.processes import release_memory
 from tracknoise.sequences.other_poses import path_between_frames
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at, shutter_of, times_of
 from tracknoise.statistics.noise_sums import noise_tables
@@ -156,6 +157,7 @@ def camera_tables(sequence: Sequence, n_frames: int) -> dict[str, pl.DataFrame]:
 
 def _of_depth(prepared: PreparedSequence, geometry: FrameGeometry, population: str) -> dict[str, pl.DataFrame]:
     """Tables that need the depths of points."""
+    release_memory()
     tracks = noise_tracks(prepared, geometry, population=population)
     return {**noise_tables(prepared, geometry), "noise_tracks": tracks}
 

@@ -22,6 +22,7 @@ LONGEST_STRIP = 32
 """Frames of the strip of the worst track."""
 _QUALITY = 80
 
+_COLUMNS = (*ORIGIN, "track", "frame", "age", "u_px", "v_px", "truth", "du_px", "dv_px")
 Patch = NDArray[np.uint8]
 
 
@@ -50,7 +51,7 @@ def track_patches(measurement: "Measurement", *, speed: int) -> pl.DataFrame:
 
     Returns schema `PATCHES`.
     """
-    observed = measurement.observations.filter(speed=speed)
+    observed = measurement.observations.lazy().filter(speed=speed).select(_COLUMNS).collect()
     found = extreme_tracks(observed, speed=speed, population=measurement.population, key_frame=measurement.key_frame)
     chosen = [_located(observed, n_each, rows) for n_each, rows in found]
     patches = _cut(measurement, chosen)

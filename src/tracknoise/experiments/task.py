@@ -37,7 +37,7 @@ from tracknoise.experiments.resume import new_manifest, require_versions
 from tracknoise.experiments.run_lock import Claim
 from tracknoise.experiments.settings import Experiment
 from tracknoise.measurement.tracking import Progress
-from tracknoise.processes import raise_if_interruption
+from tracknoise.processes import raise_if_interruption, release_memory
 from tracknoise.sequences.images import content_hash, encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
@@ -184,6 +184,7 @@ def _measure_batch(
             if _has_patches(task.experiment, sequences):
                 tables["patches"] = track_patches(measurement, speed=min(task.speeds))
             snapshot = encode_png(measurement.snapshot)
+            release_memory()
             if claim:
                 claim.check()
             hashes = run.write_sequence(task.key, tables, snapshot)
@@ -291,6 +292,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         population=experiment.truth.population,
         slowest=slowest,
     )
+    release_memory()
     prepared = replace(measurement.prepared, slowest=slowest)
     return {
         **(observed if experiment.keep == "observations" else {}),

@@ -18,6 +18,7 @@ from tracknoise.geometry.surroundings import Surroundings, unknown_surroundings
 from tracknoise.measurement.floors import TruthFloor
 from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
+from tracknoise.processes import release_memory
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables import schema
@@ -287,11 +288,13 @@ def measure_sequences(
         second_truths=others,
         kept_bytes=kept_bytes,
     )
+    release_memory()
     notes = [second_notes(*pair) for pair in zip(sequences, second, strict=True)] if second else [()] * len(sequences)
     for sequence, known, result, more in zip(sequences, truths, results, notes, strict=True):
         _check_features(sequence, result, known.key_frame)
         floor = TruthFloor.of(sequence, known, accuracy)
         tables = _sequence_tables(sequence, setups, floor, result, n_frames, known.kind)
+        release_memory()
         yield replace(tables, notes=(*tables.notes, *more))
 
 

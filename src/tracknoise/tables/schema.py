@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeVar
 
 import polars as pl
 import polars.selectors as cs
@@ -65,6 +66,7 @@ class TrackEnd(IntEnum):
     sequence_end = 4
 
 
+Table = TypeVar("Table", pl.DataFrame, pl.LazyFrame)
 Schema = Mapping[str, pl.DataType | type[pl.DataType]]
 
 TRUTH = pl.Enum([status.name for status in TruthStatus])
@@ -910,11 +912,13 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     return table
 
 
-def storable(table: pl.DataFrame) -> pl.DataFrame:
+def storable(table: Table) -> Table:
     """A table in which numbers that are not finite are null: what is infinite relative to something is unknown."""
     finite = pl.element().is_finite()
     single = cs.float()
-    lists = [name for name, kind in table.schema.items() if isinstance(kind, pl.List) and kind.inner.is_float()]
+    lists = [
+        name for name, kind in table.collect_schema().items() if isinstance(kind, pl.List) and kind.inner.is_float()
+    ]
     return table.with_columns(
         pl.when(single.is_finite()).then(single),
         *(pl.col(name).list.eval(pl.when(finite).then(pl.element())) for name in lists),
@@ -966,7 +970,7 @@ def joined(tables: Iterable[pl.DataFrame], schema: Schema) -> pl.DataFrame:
     schema
         Column names and types, in order.
     """
-    together = pl.concat([empty(schema), *tables], how="diagonal", rechunk=True)
+    together = pl.concat([empty(schema), *tables], how="diagonal")
     return together.select(list(layout_of(schema, together.columns)))
 
 

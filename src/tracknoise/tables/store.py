@@ -334,7 +334,8 @@ class RunFolder:
             if name in tables or name not in _OPTIONAL:
                 table = tables[name]
                 if isinstance(table, pl.DataFrame):
-                    table = schema.storable(schema.check(table, columns, name))
+                    checked = schema.check(table, columns, name)
+                    table = schema.storable(checked.lazy()) if name in OBSERVED else schema.storable(checked)
                 hashes[name] = write_parquet(self._table_path(name, key), table)
         return {**hashes, _SNAPSHOTS: write_atomically(self.snapshot_path(key), snapshot_png)}
 

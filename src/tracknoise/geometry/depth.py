@@ -5,13 +5,14 @@
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.accuracy import EXACT_DEPTH, DepthAccuracy
 from tracknoise.geometry.cameras import CameraModel
-from tracknoise.geometry.pose import transform
 
 EDGE_RELATIVE_SPREAD = 0.02
 SPARSE_RELATIVE_SPREAD = 0.1
@@ -266,77 +267,112 @@ def reproject_depth(
     DepthMap
         Of the target's size; depth in float64.
     """
-    points = transform(target_from_camera, _points(depth, camera))
-    ahead = depth.valid.ravel() & (points[:, 2] > 0.0)
-    uv = target.project(np.where(ahead[:, None], points, np.nan))
-    inverse = np.where(ahead, 1.0 / np.where(ahead, points[:, 2], 1.0), np.nan)
-    vertices = np.stack([*uv.T, inverse]).reshape(3, *depth.valid.shape)
+    vertices = _vertices(depth, camera, target, target_from_camera)
     nearest = np.zeros(target.height * target.width)
     for top in range(0, len(vertices[0]) - 1, _STRIP):
-        _draw(nearest, target, _corners(vertices[:, top : top + _STRIP + 1]), spread)
+        _draw(nearest, target, vertices[:, top : top + _STRIP + 1], spread)
     seen = nearest > 0.0
     depth_m = np.divide(1.0, nearest, out=np.zeros_like(nearest), where=seen)
     size = (target.height, target.width)
     return DepthMap(depth_m.reshape(size), seen.reshape(size), accuracy=depth.accuracy)
 
 
-def _points(depth: DepthMap, camera: CameraModel) -> NDArray[np.float64]:
-    """(pixels, 3) float64, metres, camera frame: arbitrary where the depth is not valid."""
-    rows, columns = np.indices(depth.valid.shape, dtype=np.float64)
-    uv = np.stack([columns, rows], axis=-1).reshape(-1, 2)
-    return camera.unproject(uv, np.where(depth.valid, depth.depth_m, 1.0).astype(np.float64).ravel())
+def _vertices(
+    depth: DepthMap, camera: CameraModel, target: CameraModel, target_from_camera: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Vertices (3, height, width): u and v of each pixel of the map in the target, px, and inverse depth; or NaN."""
+    height, width = depth.valid.shape
+    rays = _rays(camera, height, width, target_from_camera[:3, :3].tobytes())
+    z = np.where(depth.valid, depth.depth_m, np.nan)
+    points = np.empty((height, width, 3))
+    for axis, shift in enumerate(target_from_camera[:3, 3]):
+        np.multiply(rays[axis], z, out=points[..., axis])
+        points[..., axis] += shift
+    ahead = points[..., 2] > 0.0
+    points[~ahead] = np.nan
+    vertices = np.empty((3, height, width))
+    vertices[:2] = np.moveaxis(target.project(points), -1, 0)
+    np.divide(1.0, points[..., 2], out=vertices[2])
+    return vertices
 
 
-def _corners(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Upper left, upper right, lower left and lower right vertices of each four pixels: (4, 3, n)."""
-    halves = (slice(None, -1), slice(1, None))
-    return np.stack([vertices[:, rows, columns].reshape(3, -1) for rows in halves for columns in halves])
+@lru_cache(maxsize=4)
+def _rays(camera: CameraModel, height: int, width: int, rotation: bytes) -> NDArray[np.float64]:
+    """Rays through the pixels of a map with depth 1, turned: (3, height, width)."""
+    rows, columns = np.indices((height, width), dtype=np.float64)
+    rays = camera.unproject(np.stack([columns, rows], axis=-1), np.ones((height, width)))
+    return np.ascontiguousarray(np.moveaxis(rays @ np.frombuffer(rotation).reshape(3, 3).T, -1, 0))
 
 
-def _draw(nearest: NDArray[np.float64], target: CameraModel, corners: NDArray[np.float64], spread: float) -> None:
-    """Enter the inverse depth of quadrilaterals where it is the largest of a pixel so far.
+def _draw(nearest: NDArray[np.float64], target: CameraModel, vertices: NDArray[np.float64], spread: float) -> None:
+    """Enter the inverse depth of triangles where it is the largest of a pixel so far.
 
-    Each corner has u and v in px, and inverse depth in 1/m; NaN where there is no depth.
+    Each four neighbouring vertices (3, rows, columns) are two triangles, which share the side from the upper right to
+    the lower left. Those with a vertex that is unknown, or whose depths differ by more than `spread`, are left out.
     """
-    size = np.array([[target.width], [target.height]], dtype=np.float64)
-    low = np.maximum(np.ceil(_reduced(np.fmin, corners[:, :2]) - _TOUCH), 0.0)
-    high = np.minimum(np.floor(_reduced(np.fmax, corners[:, :2]) + _TOUCH), size - 1.0)
-    extent = high - low
-    covering = np.flatnonzero((extent[0] >= 0.0) & (extent[1] >= 0.0))  # not where all corners are NaN
-    low, extent, corners = low[:, covering], extent[:, covering], corners[:, :, covering]
-    columns, rows = (extent.max(axis=1, initial=-1.0) + 1.0).astype(np.intp)
-    for step in np.ndindex(int(columns), int(rows)):
-        reached = slice(None) if not any(step) else (extent[0] >= step[0]) & (extent[1] >= step[1])
-        u, v = low[0, reached] + step[0], low[1, reached] + step[1]
-        value, inside = _interpolated(corners[:, :, reached], u, v, spread)
+    halves = (slice(None, -1), slice(1, None))
+    first, right, below, last = (vertices[:, rows, columns] for rows in halves for columns in halves)
+    high, low = np.maximum(right[2], below[2]), np.minimum(right[2], below[2])
+    upper, lower = (np.maximum(high, end) <= (1.0 + spread) * np.minimum(low, end) for end in (first[2], last[2]))
+    covers, starts, extents = upper | lower, [], []
+    for axis, size in enumerate((target.width, target.height)):
+        sides = right[axis], below[axis]
+        ends = np.where(upper, first[axis], sides[0]), np.where(lower, last[axis], sides[0])
+        start = np.maximum(np.ceil(_reduced(np.minimum, *ends, *sides) - _TOUCH), 0.0)
+        extent = np.minimum(np.floor(_reduced(np.maximum, *ends, *sides) + _TOUCH), size - 1.0) - start
+        covers &= extent >= 0.0
+        starts.append(start)
+        extents.append(extent)
+    drawn = np.flatnonzero(covers)
+    left, top = (each.ravel().take(drawn) for each in starts)
+    extent = [each.ravel().take(drawn) for each in extents]
+    width = vertices.shape[2]
+    quads = _Quads(vertices, drawn + drawn // (width - 1), upper.ravel().take(drawn), lower.ravel().take(drawn))
+    columns, rows = (int(each.max(initial=-1.0)) + 1 for each in extent)
+    for step in np.ndindex(columns, rows):
+        reached = None if not any(step) else np.flatnonzero((extent[0] >= step[0]) & (extent[1] >= step[1]))
+        u, v = (start if reached is None else start.take(reached) for start in (left, top))
+        u, v = u + step[0], v + step[1]
+        value, inside = quads.interpolated(u, v, reached)
         np.maximum.at(nearest, (v[inside] * target.width + u[inside]).astype(np.intp), value[inside])
 
 
-def _reduced(extreme: np.ufunc, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Minimum or maximum of four corners, as three calls: faster than a reduction along the first axis."""
-    return np.asarray(extreme(extreme(corners[0], corners[1]), extreme(corners[2], corners[3])))
+def _reduced(extreme: np.ufunc, one: NDArray[np.float64], *others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Minimum or maximum of several arrays, one call each: faster than a reduction along the first axis."""
+    for other in others:
+        one = extreme(one, other)
+    return one
 
 
-def _interpolated(
-    corners: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], spread: float
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Inverse depth at one pixel of each quadrilateral, and whether one of its two smooth triangles covers the pixel.
+class _Quads(NamedTuple):
+    """Quadrilaterals of vertices (3, rows, columns): place of the upper left, and which triangles are drawn, (n,)."""
 
-    The triangles share the side from the upper right to the lower left.
-    """
-    first, right, below, last = corners
-    u1, v1, inverse1 = below - right
-    du, dv = u - right[0], v - right[1]
-    with np.errstate(all="ignore"):  # of triangles without an area
-        upper = (u1 * dv - v1 * du) * (u1 * (first[1] - right[1]) - v1 * (first[0] - right[0])) >= 0.0
-        third = np.where(upper, first, last)
-        u2, v2, inverse2 = third - right
-        area = u1 * v2 - v1 * u2
-        along, across = (du * v2 - dv * u2) / area, (u1 * dv - v1 * du) / area
-        inside = (along >= -_TOUCH) & (across >= -_TOUCH) & (along + across <= 1.0 + _TOUCH)
-        near = (right[2], below[2], third[2])
-        inside &= np.maximum.reduce(near) <= (1.0 + spread) * np.minimum.reduce(near)
-        return right[2] + along * inverse1 + across * inverse2, inside
+    vertices: NDArray[np.float64]
+    place: NDArray[np.intp]
+    upper: NDArray[np.bool_]
+    lower: NDArray[np.bool_]
+
+    def interpolated(
+        self, u: NDArray[np.float64], v: NDArray[np.float64], chosen: NDArray[np.intp] | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Inverse depth at one pixel of each that is chosen, and whether a triangle that is drawn covers the pixel."""
+        place, upper, lower = (part if chosen is None else part.take(chosen) for part in self[1:])
+        width = self.vertices.shape[2]
+        us, vs, inverses = (plane.ravel() for plane in self.vertices)
+        right, below = place + 1, place + width
+        u0, v0, inverse0 = us.take(right), vs.take(right), inverses.take(right)
+        u1, v1, inverse1 = us.take(below) - u0, vs.take(below) - v0, inverses.take(below) - inverse0
+        du, dv = u - u0, v - v0
+        with np.errstate(all="ignore"):  # of triangles without an area, and of vertices that are unknown
+            from_side = u1 * dv - v1 * du
+            is_upper = from_side * (u1 * (vs.take(place) - v0) - v1 * (us.take(place) - u0)) >= 0.0
+            end = np.where(is_upper, place, below + 1)
+            u2, v2, inverse2 = us.take(end) - u0, vs.take(end) - v0, inverses.take(end) - inverse0
+            area = u1 * v2 - v1 * u2
+            along, across = (du * v2 - dv * u2) / area, from_side / area
+            inside = np.where(is_upper, upper, lower)
+            inside &= (along >= -_TOUCH) & (across >= -_TOUCH) & (along + across <= 1.0 + _TOUCH)
+            return inverse0 + along * inverse1 + across * inverse2, inside
 
 
 def cloud_depth(camera: CameraModel, points: NDArray[np.float64], *, nearest_m: float, radius_px: float) -> DepthMap:

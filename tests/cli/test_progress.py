@@ -70,7 +70,7 @@ def test_without_a_terminal_it_is_said_where_a_run_stands(capsys):
     progress.heartbeat.beat()
     assert capsys.readouterr().err == "", "before it is known what there is to do"
     progress.planned(["a", "b", "c", "d"], 1)
-    progress.frame("a", 3, 9)
+    progress.frame("a", 3, 9, 0)
     clock.now_s = 40
     progress.heartbeat.beat()
     assert capsys.readouterr().err.splitlines()[-1] == "1 of 5 sequences done after 40 s; a at frame 3 of 9"
@@ -81,7 +81,7 @@ def test_without_a_terminal_it_is_said_where_a_run_stands(capsys):
     assert capsys.readouterr().err.splitlines() == [
         "tracknoise: error: a and b: torn",
         "tracknoise: error: c: dark",
-        "4 of 5 sequences done after 5 min; 36.0/h, 2 min left; a at frame 3 of 9",
+        "4 of 5 sequences done after 5 min; 36.0/h, 2 min left",
     ]
     progress.failed(["d"], "dark")
     clock.now_s = 900
@@ -96,7 +96,7 @@ def test_names_of_scenes_are_shown_as_they_are_written(capsys):
     keys = [SequenceId("d", scene, "dunkel/hell").key for scene in ("büro/1 [b]", "50%", "50%25\n")]
     assert "%" in keys[0]
     progress.planned(keys, 0)
-    progress.frame(keys[0], 3, 9)
+    progress.frame(keys[0], 3, 9, 0)
     clock.now_s = 40
     progress.heartbeat.beat()
     progress.failed(keys, "torn")
@@ -104,3 +104,18 @@ def test_names_of_scenes_are_shown_as_they_are_written(capsys):
         "0 of 3 sequences done after 40 s; büro/1 [b]@dunkel/hell at frame 3 of 9",
         "tracknoise: error: büro/1 [b]@dunkel/hell, 50%@dunkel/hell and 50%25 @dunkel/hell: torn",
     ]
+
+
+def test_frames_of_parts_that_are_measured_side_by_side_add_up(capsys):
+    clock = Clock()
+    progress = RunProgress(Terminal(), clock)
+    progress.planned(["long"], 0)
+    progress.frame("long", 200, 1000, 0)  # an earlier start measured this part
+    for done in range(1, 31):
+        clock.now_s += 1.0
+        progress.frame("long", done, 1000, 200)
+        progress.frame("long", done, 1000, 400)
+    progress.heartbeat.beat()
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "0 of 1 sequence done after 30 s; long at frame 260 of 1000; 2.0 frames/s, 6 min left"
+    )

@@ -48,7 +48,7 @@ class Told:
     def planned(self, keys, done):
         self.done = done
 
-    def frame(self, key, done, total): ...
+    def frame(self, key, done, total, first): ...
 
     def measured(self, key, entry):
         self.keys.append(key)

@@ -49,7 +49,7 @@ class Silent:
     def planned(self, keys, done):
         pass
 
-    def frame(self, key, done, total):
+    def frame(self, key, done, total, first):
         pass
 
     def measured(self, key, entry):

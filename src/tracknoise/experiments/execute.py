@@ -37,11 +37,13 @@ from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.experiments.task import Job, attempt, following
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.views import PartOfSequence
+from tracknoise.statistics.joining import OF_THE_WHOLE, Part, join, rows_of
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.store import OBSERVED, STORED, RunFolder
+from tracknoise.tables.store import OBSERVED, STORED, RunFolder, schema_of
 
 
 class Listener(Protocol):
@@ -269,21 +271,43 @@ def _stored(
 def _trimmed_again(
     run: RunFolder, experiment: Experiment, sequence: Sequence, entry: SequenceEntry
 ) -> dict[str, pl.DataFrame]:
-    """The same with all that depends on trimming computed again from the observations."""
+    """The same with all that depends on trimming computed again from the observations, of each part on its own."""
+    observed = [run.sequence_table(name, entry.key) for name in OBSERVED]
+    stored = _stored(run, experiment, sequence, entry)
+    if not entry.parts:
+        return {**stored, **_trimmed(experiment, sequence, entry, observed)}
+    parts = []
+    first: dict[tuple[str, int], int] = {}
+    for number, (start, stop) in enumerate(entry.parts):
+        part = Part(number, len(entry.parts), start, dict(first))
+        own = [rows_of(table, part, stop - start) for table in observed]
+        for tracker, speed, count in own[1].group_by("tracker", "speed").len().rows():
+            first[tracker, speed] = first.get((tracker, speed), 0) + count
+        if own[0].height:
+            shown = replace(entry, n_frames=stop - start)
+            parts.append((part, _trimmed(experiment, PartOfSequence(sequence, range(start, stop)), shown, own)))
+    names = [name for name in parts[0][1] if name not in OF_THE_WHOLE]
+    joined = {name: join(name, [(part, tables[name]) for part, tables in parts], schema_of(name)) for name in names}
+    return {**stored, **joined}
+
+
+def _trimmed(
+    experiment: Experiment, sequence: Sequence, entry: SequenceEntry, observed: list[pl.DataFrame]
+) -> dict[str, pl.DataFrame]:
+    """Tables that depend on trimming, from observations and tracks."""
     asked, population = experiment.statistics, experiment.truth.population
     slowest = min(experiment.speeds)
     trimmed = trim(
-        *(run.sequence_table(name, entry.key) for name in OBSERVED),
+        *observed,
         percentile=asked.trim_percentile,
         population=population,
         among=asked.trim_among,
         key_frame=entry.key_frame,
     )
     prepared = replace(trimmed.sequence, slowest=slowest)
-    observed = {"observations": trimmed.observations, "tracks": trimmed.tracks}
+    kept = {"observations": trimmed.observations, "tracks": trimmed.tracks}
     return {
-        **_stored(run, experiment, sequence, entry),
-        **{name: table for name, table in observed.items() if _is_kept(name, experiment)},
+        **{name: table for name, table in kept.items() if _is_kept(name, experiment)},
         "trims": trimmed.trims,
         **statistics_of(trimmed.sequence, tuple(STATISTICS), population=population, slowest=slowest),
         **geometry_tables(experiment, sequence, prepared, entry.n_frames, entry.truth),

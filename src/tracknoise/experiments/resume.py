@@ -70,7 +70,7 @@ def begin(
 
     A run that has not measured anything is replaced, such as one that failed because of a wrong setting.
     """
-    if not fresh and run.has_measured:
+    if not fresh and (run.has_measured or run.has_parts):
         return _resume(experiment, run, remark)
     if run.exists:
         run.clear()

@@ -154,7 +154,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         doubts=found.mistakes,
         cautions=found.cautions,
         kernels=" and ".join(sorted({entry.kernels for entry in entries})),
-        parts=tuple((one.start, one.stop) for one in frames),
+        parts=tuple((one.start, one.stop) for one in task.parts),
         sha256=hashes,
     )
     return _with_inputs(entry, joined_inputs([one.folder for one in parts], task.key), run)

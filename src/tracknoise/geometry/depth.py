@@ -319,10 +319,10 @@ def _draw(nearest: NDArray[np.float64], target: CameraModel, vertices: NDArray[n
         sides = right[axis], below[axis]
         ends = np.where(upper, first[axis], sides[0]), np.where(lower, last[axis], sides[0])
         start = np.maximum(np.ceil(_reduced(np.minimum, *ends, *sides) - _TOUCH), 0.0)
-        extent = np.minimum(np.floor(_reduced(np.maximum, *ends, *sides) + _TOUCH), size - 1.0) - start
-        covers &= extent >= 0.0
+        more = np.minimum(np.floor(_reduced(np.maximum, *ends, *sides) + _TOUCH), size - 1.0) - start
+        covers &= more >= 0.0
         starts.append(start)
-        extents.append(extent)
+        extents.append(more)
     drawn = np.flatnonzero(covers)
     left, top = (each.ravel().take(drawn) for each in starts)
     extent = [each.ravel().take(drawn) for each in extents]

@@ -89,6 +89,14 @@ def place(table: pl.DataFrame | pl.LazyFrame, part: Part, name: str) -> pl.LazyF
     return lazy.with_columns(value.cast(kinds[column]).alias(column) for column, value in numbered.items())
 
 
+def rows_of(table: pl.DataFrame, part: Part, n_frames: int) -> pl.DataFrame:
+    """Observations or tracks of a part of so many frames out of those of the sequence, numbered as in the part."""
+    frame = next(name for name in ("frame", "first_frame") if name in table.columns)
+    own = table.filter(pl.col(frame).is_between(part.first_frame, part.first_frame + n_frames - 1))
+    numbered = {frame: pl.col(frame) - part.first_frame, "track": pl.col("track") - _first_track(part)}
+    return own.with_columns(value.cast(table.schema[column]).alias(column) for column, value in numbered.items())
+
+
 _BLOCKS = MappingProxyType(dict.fromkeys(("surroundings", "image_map", "image_speeds"), BLOCKS // 2))
 """Blocks of tables that have fewer."""
 
@@ -139,7 +147,10 @@ def _added_lists(column: pl.Series, index: NDArray[np.intp], count: int) -> list
 
 
 def _rows(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
-    return table
+    """Rows of each tracker and speed together, in the order of the parts."""
+    numbers = table.select("tracker", "speed").unique(maintain_order=True).with_row_index("condition")
+    numbered = table.join(numbers, on=["tracker", "speed"], how="left", maintain_order="left")
+    return numbered.sort("condition", maintain_order=True).drop("condition")
 
 
 def _pooled(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:

@@ -240,6 +240,7 @@ def _entry(*, sequence: dict[str, Any], **rest: Any) -> SequenceEntry:
     """What `Manifest.to_json` wrote of one sequence."""
     direction = Direction(sequence.pop("direction"))
     rest |= {name: tuple(rest.get(name) or ()) for name in _LISTS}
+    rest["parts"] = tuple((first, stop) for first, stop in rest.get("parts") or ())
     return SequenceEntry(SequenceId(**sequence, direction=direction), **rest)
 
 

@@ -218,6 +218,11 @@ class RunFolder:
         """Whether a run was started here and has measured a sequence."""
         return self.exists and bool(self.manifest().sequences)
 
+    @property
+    def has_parts(self) -> bool:
+        """Whether a run was started here and has measured parts of sequences that are not complete."""
+        return self.exists and any((self.path / _PARTS).glob(f"*/*/{_MANIFEST}"))
+
     def require_empty(self) -> None:
         """Refuse a folder that holds anything but its lock and unfinished files of a killed start.
 

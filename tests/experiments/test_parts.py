@@ -1,0 +1,230 @@
+"""Long recordings are measured in parts, and what is said of them is what is said of all of their observations."""
+
+import cv2
+import polars as pl
+import pytest
+from polars.testing import assert_frame_equal
+
+from tracknoise.experiments.execute import execute, remake
+from tracknoise.experiments.load import load_experiment, resolve
+from tracknoise.experiments.parts import ranges_of
+from tracknoise.experiments.settings import TrackerChoice
+from tracknoise.statistics.lifetimes import lifetimes
+from tracknoise.statistics.summarise import summarise_sequence
+from tracknoise.tables.schema import ORIGIN
+from tracknoise.tables.store import RunFolder
+
+KEY = "seq-01@default"
+
+
+def in_parts(file, *, frames=10, **changes):
+    trackers = [
+        TrackerChoice(
+            kind="oracle", options={"n_features": 20, "margin_px": 2, "loss_rate": 0.1, "walk_px_per_sqrt_frame": 0.1}
+        ),
+        TrackerChoice(kind="lucas-kanade"),
+    ]
+    changes = {"part_frames": frames, "trackers": trackers, "speeds": [1, 2], **changes}
+    return load_experiment(file).model_copy(update=changes)
+
+
+@pytest.fixture(scope="module")
+def recording(made_once):
+    from tests.experiments.conftest import write_experiment
+
+    return made_once("recording-30", lambda path: write_experiment(path, 1, 30)) / "x.toml"
+
+
+@pytest.fixture(scope="module")
+def joined(recording, made_once):
+    from tests.experiments.conftest import Told
+
+    def measure(path):
+        assert not execute(in_parts(recording), RunFolder(path), listener=Told()).failures
+
+    return RunFolder(made_once("joined-30", measure))
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "speeds", "wanted", "expected"),
+    [
+        (400, [1], 300, ()),
+        (1000, [1], 300, (range(333), range(333, 667), range(667, 1000))),
+        (100, [1, 2, 4], 30, (range(32), range(32, 68), range(68, 100))),
+        (100, [1, 7, 11], 50, (range(50), range(50, 100))),
+    ],
+)
+def test_parts_are_alike_and_begin_where_all_speeds_see_a_frame(recording, n_frames, speeds, wanted, expected):
+    experiment = in_parts(recording, frames=wanted)
+    assert ranges_of(n_frames, experiment, speeds, pixels=640 * 480) == expected
+
+
+def test_clips_are_spread_over_the_recording(recording):
+    experiment = in_parts(recording, frames=60, clips=5)
+    found = ranges_of(1000, experiment, [1], pixels=640 * 480)
+    gaps = [
+        after.start - before.stop for before, after in zip((range(0), *found), (*found, range(1000, 1001)), strict=True)
+    ]
+    assert [len(frames) for frames in found] == [60] * 5
+    assert max(gaps) - min(gaps) <= 1
+
+
+def test_more_trackers_speeds_and_pixels_make_parts_shorter(recording):
+    def length(n_trackers, speeds, pixels):
+        trackers = [TrackerChoice(kind="lucas-kanade", name=f"t{number}") for number in range(n_trackers)]
+        experiment = in_parts(recording, frames=None, trackers=trackers)
+        return max(map(len, ranges_of(10_000, experiment, speeds, pixels=pixels)))
+
+    assert length(1, [1], 640 * 480) == pytest.approx(600, abs=20)
+    assert length(2, [1], 640 * 480) == pytest.approx(300, abs=10)
+    assert length(2, [1, 2, 4, 8, 12], 640 * 480) == pytest.approx(150, abs=20)
+    assert length(1, [1], 1280 * 480) == pytest.approx(300, abs=10)
+
+
+def test_the_manifest_says_in_which_parts_and_the_frames_are_those_of_the_recording(joined):
+    entry = joined.manifest().sequences[KEY]
+    assert entry.parts == ((0, 10), (10, 20), (20, 30))
+    assert entry.n_frames == 30
+    assert any("3 parts of 10 to 10 frames" in note for note in entry.notes)
+    frames = joined.sequence_table("frames", KEY)
+    assert frames.filter(speed=2, tracker="oracle")["frame"].to_list() == list(range(0, 30, 2))
+    assert joined.sequence_table("poses", KEY)["frame"].to_list() == list(range(30))
+    observed = joined.sequence_table("observations", KEY)
+    for _, part in observed.group_by("tracker", "speed"):
+        assert part["frame"].unique().len() > 10
+        assert part["track"].unique().sort().to_list() == list(range(part["track"].max() + 1))
+    crossing = observed.with_columns(part=pl.col("frame") // 10).group_by("tracker", "speed", "track")
+    assert crossing.agg(pl.col("part").n_unique())["part"].max() == 1
+
+
+def test_parts_are_discarded_when_they_are_joined(joined):
+    assert not (joined.path / "parts").exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [*("moments", "ends", "counts", "errors", "increments", "ratio_sums", "surroundings", "image_speeds"), "aspects"],
+)
+def test_sums_are_those_of_all_observations_together(joined, name):
+    """Blocks and trimming belong to parts; everything else is as if the recording had been one piece."""
+    observed, tracks, frames = (joined.sequence_table(table, KEY) for table in ("observations", "tracks", "frames"))
+    expected = summarise_sequence(observed, tracks, frames, statistics=[name], slowest=1)[name]
+    found = joined.sequence_table(name, KEY)
+    if "trimming" in found.columns:
+        expected, found = (table.filter(trimming="untrimmed") for table in (expected, found))
+    if "block" in found.columns:
+        keys = [column for column, kind in found.schema.items() if not kind.is_float() and column != "block"]
+        keys = [column for column in keys if column != "n" and not column.startswith("n_")]
+        values = [column for column in found.columns if column.startswith(("n", "sum", "lagged", "squares"))]
+        keys += [column for column in ("low", "high") if column in found.columns]
+        expected, found = (table.group_by(keys).agg(pl.col(values).sum()).sort(keys) for table in (expected, found))
+    assert found.height
+    assert_frame_equal(found, expected, rel_tol=1e-9, abs_tol=1e-9)
+
+
+def test_survival_is_that_of_one_piece_as_far_as_parts_show_it(recording, joined, tmp_path):
+    from tests.experiments.conftest import Told
+
+    whole = RunFolder(tmp_path / "whole")
+    execute(in_parts(recording, frames=100), whole, listener=Told())
+    assert not whole.manifest().sequences[KEY].parts
+    in_pieces, in_one = (lifetimes(run.sequence_table("tracks", KEY)) for run in (joined, whole))
+    both = in_pieces.join(in_one, on=["tracker", "speed", "lifetime"]).filter(tracker="oracle", speed=1)
+    early = both.filter(pl.col("lifetime") <= 6)
+    assert early.height >= 3
+    assert (early["survival"] - early["survival_right"]).abs().max() < 0.15
+
+
+def test_the_same_bytes_for_any_number_of_workers(recording, joined, files, tmp_path, told):
+    two = RunFolder(tmp_path / "two")
+    execute(in_parts(recording), two, listener=told(), workers=2)
+    assert files(two) == files(joined)
+
+
+def test_a_start_that_was_ended_loses_the_part_it_was_measuring(recording, joined, files, tmp_path, told):
+    class Ends(told):
+        def frame(self, key, done, total, first):
+            if first == 20 and done == 5:
+                raise KeyboardInterrupt
+
+    class Counts(told):
+        def __init__(self):
+            super().__init__()
+            self.frames = []
+
+        def frame(self, key, done, total, first):
+            self.frames.append((first, done))
+
+    run = RunFolder(tmp_path / "ended")
+    with pytest.raises(KeyboardInterrupt):
+        execute(in_parts(recording), run, listener=Ends())
+    assert sorted(path.name for path in (run.path / "parts" / KEY).iterdir()) == ["0000", "0001"]
+    listener = Counts()
+    assert execute(in_parts(recording), run, listener=listener).measured == [KEY]
+    assert [done for first, done in listener.frames if first < 20] == [10, 10]
+    assert [done for first, done in listener.frames if first == 20] == list(range(1, 11))
+    assert files(run) == files(joined)
+
+
+def test_a_damaged_part_is_named_and_the_others_are_kept(experiment_file, told, tmp_path):
+    file = experiment_file(1, 30)
+    image = tmp_path / "data" / "seq-01" / "frame-000014.color.png"
+    before = image.read_bytes()
+    image.write_bytes(b"no image")
+    run = RunFolder(tmp_path / "run")
+    outcome = execute(in_parts(file), run, listener=told())
+    assert outcome.failures[KEY].startswith("frames 10 to 19: ")
+    assert "frame-000014" in outcome.failures[KEY]
+    image.write_bytes(before)
+    assert execute(in_parts(file), run, listener=told()).measured == [KEY]
+
+
+def test_a_part_without_depth_shows_nothing_and_fails_nothing(experiment_file, told, tmp_path):
+    import numpy as np
+
+    file = experiment_file(1, 30)
+    for index in range(10, 20):
+        cv2.imwrite(str(tmp_path / "data" / "seq-01" / f"frame-{index:06d}.depth.png"), np.zeros((48, 64), np.uint16))
+    run = RunFolder(tmp_path / "run")
+    assert execute(in_parts(file), run, listener=told()).measured == [KEY]
+    observed = run.sequence_table("observations", KEY)
+    assert observed.filter(pl.col("frame").is_between(10, 19)).is_empty()
+    assert observed.filter(pl.col("frame") >= 20).height
+
+
+def test_a_changed_image_makes_the_recording_outdated(experiment_file, told, tmp_path):
+    file = experiment_file(1, 30)
+    run = RunFolder(tmp_path / "run")
+    execute(in_parts(file), run, listener=told())
+    again = told()
+    execute(in_parts(file), run, listener=again)
+    assert again.keys == []
+    image = tmp_path / "data" / "seq-01" / "frame-000025.color.png"
+    cv2.imwrite(str(image), 255 - cv2.imread(str(image), cv2.IMREAD_GRAYSCALE))
+    execute(in_parts(file), run, listener=again)
+    assert again.keys == [KEY]
+
+
+def test_conditions_are_in_the_order_of_one_piece(joined):
+    observed = joined.sequence_table("observations", KEY)
+    conditions = observed.select(list(ORIGIN)).unique(maintain_order=True)
+    assert conditions.select("tracker", "speed").rows() == [
+        *(("oracle", 1), ("oracle", 2)),
+        *(("lucas-kanade", 1), ("lucas-kanade", 2)),
+    ]
+    assert observed["tracker"].rle().len() == 2
+
+
+def test_another_trimming_is_that_of_measuring_again(recording, joined, tmp_path, told):
+    """From the observations that are kept, of each part on its own."""
+    statistics = in_parts(recording).statistics.model_copy(update={"trim_percentile": 80.0})
+    experiment = in_parts(recording, statistics=statistics)
+    again, measured = RunFolder(tmp_path / "again"), RunFolder(tmp_path / "measured")
+    remake(joined, resolve(experiment), again)
+    execute(experiment, measured, listener=told())
+    assert (
+        again.sequence_table("trims", KEY)["n_dropped"].sum() > joined.sequence_table("trims", KEY)["n_dropped"].sum()
+    )
+    for name in measured.names_of_tables(KEY):
+        if name != "patches":
+            assert_frame_equal(again.sequence_table(name, KEY), measured.sequence_table(name, KEY), rel_tol=1e-9)

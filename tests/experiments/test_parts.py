@@ -75,10 +75,10 @@ def test_more_trackers_speeds_and_pixels_make_parts_shorter(recording):
         experiment = in_parts(recording, frames=None, trackers=trackers)
         return max(map(len, ranges_of(10_000, experiment, speeds, pixels=pixels)))
 
-    assert length(1, [1], 640 * 480) == pytest.approx(600, abs=20)
-    assert length(2, [1], 640 * 480) == pytest.approx(300, abs=10)
-    assert length(2, [1, 2, 4, 8, 12], 640 * 480) == pytest.approx(150, abs=20)
-    assert length(1, [1], 1280 * 480) == pytest.approx(300, abs=10)
+    assert length(1, [1], 640 * 480) == pytest.approx(500, abs=20)
+    assert length(2, [1], 640 * 480) == pytest.approx(250, abs=10)
+    assert length(2, [1, 2, 4, 8, 12], 640 * 480) == pytest.approx(130, abs=20)
+    assert length(1, [1], 1280 * 480) == pytest.approx(250, abs=10)
 
 
 def test_the_manifest_says_in_which_parts_and_the_frames_are_those_of_the_recording(joined):

@@ -27,7 +27,7 @@ from tracknoise.tables.schema import INPUTS
 from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
 from tracknoise.text import counted
 
-BUDGET = 600 * 640 * 480
+BUDGET = 500 * 640 * 480
 """Pixels that all trackers process in a part at all speeds, unless the experiment says how long parts are."""
 SHORTEST = 120
 """Frames of a part, at least, unless the experiment says how long parts are."""

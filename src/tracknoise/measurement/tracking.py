@@ -139,7 +139,7 @@ class _Pass:
         self._runs = [
             _Run(
                 condition.speed,
-                _start(condition, sequence, truth, seed),
+                start_tracker(condition, sequence, truth, seed),
                 Recorder(),
                 truth.start(),
                 None if second is None else second.start(),
@@ -177,7 +177,8 @@ class _Pass:
         )
 
 
-def _start(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
+def start_tracker(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
+    """Start the tracker of a setup on a sequence."""
     return condition.settings.start(
         SequenceContext(
             sequence=sequence.id,

@@ -36,9 +36,31 @@ def right_jacobian(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
 
 
+def _turned(vectors: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`right_jacobian` times other vectors, (n, 3)."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None]
+    safe = np.maximum(angle, _SMALL_ANGLE)
+    is_small = angle < _SMALL_ANGLE
+    first = np.where(is_small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    second = np.where(is_small, 0.0, (safe - np.sin(safe)) / safe**3)
+    cross = _cross(vectors, others)
+    return np.asarray(others - first * cross + second * _cross(vectors, cross))
+
+
 def _undone(vectors: NDArray[np.float64], turned: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of `right_jacobian` times other vectors, (n, 3)."""
-    return np.asarray(np.linalg.solve(right_jacobian(vectors), turned[:, :, None])[:, :, 0])
+    """Inverse of `right_jacobian` times other vectors, (n, 3) (Sola 2018, eq. 144)."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None]
+    safe = np.maximum(angle, _SMALL_ANGLE)
+    bent = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
+    second = np.where(angle < _SMALL_ANGLE, 1.0 / 12.0, bent)
+    cross = _cross(vectors, turned)
+    return np.asarray(turned + 0.5 * cross + second * _cross(vectors, cross))
+
+
+def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cross products of vectors (n, 3), in a third of the time of `numpy.cross`."""
+    (x, y, z), (a, b, c) = one.T, other.T
+    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +108,7 @@ class CorrectedMotion:
         bend, change = self._bend
         turned = Rotation.from_rotvec(np.nan_to_num(self._turn)).as_matrix()
         faster = self._delayed.by_time - self._smoothing * change[:, 0]
-        by_time = np.einsum("nij,nj->ni", right_jacobian(self._turn), faster)
+        by_time = _turned(self._turn, faster)
         return Moving(
             stated.rotation @ turned,
             stated.position - self._smoothing * bend[:, 1],

@@ -367,7 +367,8 @@ class LaterPositions:
 
 
 _ROWS_STEPS = 4
-_ROWS_SOLVED = 1e-10
+_ROWS_SOLVED = 1e-6
+"""Largest error of a row before the last step, px: the step after it leaves the square of this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -48,7 +48,8 @@ def joined(recording, made_once):
 @pytest.mark.parametrize(
     ("n_frames", "speeds", "wanted", "expected"),
     [
-        (400, [1], 300, ()),
+        (350, [1], 300, ()),
+        (400, [1], 300, (range(200), range(200, 400))),
         (1000, [1], 300, (range(333), range(333, 667), range(667, 1000))),
         (100, [1, 2, 4], 30, (range(32), range(32, 68), range(68, 100))),
         (100, [1, 7, 11], 50, (range(50), range(50, 100))),

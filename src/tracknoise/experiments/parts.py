@@ -29,6 +29,8 @@ from tracknoise.text import counted
 
 BUDGET = 500 * 640 * 480
 """Pixels that all trackers process in a part at all speeds, unless the experiment says how long parts are."""
+_LONGEST = 1.2
+"""Length of a part, relative to what is wanted, at most."""
 SHORTEST = 120
 """Frames of a part, at least, unless the experiment says how long parts are."""
 
@@ -57,7 +59,7 @@ def ranges_of(n_frames: int, experiment: Experiment, speeds: Sequence[int], *, p
     wanted = experiment.part_frames or max(SHORTEST, int(BUDGET / per_frame))
     together = math.lcm(*speeds)
     step = together if together <= wanted else 1
-    count = max(1, round(n_frames / wanted))
+    count = max(round(n_frames / wanted), math.ceil(n_frames / (_LONGEST * wanted)))
     if experiment.clips is not None and experiment.clips * wanted < n_frames:
         return _clips(n_frames, experiment.clips, length=wanted, step=step)
     starts = [round(number * n_frames / count / step) * step for number in range(count)]

@@ -153,7 +153,13 @@ def test_datasets_lists_the_sequences_of_the_data_and_no_options(tracknoise, tmp
 def test_trackers_lists_the_trackers(tracknoise):
     code, out, _ = tracknoise("trackers")
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()] == ["correspondence", "imported", "lucas-kanade", "oracle"]
+    assert [line.split()[0] for line in out.splitlines()] == [
+        "correspondence",
+        "dense-flow",
+        "imported",
+        "lucas-kanade",
+        "oracle",
+    ]
 
 
 def test_a_trackers_settings_are_shown_as_an_experiment_file_has_them(tracknoise):

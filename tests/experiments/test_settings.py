@@ -205,7 +205,7 @@ def test_every_example_is_a_valid_experiment(path):
         ),
         (('"simulated"', '"sevenscenes"'), "dataset: reader 'sevenscenes' needs the folder of its data"),
         (
-            ('"lucas-kanade"', '"lucas-kanade"\noptions = { window_px = 4 }'),
+            ('"lucas-kanade"', '"lucas-kanade"\noptions = { window_px = 2 }'),
             "trackers[0]: tracker 'lucas-kanade': window_px",
         ),
     ],

@@ -10,6 +10,7 @@ TRACKERS: Plugins[TrackerSettings] = Plugins(
     group="tracknoise.trackers",
     built_in={
         "correspondence": "tracknoise.trackers.correspondence:Correspondence",
+        "dense-flow": "tracknoise.trackers.dense_flow:DenseFlow",
         "imported": "tracknoise.trackers.imported:Imported",
         "lucas-kanade": "tracknoise.trackers.lucas_kanade:LucasKanade",
         "oracle": "tracknoise.trackers.oracle:Oracle",

@@ -50,6 +50,11 @@ def test_a_tracker_may_be_named_and_a_name_nearly_right_is_suggested(sequence):
         tn.measure(sequence, "lucas_kanade")
 
 
+def test_a_preset_is_named_after_its_system(sequence):
+    measured = tn.measure(sequence, ["openvins", "vins-fusion", tn.LucasKanade()])
+    assert set(measured.frames["tracker"].unique()) == {"openvins", "vins-fusion", "lucas-kanade"}
+
+
 @pytest.mark.parametrize("wrong", ["/data/office", None, tn.Sequence])
 def test_what_is_no_sequence_is_refused(wrong):
     with pytest.raises(SettingsError, match=r"expected a sequence, from tracknoise.open_sequence"):

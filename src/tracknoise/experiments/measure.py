@@ -34,17 +34,17 @@ from tracknoise.truth.scan import SCAN_RULE, ScanRule
 from tracknoise.truth.truth_registry import make_truth
 
 Tracker: TypeAlias = TrackerSettings | str
-"""Settings of a tracker, or the name of one of `tracknoise trackers` with its default settings."""
+"""Settings of a tracker, or the name of a tracker or preset of `tracknoise trackers` with its default settings."""
 Trackers: TypeAlias = Tracker | Items[Tracker] | Mapping[str, Tracker]
 
 
 def named_trackers(trackers: Trackers) -> dict[str, TrackerSettings]:
-    """Settings of trackers by their names; trackers without a name are named by their kind."""
+    """Settings of trackers by their names; trackers without a name are named by their preset or kind."""
     if isinstance(trackers, Mapping):
         named = {name: _settings(tracker) for name, tracker in trackers.items()}
     else:
-        listed = [_settings(tracker) for tracker in _several(trackers)]
-        named = {settings.kind: settings for settings in listed}
+        listed = list(_several(trackers))
+        named = {_label(tracker): _settings(tracker) for tracker in listed}
         if len(named) < len(listed):
             raise SettingsError("two trackers of one kind, expected a mapping that names them")
     if not named:
@@ -73,6 +73,11 @@ def require_sequences(sequences: Items[object]) -> None:
 
 def _several(trackers: object) -> Iterable[object]:
     return trackers if isinstance(trackers, Iterable) and not isinstance(trackers, str | type) else [trackers]
+
+
+def _label(tracker: object) -> str:
+    """The name of a tracker that was given none."""
+    return tracker if isinstance(tracker, str) else str(_settings(tracker).kind)
 
 
 def _settings(tracker: object) -> TrackerSettings:

@@ -285,6 +285,6 @@ def refined(frame: Frame, uv: NDArray[np.float64], detection: Detection) -> NDAr
     if not half or not len(uv) or min(frame.size) < 2 * half + 5:
         return uv
     ends = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, detection.subpixel_iterations, detection.subpixel_epsilon)
-    start = np.ascontiguousarray(uv[:, None], dtype=np.float32)
+    start = uv.astype(np.float32).reshape(-1, 1, 2)
     moved = np.asarray(cv2.cornerSubPix(frame.image, start, (half, half), (-1, -1), ends), dtype=np.float64)[:, 0]
     return np.where(np.isfinite(moved), moved, uv)

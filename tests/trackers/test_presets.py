@@ -10,8 +10,9 @@ import tomlkit
 from benchmarks.documents import presets
 
 from tracknoise.exceptions import UnknownNameError
+from tracknoise.geometry.cameras import Camera
 from tracknoise.trackers.rejection import Model, Rejection
-from tracknoise.trackers.tracker import Frame
+from tracknoise.trackers.tracker import Frame, check_quality, check_step
 from tracknoise.trackers.tracker_presets import load_preset, preset_names, preset_text
 from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker, tracker_defaults
 
@@ -168,6 +169,22 @@ def test_openvins_births_and_steps_are_those_of_its_rule(frames, setting):
     assert ours[0] == {}
     assert len(ours[1]) > 100
     assert len(set().union(*ours)) > 250
+
+
+CAMERA = Camera(width=SIZE[0], height=SIZE[1], fx=300.0, fy=300.0, cx=187.5, cy=149.5)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_step_of_a_preset_fits_to_those_before(frames, setting, name):
+    tracker = make_tracker(name).start(replace(setting(size=SIZE), camera_at=lambda index: CAMERA))
+    live, followed = np.empty(0, dtype=np.int64), 0
+    for frame in frames:
+        step = tracker.step(frame)
+        check_step(step, live)
+        check_quality(step.quality, len(step.ids))
+        live = np.union1d(live[~np.isin(live, step.ended_ids)], step.ids)
+        followed += np.count_nonzero(~step.born)
+    assert followed > 100
 
 
 @pytest.mark.parametrize("name", preset_names())

@@ -35,7 +35,7 @@ def test_wrong_speeds_are_refused_with_what_to_write(sequence, speeds, message):
         ({"a": 3}, "found 3, expected settings of a tracker"),
         (None, "found None, expected settings of a tracker"),
         ([], "no trackers, expected at least one"),
-        ([tn.LucasKanade(), "lucas-kanade"], "two trackers of one kind"),
+        ([tn.LucasKanade(), "lucas-kanade"], "two trackers of one name"),
     ],
 )
 def test_wrong_trackers_are_refused_with_what_to_write(sequence, trackers, message):

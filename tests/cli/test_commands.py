@@ -157,6 +157,7 @@ def test_trackers_lists_the_trackers(tracknoise):
     assert [line.split()[0] for line in out.splitlines() if line] == [
         "correspondence",
         "dense-flow",
+        "external",
         "imported",
         "lucas-kanade",
         "oracle",

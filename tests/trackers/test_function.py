@@ -44,7 +44,7 @@ def test_it_does_what_a_tracker_with_the_same_steps_does(sideways, setting):
 
 def test_what_is_not_finite_or_not_ok_is_lost(sideways, setting):
     def half(previous, image, points):
-        moved, ok = points + [3, -2], np.arange(len(points)) % 2 == 0
+        moved, ok = points + np.array([3, -2]), np.arange(len(points)) % 2 == 0
         moved[0] = np.nan
         return moved, ok
 

@@ -18,8 +18,8 @@ from tracknoise.trackers.rejection import Model, Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
 Follow = Callable[[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float64]], tuple[Any, Any]]
-"""Two images (height, width) uint8 and points (n, 2) px of the first, to points (n, 2) px of the second and whether each
-was found, (n,) bool."""
+"""Two images (height, width) uint8 and points (n, 2) px of the first, to points (n, 2) px of the second and whether
+each was found, (n,) bool."""
 
 
 def _free() -> Rejection:
@@ -35,8 +35,9 @@ class Function:
     function
         Called as ``function(previous, image, points)`` for each image that the tracker sees, if features are alive:
         `previous` and `image` are (height, width) uint8 and must not be changed, `points` (n, 2) float64, px, n at
-        least 1. The centre of the first pixel is (0, 0). It returns ``points, ok``: (n, 2) positions in `image`, px, and
-        (n,) bool, whether each was found. Positions that are not finite count as not found. What it raises is raised.
+        least 1. The centre of the first pixel is (0, 0). It returns ``points, ok``: (n, 2) positions in `image`, px,
+        and (n,) bool, whether each was found. Positions that are not finite count as not found. What it raises is
+        raised.
     detection
         Where features begin and may stay.
     rejection

@@ -13,6 +13,7 @@ TRACKERS: Plugins[TrackerSettings] = Plugins(
     built_in={
         "correspondence": "tracknoise.trackers.correspondence:Correspondence",
         "dense-flow": "tracknoise.trackers.dense_flow:DenseFlow",
+        "external": "tracknoise.trackers.external:External",
         "imported": "tracknoise.trackers.imported:Imported",
         "lucas-kanade": "tracknoise.trackers.lucas_kanade:LucasKanade",
         "oracle": "tracknoise.trackers.oracle:Oracle",

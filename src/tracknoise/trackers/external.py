@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.exceptions import SettingsError, TrackerError
-from tracknoise.foreign_files import absolute
+from tracknoise.foreign_files import absolute, read_bytes
 from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.imported import ImportedTracker
@@ -89,6 +89,8 @@ class External:
 
         Raises
         ------
+        DataError
+            If the script cannot be read.
         SettingsError
             If the command cannot be started.
         TrackerError
@@ -193,7 +195,11 @@ def _position(text: str, place: str) -> list[float]:
 
 def _run(settings: External, folder: Path) -> None:
     """Run the command in a folder, and end it and all that it started when its time is over."""
-    words = [*settings.command, *([] if settings.script is None else [str(absolute(Path(), settings.script))])]
+    words = [*settings.command]
+    if settings.script is not None:
+        path = absolute(Path(), settings.script)
+        read_bytes(path, "the script of a tracker")  # so that a run notes its version
+        words.append(str(path))
     shown = f"external: {shlex.join(words)}"
     log = folder / "output.log"
     with log.open("wb") as output:

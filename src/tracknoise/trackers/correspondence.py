@@ -14,8 +14,9 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds
+from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints
+from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, network_keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
@@ -29,17 +30,19 @@ _CORNER_SIZE_PX = 7.0
 class Descriptor(StrEnum):
     """What a keypoint is recognised by.
 
-    sift: 128 gradients. orb and brisk: 256 and 512 comparisons of gray values.
+    sift: 128 gradients. orb and brisk: 256 and 512 comparisons of gray values. network: what the network that finds the
+    keypoints states.
     """
 
     sift = "sift"
     orb = "orb"
     brisk = "brisk"
+    network = "network"
 
     @property
     def size(self) -> int:
-        """Length of a descriptor."""
-        return {Descriptor.sift: 128, Descriptor.orb: 256, Descriptor.brisk: 512}[self]
+        """Length of a descriptor; 0 for that of a network, which is known once it has run."""
+        return {Descriptor.sift: 128, Descriptor.orb: 256, Descriptor.brisk: 512}.get(self, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +77,8 @@ def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descri
     """
 
     def compute(image: NDArray[np.uint8]) -> Described:
+        if descriptor is Descriptor.network:
+            return _by_network(frame, detection)
         raw = _to_describe(spread_keypoints(frame, detection), own=detection.detector.value == descriptor.value)
         kept, found = _extractor(descriptor).compute(image, raw) if raw else ((), None)
         uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
@@ -82,6 +87,15 @@ def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descri
         return Described(uv[order], response[order], _as_numbers(found, descriptor)[order])
 
     return frame.memo(("descriptors", descriptor, detection), compute)
+
+
+def _by_network(frame: Frame, detection: Detection) -> Described:
+    """Keypoints of a network with its own descriptors."""
+    points, found = spread_keypoints(frame, detection), network_keypoints(frame, detection)
+    if found.descriptors is None:
+        raise TrackerError(f"{detection.network}: the network has no output descriptors, expected them as descriptor")
+    rows = np.array([points.raw[index].class_id for index in points.order.tolist()], dtype=np.intp)
+    return Described(points.uv, points.response, found.descriptors[rows])
 
 
 def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
@@ -162,7 +176,7 @@ def _distances(
     ratio = np.full(len(rows), np.nan, dtype=np.float32)
     ratio[np.isfinite(second)] = 1.0  # equally near, also where both distances are 0
     np.divide(first, second, out=ratio, where=np.isfinite(second) & (second > 0))
-    return np.sqrt(first), np.sqrt(ratio)
+    return np.sqrt(np.maximum(first, 0)), np.sqrt(np.maximum(ratio, 0))  # rounding of descriptors of networks
 
 
 def _squared_length(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -215,10 +229,13 @@ class Correspondence:
     def __post_init__(self) -> None:
         require(self.descriptor in tuple(Descriptor), "descriptor", self.descriptor, f"one of {', '.join(Descriptor)}")
         object.__setattr__(self, "descriptor", Descriptor(self.descriptor))  # so that a name will do for the member
+        known = self.descriptor is not Descriptor.network or self.detection.network is not None
+        require(known, "descriptor", str(self.descriptor), "another one, or detection.network")
         require_bounds(self)
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":
         """Start the tracker on one sequence at one speed."""
+        self.detection.require_usable()
         return CorrespondenceTracker(self, self.rejection.repeated(context.repeat).inliers_of(context))
 
 
@@ -254,6 +271,8 @@ class CorrespondenceTracker:
         """Track into the next frame."""
         settings, before = self._settings, self._features
         points = describe(settings.preprocessing.applied(frame), settings.detection, settings.descriptor)
+        if not len(self._descriptors):
+            self._descriptors = points.descriptors[:0]
         matches = self._good(mutual_nearest(self._descriptors, points.descriptors))
         rows, columns = matches.query_rows, matches.train_rows
         end, seen = self._judge(rows, points.uv[columns], frame.index)

@@ -88,6 +88,7 @@ class DenseFlow:
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
+        self.detection.require_usable()
         inliers = self.rejection.repeated(context.repeat).inliers_of(context)
         return FollowingTracker(self, _Carried(self.method, self.backward_px), inliers)
 

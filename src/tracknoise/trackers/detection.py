@@ -9,6 +9,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import cv2
@@ -17,6 +18,7 @@ from annotated_types import Ge, Le, Lt
 from numpy.typing import NDArray
 
 from tracknoise.checks import Between0And1, NotNegative, Positive, require, require_bounds, require_odd
+from tracknoise.trackers.keypoint_network import NetworkKeypoints, NetworkUnits, find_keypoints, require_network
 from tracknoise.trackers.tracker import Frame
 
 Detect = Callable[[NDArray[np.uint8], "Thresholds"], Sequence[cv2.KeyPoint]]
@@ -149,6 +151,13 @@ class Detection:
     subpixel_px
         Keypoints are moved between pixels, to where the gradients around them point away from: half of the side of the
         window, without its central pixel, px. 0: they stay on whole pixels.
+    network
+        An ONNX file with a network that finds keypoints instead of `detector`: see docs/learned-keypoints.md. It needs
+        the extra `learned`, and takes no grid.
+    network_units
+        What its positions are: see `tracknoise.trackers.keypoint_network.NetworkUnits`.
+    network_score
+        Least score of its keypoints.
     subpixel_iterations, subpixel_epsilon
         Convergence of that: at most this many iterations, or until the update is smaller than `subpixel_epsilon` px.
     """
@@ -170,14 +179,23 @@ class Detection:
     subpixel_px: Annotated[int, Ge(0), Le(50)] = 0
     subpixel_iterations: Annotated[int, Ge(1)] = 20
     subpixel_epsilon: Positive = 0.001
+    network: Path | None = None
+    network_units: NetworkUnits = NetworkUnits.pixels
+    network_score: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        for name, kind in (("detector", Detector), ("spacing", Spacing)):
+        for name, kind in (("detector", Detector), ("spacing", Spacing), ("network_units", NetworkUnits)):
             value = getattr(self, name)
             require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
             object.__setattr__(self, name, kind(value))  # so that a name will do for the member
         require_bounds(self)
         require_odd("square_px", self.square_px)
+        require(self.network is None or self.grid is None, "grid", self.grid, "none with a network")
+
+    def require_usable(self) -> None:
+        """Check that the network can be used, if there is one: see `require_network`."""
+        if self.network is not None:
+            require_network(self.network)
 
     @property
     def least_response(self) -> float:
@@ -187,7 +205,8 @@ class Detection:
     @property
     def key(self) -> tuple[object, ...]:
         """What the keypoints of an image, or of a cell, depend on. Neither margin nor spacing are part of it."""
-        return self.detector, self.threshold, self.min_response, self.quality, self.contrast, self.block_px
+        network = self.network, self.network_units, self.network_score
+        return self.detector, self.threshold, self.min_response, self.quality, self.contrast, self.block_px, *network
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +237,24 @@ def keypoints(frame: Frame, detection: Detection) -> Keypoints:
 
     Neither margin nor spacing, neither grid nor refinement are applied here.
     """
+    if detection.network is not None:
+        return frame.memo(("keypoints", detection.key), lambda image: _by_network(network_keypoints(frame, detection)))
     return frame.memo(("keypoints", detection.key), lambda image: _found(image, detection, detection.threshold))
+
+
+def network_keypoints(frame: Frame, detection: Detection) -> NetworkKeypoints:
+    """What the network of the settings finds in the image, computed once per frame."""
+    assert detection.network is not None
+    path, units, least = detection.network, detection.network_units, detection.network_score
+    key = ("network", path, units, least)
+    return frame.memo(key, lambda image: find_keypoints(image, path, units).at_least(least))
+
+
+def _by_network(found: NetworkKeypoints) -> Keypoints:
+    """Keypoints whose class is their number among those of the network."""
+    rows = zip(found.uv.tolist(), found.score.tolist(), strict=True)
+    raw = [cv2.KeyPoint(u, v, 1.0, response=score, class_id=row) for row, ((u, v), score) in enumerate(rows)]
+    return Keypoints(raw, np.arange(len(raw)), found.uv, found.score)
 
 
 def _found(image: NDArray[np.uint8], detection: Detection, threshold: int) -> Keypoints:

@@ -96,6 +96,7 @@ class External:
         TrackerError
             If it takes too long, fails, or writes something else than was agreed.
         """
+        self.detection.require_usable()
         if context.images is None:
             raise SettingsError("external: images come one by one, expected all of a sequence before the first step")
         with TemporaryDirectory(prefix="tracknoise-external-") as name:

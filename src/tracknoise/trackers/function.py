@@ -79,6 +79,7 @@ class Function:
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
+        self.detection.require_usable()
         inliers = self.rejection.repeated(context.repeat).inliers_of(context)
         return FollowingTracker(self, _Called(self.function, self.name), inliers)
 

@@ -116,6 +116,7 @@ class LucasKanade:
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""
+        self.detection.require_usable()
         return LucasKanadeTracker(self, self.rejection.repeated(context.repeat).inliers_of(context))
 
 

@@ -176,7 +176,7 @@ class CircleMask:
     def births(self, frame: Frame, limit: int) -> Births:
         """The strongest keypoints in free places."""
         detection = self._detection
-        if detection.detector is Detector.gftt and detection.grid is None:
+        if detection.detector is Detector.gftt and detection.grid is None and detection.network is None:
             uv, response = self._strongest_free(frame, limit)
         else:
             uv, response = _candidates(frame, detection, np.concatenate(self._live))

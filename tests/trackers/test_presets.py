@@ -21,18 +21,19 @@ SIZE = (376, 300)
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    """A texture with corners that turns, grows and slides, with noise; one frame is covered for the most part."""
+    """A texture with corners that turns, grows and slides, with noise; one is covered for the most part, one black."""
     rng = np.random.default_rng(3)
     coarse = cv2.resize(rng.integers(0, 255, (70, 90)).astype(np.uint8), None, fx=9, fy=9)
     blocks = cv2.resize(rng.integers(0, 160, (105, 135)).astype(np.uint8), (810, 630), interpolation=cv2.INTER_NEAREST)
     texture = cv2.GaussianBlur(cv2.addWeighted(coarse, 0.4, blocks, 0.6, 30), (0, 0), 1.0)
     images = []
-    for k in range(14):
+    for k in range(16):
         motion = cv2.getRotationMatrix2D((400, 300), 0.7 * k, 1 + 0.006 * k)
         motion[:, 2] += (-200 - 4.3 * k, -150 + 1.7 * k)
         image = cv2.warpAffine(texture, motion, SIZE, flags=cv2.INTER_CUBIC)
         images.append(np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8))
     images[9][40:, 60:] = 128
+    images[11][:] = 0
     return [Frame(k, image) for k, image in enumerate(images)]
 
 

@@ -139,7 +139,7 @@ class FollowingTracker:
     With `Order.rejection_first`, features inside the margin end first, and test 4 comes before the distances of test 3.
     With `Order.detection_first`, tests 3 and 5 are made in the previous image before test 1, and test 3 in the present
     image asks only whether the feature lies in it. Features that do not survive their first step are never reported.
-    Where no feature is alive, new ones are detected in the present image.
+    A step without live features only detects new ones, in the present image.
     """
 
     def __init__(self, settings: FollowingSettings, follower: Follower, inliers: Inliers) -> None:
@@ -201,7 +201,7 @@ class FollowingTracker:
             quality={name: values[order] for name, values in flow.quality.items()},
         )
         self._features, self._response = found.joined(new), np.empty(0, dtype=np.float32)
-        if not len(self._features):
+        if not len(everything):
             self._features, self._response = self._detect(frame, places_in(frame.size, self._settings.detection), 0)
         return step
 

@@ -9,6 +9,7 @@ import pytest
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import Camera
+from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.dense_flow import DenseFlow, Method
 from tracknoise.trackers.detection import Detection, Detector, Spacing
@@ -171,6 +172,15 @@ def test_refined_births_are_nearer_to_the_corners(setting, kind):
         gap[half] = np.abs(inner - corner).max()
         assert len(inner) > 50
     assert gap[5] < 0.1 < gap[0]
+
+
+@pytest.mark.parametrize("spacing", Spacing)
+def test_refined_births_are_apart_too(sideways, setting, spacing):
+    """Otherwise those that moved to one corner would end in the next frame."""
+    detection = Detection(subpixel_px=5, spacing=spacing, margin_px=0)
+    settings = LucasKanade(detection=detection, rejection=FREE, **FEW)
+    first, second = run(settings, sideways[:2], setting)
+    assert np.count_nonzero(second.ended == TrackEnd.masked) < 0.1 * first.new
 
 
 @pytest.mark.parametrize("method", Method)

@@ -102,8 +102,9 @@ class Mask:
     def births(self, frame: Frame, limit: int) -> Births:
         """The strongest keypoints in free places."""
         uv, response = _candidates(frame, self._detection, np.concatenate(self._live))
+        uv = refined(frame, uv, self._detection)  # before the claims: several keypoints may move to one corner
         rows = self.claim(uv, limit=limit)
-        return refined(frame, uv[rows], self._detection), response[rows]
+        return uv[rows], response[rows]
 
     def claim(self, uv: Floats, *, limit: int | None = None) -> NDArray[np.intp]:
         """Accept features in the given order if their pixel is free; each accepted feature blocks its square.
@@ -178,11 +179,11 @@ class CircleMask:
         detection = self._detection
         if detection.detector is Detector.gftt and detection.grid is None and detection.network is None:
             uv, response = self._strongest_free(frame, limit)
-        else:
-            uv, response = _candidates(frame, detection, np.concatenate(self._live))
-            rows = self.claim(uv, limit=limit)
-            uv, response = uv[rows], response[rows]
-        return refined(frame, uv, detection), response
+            return refined(frame, uv, detection), response
+        uv, response = _candidates(frame, detection, np.concatenate(self._live))
+        uv = refined(frame, uv, detection)
+        rows = self.claim(uv, limit=limit)
+        return uv[rows], response[rows]
 
     def _strongest_free(self, frame: Frame, limit: int) -> Births:
         detection, border = self._detection, self._detection.margin_px - 1  # it finds none on the outermost pixels

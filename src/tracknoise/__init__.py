@@ -25,10 +25,13 @@ if TYPE_CHECKING:
     from tracknoise.statistics.summary import summary
     from tracknoise.statistics.track_counts import outlier_ratios
     from tracknoise.trackers.correspondence import Correspondence
+    from tracknoise.trackers.dense_flow import DenseFlow
     from tracknoise.trackers.detection import Detection
+    from tracknoise.trackers.function import Function
     from tracknoise.trackers.imported import Imported
     from tracknoise.trackers.lucas_kanade import LucasKanade
     from tracknoise.trackers.oracle import Oracle
+    from tracknoise.trackers.preprocessing import Preprocessing
     from tracknoise.trackers.rejection import Rejection
     from tracknoise.truth.accuracies import AccuracyRule
 
@@ -38,12 +41,15 @@ __all__ = [
     "AccuracyRule",
     "Corrections",
     "Correspondence",
+    "DenseFlow",
     "Detection",
+    "Function",
     "Imported",
     "LucasKanade",
     "Measurement",
     "NoiseModel",
     "Oracle",
+    "Preprocessing",
     "Rejection",
     "Run",
     "Sequence",
@@ -67,12 +73,15 @@ _HOMES = {
     "Corrections": "geometry.corrections",
     "AccuracyRule": "truth.accuracies",
     "Correspondence": "trackers.correspondence",
+    "DenseFlow": "trackers.dense_flow",
     "Detection": "trackers.detection",
+    "Function": "trackers.function",
     "Imported": "trackers.imported",
     "LucasKanade": "trackers.lucas_kanade",
     "Measurement": "experiments.measure",
     "NoiseModel": "estimators.noise_model",
     "Oracle": "trackers.oracle",
+    "Preprocessing": "trackers.preprocessing",
     "Rejection": "trackers.rejection",
     "Run": "api.finished_run",
     "Sequence": "sequences.arrays",

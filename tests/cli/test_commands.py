@@ -14,6 +14,7 @@ from tracknoise.cli.app import main
 from tracknoise.cli.commands import app
 from tracknoise.experiments.load import preset_names
 from tracknoise.sequences.reader_registry import READERS
+from tracknoise.trackers import tracker_presets
 
 
 @pytest.mark.parametrize("command", ["run", "report", "findings", "demo", "simulate", "datasets", "trackers"])
@@ -153,7 +154,16 @@ def test_datasets_lists_the_sequences_of_the_data_and_no_options(tracknoise, tmp
 def test_trackers_lists_the_trackers(tracknoise):
     code, out, _ = tracknoise("trackers")
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()] == ["correspondence", "imported", "lucas-kanade", "oracle"]
+    assert [line.split()[0] for line in out.splitlines() if line] == [
+        "correspondence",
+        "dense-flow",
+        "external",
+        "imported",
+        "lucas-kanade",
+        "oracle",
+        *tracker_presets.preset_names(),
+    ]
+    assert "preset of OpenVINS: FAST corners of a 5 x 5 grid" in out
 
 
 def test_a_trackers_settings_are_shown_as_an_experiment_file_has_them(tracknoise):
@@ -161,6 +171,13 @@ def test_a_trackers_settings_are_shown_as_an_experiment_file_has_them(tracknoise
     assert code == 0
     assert "window_px = 15" in out
     assert "[rejection]" in out
+
+
+def test_a_presets_settings_are_shown_with_their_sources(tracknoise):
+    code, out, _ = tracknoise("trackers", "vins-mono")
+    assert code == 0
+    assert 'system = "VINS-Mono"' in out
+    assert "distance_px = 30 # config/euroc/euroc_config.yaml: min_dist" in out
 
 
 def test_simulate_writes_what_the_folder_reader_measures(tracknoise, tmp_path):

@@ -2,6 +2,7 @@
 
 import pickle
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from tracknoise.tables.schema import QUALITY_NAME, TrackEnd, TruthStatus
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, TrackerSettings
 from tracknoise.trackers.tracker_registry import TRACKERS
 
+FOLLOW_POINTS = Path(__file__).parents[1] / "foreign" / "follow_points.py"
 SIZE = (200, 160)
 FRAMES = 8
 
@@ -36,6 +38,7 @@ def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
         "lucas-kanade": {"min_features": 80, "max_features": 100},
         "correspondence": {"max_features": 100, "max_missed_frames": 1},
         "oracle": {"outlier_rate": 0.1, "loss_rate": 0.1},
+        "external": {"command": (sys.executable,), "script": FOLLOW_POINTS, "every": 3},
         "imported": {"path": _track_file(tmp_path / "tracks.csv")},
     }
     return TRACKERS.load(request.param)(**options.get(request.param, {}))
@@ -53,7 +56,10 @@ def _track_file(path: Path) -> str:
 
 
 def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 1) -> Callable[[Frame], Step]:
-    return settings.start(SequenceContext(SequenceId("data", "scene"), size, FRAMES, speed, 0, Still())).step
+    shown = images() if size == SIZE else [np.zeros(size[::-1], np.uint8)] * FRAMES
+    sequence = SequenceId("data", "scene")
+    ahead = {"images": lambda: iter(shown[::speed])}
+    return settings.start(SequenceContext(sequence, size, FRAMES, speed, 0, Still(), **ahead)).step
 
 
 def images() -> list[np.ndarray]:

@@ -35,7 +35,7 @@ def test_wrong_speeds_are_refused_with_what_to_write(sequence, speeds, message):
         ({"a": 3}, "found 3, expected settings of a tracker"),
         (None, "found None, expected settings of a tracker"),
         ([], "no trackers, expected at least one"),
-        ([tn.LucasKanade(), "lucas-kanade"], "two trackers of one kind"),
+        ([tn.LucasKanade(), "lucas-kanade"], "two trackers of one name"),
     ],
 )
 def test_wrong_trackers_are_refused_with_what_to_write(sequence, trackers, message):
@@ -48,6 +48,11 @@ def test_a_tracker_may_be_named_and_a_name_nearly_right_is_suggested(sequence):
     assert measured.tracks.equals(tn.measure(sequence, tn.LucasKanade(), speeds=(1, 2)).tracks)
     with pytest.raises(UnknownNameError, match=r"'lucas_kanade' \(did you mean 'lucas-kanade'\?\)"):
         tn.measure(sequence, "lucas_kanade")
+
+
+def test_a_preset_is_named_after_its_system(sequence):
+    measured = tn.measure(sequence, ["openvins", "vins-fusion", tn.LucasKanade()])
+    assert set(measured.frames["tracker"].unique()) == {"openvins", "vins-fusion", "lucas-kanade"}
 
 
 @pytest.mark.parametrize("wrong", ["/data/office", None, tn.Sequence])

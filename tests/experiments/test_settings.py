@@ -54,7 +54,10 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         ("spedes = [1]\n" + MINIMAL, "x.toml: unknown key 'spedes' (did you mean 'speeds'?)"),
         (MINIMAL + "[statistics]\ntrim_percentle = 80\n", "did you mean 'trim_percentile'?"),
         (MINIMAL + "[statistics]\ntrim_percentle = 80\n", "(in section 'statistics')"),
-        (MINIMAL + "colour = 1\n", "unknown key 'colour'; known: kind, name, options (in section 'trackers[0]')"),
+        (
+            MINIMAL + "colour = 1\n",
+            "unknown key 'colour'; known: kind, name, options, preset (in section 'trackers[0]')",
+        ),
         ('speeds = [1, "fast"]\n' + MINIMAL, "x.toml: speeds[1]: found 'fast', expected a valid integer"),
         ("speeds = [0]\n" + MINIMAL, "x.toml: speeds[0]: found 0, expected greater than or equal to 1"),
         ("speeds = 3\n" + MINIMAL, "x.toml: speeds: found 3, expected a valid list"),
@@ -205,7 +208,7 @@ def test_every_example_is_a_valid_experiment(path):
         ),
         (('"simulated"', '"sevenscenes"'), "dataset: reader 'sevenscenes' needs the folder of its data"),
         (
-            ('"lucas-kanade"', '"lucas-kanade"\noptions = { window_px = 4 }'),
+            ('"lucas-kanade"', '"lucas-kanade"\noptions = { window_px = 2 }'),
             "trackers[0]: tracker 'lucas-kanade': window_px",
         ),
     ],
@@ -214,6 +217,43 @@ def test_what_trackers_and_readers_refuse_is_said_with_the_files_name(tmp_path, 
     (tmp_path / "x.toml").write_text(MINIMAL.replace(*change))
     with pytest.raises(SettingsError, match=re.escape(f"{tmp_path / 'x.toml'}: {message}")):
         load_experiment(tmp_path / "x.toml")
+
+
+PRESET = MINIMAL.replace('kind = "lucas-kanade"', 'preset = "openvins"')
+
+
+def test_a_preset_is_written_out_as_a_kind_with_all_options(tmp_path):
+    (tmp_path / "x.toml").write_text(PRESET + "options = { window_px = 21, detection = { threshold = 30 } }\n")
+    experiment = load_experiment(tmp_path / "x.toml")
+    (choice,) = experiment.trackers
+    assert (choice.kind, choice.name, choice.preset) == ("lucas-kanade", "openvins", None)
+    assert (choice.options["window_px"], choice.options["detection"]["threshold"]) == (21, 30)
+    assert make_tracker(choice.kind, choice.options) == make_tracker(
+        "openvins", {"window_px": 21, "detection": {"threshold": 30}}
+    )
+    assert parse_experiment(experiment.to_toml(), place="again") == experiment
+
+
+def test_presets_are_chosen_by_name_beside_the_trackers_of_a_file(tmp_path):
+    (tmp_path / "x.toml").write_text(MINIMAL)
+    chosen = load_experiment(tmp_path / "x.toml", trackers=["vins-mono", "lucas_kanade", "orb_slam3"]).trackers
+    assert [choice.label for choice in chosen] == ["vins-mono", "lucas-kanade", "orb-slam3"]
+    assert [choice.kind for choice in chosen] == ["lucas-kanade", "lucas-kanade", "correspondence"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (PRESET.replace("openvins", "open-vins"), "trackers[0]: unknown preset of a tracker 'open-vins' (did you mean"),
+        (PRESET + 'kind = "oracle"', "trackers[0]: found a kind and a preset, expected one of them"),
+        (MINIMAL.replace("lucas-kanade", "openvins"), "kind = 'openvins' is a preset, expected preset = 'openvins'"),
+        (PRESET + "options = 3", "trackers[0].options: found 3, expected a valid dictionary"),
+        (PRESET.replace('"openvins"', "3"), "trackers[0].kind: missing, expected a value"),
+    ],
+)
+def test_a_wrong_preset_is_refused_in_one_line(text, message):
+    with pytest.raises(SettingsError, match=re.escape(message)):
+        parse_experiment(text, place="x.toml")
 
 
 @pytest.mark.parametrize(
@@ -267,7 +307,9 @@ def test_the_schema_describes_every_option_of_readers_and_trackers(validator):
 
 
 @pytest.mark.parametrize(
-    "path", [*(ROOT / "examples").glob("*.toml"), *(ROOT / "src").rglob("presets/*.toml")], ids=str
+    "path",
+    [*(ROOT / "examples").glob("*.toml"), *(ROOT / "src" / "tracknoise" / "experiments").rglob("presets/*.toml")],
+    ids=str,
 )
 def test_examples_and_presets_fit_the_schema(validator, path):
     validator.validate(tomllib.loads(path.read_text()))

@@ -161,7 +161,12 @@ def square(u: float, v: float) -> tuple[tuple[int, int], tuple[int, int]]:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"window_px": 4},
+        {"window_px": 2},
+        {"start_at": "gyro"},
+        {"template": "none"},
+        {"order": "detection"},
+        {"backward_px": 0.0},
+        {"max_age": 0},
         {"extra_levels": -1},
         {"iterations": 0},
         {"epsilon": 0.0},

@@ -10,7 +10,7 @@ from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker, tracker
 
 
 def test_the_built_in_trackers_are_known_by_name():
-    assert TRACKERS.names() == ["correspondence", "imported", "lucas-kanade", "oracle"]
+    assert TRACKERS.names() == ["correspondence", "dense-flow", "external", "imported", "lucas-kanade", "oracle"]
     assert all(TRACKERS.load(kind).kind == kind for kind in TRACKERS.names())
     assert all(TRACKERS.load(kind).description for kind in TRACKERS.names())
 
@@ -31,7 +31,7 @@ def test_options_become_settings_nested_ones_and_names_of_members_too():
         (
             "lucas-kanade",
             {"windw_px": 15},
-            r"windw_px: unknown setting \(did you mean 'window_px'\?\); known: detection,",
+            r"windw_px: unknown setting \(did you mean 'window_px'\?\); known: backward_levels,",
         ),
         ("lucas-kanade", {"rejection": {"treshold_px": 3}}, r"rejection.treshold_px: unknown .*'threshold_px'"),
         ("lucas-kanade", {"rejection": {"model": "affine"}}, r"rejection.model: .*'homography'.*found 'affine'$"),
@@ -40,7 +40,7 @@ def test_options_become_settings_nested_ones_and_names_of_members_too():
             {"rejection": {"threshold_px": -1}},
             r"rejection.threshold_px is -1, expected a number above 0$",
         ),
-        ("lucas-kanade", {"window_px": 14}, r": window_px is 14, expected an odd number$"),
+        ("lucas-kanade", {"detection": {"square_px": 14}}, r"square_px is 14, expected an odd number$"),
         ("lucas-kanade", {"window_px": "15"}, r"window_px: .*integer, found '15'$"),
         ("lucas-kanade", {"window_px": True}, r"window_px: .*integer, found True$"),
         ("lucas-kanade", {"rejection": 3}, r"rejection: .*found 3$"),
@@ -80,7 +80,7 @@ def test_bounds_hold_without_a_file_too():
 
 
 def test_an_unknown_tracker_is_refused_with_the_known_ones():
-    with pytest.raises(UnknownNameError, match=r"'lucas-kanade'.*known: correspondence, imported"):
+    with pytest.raises(UnknownNameError, match=r"'lucas-kanade'.*known: basalt, correspondence, dense-flow"):
         make_tracker("lucas-kanda")
 
 

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.trackers.detection import Detection, Mask
+from tracknoise.trackers.detection import Detection
+from tracknoise.trackers.spacing import Mask
 
 
 def one_after_the_other(uv: np.ndarray, size: tuple[int, int], detection: Detection, centres: list) -> list[int]:

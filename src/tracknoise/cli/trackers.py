@@ -21,12 +21,14 @@ def trackers(
 ) -> int:
     """List the trackers, or the settings of one tracker with their defaults, in the syntax of an experiment file.
 
+    Presets have the settings of a system, each with its source, and state what that system does otherwise.
+
     Example: `tracknoise trackers lucas-kanade`
     """
-    from tracknoise.trackers.tracker_registry import TRACKERS, tracker_defaults
+    from tracknoise.trackers.tracker_registry import descriptions, tracker_defaults
 
     if kind is None:
-        context.obj.result(listing({name: TRACKERS.load(name).description for name in TRACKERS.names()}))
+        context.obj.result("\n\n".join(map(listing, descriptions())))
     else:
         context.obj.result(tracker_defaults(kind))
     return 0

@@ -236,6 +236,8 @@ class _Counts:
     run: Path
 
     def __call__(self, path: Path) -> bool:
+        if path in self.named:  # a script that an option names too
+            return True
         if path.suffix in _CODE or path.parent.suffix in _PACKAGED or path.is_relative_to(self.run):
             return False
         if any(path.is_relative_to(one) for one in (self.root, *self.named) if one is not None):

@@ -19,7 +19,7 @@ from tracknoise.options import PathTemplate, as_toml_values
 from tracknoise.plugins import Plugins
 from tracknoise.sequences.frame_range import require_range
 from tracknoise.sequences.reader_registry import READERS, make_reader
-from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker
+from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker, tracker_names
 from tracknoise.truth.truth_registry import TRUTHS
 
 
@@ -195,7 +195,7 @@ def load_experiment(
 
 def _kinds(experiment: Experiment, names: list[str]) -> list[str]:
     """Names of trackers; underscores of a name that is not known become hyphens, as in `lucas_kanade`."""
-    known = {*TRACKERS.names(), *(tracker.label for tracker in experiment.trackers)}
+    known = {*tracker_names(), *(tracker.label for tracker in experiment.trackers)}
     return [name if name in known else name.replace("_", "-") for name in names]
 
 

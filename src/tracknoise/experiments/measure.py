@@ -27,26 +27,28 @@ from tracknoise.statistics.trimming import trim
 from tracknoise.statistics.truth_errors import pose_differences
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, POSE_DIFFERENCES, TruthStatus, empty
+from tracknoise.trackers.function import Follow, Function
 from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.scan import SCAN_RULE, ScanRule
 from tracknoise.truth.truth_registry import make_truth
 
-Tracker: TypeAlias = TrackerSettings | str
-"""Settings of a tracker, or the name of one of `tracknoise trackers` with its default settings."""
+Tracker: TypeAlias = TrackerSettings | str | Follow
+"""Settings of a tracker, the name of a tracker or preset of `tracknoise trackers` with its default settings, or a
+function that follows points: see `tracknoise.trackers.function.Function`."""
 Trackers: TypeAlias = Tracker | Items[Tracker] | Mapping[str, Tracker]
 
 
 def named_trackers(trackers: Trackers) -> dict[str, TrackerSettings]:
-    """Settings of trackers by their names; trackers without a name are named by their kind."""
+    """Settings of trackers by their names; others are named by their preset, function or kind."""
     if isinstance(trackers, Mapping):
         named = {name: _settings(tracker) for name, tracker in trackers.items()}
     else:
-        listed = [_settings(tracker) for tracker in _several(trackers)]
-        named = {settings.kind: settings for settings in listed}
+        listed = list(_several(trackers))
+        named = {_label(tracker): _settings(tracker) for tracker in listed}
         if len(named) < len(listed):
-            raise SettingsError("two trackers of one kind, expected a mapping that names them")
+            raise SettingsError("two trackers of one name, expected a mapping that names them")
     if not named:
         raise SettingsError("no trackers, expected at least one")
     return named
@@ -75,11 +77,19 @@ def _several(trackers: object) -> Iterable[object]:
     return trackers if isinstance(trackers, Iterable) and not isinstance(trackers, str | type) else [trackers]
 
 
+def _label(tracker: object) -> str:
+    """The name of a tracker that was given none."""
+    settings = _settings(tracker)
+    return tracker if isinstance(tracker, str) else settings.name if isinstance(settings, Function) else settings.kind
+
+
 def _settings(tracker: object) -> TrackerSettings:
     if isinstance(tracker, str):
         return make_tracker(tracker)
     if isinstance(tracker, type):
         raise SettingsError(f"found the class {tracker.__name__}, expected an instance: {tracker.__name__}()")
+    if callable(tracker) and not hasattr(tracker, "start"):
+        return Function(tracker)
     if not hasattr(tracker, "start") or not hasattr(tracker, "kind"):
         raise SettingsError(f"found {tracker!r}, expected settings of a tracker, such as tracknoise.LucasKanade()")
     return cast(TrackerSettings, tracker)

@@ -31,6 +31,8 @@ from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.text import counted, is_printable, parse_toml
+from tracknoise.trackers.tracker_presets import load_preset, preset_names
+from tracknoise.trackers.tracker_registry import is_preset
 from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.scan import ScanAnchoring
 
@@ -114,11 +116,35 @@ class TrackerChoice(_Section):
     """One tracker to measure."""
 
     kind: str
-    """Kind of tracker: see `tracknoise trackers`."""
+    """Kind of tracker: see `tracknoise trackers`. A preset knows it."""
+    preset: str | None = None
+    """Instead of a kind: settings of a system, such as `openvins`. The record of a run has the kind and all options."""
     name: Annotated[str, Field(min_length=1)] | None = None
-    """Name of the tracker in tables and figures. Default: its kind."""
+    """Name of the tracker in tables and figures. Default: its preset or kind."""
     options: dict[str, Any] = {}
     """Options of the tracker that differ from the defaults: see `tracknoise trackers KIND`."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset_is_written_out(cls, given: object) -> object:
+        """Write the kind and the options of a preset instead of it; its name stays that of the tracker."""
+        if not isinstance(given, dict):
+            return given
+        if isinstance(kind := given.get("kind"), str) and is_preset(kind):
+            raise ValueError(f"kind = {kind!r} is a preset, expected preset = {kind!r}")
+        if not isinstance(given.get("preset"), str):
+            return given
+        if "kind" in given:
+            raise ValueError("found a kind and a preset, expected one of them")
+        options = given.get("options", {})
+        if not isinstance(options, dict):
+            return {**given, "kind": ""}
+        try:
+            preset = load_preset(given["preset"])
+        except UnknownNameError as error:
+            raise ValueError(str(error)) from error
+        others = {key: value for key, value in given.items() if key != "preset"}
+        return {"name": preset.name, **others, "kind": preset.tracker, "options": preset.merged(options)}
 
     @property
     def label(self) -> str:
@@ -395,7 +421,7 @@ class Experiment(_Section):
         if not names or len(set(names)) < len(names):
             raise SettingsError(f"trackers = {', '.join(names)}, expected different names")
         known = {tracker.label: tracker for tracker in self.trackers}
-        chosen = [known.get(name) or TrackerChoice(kind=name) for name in names]
+        chosen = [known.get(name) or _choice(name) for name in names]
         return self.model_copy(update={"trackers": chosen})
 
     def with_scenes(self, most: int | None) -> "Experiment":
@@ -463,6 +489,11 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
         raise SettingsError(f"{place}: {error}") from error
 
 
+def _choice(name: str) -> TrackerChoice:
+    """A tracker by the name of its preset or kind, with default options."""
+    return TrackerChoice.model_validate({"preset" if is_preset(name) else "kind": name})
+
+
 def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Every setting with its dotted name."""
     if isinstance(value, dict):
@@ -486,6 +517,7 @@ def experiment_schema() -> str:
     schema = Experiment.model_json_schema()
     _add_options(schema["$defs"], "DatasetSettings", "reader", READERS)
     _add_options(schema["$defs"], "TrackerChoice", "kind", TRACKERS)
+    _offer_presets(schema["$defs"]["TrackerChoice"])
     return json.dumps(schema, indent=2) + "\n"
 
 
@@ -499,6 +531,17 @@ def _add_options(definitions: dict[str, Any], section: str, key: str, plugins: P
         {"if": {"properties": {key: {"const": name}}}, "then": _with_options(schema, more)}
         for name, schema in schemas.items()
     ]
+
+
+def _offer_presets(choice: dict[str, Any]) -> None:
+    """Say in the section of a tracker that it has a kind or a preset, and which presets there are."""
+    choice["required"].remove("kind")
+    choice["oneOf"] = [{"required": ["kind"]}, {"required": ["preset"]}]
+    choice["properties"]["preset"] = {
+        "description": choice["properties"]["preset"]["description"],
+        "enum": preset_names(),
+        "type": "string",
+    }
 
 
 def _with_options(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:

@@ -89,7 +89,16 @@ def run_trackers(
     snapshot_frame = _snapshot_frame(n_frames, conditions, truths[0].key_frame)
     seconds: Items[Truth | None] = second_truths or [None for _ in truths]
     passes = [
-        _Pass(sequence, conditions, truth, second, snapshot_frame=snapshot_frame, seed=seed, kept_bytes=kept_bytes)
+        _Pass(
+            sequence,
+            conditions,
+            truth,
+            second,
+            n_frames=n_frames,
+            snapshot_frame=snapshot_frame,
+            seed=seed,
+            kept_bytes=kept_bytes,
+        )
         for sequence, truth, second in zip(sequences, truths, seconds, strict=True)
     ]
     for index in range(n_frames):
@@ -131,6 +140,7 @@ class _Pass:
         truth: Truth,
         second: Truth | None,
         *,
+        n_frames: int,
         snapshot_frame: int,
         seed: int,
         kept_bytes: int,
@@ -139,7 +149,7 @@ class _Pass:
         self._runs = [
             _Run(
                 condition.speed,
-                start_tracker(condition, sequence, truth, seed),
+                start_tracker(condition, sequence, truth, seed, n_frames),
                 Recorder(),
                 truth.start(),
                 None if second is None else second.start(),
@@ -177,7 +187,7 @@ class _Pass:
         )
 
 
-def start_tracker(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int) -> Tracker:
+def start_tracker(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int, n_frames: int) -> Tracker:
     """Start the tracker of a setup on a sequence."""
     return condition.settings.start(
         SequenceContext(
@@ -191,6 +201,7 @@ def start_tracker(condition: TrackerSetup, sequence: Sequence, truth: Truth, see
             timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),
             camera_at=partial(camera_at, sequence),
+            images=lambda: map(sequence.image, range(0, n_frames, condition.speed)),
         )
     )
 

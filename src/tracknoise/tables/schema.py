@@ -56,7 +56,8 @@ class TrackEnd(IntEnum):
 
     lost: the tracker did not find the feature. outlier: it was rejected as inconsistent with the others. displaced:
     it moved farther in one step than the tracker allows. masked: it moved into the border margin or onto another
-    feature. sequence_end: it was alive in the last frame, so that its lifetime is censored.
+    feature, or became older than the tracker allows. sequence_end: it was alive in the last frame, so that its lifetime
+    is censored.
     """
 
     lost = 0

@@ -10,14 +10,17 @@ from typing import Annotated, Any, ClassVar
 
 import cv2
 import numpy as np
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds
+from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, keypoints
+from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, network_keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
+from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
+from tracknoise.trackers.spacing import spread_keypoints
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 
 _CORNER_SIZE_PX = 7.0
@@ -27,17 +30,19 @@ _CORNER_SIZE_PX = 7.0
 class Descriptor(StrEnum):
     """What a keypoint is recognised by.
 
-    sift: 128 gradients. orb and brisk: 256 and 512 comparisons of gray values.
+    sift: 128 gradients. orb and brisk: 256 and 512 comparisons of gray values. network: what the network that finds the
+    keypoints states.
     """
 
     sift = "sift"
     orb = "orb"
     brisk = "brisk"
+    network = "network"
 
     @property
     def size(self) -> int:
-        """Length of a descriptor."""
-        return {Descriptor.sift: 128, Descriptor.orb: 256, Descriptor.brisk: 512}[self]
+        """Length of a descriptor; 0 for that of a network, which is known once it has run."""
+        return {Descriptor.sift: 128, Descriptor.orb: 256, Descriptor.brisk: 512}.get(self, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,20 +68,34 @@ class Described:
 def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descriptor.sift) -> Described:
     """Descriptors of all keypoints of the whole image, computed once per frame.
 
+    With a grid, they are those of its cells. With circles or cells to keep them apart, margin and distance apply to
+    them; squares and their margin do not.
+
     Keypoints of `sift` and `orb` are described with their own size and direction if the descriptor is of the same kind.
     All others are described as AGAST's are: with a size of 7 px, and upright or, by `brisk`, along a direction that it
     finds itself. A descriptor may drop keypoints, such as those near the border; only those that it returns are used.
     """
 
     def compute(image: NDArray[np.uint8]) -> Described:
-        raw = _to_describe(keypoints(frame, detection), own=detection.detector.value == descriptor.value)
+        if descriptor is Descriptor.network:
+            return _by_network(frame, detection)
+        raw = _to_describe(spread_keypoints(frame, detection), own=detection.detector.value == descriptor.value)
         kept, found = _extractor(descriptor).compute(image, raw) if raw else ((), None)
         uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
         response = np.array([point.response for point in kept], dtype=np.float32)
         order = np.argsort(-response, kind="stable")  # ORB returns its keypoints by level
         return Described(uv[order], response[order], _as_numbers(found, descriptor)[order])
 
-    return frame.memo(("descriptors", descriptor, detection.key), compute)
+    return frame.memo(("descriptors", descriptor, detection), compute)
+
+
+def _by_network(frame: Frame, detection: Detection) -> Described:
+    """Keypoints of a network with its own descriptors."""
+    points, found = spread_keypoints(frame, detection), network_keypoints(frame, detection)
+    if found.descriptors is None:
+        raise TrackerError(f"{detection.network}: the network has no output descriptors, expected them as descriptor")
+    rows = np.array([points.raw[index].class_id for index in points.order.tolist()], dtype=np.intp)
+    return Described(points.uv, points.response, found.descriptors[rows])
 
 
 def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
@@ -121,6 +140,10 @@ class Matches:
     distance: NDArray[np.float32]
     ratio: NDArray[np.float32]
 
+    def chosen(self, rows: NDArray[np.bool_]) -> "Matches":
+        """Some of the pairs, by a mask (k,)."""
+        return Matches(self.query_rows[rows], self.train_rows[rows], self.distance[rows], self.ratio[rows])
+
 
 def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Matches:
     """Pairs of descriptors that are each other's nearest neighbour in Euclidean distance.
@@ -153,7 +176,7 @@ def _distances(
     ratio = np.full(len(rows), np.nan, dtype=np.float32)
     ratio[np.isfinite(second)] = 1.0  # equally near, also where both distances are 0
     np.divide(first, second, out=ratio, where=np.isfinite(second) & (second > 0))
-    return np.sqrt(first), np.sqrt(ratio)
+    return np.sqrt(np.maximum(first, 0)), np.sqrt(np.maximum(ratio, 0))  # rounding of descriptors of networks
 
 
 def _squared_length(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -171,8 +194,8 @@ class Correspondence:
     Parameters
     ----------
     detection, rejection
-        How keypoints are detected (margin and squares do not apply, see `CorrespondenceTracker`); which matches
-        are outliers.
+        How keypoints are detected (margin and squares do not apply, see `CorrespondenceTracker`; circles and cells do);
+        which matches are outliers.
     descriptor
         What keypoints are matched by: see `tracknoise.trackers.correspondence.Descriptor`.
     max_displacement_px
@@ -181,6 +204,13 @@ class Correspondence:
         Unmatched keypoints become new features up to this number.
     max_missed_frames
         Number of consecutive frames for which a feature is kept without a match; 0 drops it at once.
+    preprocessing
+        What is done to each image before keypoints are detected and described in it.
+    max_ratio
+        Largest distance of a match, as a share of that of the second best keypoint: see
+        `tracknoise.trackers.correspondence.Matches`. None: any.
+    max_distance
+        Largest distance of a match; of bits, the root of how many differ. None: any.
     """
 
     kind: ClassVar[str] = "correspondence"
@@ -192,15 +222,21 @@ class Correspondence:
     max_displacement_px: Positive = 64.0
     max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
     max_missed_frames: Annotated[int, Ge(0)] = 0
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+    max_ratio: Annotated[float, Gt(0), Le(1)] | None = None
+    max_distance: Positive | None = None
 
     def __post_init__(self) -> None:
         require(self.descriptor in tuple(Descriptor), "descriptor", self.descriptor, f"one of {', '.join(Descriptor)}")
         object.__setattr__(self, "descriptor", Descriptor(self.descriptor))  # so that a name will do for the member
+        known = self.descriptor is not Descriptor.network or self.detection.network is not None
+        require(known, "descriptor", str(self.descriptor), "another one, or detection.network")
         require_bounds(self)
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":
         """Start the tracker on one sequence at one speed."""
-        return CorrespondenceTracker(self, self.rejection.repeated(context.repeat).inliers)
+        self.detection.require_usable()
+        return CorrespondenceTracker(self, self.rejection.repeated(context.repeat).inliers_of(context))
 
 
 class CorrespondenceTracker:
@@ -208,15 +244,15 @@ class CorrespondenceTracker:
 
     A step applies these tests to the live features, in the order of XIVO's matching tracker:
 
-    1. Feature and keypoint are mutual nearest neighbours by descriptor. A feature without a match is kept for up to
-       `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
+    1. Feature and keypoint are mutual nearest neighbours by descriptor, near and unambiguous enough. A feature without
+       a match is kept for up to `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
     2. The keypoint is closer to the feature's last position than the largest displacement (else ``displaced``).
     3. The outlier rejection keeps the match (else ``outlier``).
     4. The strongest keypoints that belong to no feature begin new ones, up to `max_features` alive. Keypoints whose
        match was displaced or an outlier are among them.
 
-    As in XIVO, keypoints may lie anywhere: neither margin nor squares apply. The descriptor of a feature is that of
-    its first frame.
+    As in XIVO, keypoints may lie anywhere: neither margin nor squares apply, unless circles or cells are asked for. The
+    descriptor of a feature is that of its first frame.
 
     The quality of an observation is the distance between the descriptors of feature and keypoint
     (``descriptor_distance``; of bits, the root of how many differ), and that distance over the distance of the second
@@ -233,8 +269,11 @@ class CorrespondenceTracker:
 
     def step(self, frame: Frame) -> Step:
         """Track into the next frame."""
-        points, before = describe(frame, self._settings.detection, self._settings.descriptor), self._features
-        matches = mutual_nearest(self._descriptors, points.descriptors)
+        settings, before = self._settings, self._features
+        points = describe(settings.preprocessing.applied(frame), settings.detection, settings.descriptor)
+        if not len(self._descriptors):
+            self._descriptors = points.descriptors[:0]
+        matches = self._good(mutual_nearest(self._descriptors, points.descriptors))
         rows, columns = matches.query_rows, matches.train_rows
         end, seen = self._judge(rows, points.uv[columns], frame.index)
         alive = end == ALIVE
@@ -258,6 +297,15 @@ class CorrespondenceTracker:
             missed=int(np.count_nonzero(alive)) - int(np.count_nonzero(seen)),
             quality={"descriptor_distance": matches.distance[seen], "descriptor_ratio": matches.ratio[seen]},
         )
+
+    def _good(self, matches: Matches) -> Matches:
+        """The matches that are near and unambiguous enough; one without a second best keypoint is unambiguous."""
+        far = np.zeros(len(matches.distance), dtype=np.bool_)
+        if self._settings.max_ratio is not None:
+            far |= matches.ratio > self._settings.max_ratio
+        if self._settings.max_distance is not None:
+            far |= matches.distance > self._settings.max_distance
+        return matches.chosen(~far)
 
     def _judge(
         self, rows: NDArray[np.intp], uv: NDArray[np.float64], frame: int

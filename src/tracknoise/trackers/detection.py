@@ -1,13 +1,15 @@
-"""Keypoints of an image, strongest first, and where features may be.
+"""Keypoints of an image, strongest first: how they are found, shared out over the image, and refined.
 
 - OpenCV's detectors of keypoints, each with the few thresholds that decide how many keypoints there are.
 - Keypoints of a whole image, strongest first, shared by all trackers that see the frame.
-- Where features may be: outside the margin, and outside the squares of earlier features.
+- Keypoints of each cell of a grid, so that they are spread over the image.
+- Refinement of keypoints between pixels.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import cv2
@@ -15,7 +17,8 @@ import numpy as np
 from annotated_types import Ge, Le, Lt
 from numpy.typing import NDArray
 
-from tracknoise.checks import Between0And1, NotNegative, require, require_bounds, require_odd
+from tracknoise.checks import Between0And1, NotNegative, Positive, require, require_bounds, require_odd
+from tracknoise.trackers.keypoint_network import NetworkKeypoints, NetworkUnits, find_keypoints, require_network
 from tracknoise.trackers.tracker import Frame
 
 Detect = Callable[[NDArray[np.uint8], "Thresholds"], Sequence[cv2.KeyPoint]]
@@ -30,7 +33,7 @@ class Detector(StrEnum):
     """How keypoints are found.
 
     agast: AGAST corners (OAST_9_16), on whole pixels. fast: FAST corners (9 of 16), on whole pixels. gftt: corners of
-    Shi and Tomasi, by the smaller eigenvalue of the structure tensor of 3 x 3 px, on whole pixels. orb: FAST corners of
+    Shi and Tomasi, by the smaller eigenvalue of the structure tensor of a block, on whole pixels. orb: FAST corners of
     an image pyramid, ranked by Harris' response, with a direction; those of its coarser levels are too far up and left,
     by up to about 1.5 px, as OpenCV scales positions without half a pixel. sift: extrema of the difference of
     Gaussians, between pixels, with size and direction.
@@ -50,6 +53,7 @@ class Thresholds:
     threshold: int
     quality: float
     contrast: float
+    block_px: int
 
 
 def _agast(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]:
@@ -65,7 +69,9 @@ def _fast(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]
 
 
 def _gftt(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]:
-    return cv2.GFTTDetector.create(maxCorners=0, qualityLevel=least.quality, minDistance=1, blockSize=3).detect(image)
+    return cv2.GFTTDetector.create(
+        maxCorners=0, qualityLevel=least.quality, minDistance=1, blockSize=least.block_px
+    ).detect(image)
 
 
 def _orb(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]:
@@ -93,6 +99,19 @@ _SCORED = (Detector.agast, Detector.fast)
 """Detectors whose response is a score in gray values."""
 
 
+class Spacing(StrEnum):
+    """How features are kept apart.
+
+    squares: no feature in the square around another. circles: no feature in the circle around another. cells: at most
+    one feature in each cell of a fine grid, and no new one in the square around an older one. See
+    `tracknoise.trackers.spacing`.
+    """
+
+    squares = "squares"
+    circles = "circles"
+    cells = "cells"
+
+
 @dataclass(frozen=True, slots=True)
 class Detection:
     """Where features may begin. The defaults are those of XIVO's tracker.
@@ -114,6 +133,33 @@ class Detection:
         Side of the square around a feature in which no other feature may begin or stay, px; odd.
     margin_px
         Width of the image border without features, px.
+    block_px
+        For gftt: side of the block whose structure tensor counts, px.
+    spacing
+        How features are kept apart: by squares of `square_px`, or by circles or cells of `distance_px`.
+    distance_px
+        Radius of the circles, or side of the cells, px.
+    grid
+        Columns and rows of a grid, in each cell of which keypoints are found by themselves. None: one for the whole
+        image.
+    per_cell
+        The strongest keypoints of each cell that are considered, at most.
+    refill_below
+        Keypoints are considered in cells with fewer features than this.
+    retry_thresholds
+        Thresholds to retry a cell without keypoints with, one after the other.
+    subpixel_px
+        Keypoints are moved between pixels, to where the gradients around them point away from: half of the side of the
+        window, without its central pixel, px. 0: they stay on whole pixels.
+    network
+        An ONNX file with a network that finds keypoints instead of `detector`: see docs/learned-keypoints.md. It needs
+        the extra `learned`, and takes no grid.
+    network_units
+        What its positions are: see `tracknoise.trackers.keypoint_network.NetworkUnits`.
+    network_score
+        Least score of its keypoints.
+    subpixel_iterations, subpixel_epsilon
+        Convergence of that: at most this many iterations, or until the update is smaller than `subpixel_epsilon` px.
     """
 
     detector: Detector = Detector.agast
@@ -123,12 +169,33 @@ class Detection:
     contrast: Annotated[float, Ge(0), Lt(1)] = 0.04
     square_px: Annotated[int, Ge(1)] = 15
     margin_px: Annotated[int, Ge(0)] = 8
+    block_px: Annotated[int, Ge(2), Le(31)] = 3
+    spacing: Spacing = Spacing.squares
+    distance_px: Annotated[int, Ge(1), Le(999)] = 10
+    grid: tuple[Annotated[int, Ge(1), Le(1000)], Annotated[int, Ge(1), Le(1000)]] | None = None
+    per_cell: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1
+    refill_below: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1
+    retry_thresholds: tuple[Annotated[int, Ge(1), Le(255)], ...] = ()
+    subpixel_px: Annotated[int, Ge(0), Le(50)] = 0
+    subpixel_iterations: Annotated[int, Ge(1)] = 20
+    subpixel_epsilon: Positive = 0.001
+    network: Path | None = None
+    network_units: NetworkUnits = NetworkUnits.pixels
+    network_score: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        require(self.detector in tuple(Detector), "detector", self.detector, f"one of {', '.join(Detector)}")
-        object.__setattr__(self, "detector", Detector(self.detector))  # so that a name will do for the member
+        for name, kind in (("detector", Detector), ("spacing", Spacing), ("network_units", NetworkUnits)):
+            value = getattr(self, name)
+            require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
+            object.__setattr__(self, name, kind(value))  # so that a name will do for the member
         require_bounds(self)
         require_odd("square_px", self.square_px)
+        require(self.network is None or self.grid is None, "grid", self.grid, "none with a network")
+
+    def require_usable(self) -> None:
+        """Check that the network can be used, if there is one: see `require_network`."""
+        if self.network is not None:
+            require_network(self.network)
 
     @property
     def least_response(self) -> float:
@@ -137,8 +204,9 @@ class Detection:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What the keypoints of an image depend on. Neither margin nor squares are part of it."""
-        return self.detector, self.threshold, self.min_response, self.quality, self.contrast
+        """What the keypoints of an image, or of a cell, depend on. Neither margin nor spacing are part of it."""
+        network = self.network, self.network_units, self.network_score
+        return self.detector, self.threshold, self.min_response, self.quality, self.contrast, self.block_px, *network
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,16 +235,33 @@ class Keypoints:
 def keypoints(frame: Frame, detection: Detection) -> Keypoints:
     """Keypoints of the whole image by the detector of the settings, computed once per frame.
 
-    Neither margin nor squares are applied here.
+    Neither margin nor spacing, neither grid nor refinement are applied here.
     """
+    if detection.network is not None:
+        return frame.memo(("keypoints", detection.key), lambda image: _by_network(network_keypoints(frame, detection)))
+    return frame.memo(("keypoints", detection.key), lambda image: _found(image, detection, detection.threshold))
 
-    def detect(image: NDArray[np.uint8]) -> Keypoints:
-        if min(image.shape) < SMALLEST_SIDE_PX:
-            return _strongest_first([], detection.least_response)
-        thresholds = Thresholds(detection.threshold, detection.quality, detection.contrast)
-        return _strongest_first(DETECTORS[detection.detector](image, thresholds), detection.least_response)
 
-    return frame.memo(("keypoints", detection.key), detect)
+def network_keypoints(frame: Frame, detection: Detection) -> NetworkKeypoints:
+    """What the network of the settings finds in the image, computed once per frame."""
+    assert detection.network is not None
+    path, units, least = detection.network, detection.network_units, detection.network_score
+    key = ("network", path, units, least)
+    return frame.memo(key, lambda image: find_keypoints(image, path, units).at_least(least))
+
+
+def _by_network(found: NetworkKeypoints) -> Keypoints:
+    """Keypoints whose class is their number among those of the network."""
+    rows = zip(found.uv.tolist(), found.score.tolist(), strict=True)
+    raw = [cv2.KeyPoint(u, v, 1.0, response=score, class_id=row) for row, ((u, v), score) in enumerate(rows)]
+    return Keypoints(raw, np.arange(len(raw)), found.uv, found.score)
+
+
+def _found(image: NDArray[np.uint8], detection: Detection, threshold: int) -> Keypoints:
+    if min(image.shape) < SMALLEST_SIDE_PX:
+        return _strongest_first([], detection.least_response)
+    thresholds = Thresholds(threshold, detection.quality, detection.contrast, detection.block_px)
+    return _strongest_first(DETECTORS[detection.detector](image, thresholds), detection.least_response)
 
 
 def _strongest_first(raw: Sequence[cv2.KeyPoint], least_response: float) -> Keypoints:
@@ -187,53 +272,55 @@ def _strongest_first(raw: Sequence[cv2.KeyPoint], least_response: float) -> Keyp
     return Keypoints(raw, order, uv[order], response[order])
 
 
-class Mask:
-    """The positions in one image that are still free for features.
+def cell_keypoints(frame: Frame, detection: Detection, grid: tuple[int, int]) -> Keypoints:
+    """The strongest `per_cell` keypoints of each cell of a grid, computed once per frame.
 
-    A feature at (u, v) lies on pixel (floor u, floor v). That pixel must be outside the border margin and
-    outside the squares of all features that were accepted before. The feature's own square is centred on the
-    pixel nearest to it (halves round up). For keypoints, which lie on pixel centres, the two are the same.
-
-    This is XIVO's convention, and it affects results: with the nearest pixel instead, the mean lifetime on the
-    7-Scenes sample would be 9.5 frames instead of 8.8 (Lucas-Kanade, OpenCV 4.11's rejection). Shapes: size
-    (width, height).
+    Each cell is an image of its own for the detector, with a border of its own. Cells have a whole number of pixels;
+    what is left of the image on the right and below belongs to none. They come column by column, and in each the
+    strongest keypoint first.
     """
+    key = ("cell keypoints", detection.key, grid, detection.per_cell, detection.retry_thresholds)
+    return frame.memo(key, lambda image: _joined(list(_of_cells(image, detection, grid))))
 
-    __slots__ = ("_blocked", "_margin_px", "_reach", "_size", "_squares")
 
-    def __init__(self, size: tuple[int, int], detection: Detection) -> None:
-        width, height = size
-        self._size = size
-        self._margin_px = detection.margin_px
-        self._reach = detection.square_px // 2
-        padding = 2 * self._reach + 1  # no square needs clipping, even one centred beyond the image by rounding
-        self._blocked = bytearray((height + padding) * (width + padding))
-        self._squares = np.frombuffer(self._blocked, dtype=np.uint8).reshape(height + padding, width + padding)
+def _of_cells(image: NDArray[np.uint8], detection: Detection, grid: tuple[int, int]) -> Iterator[Keypoints]:
+    columns, rows = grid
+    width, height = image.shape[1] // columns, image.shape[0] // rows
+    for left in range(0, width * columns, max(width, 1)):
+        for top in range(0, height * rows, max(height, 1)):
+            cell = np.ascontiguousarray(image[top : top + height, left : left + width])
+            for threshold in (detection.threshold, *detection.retry_thresholds):
+                found = _found(cell, detection, threshold)
+                if len(found.uv):
+                    break
+            yield _moved(found, (left, top), detection.per_cell)
 
-    def claim(self, uv: NDArray[np.float64], *, limit: int | None = None) -> NDArray[np.intp]:
-        """Accept features in the given order if their pixel is free; each accepted feature blocks its square.
 
-        Shapes: uv (n, 2) px; returns (m,). Indices of the accepted features, ascending. `uv`: NaN and positions outside
-        the image are never free.
-        """
-        inside = (uv >= self._margin_px) & (uv < np.array(self._size) - self._margin_px)
-        rows = np.flatnonzero(inside[:, 0] & inside[:, 1])
-        column, row = np.floor(uv[rows]).astype(np.intp).T + self._reach
-        place = row * self._squares.shape[1] + column
-        free = np.flatnonzero(self._squares.ravel()[place] == 0)
-        rows, place = rows[free], place[free]
-        left, top = np.floor(uv[rows] + 0.5).astype(np.intp).T.tolist()
-        return rows[self._first_come(place.tolist(), left, top, len(rows) if limit is None else limit)]
+def _moved(found: Keypoints, by_px: tuple[int, int], most: int) -> Keypoints:
+    """The strongest keypoints of a part of an image, in its whole."""
+    order = found.order[:most]
+    raw = [found.raw[index] for index in order.tolist()]
+    for point in raw:
+        point.pt = (point.pt[0] + by_px[0], point.pt[1] + by_px[1])
+    return Keypoints(raw, np.arange(len(raw)), found.uv[:most] + by_px, found.response[:most])
 
-    def _first_come(self, places: list[int], left: list[int], top: list[int], limit: int) -> list[int]:
-        """The sequential loop. Reading a byte string is much faster than reading an array, and both share memory."""
-        blocked, squares, side = self._blocked, self._squares, 2 * self._reach + 1
-        kept: list[int] = []
-        for index, place in enumerate(places):
-            if len(kept) >= limit:
-                break
-            if not blocked[place]:
-                x, y = left[index], top[index]
-                squares[y : y + side, x : x + side] = 1
-                kept.append(index)
-        return kept
+
+def _joined(parts: Sequence[Keypoints]) -> Keypoints:
+    raw = [point for part in parts for point in part.raw]
+    uv = np.concatenate([np.empty((0, 2)), *(part.uv for part in parts)])
+    response = np.concatenate([np.empty(0, dtype=np.float32), *(part.response for part in parts)])
+    return Keypoints(raw, np.arange(len(raw)), uv, response)
+
+
+def refined(frame: Frame, uv: NDArray[np.float64], detection: Detection) -> NDArray[np.float64]:
+    """Positions of keypoints between pixels, by the settings of the detection; as they are if that is switched off.
+
+    Shapes: uv (n, 2) px; returns (n, 2). Where an image is too small for the window, they stay as they are.
+    """
+    half = detection.subpixel_px
+    if not half or not len(uv) or min(frame.size) < 2 * half + 5:
+        return uv
+    ends = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, detection.subpixel_iterations, detection.subpixel_epsilon)
+    start = uv.astype(np.float32).reshape(-1, 1, 2)
+    moved = np.asarray(cv2.cornerSubPix(frame.image, start, (half, half), (-1, -1), ends), dtype=np.float64)[:, 0]
+    return np.where(np.isfinite(moved), moved, uv)

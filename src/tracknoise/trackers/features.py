@@ -25,23 +25,30 @@ class Features:
         Latest position of each, px.
     first_uv : (n, 2) float64
         First position of each, px.
+    before_uv : (n, 2) float64
+        Position of each before the latest, px; the latest if there is only one.
+    born : (n,) int64
+        The frame in which each began.
     """
 
     ids: NDArray[np.int64]
     uv: NDArray[np.float64]
     first_uv: NDArray[np.float64]
+    before_uv: NDArray[np.float64]
+    born: NDArray[np.int64]
 
     @classmethod
-    def begin(cls, first_id: int, uv: NDArray[np.float64]) -> "Features":
-        """New features at (n, 2) positions, with ids counting up from `first_id`."""
-        return cls(np.arange(first_id, first_id + len(uv), dtype=np.int64), uv, uv)
+    def begin(cls, first_id: int, uv: NDArray[np.float64], frame: int = 0) -> "Features":
+        """New features at (n, 2) positions in a frame, with ids counting up from `first_id`."""
+        ids = np.arange(first_id, first_id + len(uv), dtype=np.int64)
+        return cls(ids, uv, uv, uv, np.full(len(uv), frame, dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.ids)
 
     def chosen(self, rows: NDArray[np.intp] | NDArray[np.bool_], uv: NDArray[np.float64]) -> "Features":
         """Some of the features, by index or mask, now at (m, 2) `uv`."""
-        return Features(self.ids[rows], uv, self.first_uv[rows])
+        return Features(self.ids[rows], uv, self.first_uv[rows], self.uv[rows], self.born[rows])
 
     def joined(self, later: "Features") -> "Features":
         """These and then the others."""
@@ -49,6 +56,8 @@ class Features:
             np.concatenate([self.ids, later.ids]),
             np.concatenate([self.uv, later.uv]),
             np.concatenate([self.first_uv, later.first_uv]),
+            np.concatenate([self.before_uv, later.before_uv]),
+            np.concatenate([self.born, later.born]),
         )
 
 

@@ -1,6 +1,8 @@
 """Pyramidal Lucas-Kanade: the patch around each feature is aligned from frame to frame."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Annotated, ClassVar
 
 import cv2
@@ -8,17 +10,44 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require, require_bounds, require_odd
-from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.detection import MOST_FEATURES, Detection, Mask, keypoints
-from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
-from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
-from tracknoise.trackers.tracker import Frame, SequenceContext, Step
+from tracknoise.checks import Positive, require
+from tracknoise.trackers.detection import MOST_FEATURES, Detection
+from tracknoise.trackers.features import Features, displacement_px
+from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following
+from tracknoise.trackers.preprocessing import Preprocessing
+from tracknoise.trackers.rejection import Inliers, Rejection
+from tracknoise.trackers.tracker import Frame, SequenceContext
 
 _EIGENVALUE_UNIT = np.float32(1024)  # OpenCV's derivatives are 32 times too large, its structure tensor 2^20 too small
 
 _LARGEST_WINDOW_PX, _MOST_LEVELS = 999, 16
 """Beyond them OpenCV takes all memory; no image is as large."""
+
+Positions = NDArray[np.float32]
+
+
+class Start(StrEnum):
+    """Where the search for a feature starts.
+
+    last: where it was. velocity: as far from there as it moved in the step before.
+    """
+
+    last = "last"
+    velocity = "velocity"
+
+
+class Template(StrEnum):
+    """Which patch is aligned: that of the previous frame, or that of the frame in which the feature began."""
+
+    previous = "previous"
+    first = "first"
+
+
+class BackwardStart(StrEnum):
+    """Where the search back starts: at the position to which it should lead, or at the one that was found."""
+
+    previous = "previous"
+    present = "present"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +59,7 @@ class LucasKanade:
     detection, rejection
         Where features may begin and stay; which of them are outliers.
     window_px
-        Side of the patch, px; odd.
+        Side of the patch, px.
     extra_levels
         Levels of the image pyramid above the full resolution.
     iterations, epsilon
@@ -39,6 +68,22 @@ class LucasKanade:
         A feature that moved this far or farther in one step is dropped.
     min_features, max_features
         New features are detected when fewer than `min_features` are left, up to `max_features`.
+    preprocessing
+        What is done to each image before features are detected and followed in it.
+    order
+        In which order distances are kept, outliers rejected and new features detected: see
+        `tracknoise.trackers.following.Order`.
+    start_at
+        Where the search for a feature starts.
+    template
+        Which patch is aligned: that of the previous frame, or that of the first.
+    backward_px
+        Each feature is followed back, and dropped if that ends farther than this from where it began, px. None: it is
+        not followed back.
+    backward_levels, backward_start
+        Of the search back: levels of the pyramid above the full resolution (None: `extra_levels`), and where it starts.
+    max_age
+        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     """
 
     kind: ClassVar[str] = "lucas-kanade"
@@ -53,134 +98,122 @@ class LucasKanade:
     max_displacement_px: Positive = 64.0
     min_features: Annotated[int, Ge(1)] = 1000
     max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+    order: Order = Order.spacing_first
+    start_at: Start = Start.last
+    template: Template = Template.previous
+    backward_px: Positive | None = None
+    backward_levels: Annotated[int, Ge(0), Le(_MOST_LEVELS)] | None = None
+    backward_start: BackwardStart = BackwardStart.present
+    max_age: Annotated[int, Ge(1)] | None = None
 
     def __post_init__(self) -> None:
-        require_bounds(self)
-        require_odd("window_px", self.window_px)
-        expected = f"a number not below min_features, {self.min_features}"
-        require(self.max_features >= self.min_features, "max_features", self.max_features, expected)
+        for name, kind in (("start_at", Start), ("template", Template), ("backward_start", BackwardStart)):
+            value = getattr(self, name)
+            require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
+            object.__setattr__(self, name, kind(value))  # so that a name will do for the member
+        check_following(self)
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""
-        return LucasKanadeTracker(self, self.rejection.repeated(context.repeat).inliers)
+        self.detection.require_usable()
+        return LucasKanadeTracker(self, self.rejection.repeated(context.repeat).inliers_of(context))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Flow:
-    """What Lucas-Kanade found of n live features: positions (n, 2), whether they were found, and residuals (n,)."""
+class LucasKanadeTracker(FollowingTracker):
+    """The Lucas-Kanade tracker on one sequence: see `tracknoise.trackers.following.FollowingTracker` for its tests.
 
-    uv: NDArray[np.float64]
-    found: NDArray[np.bool_]
-    residual: NDArray[np.float32]
-
-
-class LucasKanadeTracker:
-    """The Lucas-Kanade tracker on one sequence.
-
-    A step applies these tests to the live features, oldest first, in the order of XIVO's tracker:
-
-    1. Lucas-Kanade finds the feature (else ``lost``). `Step.matched` counts those found.
-    2. It moved less than the largest displacement (else ``displaced``).
-    3. It lies outside the margin, and outside the squares of the features that passed this test before it in
-       this frame (else ``masked``). A feature that passes occupies its square.
-    4. The outlier rejection between the previous and current positions of the remaining features keeps it (else
-       ``outlier``). An outlier's square stays occupied in this frame, so that it is not detected again at once.
-    5. If fewer than `min_features` are left, the strongest keypoints outside margin and squares are added, up to
-       `max_features`; each occupies its square.
-
-    The quality of an observation is the mean absolute difference between the feature's patches in the previous and
-    the current image (``lk_residual``, gray values), and the smallest eigenvalue of the mean structure tensor of the
-    patch in the previous image, from Scharr derivatives (``lk_min_eigenvalue``, (gray values / px)^2). Both are
-    OpenCV's; the eigenvalue is scaled so that a derivative has its unit.
+    The quality of an observation is the mean absolute difference between the feature's patch and that around it in the
+    current image (``lk_residual``, gray values), and the smallest eigenvalue of the mean structure tensor of its patch,
+    from Scharr derivatives (``lk_min_eigenvalue``, (gray values / px)^2). The patch is that of the previous image, or
+    of the first. Both are OpenCV's; the eigenvalue is scaled so that a derivative has its unit. After an equalisation,
+    gray values are those of the equalised image.
     """
 
     def __init__(self, settings: LucasKanade, inliers: Inliers) -> None:
+        super().__init__(settings, _Patches(settings), inliers)
+
+
+class _Patches:
+    """Alignment of the patches of features."""
+
+    quality_names = ("lk_residual", "lk_min_eigenvalue")
+
+    def __init__(self, settings: LucasKanade) -> None:
         self._settings = settings
-        self._inliers = inliers
-        self._image: NDArray[np.uint8] | None = None
-        self._features = Features.begin(0, np.empty((0, 2)))
-        self._next_id = 0
+        self._firsts: dict[int, NDArray[np.uint8]] = {}
 
-    def step(self, frame: Frame) -> Step:
-        """Track into the next frame."""
-        before, mask = self._features, Mask(frame.size, self._settings.detection)
-        flow = self._flow(frame.image)
-        end = self._judge(flow, frame.index, mask)
-        alive = end == ALIVE
-        found = before.chosen(alive, flow.uv[alive])
-        quality = {"lk_residual": flow.residual[alive], "lk_min_eigenvalue": self._min_eigenvalue(alive)}
-        new, response = self._detect(frame, mask, len(found))
-        self._image, self._features = frame.image, found.joined(new)
-        self._next_id += len(new)
-        return report(
-            offered=before.ids,
-            end=end,
-            matched=int(np.count_nonzero(flow.found)),
-            found=found,
-            new=new,
-            response=response,
-            quality=quality,
-        )
+    def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
+        """Where features of one image are in the next."""
+        n, settings = len(features), self._settings
+        uv, found = np.empty((n, 2)), np.zeros(n, dtype=np.bool_)
+        quality = {name: np.empty(n, dtype=np.float32) for name in self.quality_names}
+        last = features.uv
+        guess = (2 * last - features.before_uv if settings.start_at is Start.velocity else last).astype(np.float32)
+        for image, patch, rows in self._templates(before, features):
+            target, reached, quality["lk_residual"][rows] = self._aligned(
+                image, after.image, patch, guess[rows], settings.extra_levels
+            )
+            uv[rows] = target
+            if settings.backward_px is not None:
+                reached &= self._gap_px(image, after.image, patch, target) <= settings.backward_px
+            found[rows] = reached
+            quality["lk_min_eigenvalue"][rows] = self._min_eigenvalue(image, patch)
+        return Flow(uv, found & np.isfinite(uv).all(axis=1), quality)
 
-    def _judge(self, flow: _Flow, frame: int, mask: Mask) -> NDArray[np.int8]:
-        """Tests 1 to 4: the outcome for every live feature."""
-        before, uv = self._features, flow.uv
-        end = np.full(len(before), TrackEnd.lost, dtype=np.int8)
-        near = flow.found & (displacement_px(before.uv, uv) < self._settings.max_displacement_px)
-        end[flow.found] = TrackEnd.displaced
-        rows = np.flatnonzero(near)
-        end[rows] = TrackEnd.masked
-        rows = rows[mask.claim(uv[rows])]
-        first = self._settings.rejection.reference is ReferencePosition.first
-        source = before.first_uv if first else before.uv
-        inlier = self._inliers(source[rows], uv[rows], frame)
-        end[rows] = np.where(inlier, ALIVE, TrackEnd.outlier)
-        return end
+    def _templates(
+        self, before: Frame, features: Features
+    ) -> Iterator[tuple[NDArray[np.uint8], Positions, NDArray[np.intp] | slice]]:
+        """Images with patches, the positions of these (m, 2), and the rows of their features."""
+        if self._settings.template is Template.previous:
+            yield before.image, features.uv.astype(np.float32), slice(None)
+            return
+        self._firsts[before.index] = before.image
+        self._firsts = {index: self._firsts[index] for index in np.unique(features.born).tolist()}
+        for index, image in self._firsts.items():
+            rows = np.flatnonzero(features.born == index)
+            yield image, features.first_uv[rows].astype(np.float32), rows
 
-    def _flow(self, image: NDArray[np.uint8]) -> _Flow:
-        """Track the live features into an image."""
-        if self._image is None or not len(self._features):
-            return _Flow(np.empty((0, 2)), np.zeros(0, dtype=np.bool_), np.empty(0, dtype=np.float32))
+    def _aligned(
+        self, image: NDArray[np.uint8], after: NDArray[np.uint8], patch: Positions, guess: Positions, levels: int
+    ) -> tuple[Positions, NDArray[np.bool_], NDArray[np.float32]]:
+        """Positions (n, 2) of patches in another image, whether they were found, and their residuals (n,)."""
         settings = self._settings
-        start = self._features.uv.astype(np.float32)
         uv, status, residual = cv2.calcOpticalFlowPyrLK(
-            self._image,
             image,
-            start,
-            start.copy(),
+            after,
+            patch,
+            guess.copy(),
             winSize=(settings.window_px, settings.window_px),
-            maxLevel=settings.extra_levels,
+            maxLevel=levels,
             criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, settings.iterations, settings.epsilon),
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )
-        positions = np.asarray(uv, dtype=np.float64)
-        found = (status[:, 0] == 1) & np.isfinite(positions).all(axis=1)
-        return _Flow(positions, found, np.asarray(residual[:, 0], dtype=np.float32))
+        return np.asarray(uv, dtype=np.float32), status[:, 0] == 1, np.asarray(residual[:, 0], dtype=np.float32)
 
-    def _min_eigenvalue(self, alive: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Smallest eigenvalue of the patches of some live features: a call without iterations, which takes little time.
+    def _gap_px(
+        self, image: NDArray[np.uint8], after: NDArray[np.uint8], patch: Positions, target: Positions
+    ) -> NDArray[np.float64]:
+        """How far from where it should the way back from positions (n, 2) ends; infinite if it is lost: (n,)."""
+        settings = self._settings
+        levels = settings.extra_levels if settings.backward_levels is None else settings.backward_levels
+        guess = patch if settings.backward_start is BackwardStart.previous else target
+        back, found, _ = self._aligned(after, image, target, guess, levels)
+        return np.where(found, displacement_px(patch.astype(np.float64), back.astype(np.float64)), np.inf)
+
+    def _min_eigenvalue(self, image: NDArray[np.uint8], patch: Positions) -> NDArray[np.float32]:
+        """Smallest eigenvalue of patches at positions (n, 2): a call without iterations, which takes little time.
 
         OpenCV reports either the residual or the eigenvalue, never both.
         """
-        start = self._features.uv[alive].astype(np.float32)
-        if self._image is None or not len(start):
-            return np.empty(0, dtype=np.float32)
         _, _, eigenvalue = cv2.calcOpticalFlowPyrLK(
-            self._image,
-            self._image,
-            start,
-            start.copy(),
+            image,
+            image,
+            patch,
+            patch.copy(),
             winSize=(self._settings.window_px, self._settings.window_px),
             maxLevel=0,
             criteria=(cv2.TERM_CRITERIA_COUNT, 0, 0.0),
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,
         )
         return np.asarray(eigenvalue[:, 0], dtype=np.float32) * _EIGENVALUE_UNIT
-
-    def _detect(self, frame: Frame, mask: Mask, alive: int) -> tuple[Features, NDArray[np.float32]]:
-        """Test 5: new features, and their responses."""
-        if alive >= self._settings.min_features:
-            return Features.begin(self._next_id, np.empty((0, 2))), np.empty(0, dtype=np.float32)
-        points = keypoints(frame, self._settings.detection)
-        rows = mask.claim(points.uv, limit=self._settings.max_features - alive)
-        return Features.begin(self._next_id, points.uv[rows]), points.response[rows]

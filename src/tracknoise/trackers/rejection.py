@@ -3,6 +3,7 @@
 - Random sample consensus: the hypothesis from a minimal sample that most matches agree with.
 - Homographies between two images: through four matches in closed form, and refined on many.
 - Fundamental matrices between two images: through eight matches or more.
+- Essential matrices between two cameras whose intrinsics are known.
 """
 
 import math
@@ -16,6 +17,9 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tracknoise.checks import Between0And1, Positive, require, require_bounds
+from tracknoise.exceptions import SettingsError
+from tracknoise.geometry.cameras import CameraModel
+from tracknoise.trackers.tracker import SequenceContext
 
 Floats = NDArray[np.float64]
 
@@ -311,16 +315,51 @@ def _epipolar_lines(models: Floats, points: Floats) -> tuple[Floats, Floats, Flo
     return a, b, c
 
 
+class Essential(Fundamental):
+    """The relation x'^T E x = 0 of two views of a rigid scene by rays of depth 1; its error is Sampson's distance.
+
+    E is the fundamental matrix that is closest to what eight matches determine, with two equal singular values and none
+    other.
+    """
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """The essential matrices through eight matches each; shapes as in `Fundamental.hypotheses`."""
+        models, usable = super().hypotheses(source, target)
+        return _equal_two(models), usable
+
+    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
+        """The eight-point solution on all matches; shapes as in `Fundamental.refine`."""
+        refined: Floats = _equal_two(super().refine(model, source, target)[None])[0]
+        return refined
+
+
+def _equal_two(models: Floats) -> Floats:
+    left, _, right = np.linalg.svd(models)
+    return np.asarray(left[:, :, :2] @ right[:, :2], dtype=np.float64)
+
+
 Inliers = Callable[[Floats, Floats, int], NDArray[np.bool_]]
 """Decides which matches stay: source (n, 2) px, target (n, 2) px and the frame's index, to (n,) bool."""
 
 
 class Model(StrEnum):
-    """What relates the two images: a homography, a fundamental matrix, or nothing (no rejection)."""
+    """What relates the two images: a homography, a fundamental or essential matrix, or nothing (no rejection)."""
 
     homography = "homography"
     fundamental = "fundamental"
+    essential = "essential"
     none = "none"
+
+
+class Coordinates(StrEnum):
+    """Where outliers are looked for.
+
+    image: in the image as it is. rays: in an image without distortion, with the rays of the stated camera, and the
+    focal length `Rejection.focal_px`.
+    """
+
+    image = "image"
+    rays = "rays"
 
 
 class Consensus(StrEnum):
@@ -344,7 +383,11 @@ class ReferencePosition(StrEnum):
 
 _MAX_REFITS = 10
 """Largest number of refits of one hypothesis; few are needed until its inliers no longer grow."""
-_GEOMETRIES: dict[Model, Geometry] = {Model.homography: Homography(), Model.fundamental: Fundamental()}
+_GEOMETRIES: dict[Model, Geometry] = {
+    Model.homography: Homography(),
+    Model.fundamental: Fundamental(),
+    Model.essential: Essential(),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,8 +403,8 @@ class Rejection:
     Parameters
     ----------
     model
-        Homography (4 matches; error: forward reprojection) or fundamental matrix (8 matches; error: Sampson's), or
-        none.
+        Homography (4 matches; error: forward reprojection), fundamental or essential matrix (8 matches; error:
+        Sampson's), or none.
     consensus
         The inliers of the best hypothesis, or of the locally optimised and refined model.
     reference
@@ -374,6 +417,12 @@ class Rejection:
         Largest number of samples, not counting degenerate ones.
     seed
         Random seed of the samples, combined with the index of the frame.
+    coordinates
+        Where outliers are looked for: in the image, or along rays of the stated camera. An essential matrix is always
+        one of rays. Matches without a ray are outliers.
+    focal_px
+        Focal length of the image without distortion, in whose pixels `threshold_px` is. None: the larger one of the
+        camera.
 
     References
     ----------
@@ -387,9 +436,12 @@ class Rejection:
     confidence: Between0And1 = 0.995
     max_hypotheses: Annotated[int, Ge(1)] = 2000
     seed: Annotated[int, Ge(0)] = 0
+    coordinates: Coordinates = Coordinates.image
+    focal_px: Positive | None = None
 
     def __post_init__(self) -> None:
-        for name, kind in (("model", Model), ("consensus", Consensus), ("reference", ReferencePosition)):
+        enumerations = (Model, Consensus, ReferencePosition, Coordinates)
+        for name, kind in zip(("model", "consensus", "reference", "coordinates"), enumerations, strict=True):
             value = getattr(self, name)
             require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
             object.__setattr__(self, name, kind(value))  # so that a name will do for the member
@@ -399,13 +451,28 @@ class Rejection:
         """The same rejection with another random seed, for each repetition of a measurement; 0 changes nothing."""
         return replace(self, seed=self.seed + repeat)
 
+    def inliers_of(self, context: SequenceContext) -> Inliers:
+        """Return `inliers` for positions in the images of a sequence.
+
+        Raises
+        ------
+        SettingsError
+            If the camera is needed and unknown, or no focal length is known.
+        """
+        if self.model is Model.none or (self.coordinates is Coordinates.image and self.model is not Model.essential):
+            return self.inliers
+        if context.camera_at is None:
+            raise SettingsError(f"rejection along rays in {context.sequence}: no camera, expected intrinsics")
+        return _AlongRays(self, context.camera_at, self.focal_px or _focal_px(context.camera_at(0)))
+
     def inliers(self, source: Floats, target: Floats, frame: int) -> NDArray[np.bool_]:
         """Which matches stay.
 
         Parameters
         ----------
         source, target
-            (n, 2) float64, px: where the features were, and are.
+            (n, 2) float64, px: where the features were, and are. With an essential matrix, relative to the principal
+            point, in an image without distortion whose focal length is `focal_px`.
         frame
             Index of the present frame.
 
@@ -419,7 +486,11 @@ class Rejection:
         geometry = _GEOMETRIES[self.model]
         if len(source) <= geometry.sample_size:
             return everything
-        source, target, scale = _conditioned(source, target)
+        if self.model is Model.essential:
+            scale = 1.0 / (self.focal_px or 1.0)
+            source, target = source * scale, target * scale
+        else:
+            source, target, scale = _conditioned(source, target)
         threshold = self.threshold_px * scale
         best = best_hypothesis(
             geometry,
@@ -446,3 +517,28 @@ def _conditioned(source: Floats, target: Floats) -> tuple[Floats, Floats, float]
     spread = max(float(np.abs(source).mean()), float(np.abs(target).mean()))
     scale = 1.0 / spread if spread > 0 else 1.0
     return source * scale, target * scale, scale
+
+
+@dataclass(frozen=True, slots=True)
+class _AlongRays:
+    """Decides which matches stay, in an image without distortion of one focal length."""
+
+    rejection: Rejection
+    camera_at: Callable[[int], CameraModel]
+    focal_px: float
+
+    def __call__(self, source: Floats, target: Floats, frame: int) -> NDArray[np.bool_]:
+        """Which matches (n, 2) stay; both positions are seen by the camera of the present frame."""
+        camera = self.camera_at(frame)
+        ideal = [self.focal_px * camera.bearings(uv)[:, :2] for uv in (source, target)]
+        inlier = np.asarray(np.isfinite(np.hstack(ideal)).all(axis=1), dtype=np.bool_)
+        rejection = replace(self.rejection, focal_px=self.focal_px)
+        inlier[inlier] = rejection.inliers(ideal[0][inlier], ideal[1][inlier], frame)
+        return inlier
+
+
+def _focal_px(camera: CameraModel) -> float:
+    focal = [float(getattr(camera, name)) for name in ("fx", "fy") if hasattr(camera, name)]
+    if not focal:
+        raise SettingsError(f"rejection along rays: {type(camera).__name__} has no fx and fy, expected focal_px")
+    return max(focal)

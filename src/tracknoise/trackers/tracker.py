@@ -246,6 +246,9 @@ class SequenceContext:
         Frames of the recording that are those of the sequence, where a part of it was chosen; None otherwise.
     camera_at
         Intrinsics of each frame, for trackers whose positions are rays; None where they are unknown.
+    images
+        All images that the tracker will see, in order, each (height, width) uint8, for trackers that need them before
+        the first step; None where images come one by one only.
     """
 
     sequence: SequenceId
@@ -259,6 +262,7 @@ class SequenceContext:
     timestamps_s: NDArray[np.float64] | None = field(default=None, compare=False)
     source_frames: range | None = None
     camera_at: Callable[[int], CameraModel] | None = field(default=None, compare=False)
+    images: Callable[[], Iterator[NDArray[np.uint8]]] | None = field(default=None, compare=False)
 
 
 @runtime_checkable

@@ -1,15 +1,19 @@
-"""Trackers by name: the built-in ones, and those of other packages' entry points ``tracknoise.trackers``."""
+"""Trackers by name: the built-in ones, presets, and those of other packages' entry points ``tracknoise.trackers``."""
 
 from collections.abc import Mapping
 
+from tracknoise.exceptions import UnknownNameError
 from tracknoise.plugins import Plugins, plugin_defaults
 from tracknoise.trackers.tracker import TrackerSettings
+from tracknoise.trackers.tracker_presets import load_preset, preset_names, preset_text
 
 TRACKERS: Plugins[TrackerSettings] = Plugins(
     what="tracker",
     group="tracknoise.trackers",
     built_in={
         "correspondence": "tracknoise.trackers.correspondence:Correspondence",
+        "dense-flow": "tracknoise.trackers.dense_flow:DenseFlow",
+        "external": "tracknoise.trackers.external:External",
         "imported": "tracknoise.trackers.imported:Imported",
         "lucas-kanade": "tracknoise.trackers.lucas_kanade:LucasKanade",
         "oracle": "tracknoise.trackers.oracle:Oracle",
@@ -21,24 +25,51 @@ def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> Trac
     """Make a tracker's settings from its name and options, types checked.
 
     Options are what a TOML or JSON file can hold: nested settings (``detection``, ``rejection``) are mappings, the
-    members of enumerations their names, tuples lists. Types must fit as they are: "12" is not a number.
+    members of enumerations their names, tuples lists. Types must fit as they are: "12" is not a number. Options of a
+    preset take precedence over its own.
 
     Raises
     ------
     UnknownNameError
-        If there is no tracker of that name.
+        If there is no tracker and no preset of that name.
     SettingsError
         If an option is unknown or missing, or has a wrong type or value; the message names it.
     """
+    if is_preset(kind):
+        preset = load_preset(kind)
+        return TRACKERS.make(preset.tracker, preset.merged(options or {}))
+    if kind not in TRACKERS.names():
+        raise UnknownNameError("tracker", kind, tracker_names())
     return TRACKERS.make(kind, options)
 
 
+def tracker_names() -> list[str]:
+    """Names of all trackers and presets, sorted."""
+    return sorted({*TRACKERS.names(), *preset_names()})
+
+
+def is_preset(name: str) -> bool:
+    """Whether a name is that of a preset, and of no tracker."""
+    return name in preset_names() and name not in TRACKERS.names()
+
+
+def descriptions() -> tuple[dict[str, str], dict[str, str]]:
+    """What each tracker does, and each preset, by name."""
+    trackers = {name: TRACKERS.load(name).description for name in TRACKERS.names()}
+    presets = {name: load_preset(name) for name in filter(is_preset, preset_names())}
+    return trackers, {name: f"preset of {one.system}: {one.description}" for name, one in presets.items()}
+
+
 def tracker_defaults(kind: str) -> str:
-    """The options of a tracker with their defaults as TOML, those without a default as comments.
+    """The options of a tracker with their defaults as TOML, those without a default as comments; a preset's file.
 
     Raises
     ------
     UnknownNameError
-        If there is no tracker of that name.
+        If there is no tracker and no preset of that name.
     """
+    if is_preset(kind):
+        return preset_text(kind).rstrip()
+    if kind not in TRACKERS.names():
+        raise UnknownNameError("tracker", kind, tracker_names())
     return plugin_defaults(TRACKERS, kind)

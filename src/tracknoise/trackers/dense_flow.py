@@ -1,0 +1,133 @@
+"""Dense optical flow between images, sampled at features."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated, Any, ClassVar
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from tracknoise.checks import Positive, require
+from tracknoise.trackers.detection import MOST_FEATURES, Detection
+from tracknoise.trackers.features import Features, displacement_px
+from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following
+from tracknoise.trackers.preprocessing import Preprocessing
+from tracknoise.trackers.rejection import Rejection
+from tracknoise.trackers.tracker import Frame, SequenceContext
+
+_SMALLEST_SIDE_PX = 16
+"""The flow of smaller images is not computed."""
+
+
+class Method(StrEnum):
+    """How the flow is computed.
+
+    dis-ultrafast, dis-fast, dis-medium: dense inverse search, with OpenCV's settings of these names. farneback: by
+    expansion into polynomials, with 3 levels, a window of 15 px and 3 iterations.
+    """
+
+    dis_ultrafast = "dis-ultrafast"
+    dis_fast = "dis-fast"
+    dis_medium = "dis-medium"
+    farneback = "farneback"
+
+
+_PRESETS = {
+    Method.dis_ultrafast: cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
+    Method.dis_fast: cv2.DISOPTICAL_FLOW_PRESET_FAST,
+    Method.dis_medium: cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DenseFlow:
+    """Settings of the tracker by dense optical flow.
+
+    Parameters
+    ----------
+    detection, rejection
+        Where features may begin and stay; which of them are outliers.
+    method
+        How the flow is computed: see `tracknoise.trackers.dense_flow.Method`.
+    backward_px
+        The flow back is computed too, and features are dropped that it leads farther than this from where they were,
+        px. None: it is not computed.
+    max_displacement_px
+        A feature that moved this far or farther in one step is dropped.
+    min_features, max_features
+        New features are detected when fewer than `min_features` are left, up to `max_features`.
+    preprocessing
+        What is done to each image before features are detected and followed in it.
+    order
+        In which order distances are kept, outliers rejected and new features detected: see
+        `tracknoise.trackers.following.Order`.
+    max_age
+        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
+    """
+
+    kind: ClassVar[str] = "dense-flow"
+    description: ClassVar[str] = "corners carried along by dense optical flow (DIS, Farneback), with outlier rejection"
+
+    detection: Detection = field(default_factory=Detection)
+    rejection: Rejection = field(default_factory=Rejection)
+    method: Method = Method.dis_medium
+    backward_px: Positive | None = 1.0
+    max_displacement_px: Positive = 64.0
+    min_features: Annotated[int, Ge(1)] = 1000
+    max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+    order: Order = Order.spacing_first
+    max_age: Annotated[int, Ge(1)] | None = None
+
+    def __post_init__(self) -> None:
+        require(self.method in tuple(Method), "method", self.method, f"one of {', '.join(Method)}")
+        object.__setattr__(self, "method", Method(self.method))  # so that a name will do for the member
+        check_following(self)
+
+    def start(self, context: SequenceContext) -> FollowingTracker:
+        """Start the tracker on one sequence at one speed."""
+        self.detection.require_usable()
+        inliers = self.rejection.repeated(context.repeat).inliers_of(context)
+        return FollowingTracker(self, _Carried(self.method, self.backward_px), inliers)
+
+
+@dataclass(frozen=True, slots=True)
+class _Carried:
+    """Features that the flow carries along; it is interpolated between the pixels around each."""
+
+    method: Method
+    backward_px: float | None
+    quality_names: tuple[str, ...] = ()
+
+    def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
+        """Where features of one image are in the next."""
+        if min(before.size) < _SMALLEST_SIDE_PX:
+            return Flow(features.uv, np.zeros(len(features), dtype=np.bool_))
+        uv = features.uv + _sampled(self._flow(before, after), features.uv)
+        found = np.isfinite(uv).all(axis=1) & np.all((uv >= 0) & (uv <= np.array(after.size) - 1), axis=1)
+        if self.backward_px is not None:
+            back = uv + _sampled(self._flow(after, before), np.where(found[:, None], uv, 0.0))
+            found &= displacement_px(features.uv, back) <= self.backward_px
+        return Flow(uv, found)
+
+    def _flow(self, before: Frame, after: Frame) -> NDArray[np.float32]:
+        """Displacement of each pixel, (height, width, 2), px."""
+        nothing: Any = None  # where OpenCV may write the flow; its annotations do not know that it need not be given
+        if self.method is Method.farneback:
+            flow = cv2.calcOpticalFlowFarneback(before.image, after.image, nothing, 0.5, 3, 15, 3, 5, 1.2, 0)
+        else:
+            flow = cv2.DISOpticalFlow.create(_PRESETS[self.method]).calc(before.image, after.image, nothing)
+        return np.asarray(flow, dtype=np.float32)
+
+
+def _sampled(flow: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Displacements at positions (n, 2) in the image, bilinear."""
+    most = np.array(flow.shape[1::-1]) - 1
+    corner = np.clip(np.floor(uv), 0, most - 1).astype(np.intp)
+    right, down = np.clip(uv - corner, 0.0, 1.0).T[:, :, None]
+    column, row = corner.T
+    above = (1 - right) * flow[row, column] + right * flow[row, column + 1]
+    below = (1 - right) * flow[row + 1, column] + right * flow[row + 1, column + 1]
+    return np.asarray((1 - down) * above + down * below, dtype=np.float64)

@@ -1,0 +1,237 @@
+"""A program of your own that follows points through a folder of images: the folder protocol of the VOT challenge.
+
+- Settings: the command, when points begin, and how long it may take.
+- The folder that a command is given, and the output that it writes there.
+- One run of a command: its time limit, and what went wrong, in one line.
+"""
+
+import os
+import shlex
+import signal
+import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, ClassVar
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from tracknoise.checks import Positive, require, require_bounds
+from tracknoise.exceptions import SettingsError, TrackerError
+from tracknoise.foreign_files import absolute, read_bytes
+from tracknoise.text import counted
+from tracknoise.trackers.detection import MOST_FEATURES, Detection
+from tracknoise.trackers.imported import ImportedTracker
+from tracknoise.trackers.imported_rows import Tracks
+from tracknoise.trackers.spacing import places_in
+from tracknoise.trackers.tracker import Frame, SequenceContext
+
+_ABSENT, _HIDDEN = "0", ("0", "false")
+_LAST_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class External:
+    """Settings of a program that follows points, by the folder protocol of the VOT challenge of points.
+
+    The command is started once per sequence and speed, in a folder of its own with these files:
+
+    - ``frames_color.txt``: absolute paths of the images that the tracker sees (8-bit PNG), one per line.
+    - ``query_N.txt``, one per point, N from 1: the number of the image in which it begins, from 0, and in the next line
+      its position ``x,y``, px. The centre of the first pixel is 0,0.
+
+    It must end with code 0 and leave ``output_N.txt`` for each point, one line per image: ``x,y``, or ``0`` where the
+    point is not seen, and in the images before its own. In ``output_N_visible.txt``, if there is one, lines of ``0`` or
+    ``false`` hide points too. The position in the first image of a point is that of the query, whatever is written.
+
+    Parameters
+    ----------
+    command
+        The program and its arguments. It is looked up on the path; other words are passed as they are.
+    script
+        A file that is passed as the last argument, with its absolute path. A run measures again what was measured with
+        another version of it.
+    timeout_s
+        Longest time that the command may take for one sequence at one speed, seconds.
+    detection
+        Where points begin.
+    every
+        Points begin in each of so many images that the tracker sees, from the first one on. None: in the first only.
+    max_features
+        Number of points that begin in one image, at most.
+    """
+
+    kind: ClassVar[str] = "external"
+    description: ClassVar[str] = "points followed by a program of your own: the folder protocol of the VOT challenge"
+    reports_causes: ClassVar[bool] = False
+
+    command: tuple[str, ...]
+    script: Path | None = None
+    timeout_s: Positive = 600.0
+    detection: Detection = field(default_factory=Detection)
+    every: Annotated[int, Ge(1)] | None = 10
+    max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 100
+
+    def __post_init__(self) -> None:
+        words = tuple(self.command)
+        good = len(words) > 0 and all(isinstance(word, str) for word in words) and bool(words[0])
+        require(good, "command", self.command, "a program and its arguments")
+        object.__setattr__(self, "command", words)
+        require_bounds(self)
+
+    def start(self, context: SequenceContext) -> ImportedTracker:
+        """Run the command on the images of one sequence at one speed.
+
+        Raises
+        ------
+        DataError
+            If the script cannot be read.
+        SettingsError
+            If the command cannot be started.
+        TrackerError
+            If it takes too long, fails, or writes something else than was agreed.
+        """
+        self.detection.require_usable()
+        if context.images is None:
+            raise SettingsError("external: images come one by one, expected all of a sequence before the first step")
+        with TemporaryDirectory(prefix="tracknoise-external-") as name:
+            folder = _Folder(Path(name))
+            offset, uv, response = folder.written(context.images(), self)
+            if len(offset):
+                _run(self, folder.path)
+            tracks = folder.read(offset, uv, response, context.speed)
+        return ImportedTracker(tracks)
+
+
+@dataclass(slots=True)
+class _Folder:
+    """The folder that a command is given."""
+
+    path: Path
+    n_images: int = 0
+
+    def written(
+        self, images: Iterator[NDArray[np.uint8]], settings: External
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float32]]:
+        """Write images and queries. Returns the image (n,), the position (n, 2) and the response (n,) of each query."""
+        paths, found = [], []
+        for number, image in enumerate(images):
+            paths.append(self.path / "images" / f"{number:06d}.png")
+            paths[-1].parent.mkdir(exist_ok=True)
+            cv2.imwrite(str(paths[-1]), image)
+            if number == 0 or (settings.every is not None and number % settings.every == 0):
+                frame = Frame(number, image)
+                births = places_in(frame.size, settings.detection).births(frame, settings.max_features)
+                found.append((np.full(len(births[0]), number, dtype=np.int64), *births))
+        self.n_images = len(paths)
+        (self.path / "frames_color.txt").write_text("".join(f"{path}\n" for path in paths), encoding="utf-8")
+        offset, uv, response = (np.concatenate(part) for part in zip(*found, strict=True))
+        for number, (first, (x, y)) in enumerate(zip(offset.tolist(), uv.tolist(), strict=True), 1):
+            (self.path / f"query_{number}.txt").write_text(f"{first}\n{x!r},{y!r}\n", encoding="utf-8")
+        return offset, uv, response
+
+    def read(
+        self, offset: NDArray[np.int64], uv: NDArray[np.float64], response: NDArray[np.float32], speed: int
+    ) -> Tracks:
+        """What the command wrote about all queries, in frames of the nominal sequence."""
+        parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
+        for number, (first, position) in enumerate(zip(offset.tolist(), uv, strict=True), 1):
+            seen = self._output(number)
+            seen[:first] = np.nan
+            seen[first] = position
+            rows = np.flatnonzero(np.isfinite(seen[:, 0]))
+            parts.append((np.full(len(rows), number - 1, dtype=np.int64), rows * speed, seen[rows]))
+        nothing = np.empty(0, dtype=np.int64)
+        track, frame, at = (
+            np.concatenate([empty, *(part[place] for part in parts)])
+            for place, empty in enumerate((nothing, nothing, np.empty((0, 2))))
+        )
+        order = np.lexsort((track, frame))
+        first_row = frame == offset[track] * speed
+        responses = np.where(first_row, response[track], np.float32(np.nan)).astype(np.float32)
+        quality: Mapping[str, NDArray[np.float32]] = {}
+        return Tracks(track[order], frame[order], at[order], responses[order], quality)
+
+    def _output(self, number: int) -> NDArray[np.float64]:
+        """Positions (n, 2) of a query in all images, NaN where it is not seen."""
+        name = f"output_{number}.txt"
+        seen = np.full((self.n_images, 2), np.nan)
+        for row, text in enumerate(self._lines(name)):
+            if text != _ABSENT:
+                seen[row] = _position(text, f"{name}:{row + 1}")
+        visible = f"output_{number}_visible.txt"
+        if (self.path / visible).exists():
+            seen[[text.lower() in _HIDDEN for text in self._lines(visible)]] = np.nan
+        return seen
+
+    def _lines(self, name: str) -> list[str]:
+        try:
+            lines = (self.path / name).read_text(encoding="utf-8").split("\n")
+        except FileNotFoundError:
+            raise TrackerError(f"external: found no {name}, expected {counted(self.n_images, 'line')}") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise TrackerError(f"external: {name} cannot be read ({error}), expected text") from error
+        lines = [line.strip() for line in lines]
+        lines = lines[:-1] if lines[-1] == "" else lines
+        if len(lines) != self.n_images:
+            found = f"{counted(len(lines), 'line')} in {name}"
+            raise TrackerError(f"external: found {found}, expected {self.n_images}, one per image")
+        return lines
+
+
+def _position(text: str, place: str) -> list[float]:
+    try:
+        position = [float(part) for part in text.split(",")]
+    except ValueError:
+        position = []
+    if len(position) != 2 or not np.isfinite(position).all():
+        raise TrackerError(f"external: found {text!r} in {place}, expected x,y or 0")
+    return position
+
+
+def _run(settings: External, folder: Path) -> None:
+    """Run the command in a folder, and end it and all that it started when its time is over."""
+    words = [*settings.command]
+    if settings.script is not None:
+        path = absolute(Path(), settings.script)
+        read_bytes(path, "the script of a tracker")  # so that a run notes its version
+        words.append(str(path))
+    shown = f"external: {shlex.join(words)}"
+    log = folder / "output.log"
+    with log.open("wb") as output:
+        try:
+            process = subprocess.Popen(
+                words,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise SettingsError(f"{shown}: cannot be started ({error.strerror}), expected a program") from error
+        try:
+            code = process.wait(settings.timeout_s)
+        except subprocess.TimeoutExpired:
+            message = f"{shown}: still runs after {settings.timeout_s:g} s, expected it to end{_last_line(log)}"
+            raise TrackerError(message) from None
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    if code:
+        how = f"ended with code {code}" if code > 0 else f"was ended by {signal.Signals(-code).name}"
+        raise TrackerError(f"{shown}: {how}, expected code 0{_last_line(log)}")
+
+
+def _last_line(log: Path) -> str:
+    """What a command printed last, for an error."""
+    with log.open("rb") as file:
+        file.seek(max(log.stat().st_size - _LAST_BYTES, 0))
+        lines = [line.strip() for line in file.read().decode(errors="replace").splitlines() if line.strip()]
+    return f"; it printed last: {lines[-1]}" if lines else ""

@@ -1,0 +1,260 @@
+"""Trackers that detect features and follow each from image to image, whatever finds it again.
+
+- Where features of one image are in another: what follows them.
+- In which order distances are kept, outliers rejected and new features detected.
+- The tracker itself: one step per frame.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.checks import require, require_bounds
+from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.detection import Detection
+from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
+from tracknoise.trackers.preprocessing import Preprocessing
+from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
+from tracknoise.trackers.spacing import Places, places_in
+from tracknoise.trackers.tracker import Frame, Step
+
+
+class Order(StrEnum):
+    """In which order a step does its parts, after the features were followed.
+
+    spacing_first: distances are kept, outliers rejected, new features detected, as in XIVO. rejection_first: outliers
+    are rejected, distances kept, new features detected, as in VINS-Mono. detection_first: before the features are
+    followed, distances are kept and new features detected in the previous image; outliers are rejected afterwards. The
+    first observation of a feature is then where its first step ends, as in OpenVINS.
+    """
+
+    spacing_first = "spacing-first"
+    rejection_first = "rejection-first"
+    detection_first = "detection-first"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flow:
+    """What became of n features in the next image.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Their positions, px; anything where they were not found.
+    found : (n,) bool
+        Whether they were found, at a finite position.
+    quality : (n,) float32 each
+        See `tracknoise.trackers.tracker.Step.quality`.
+    """
+
+    uv: NDArray[np.float64]
+    found: NDArray[np.bool_]
+    quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+
+
+class Follower(Protocol):
+    """What finds features of one image in another."""
+
+    @property
+    def quality_names(self) -> tuple[str, ...]:
+        """Names of the quality of each `Flow`."""
+        ...
+
+    def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
+        """Where the features, one at least, are in the next image. Their latest positions are those in `before`."""
+        ...
+
+
+class FollowingSettings(Protocol):
+    """Settings that all these trackers have: see `tracknoise.trackers.lucas_kanade.LucasKanade`."""
+
+    @property
+    def detection(self) -> Detection:
+        """Where features may begin and stay."""
+        ...
+
+    @property
+    def rejection(self) -> Rejection:
+        """Which of them are outliers."""
+        ...
+
+    @property
+    def preprocessing(self) -> Preprocessing:
+        """What is done to each image first."""
+        ...
+
+    @property
+    def order(self) -> Order:
+        """In which order a step does its parts."""
+        ...
+
+    @property
+    def max_displacement_px(self) -> float:
+        """A feature that moved this far or farther in one step is dropped."""
+        ...
+
+    @property
+    def max_age(self) -> int | None:
+        """A feature older than this is dropped, frames of the nominal sequence."""
+        ...
+
+    @property
+    def min_features(self) -> int:
+        """New features are detected when fewer are left."""
+        ...
+
+    @property
+    def max_features(self) -> int:
+        """New features are detected up to this number."""
+        ...
+
+
+def check_following(settings: FollowingSettings) -> None:
+    """Raise ValueError, naming the field, unless settings of one of these trackers can be used."""
+    require(settings.order in tuple(Order), "order", settings.order, f"one of {', '.join(Order)}")
+    object.__setattr__(settings, "order", Order(settings.order))  # so that a name will do for the member
+    require_bounds(settings)
+    expected = f"a number not below min_features, {settings.min_features}"
+    require(settings.max_features >= settings.min_features, "max_features", settings.max_features, expected)
+
+
+class FollowingTracker:
+    """A tracker that follows features, on one sequence.
+
+    A step applies these tests to the live features, oldest first. With the default order, they are those of XIVO:
+
+    1. The feature is found again (else ``lost``). `Step.matched` counts those found.
+    2. It moved less than the largest displacement (else ``displaced``), and is not too old (else ``masked``).
+    3. It lies outside the margin, and far enough from the features that passed this test before it in this frame (else
+       ``masked``). A feature that passes occupies its place.
+    4. The outlier rejection between the previous and current positions of the remaining features keeps it (else
+       ``outlier``). An outlier's place stays occupied in this frame, so that it is not detected again at once.
+    5. If fewer than `min_features` are left, the strongest keypoints in free places are added, up to `max_features`;
+       each occupies its place.
+
+    With `Order.rejection_first`, features inside the margin end first, and test 4 comes before the distances of test 3.
+    With `Order.detection_first`, tests 3 and 5 are made in the previous image before test 1, and test 3 in the present
+    image asks only whether the feature lies in it. Features that do not survive their first step are never reported.
+    A step without live features only detects new ones, in the present image.
+    """
+
+    def __init__(self, settings: FollowingSettings, follower: Follower, inliers: Inliers) -> None:
+        self._settings = settings
+        self._follower = follower
+        self._inliers = inliers
+        self._before: Frame | None = None
+        self._features = Features.begin(0, np.empty((0, 2)))
+        self._response = np.empty(0, dtype=np.float32)  # of features that were not reported yet
+        self._next_id = 0
+
+    def step(self, frame: Frame) -> Step:
+        """Track into the next frame."""
+        image = self._settings.preprocessing.applied(frame)
+        step = self._step_to(image) if self._settings.order is not Order.detection_first else self._step_from(image)
+        self._before = image
+        return step
+
+    def _step_to(self, frame: Frame) -> Step:
+        """One step, in which new features are detected in the present image."""
+        before, places = self._features, places_in(frame.size, self._settings.detection)
+        flow = self._flow(frame, before)
+        end = self._judge(before, flow, frame, places)
+        alive = end == ALIVE
+        found = before.chosen(alive, flow.uv[alive])
+        new, response = self._detect(frame, places, len(found))
+        self._features = found.joined(new)
+        return report(
+            offered=before.ids,
+            end=end,
+            matched=int(np.count_nonzero(flow.found)),
+            found=found,
+            new=new,
+            response=response,
+            quality={name: values[alive] for name, values in flow.quality.items()},
+        )
+
+    def _step_from(self, frame: Frame) -> Step:
+        """One step, in which new features are detected in the previous image."""
+        everything, end = self._with_new_features()
+        rows = np.flatnonzero(end == ALIVE)
+        followed = everything.chosen(rows, everything.uv[rows])
+        followed = Features(followed.ids, followed.uv, followed.first_uv, everything.before_uv[rows], followed.born)
+        flow = self._flow(frame, followed)
+        end[rows] = self._judge(followed, flow, frame, places_in(frame.size, self._settings.detection))
+        alive = end[rows] == ALIVE
+        known = np.ones(len(everything), dtype=np.bool_)
+        known[len(known) - len(self._response) :] = False
+        old, seen = alive & known[rows], alive & ~known[rows]
+        order = np.concatenate([np.flatnonzero(old), np.flatnonzero(seen)])
+        found, new = (followed.chosen(chosen, flow.uv[chosen]) for chosen in (old, seen))
+        step = report(
+            offered=everything.ids[known],
+            end=end[known],
+            matched=int(np.count_nonzero(flow.found & known[rows])),
+            found=found,
+            new=new,
+            response=self._response[(end == ALIVE)[~known]],
+            quality={name: values[order] for name, values in flow.quality.items()},
+        )
+        self._features, self._response = found.joined(new), np.empty(0, dtype=np.float32)
+        if not len(everything):
+            self._features, self._response = self._detect(frame, places_in(frame.size, self._settings.detection), 0)
+        return step
+
+    def _with_new_features(self) -> tuple[Features, NDArray[np.int8]]:
+        """The live features and new ones of the previous image, and which of them end there."""
+        live, before = self._features, self._before
+        end = np.full(len(live), TrackEnd.masked, dtype=np.int8)
+        if before is None or not len(live):
+            return live, end
+        places = places_in(before.size, self._settings.detection)
+        kept = places.claim(live.uv)
+        end[kept] = ALIVE
+        new, response = self._detect(before, places, len(kept))
+        self._response = np.concatenate([self._response, response])
+        return live.joined(new), np.concatenate([end, np.full(len(new), ALIVE, dtype=np.int8)])
+
+    def _flow(self, frame: Frame, features: Features) -> Flow:
+        """Track features into an image."""
+        if self._before is None or not len(features):
+            nothing = {name: np.empty(0, dtype=np.float32) for name in self._follower.quality_names}
+            return Flow(np.empty((0, 2)), np.zeros(0, dtype=np.bool_), nothing)
+        return self._follower.follow(self._before, frame, features)
+
+    def _judge(self, features: Features, flow: Flow, frame: Frame, places: Places) -> NDArray[np.int8]:
+        """Tests 1 to 4: the outcome for every feature that was followed."""
+        settings, uv = self._settings, flow.uv
+        end = np.full(len(features), TrackEnd.lost, dtype=np.int8)
+        near = flow.found & (displacement_px(features.uv, uv) < settings.max_displacement_px)
+        end[flow.found] = TrackEnd.displaced
+        end[near] = TrackEnd.masked
+        young = settings.max_age is None or frame.index - features.born <= settings.max_age
+        rows = np.flatnonzero(near & young)
+        if settings.order is Order.spacing_first:
+            rows = rows[places.claim(uv[rows])]
+        elif settings.order is Order.rejection_first:
+            rows = rows[places.inside(uv[rows])]
+        else:
+            rows = rows[np.all((uv[rows] >= 0) & (uv[rows] < frame.size), axis=1)]
+        first = settings.rejection.reference is ReferencePosition.first
+        source = features.first_uv if first else features.uv
+        inlier = self._inliers(source[rows], uv[rows], frame.index)
+        end[rows] = np.where(inlier, ALIVE, TrackEnd.outlier)
+        if settings.order is Order.rejection_first:
+            rows = rows[inlier]
+            end[rows] = TrackEnd.masked
+            end[rows[places.claim(uv[rows])]] = ALIVE
+        return end
+
+    def _detect(self, frame: Frame, places: Places, alive: int) -> tuple[Features, NDArray[np.float32]]:
+        """Test 5: new features of an image, and their responses."""
+        uv, response = np.empty((0, 2)), np.empty(0, dtype=np.float32)
+        if alive < self._settings.min_features:
+            uv, response = places.births(frame, self._settings.max_features - alive)
+        new = Features.begin(self._next_id, uv, frame.index)
+        self._next_id += len(new)
+        return new, response

@@ -1,0 +1,113 @@
+"""A function of your own that follows points from one image to the next, measured as a tracker."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from tracknoise.checks import Positive, require
+from tracknoise.exceptions import TrackerError
+from tracknoise.trackers.detection import MOST_FEATURES, Detection
+from tracknoise.trackers.features import Features
+from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following
+from tracknoise.trackers.preprocessing import Preprocessing
+from tracknoise.trackers.rejection import Model, Rejection
+from tracknoise.trackers.tracker import Frame, SequenceContext
+
+Follow = Callable[[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float64]], tuple[Any, Any]]
+"""Two images (height, width) uint8 and points (n, 2) px of the first, to points (n, 2) px of the second and whether
+each was found, (n,) bool."""
+
+
+def _free() -> Rejection:
+    return Rejection(model=Model.none)
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """Settings of a tracker that follows features with a function of your own.
+
+    Parameters
+    ----------
+    function
+        Called as ``function(previous, image, points)`` for each image that the tracker sees, if features are alive:
+        `previous` and `image` are (height, width) uint8 and must not be changed, `points` (n, 2) float64, px, n at
+        least 1. The centre of the first pixel is (0, 0). It returns ``points, ok``: (n, 2) positions in `image`, px,
+        and (n,) bool, whether each was found. Positions that are not finite count as not found. What it raises is
+        raised.
+    detection
+        Where features begin and may stay.
+    rejection
+        Which features are outliers; by default none.
+    max_displacement_px
+        A feature that moved this far or farther in one step is dropped.
+    min_features, max_features
+        New features are detected when fewer than `min_features` are left, up to `max_features`.
+    preprocessing
+        What is done to each image before features are detected and followed in it.
+    order
+        In which order distances are kept, outliers rejected and new features detected: see
+        `tracknoise.trackers.following.Order`.
+    max_age
+        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
+    """
+
+    kind: ClassVar[str] = "function"
+    description: ClassVar[str] = "corners followed by a function in Python"
+
+    function: Follow
+    detection: Detection = field(default_factory=Detection)
+    rejection: Rejection = field(default_factory=_free)
+    max_displacement_px: Positive = 10000.0
+    min_features: Annotated[int, Ge(1)] = 1000
+    max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+    order: Order = Order.spacing_first
+    max_age: Annotated[int, Ge(1)] | None = None
+
+    def __post_init__(self) -> None:
+        require(callable(self.function), "function", self.function, "a function of two images and points")
+        check_following(self)
+
+    @property
+    def name(self) -> str:
+        """The name of the function."""
+        return getattr(self.function, "__name__", type(self.function).__name__)
+
+    def start(self, context: SequenceContext) -> FollowingTracker:
+        """Start the tracker on one sequence at one speed."""
+        self.detection.require_usable()
+        inliers = self.rejection.repeated(context.repeat).inliers_of(context)
+        return FollowingTracker(self, _Called(self.function, self.name), inliers)
+
+
+@dataclass(frozen=True, slots=True)
+class _Called:
+    """Features that a function follows."""
+
+    function: Follow
+    name: str
+    quality_names: tuple[str, ...] = ()
+
+    def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
+        """Where features of one image are in the next."""
+        returned: object = self.function(before.image, after.image, features.uv.copy())
+        if not isinstance(returned, tuple | list) or len(returned) != 2:
+            raise TrackerError(f"{self.name} returned {_shown(returned)}, expected points and ok")
+        n = len(features)
+        uv, ok = (np.asarray(value) for value in returned)
+        if uv.shape != (n, 2) or uv.dtype.kind not in "fiu":
+            raise TrackerError(f"{self.name} returned points {_shown(uv)}, expected numbers of shape ({n}, 2)")
+        if ok.shape != (n,) or ok.dtype.kind != "b":
+            raise TrackerError(f"{self.name} returned ok {_shown(ok)}, expected bool of shape ({n},)")
+        uv = uv.astype(np.float64)
+        return Flow(uv, ok & np.isfinite(uv).all(axis=1))
+
+
+def _shown(value: object) -> str:
+    return (
+        f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else f"of type {type(value).__name__}"
+    )

@@ -1,0 +1,152 @@
+"""Keypoints that a network finds, from an ONNX file of your own, on the processor."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, TrackerError, first_line, missing_extra
+from tracknoise.foreign_files import read_bytes
+
+_WHAT = "an ONNX network of keypoints"
+
+
+class NetworkUnits(StrEnum):
+    """What positions of a network are.
+
+    pixels: of its input, whose first pixel has the centre (0, 0). minus-one-to-one: from the centre of the first pixel
+    of its input to that of the last.
+    """
+
+    pixels = "pixels"
+    minus_one_to_one = "minus-one-to-one"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NetworkKeypoints:
+    """What a network found in an image, strongest first.
+
+    Attributes
+    ----------
+    uv : (n, 2) float64
+        Positions in the image, px.
+    score : (n,) float32
+        By the network; 1 where it gives none.
+    descriptors : (n, d) float32
+        None if the network has none.
+    """
+
+    uv: NDArray[np.float64]
+    score: NDArray[np.float32]
+    descriptors: NDArray[np.float32] | None
+
+    def at_least(self, score: float) -> "NetworkKeypoints":
+        """Those with this score or a higher one."""
+        n = int(np.count_nonzero(self.score >= score))
+        return NetworkKeypoints(self.uv[:n], self.score[:n], None if self.descriptors is None else self.descriptors[:n])
+
+
+def require_network(path: Path) -> None:
+    """Check that a network can be used.
+
+    Raises
+    ------
+    SettingsError
+        If onnxruntime is not installed.
+    DataError
+        If the file is missing or no network of keypoints: one input (1, 1 or 3, height, width), and an output whose
+        name contains ``keypoints``.
+    """
+    data = read_bytes(path, f"{_WHAT}, such as SuperPoint, DISK or ALIKED exported for LightGlue")
+    _open(path, len(data), path.stat().st_mtime_ns)
+
+
+def find_keypoints(image: NDArray[np.uint8], path: Path, units: NetworkUnits) -> NetworkKeypoints:
+    """Run a network on an image (height, width), which is stretched to the size of its input, if it has one.
+
+    Raises
+    ------
+    TrackerError
+        If the network fails on the image, or its outputs do not fit to each other.
+    """
+    network = _open(path, *_version(path))
+    size = network.input_size or image.shape[::-1]
+    shown = image if size == image.shape[::-1] else cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
+    planes = np.repeat((shown.astype(np.float32) / 255)[None, None], network.channels, axis=1)
+    try:
+        found = network.session.run([*network.outputs.values()], {network.input_name: planes})
+    except Exception as error:  # of its own types, which depend on the build
+        where = f"images of {size[0]} x {size[1]} px"
+        raise TrackerError(f"{path}: the network fails on {where} ({first_line(error)}), expected keypoints") from error
+    return _strongest_first(path, dict(zip(network.outputs, found, strict=True)), size, image.shape[::-1], units)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Network:
+    """An open network: its input, and its names of keypoints, scores and descriptors, as far as it has them."""
+
+    session: Any
+    input_name: str
+    channels: int
+    input_size: tuple[int, int] | None
+    outputs: Mapping[str, str]
+
+
+def _version(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns
+
+
+@lru_cache(maxsize=4)
+def _open(path: Path, size: int, mtime_ns: int) -> _Network:
+    """Open a network once for each version of its file."""
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise missing_extra(f"{path}: {_WHAT}", "learned") from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # so that results do not depend on their number
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # of its own types, which depend on the build
+        raise DataError(path, f"cannot be opened ({first_line(error)})", _WHAT) from error
+    inputs, names = session.get_inputs(), [output.name for output in session.get_outputs()]
+    shapes = [list(one.shape) for one in inputs]
+    if len(inputs) != 1 or len(shapes[0]) != 4 or inputs[0].type != "tensor(float)" or shapes[0][1] not in (1, 3):
+        found = ", ".join(f"{one.name} {one.type} {shape}" for one, shape in zip(inputs, shapes, strict=True))
+        raise DataError(path, f"inputs {found}", "one input of floats with the shape (1, 1 or 3, height, width)")
+    parts = ((part, name) for part in ("keypoints", "scores", "descriptors") for name in names if part in name)
+    outputs = dict(parts)
+    if "keypoints" not in outputs:
+        raise DataError(path, f"outputs {', '.join(names)}", "one whose name contains keypoints")
+    height, width = shapes[0][2:]
+    known = (width, height) if isinstance(width, int) and isinstance(height, int) else None
+    return _Network(session, inputs[0].name, shapes[0][1], known, outputs)
+
+
+def _strongest_first(
+    path: Path, found: Mapping[str, Any], size: tuple[int, int], image: tuple[int, int], units: NetworkUnits
+) -> NetworkKeypoints:
+    """What a network returned, in pixels of the image."""
+    uv = np.asarray(found["keypoints"], dtype=np.float64).reshape(-1, 2)
+    score = np.asarray(found.get("scores", np.ones(len(uv))), dtype=np.float32).reshape(-1)
+    descriptors = None
+    if "descriptors" in found:
+        descriptors = np.asarray(found["descriptors"], dtype=np.float32)
+        descriptors = descriptors.reshape(-1, descriptors.shape[-1])
+    if len(score) != len(uv) or (descriptors is not None and len(descriptors) != len(uv)):
+        shapes = ", ".join(f"{name} {np.shape(one)}" for name, one in found.items())
+        raise TrackerError(f"{path}: the network returned {shapes}, expected one element per keypoint")
+    if units is NetworkUnits.minus_one_to_one:
+        uv = (uv + 1) / 2 * (np.array(size) - 1)
+    uv = (uv + 0.5) * (np.array(image) / np.array(size)) - 0.5
+    inside = np.all((uv >= 0) & (uv <= np.array(image) - 1), axis=1) & np.isfinite(score)
+    rows = np.flatnonzero(inside)[np.argsort(-score[inside], kind="stable")]
+    return NetworkKeypoints(uv[rows], score[rows], None if descriptors is None else descriptors[rows])

@@ -1,0 +1,87 @@
+"""Functions of one's own as trackers."""
+
+import cv2
+import numpy as np
+import pytest
+
+import tracknoise as tn
+from tracknoise.exceptions import SettingsError, TrackerError
+from tracknoise.trackers.function import Function
+from tracknoise.trackers.lucas_kanade import LucasKanade
+from tracknoise.trackers.rejection import Model, Rejection
+
+
+def lucas_kanade(previous, image, points):
+    options = {"winSize": (15, 15), "maxLevel": 4, "criteria": (3, 30, 0.01)}
+    found, ok, _ = cv2.calcOpticalFlowPyrLK(previous, image, points.astype(np.float32), None, **options)
+    return found, ok[:, 0] == 1
+
+
+@pytest.fixture(scope="module")
+def sequence():
+    return tn.open_sequence("simulated", motions=["forward"], frames=4, width=200, height=150)
+
+
+def test_a_function_is_measured_as_a_tracker_of_its_name(sequence):
+    measured = tn.measure(sequence, [lucas_kanade, "lucas-kanade"])
+    assert set(measured.tracks["tracker"].unique()) == {"lucas_kanade", "lucas-kanade"}
+    rms = np.sqrt(
+        (measured.observations.filter(measured.observations["tracker"] == "lucas_kanade")["du_px"] ** 2).mean()
+    )
+    assert 0 < rms < 5
+
+
+def test_it_does_what_a_tracker_with_the_same_steps_does(sideways, setting):
+    detection = tn.Detection(detector="gftt", spacing="circles", distance_px=12)
+    same = {"detection": detection, "min_features": 80, "max_features": 90}
+    ours = Function(lucas_kanade, **same).start(setting())
+    theirs = LucasKanade(rejection=Rejection(model=Model.none), max_displacement_px=10000.0, **same).start(setting())
+    for frame in sideways:
+        one, other = ours.step(frame), theirs.step(frame)
+        assert one.uv.tolist() == other.uv.tolist()
+        assert one.ended.tolist() == other.ended.tolist()
+
+
+def test_what_is_not_finite_or_not_ok_is_lost(sideways, setting):
+    def half(previous, image, points):
+        moved, ok = points + np.array([3, -2]), np.arange(len(points)) % 2 == 0
+        moved[0] = np.nan
+        return moved, ok
+
+    tracker = Function(half, min_features=50, max_features=60).start(setting())
+    tracker.step(sideways[0])
+    second = tracker.step(sideways[1])
+    assert (second.offered, second.matched) == (60, 29)
+
+
+@pytest.mark.parametrize(
+    ("returned", "message"),
+    [
+        (None, "wrong returned of type NoneType, expected points and ok"),
+        (np.zeros((60, 2)), r"wrong returned float64 of shape \(60, 2\), expected points and ok"),
+        (
+            (np.zeros((59, 2)), np.ones(59, bool)),
+            r"points float64 of shape \(59, 2\), expected numbers of shape \(60, 2",
+        ),
+        ((np.zeros((60, 2)), np.ones((60, 1), bool)), r"ok bool of shape \(60, 1\), expected bool of shape \(60,\)"),
+        ((np.zeros((60, 2)), np.ones(60)), r"ok float64 of shape \(60,\), expected bool"),
+        ((["a"] * 60, np.ones(60, bool)), r"points <U1 of shape \(60,\), expected numbers"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_line(sideways, setting, returned, message):
+    def wrong(previous, image, points):
+        return returned
+
+    tracker = Function(wrong, min_features=50, max_features=60).start(setting())
+    tracker.step(sideways[0])
+    with pytest.raises(TrackerError, match=message):
+        tracker.step(sideways[1])
+
+
+def test_what_is_no_function_is_refused(sequence):
+    with pytest.raises(ValueError, match="function is 3, expected a function of two images and points"):
+        Function(3)
+    with pytest.raises(SettingsError, match="found the class Function, expected an instance"):
+        tn.measure(sequence, Function)
+    with pytest.raises(SettingsError, match="two trackers of one name"):
+        tn.measure(sequence, [lucas_kanade, lucas_kanade])

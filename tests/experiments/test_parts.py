@@ -52,6 +52,8 @@ def joined(recording, made_once):
         (400, [1], 300, (range(200), range(200, 400))),
         (1000, [1], 300, (range(333), range(333, 667), range(667, 1000))),
         (100, [1, 2, 4], 30, (range(32), range(32, 68), range(68, 100))),
+        (11, [8], 9, ()),
+        (1000, [1, 100], 60, (range(200), range(200, 400), range(400, 600), range(600, 800), range(800, 1000))),
         (100, [1, 7, 11], 50, (range(50), range(50, 100))),
     ],
 )
@@ -229,3 +231,64 @@ def test_another_trimming_is_that_of_measuring_again(recording, joined, tmp_path
     for name in measured.names_of_tables(KEY):
         if name != "patches":
             assert_frame_equal(again.sequence_table(name, KEY), measured.sequence_table(name, KEY), rel_tol=1e-9)
+
+
+def test_clips_do_not_overlap(recording):
+    for n_frames in range(300, 420, 7):
+        for speeds in ([1], [1, 8], [3, 4]):
+            found = ranges_of(n_frames, in_parts(recording, frames=61, clips=5), speeds, pixels=640 * 480)
+            frames = [frame for one in found for frame in one]
+            assert len(frames) == len(set(frames))
+            assert max(frames) < n_frames
+
+
+def test_parts_of_an_oracle_draw_numbers_of_their_own(joined):
+    moved = joined.sequence_table("observations", KEY).filter(tracker="oracle", speed=1, age=1)
+    first, second = (moved.filter(pl.col("frame").is_between(low, low + 9))["du_px"].to_list() for low in (0, 10))
+    assert not set(first) & set(second)
+
+
+def test_a_part_without_poses_is_left_out_and_named(experiment_file, told, tmp_path):
+    file = experiment_file(1, 30)
+    for index in range(10):
+        (tmp_path / "data" / "seq-01" / f"frame-{index:06d}.pose.txt").write_text("nan nan nan nan\n" * 4)
+    run = RunFolder(tmp_path / "run [1]")
+    outcome = execute(in_parts(file), run, listener=told())
+    assert outcome.measured == [KEY], outcome.failures
+    assert any("nothing could be measured in frames 0 to 9" in note for note in run.manifest().sequences[KEY].notes)
+
+
+def test_parts_of_another_version_are_measured_again(recording, told, tmp_path, monkeypatch):
+    class Ends(told):
+        def frame(self, key, done, total, first):
+            if first == 20:
+                raise KeyboardInterrupt
+
+    run = RunFolder(tmp_path / "run")
+    with pytest.raises(KeyboardInterrupt):
+        execute(in_parts(recording), run, listener=Ends())
+    part = run.part(KEY, 0)
+    manifest = part.manifest()
+    manifest.versions["numpy"] = "0.1"
+    part.write_manifest(manifest)
+    seen = []
+
+    class Counts(told):
+        def frame(self, key, done, total, first):
+            seen.append((first, done))
+
+    execute(in_parts(recording), run, listener=Counts())
+    assert (0, 1) in seen
+    assert (10, 1) not in seen
+
+
+def test_trackers_that_need_the_whole_sequence_get_it(recording, tmp_path, told):
+    tracks = tmp_path / "tracks.csv"
+    tracks.write_text(
+        "track,frame,u,v\n" + "".join(f"{k},{f},{20 + k},{20 + k}\n" for k in range(9) for f in range(1, 29))
+    )
+    trackers = [TrackerChoice(kind="imported", options={"path": str(tracks)})]
+    run = RunFolder(tmp_path / "run")
+    outcome = execute(in_parts(recording, trackers=trackers, speeds=[1]), run, listener=told())
+    assert outcome.measured == [KEY], outcome.failures
+    assert not run.manifest().sequences[KEY].parts

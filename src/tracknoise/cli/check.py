@@ -62,6 +62,7 @@ def check(
         write_atomically(html, pictures.page(report).encode())
     if not as_json:
         context.obj.result(report_text(report))
+        context.obj.say("a first answer in about a minute: tracknoise init RECORDING, then tracknoise run FILE --quick")
     return 0 if report.truth.is_usable else UNUSABLE
 
 

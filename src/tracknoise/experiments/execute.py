@@ -145,7 +145,9 @@ def execute(
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
         together = batches(todo)
         shown = claim if scheduler else replace(claim, patience_s=0.0)  # this machine sees the folder as it is
-        job = Job(RunFolder(run.path.absolute()), shown, manifest.versions, debug, one_thread=len(together) > 1)
+        job = Job(
+            RunFolder(run.path.absolute()), shown, manifest.versions, debug, one_thread=len(together) > 1, verify=verify
+        )
 
         def retrying(batch: Batch, cause: str) -> None:
             listener.remark(f"{readable(batch[0].key)}: {cause}; retrying")
@@ -158,7 +160,7 @@ def execute(
                 for batch, result in results:
                     _settle(batch, result, manifest_writer, listener)
                     manifest_writer.write_if_due()
-        run.discard_parts(manifest.sequences)
+        run.discard_parts(but={task.key for task in tasks} - manifest.sequences.keys())
         if todo:
             run.discard_unfinished()  # files of workers that died while they wrote
         if manifest.sequences:
@@ -194,7 +196,7 @@ def _crew(
 def _here(job: Job, listener: Listener, together: list[Batch]) -> Results:
     for batch in together:
         progress = following(batch[0], listener.frame)
-        yield batch, attempt(batch, job.run, claim=job.claim, progress=progress, debug=job.debug)
+        yield batch, attempt(batch, job.run, claim=job.claim, progress=progress, debug=job.debug, verify=job.verify)
 
 
 def _settle(batch: Batch, result: Settled, manifest_writer: ManifestWriter, listener: Listener) -> None:

@@ -14,18 +14,20 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from tracknoise.exceptions import StoreError
 from tracknoise.experiments.inputs import InputCheck
-from tracknoise.experiments.plan import Task
-from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.plan import Task, make_trackers
+from tracknoise.experiments.resume import new_manifest
+from tracknoise.experiments.settings import EstimatorSettings, Experiment, FindingsSettings
 from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.joining import OF_THE_WHOLE, Part, join, place
 from tracknoise.tables.enumerations import InputKind
-from tracknoise.tables.identity import Direction
-from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import INPUTS
 from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
 from tracknoise.text import counted
+from tracknoise.trackers.tracker import needs_frames_only
 
 BUDGET = 500 * 640 * 480
 """Pixels that all trackers process in a part at all speeds, unless the experiment says how long parts are."""
@@ -35,16 +37,15 @@ SHORTEST = 120
 """Frames of a part, at least, unless the experiment says how long parts are."""
 
 
-def parts_of(batch: Sequence[Task], sequences: Sequence[Recording]) -> tuple[range, ...]:
-    """Frames of the parts in which a batch is measured; none if it is measured in one piece.
+def parts_of(task: Task, sequence: Recording) -> tuple[range, ...]:
+    """Frames of the parts in which a sequence is measured; none if it is measured in one piece.
 
     Sequences that are read together are measured in one piece, and so are those whose true positions are fixed in one
-    key frame, and those that are played backward with imported tracks.
+    key frame, and those of trackers that need the whole sequence, such as imported tracks.
     """
-    task, sequence = batch[0], sequences[0]
-    imported = any(choice.kind == "imported" for choice in task.experiment.trackers)
+    trackers = make_trackers(task.experiment).values()
     of_one_frame = (task.experiment.truth.kind or next(iter(sequence.truths), None)) == TruthKind.scan
-    if len(batch) > 1 or of_one_frame or (imported and task.sequence.direction == Direction.backward):
+    if task.shares or of_one_frame or not all(map(needs_frames_only, trackers)):
         return ()
     pixels = sequence.camera.width * sequence.camera.height
     return ranges_of(len(sequence), task.experiment, task.speeds, pixels=pixels)
@@ -53,21 +54,23 @@ def parts_of(batch: Sequence[Task], sequences: Sequence[Recording]) -> tuple[ran
 def ranges_of(n_frames: int, experiment: Experiment, speeds: Sequence[int], *, pixels: int) -> tuple[range, ...]:
     """Frames of the parts of a sequence of so many frames with so many pixels; none if it is one piece.
 
-    Parts begin with a frame that trackers of all speeds see, where a part is long enough for that.
+    Parts begin with a frame that trackers of all speeds see, where a part is long enough for that. Each has more frames
+    than the largest speed.
     """
     per_frame = len(experiment.trackers) * sum(1 / speed for speed in speeds) * pixels
-    wanted = experiment.part_frames or max(SHORTEST, int(BUDGET / per_frame))
+    wanted = max(experiment.part_frames or max(SHORTEST, int(BUDGET / per_frame)), 2 * max(speeds) + 2)
     together = math.lcm(*speeds)
-    step = together if together <= wanted else 1
-    count = max(round(n_frames / wanted), math.ceil(n_frames / (_LONGEST * wanted)))
+    step = together if 2 * together <= wanted else 1
     if experiment.clips is not None and experiment.clips * wanted < n_frames:
-        return _clips(n_frames, experiment.clips, length=wanted, step=step)
+        return _clips(n_frames, experiment.clips, length=wanted // step * step, step=step)
+    count = max(round(n_frames / wanted), math.ceil(n_frames / (_LONGEST * wanted)))
     starts = [round(number * n_frames / count / step) * step for number in range(count)]
-    return tuple(range(*ends) for ends in zip(starts, [*starts[1:], n_frames], strict=True)) if count > 1 else ()
+    found = tuple(range(*ends) for ends in zip(starts, [*starts[1:], n_frames], strict=True))
+    return found if count > 1 and min(map(len, found)) > max(speeds) else ()
 
 
 def _clips(n_frames: int, count: int, *, length: int, step: int) -> tuple[range, ...]:
-    """Frames of clips, with equal gaps before, between and after them."""
+    """Frames of clips, with equal gaps before, between and after them. `length`: a multiple of `step`."""
     gap = (n_frames - count * length) / (count + 1)
     starts = [int((gap + number * (gap + length)) / step) * step for number in range(count)]
     return tuple(range(start, start + length) for start in starts)
@@ -78,21 +81,29 @@ def folder_of(task: Task, run: RunFolder) -> RunFolder:
     return run if task.part is None else run.part(task.key, task.part)
 
 
-def measured_before(task: Task, run: RunFolder) -> SequenceEntry | None:
-    """Entry of a part that an earlier start measured, whose tables are intact and whose files have not changed."""
+def measured_before(task: Task, run: RunFolder, *, verify: bool = False) -> SequenceEntry | None:
+    """Entry of a part that an earlier start measured with the same versions, settings and files, if it is intact."""
     folder = folder_of(task, run)
-    if not folder.exists:
+    try:
+        if not folder.exists:
+            return None
+        manifest, now = folder.manifest(), manifest_of_part(task)
+    except StoreError:
         return None
-    manifest = folder.manifest()
     entry = manifest.sequences.get(task.key)
-    if entry is None or manifest.settings_hash != digest_of_part(task) or not folder.has_sequence(entry):
+    is_same = (manifest.settings_hash, manifest.versions) == (now.settings_hash, now.versions)
+    if entry is None or not is_same or not folder.has_sequence(entry):
         return None
-    return entry if InputCheck(folder).change(task, entry) is None else None
+    return entry if InputCheck(folder, verify=verify).change(task, entry) is None else None
 
 
-def digest_of_part(task: Task) -> str:
-    """Hash of the settings and of the frames of a part."""
-    return f"{task.experiment.digest()} {task.frames}"
+def manifest_of_part(task: Task) -> Manifest:
+    """Begin the manifest of a part, with a hash of its frames and of the settings that its tables depend on."""
+    alike = task.experiment.with_groups(None).with_scenes(None)
+    alike = alike.model_copy(update={"findings": FindingsSettings(), "estimator": EstimatorSettings()})
+    manifest = new_manifest(task.experiment)
+    manifest.settings_hash = f"{alike.digest()} {task.frames}"
+    return manifest
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,11 +186,14 @@ def joined_inputs(parts: Sequence[RunFolder], key: str) -> pl.DataFrame:
     return pl.concat([every, frames]).select(list(INPUTS)).sort("kind", "in_data", "path")
 
 
-def note_of(task: Task, n_frames: int) -> str:
+def note_of(task: Task, parts: Sequence[MeasuredPart], n_frames: int) -> str:
     """How a sequence was measured, one sentence."""
     lengths = [len(frames) for frames in task.parts]
     if sum(lengths) < n_frames:
-        return f"measured in {counted(len(lengths), 'clip')} of {max(lengths)} frames, spread over {n_frames} frames"
-    return (
-        f"measured in {len(lengths)} parts of {min(lengths)} to {max(lengths)} frames; tracks end at the end of a part"
-    )
+        note = f"measured in {counted(len(lengths), 'clip')} of {max(lengths)} frames, spread over {n_frames} frames"
+    else:
+        length = f"{min(lengths)} to {max(lengths)}"
+        note = f"measured in {len(lengths)} parts of {length} frames; tracks end at the end of a part"
+    shown = {one.part.place for one in parts}
+    empty = [f"{frames[0]} to {frames[-1]}" for place, frames in enumerate(task.parts) if place not in shown]
+    return f"{note}; nothing could be measured in frames {', '.join(empty)}" if empty else note

@@ -38,6 +38,8 @@ class Task:
         Frames of the parts in which it is measured; none if it is measured in one piece, or that is not known yet.
     part
         Which of these to measure. None: join all of them.
+    shares
+        Whether the sequence is read together with others of the experiment.
     """
 
     experiment: Experiment
@@ -45,6 +47,7 @@ class Task:
     speeds: tuple[int, ...]
     parts: tuple[range, ...] = ()
     part: int | None = None
+    shares: bool = False
 
     @property
     def key(self) -> str:
@@ -75,7 +78,7 @@ def plan(experiment: Experiment) -> list[Task]:
     if not chosen:
         raise SettingsError("no sequence has both a scene and a lighting that the experiment names")
     scenes = sorted({item.scene for item in chosen})[: dataset.max_scenes]
-    return _distinct(
+    tasks = _distinct(
         Task(
             experiment,
             replace(item, rotation=way.rotation, direction=way.direction),
@@ -86,6 +89,8 @@ def plan(experiment: Experiment) -> list[Task]:
         for way in experiment.views
         if way.lightings is None or item.lighting in way.lightings
     )
+    shared = {task.key for batch in batches(tasks) if len(batch) > 1 for task in batch}
+    return [replace(task, shares=task.key in shared) for task in tasks]
 
 
 def _distinct(tasks: Iterable[Task]) -> list[Task]:

@@ -378,11 +378,6 @@ class Experiment(_Section):
         for speeds in (self.speeds, *(view.speeds or [] for view in self.views)):
             if len(set(speeds)) < len(speeds):
                 raise ValueError(f"speeds must differ, found {speeds}")
-        fastest = max(
-            speed for speeds in (self.speeds, *(view.speeds or [] for view in self.views)) for speed in speeds
-        )
-        if self.part_frames is not None and self.part_frames <= fastest:
-            raise ValueError(f"part_frames = {self.part_frames}, expected more than the largest speed, {fastest}")
         ways = [(view.rotation, str(view.direction)) for view in self.views]
         if len(set(ways)) < len(ways):
             raise ValueError(f"views must differ in rotation or direction, found {ways}")

@@ -22,10 +22,10 @@ from tracknoise.experiments.local_workers import notify
 from tracknoise.experiments.machine import kernels, one_blas_thread
 from tracknoise.experiments.measure import Measurement, measure_together, poses_of_two, tap_metrics
 from tracknoise.experiments.parts import (
-    digest_of_part,
     folder_of,
     joined_inputs,
     joined_tables,
+    manifest_of_part,
     measured_before,
     measured_parts,
     note_of,
@@ -59,10 +59,11 @@ def attempt(
     claim: Claim | None = None,
     progress: Progress | None = None,
     debug: bool = False,
+    verify: bool = False,
 ) -> Result:
     """As `run_batch`, but return a failure instead of raising it, unless `debug` is set. Interruptions are raised."""
     try:
-        return run_batch(batch, run, claim=claim, progress=progress)
+        return run_batch(batch, run, claim=claim, progress=progress, verify=verify)
     except BaseException as error:  # a panic of Polars is no Exception, nor is what `sys.exit` raises in a plug-in
         raise_if_interruption(error)
         if debug:
@@ -71,7 +72,12 @@ def attempt(
 
 
 def run_batch(
-    batch: list[Task], run: RunFolder, *, claim: Claim | None = None, progress: Progress | None = None
+    batch: list[Task],
+    run: RunFolder,
+    *,
+    claim: Claim | None = None,
+    progress: Progress | None = None,
+    verify: bool = False,
 ) -> list[SequenceEntry] | InParts:
     """Measure the sequences of a batch, or a part of one, or join its parts, and write the tables into the run folder.
 
@@ -85,6 +91,8 @@ def run_batch(
         Proof that the run holds the lock of the folder, checked before anything is written. Not needed by default.
     progress
         Called after each frame.
+    verify
+        Compare parts that an earlier start measured with their files by content.
 
     Returns
     -------
@@ -100,12 +108,16 @@ def run_batch(
     task = batch[0]
     if not task.parts:
         return _measure_batch(batch, run, claim=claim, progress=progress)
-    return [_joined(task, run, claim) if task.part is None else _measure_part(task, run, claim, progress)]
+    if task.part is None:
+        return [_joined(task, run, claim)]
+    return [_measure_part(task, run, claim=claim, progress=progress, verify=verify)]
 
 
-def _measure_part(task: Task, run: RunFolder, claim: Claim | None, progress: Progress | None) -> SequenceEntry:
+def _measure_part(
+    task: Task, run: RunFolder, *, claim: Claim | None, progress: Progress | None, verify: bool
+) -> SequenceEntry:
     """Measure a part of a sequence, unless an earlier start did. An entry without files if there is nothing in it."""
-    before, frames = measured_before(task, run), task.parts[task.part or 0]
+    before, frames = measured_before(task, run, verify=verify), task.parts[task.part or 0]
     if before is not None:
         if progress is not None:
             progress(len(frames), len(frames))
@@ -117,8 +129,8 @@ def _measure_part(task: Task, run: RunFolder, claim: Claim | None, progress: Pro
         entry = measured[0]
     except NothingToMeasureError:
         entry = SequenceEntry(task.sequence, len(frames), 0, 0, "", 0, 0.0)
-    manifest = new_manifest(task.experiment)
-    manifest.settings_hash, manifest.sequences = digest_of_part(task), {task.key: entry}
+    manifest = manifest_of_part(task)
+    manifest.sequences[task.key] = entry
     folder.create(task.experiment.to_toml(), manifest)
     return entry
 
@@ -149,7 +161,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         n_frames=n_frames,
         snapshot_frame=middle.part.first_frame + middle.entry.snapshot_frame,
         seconds=round(sum(entry.seconds for entry in entries), 3),
-        notes=(note_of(task, n_frames), *_notes(sequence, n_frames, middle.entry.truth, _different(entries))),
+        notes=(note_of(task, parts, n_frames), *_notes(sequence, n_frames, middle.entry.truth, _different(entries))),
         states_accuracy=all(entry.states_accuracy for entry in entries),
         doubts=found.mistakes,
         cautions=found.cautions,
@@ -174,7 +186,7 @@ def _measure_batch(
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
         progress = recorder.following(progress)
         sequences = open_batch(batch, change=recorder.recorded)
-        parts = () if batch[0].parts else parts_of(batch, sequences)
+        parts = () if batch[0].parts else parts_of(batch[0], sequences[0])
         if parts:
             return InParts(parts)
         repeated = _repeated(batch, progress)
@@ -330,6 +342,8 @@ class Job:
         Raise failures instead of recording them.
     one_thread
         Use one thread in OpenCV, because other workers use the other cores.
+    verify
+        See `run_batch`.
     """
 
     run: RunFolder
@@ -337,6 +351,7 @@ class Job:
     versions: dict[str, str]
     debug: bool
     one_thread: bool = True
+    verify: bool = False
 
     def __call__(self, batch: Batch) -> Result:
         """Measure a batch in a worker."""
@@ -345,7 +360,7 @@ class Job:
         require_versions(self.versions, place=f"worker on {socket.gethostname()}")
         self.claim.check()
         progress = following(batch[0], notify)
-        return attempt(batch, self.run, claim=self.claim, progress=progress, debug=self.debug)
+        return attempt(batch, self.run, claim=self.claim, progress=progress, debug=self.debug, verify=self.verify)
 
 
 @one_blas_thread()

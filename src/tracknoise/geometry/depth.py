@@ -296,7 +296,7 @@ def _vertices(
     return vertices
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _rays(camera: CameraModel, height: int, width: int, rotation: bytes) -> NDArray[np.float64]:
     """Rays through the pixels of a map with depth 1, turned: (3, height, width)."""
     rows, columns = np.indices((height, width), dtype=np.float64)

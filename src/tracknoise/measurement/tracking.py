@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
 from tracknoise.sequences.sequence import Sequence, camera_at, times_of
-from tracknoise.sequences.views import source_frames
+from tracknoise.sequences.views import first_of_part, source_frames
 from tracknoise.trackers.gradient import dominant_gradient
 from tracknoise.trackers.tracker import Frame, NotedTracker, OracleTruth, SequenceContext, Tracker, TrackerSettings
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
@@ -196,6 +196,7 @@ def start_tracker(condition: TrackerSetup, sequence: Sequence, truth: Truth, see
             n_frames=len(sequence),
             speed=condition.speed,
             seed=seed,
+            first_frame=first_of_part(sequence),
             truth=truth if isinstance(truth, OracleTruth) else None,
             frames_without_pose=frozenset(np.flatnonzero(~RowPoses(sequence).known).tolist()),
             timestamps_s=times_of(sequence),

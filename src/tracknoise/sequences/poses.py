@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError, DataWarning
+from tracknoise.exceptions import DataError, DataWarning, NothingToMeasureError
 from tracknoise.foreign_files import read_text
 from tracknoise.geometry.pose import from_quaternion, nearest_rigid
 from tracknoise.text import counted, significant
@@ -148,7 +148,7 @@ def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> 
     count, least = int(np.count_nonzero(known)), min(_FEWEST, len(known))
     if count < least:
         found = f"{counted(count, 'pose')} for {counted(len(known), 'frame')}"
-        raise DataError(place, found, f"poses for at least {least}")
+        raise NothingToMeasureError(place, found, f"poses for at least {least}")
 
 
 def require_poses(place: Place, *, poses: int, images: int) -> None:

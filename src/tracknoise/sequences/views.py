@@ -237,6 +237,13 @@ def source_frames(sequence: Sequence) -> range | None:
     return source_frames(sequence.sequence) if isinstance(sequence, Turned) else None
 
 
+def first_of_part(sequence: Sequence) -> int:
+    """Where the part of a sequence begins that is played; 0 where all of it is."""
+    if isinstance(sequence, PartOfSequence):
+        return sequence.frames.start
+    return first_of_part(sequence.sequence) if isinstance(sequence, View) else 0
+
+
 def frame_step(sequence: Sequence) -> int:
     """Number of frames of the recording from one frame of a sequence to the next."""
     if not isinstance(sequence, View):

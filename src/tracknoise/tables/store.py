@@ -194,18 +194,20 @@ class RunFolder:
         """Where a part of a sequence is kept until all of its parts are measured."""
         return RunFolder(self.path / _PARTS / key / f"{number:04d}")
 
-    def discard_parts(self, keys: Collection[str]) -> None:
-        """Remove the parts of sequences, and of no others.
+    def discard_parts(self, *, but: Collection[str]) -> None:
+        """Remove the parts of all sequences but some.
 
         Raises
         ------
         StoreError
             If one cannot be removed.
         """
-        for key in keys:
-            remove(self.path / _PARTS / key)
         folder = self.path / _PARTS
-        if folder.is_dir() and not any(folder.iterdir()):
+        there = list(folder.iterdir()) if folder.is_dir() else []
+        for path in there:
+            if path.name not in but:
+                remove(path)
+        if there and not any(folder.iterdir()):
             remove(folder)
 
     @property
@@ -464,7 +466,7 @@ class RunFolder:
         path, sha256 = self._table_path(name, key), self._hash_of(name, key)
         if sha256 is not None and not is_intact(path, sha256):
             read_checked(path, [sha256], expected="a table of the run")  # says what is wrong
-        return pl.scan_parquet(path)
+        return pl.scan_parquet(path, glob=False)
 
     def rows(self, name: str, key: str, *chosen: pl.Expr) -> pl.DataFrame:
         """Those rows of one table of one sequence that are chosen, which alone are in memory.

@@ -215,6 +215,7 @@ class Correspondence:
 
     kind: ClassVar[str] = "correspondence"
     description: ClassVar[str] = "corners matched by their descriptors, with outlier rejection"
+    needs_frames_only: ClassVar[bool] = True
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)

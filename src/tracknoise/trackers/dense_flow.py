@@ -69,6 +69,7 @@ class DenseFlow:
 
     kind: ClassVar[str] = "dense-flow"
     description: ClassVar[str] = "corners carried along by dense optical flow (DIS, Farneback), with outlier rejection"
+    needs_frames_only: ClassVar[bool] = True
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)

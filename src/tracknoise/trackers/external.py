@@ -68,6 +68,7 @@ class External:
 
     kind: ClassVar[str] = "external"
     description: ClassVar[str] = "points followed by a program of your own: the folder protocol of the VOT challenge"
+    needs_frames_only: ClassVar[bool] = True
     reports_causes: ClassVar[bool] = False
 
     command: tuple[str, ...]

@@ -57,6 +57,7 @@ class Function:
 
     kind: ClassVar[str] = "function"
     description: ClassVar[str] = "corners followed by a function in Python"
+    needs_frames_only: ClassVar[bool] = True
 
     function: Follow
     detection: Detection = field(default_factory=Detection)

@@ -88,6 +88,7 @@ class LucasKanade:
 
     kind: ClassVar[str] = "lucas-kanade"
     description: ClassVar[str] = "corners tracked by pyramidal Lucas-Kanade, with outlier rejection"
+    needs_frames_only: ClassVar[bool] = True
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)

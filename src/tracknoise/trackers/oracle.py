@@ -62,7 +62,8 @@ def random_key(seed: int, context: SequenceContext) -> list[int]:
     cameras = [sequence.camera] if sequence.camera else []
     names = (zlib.crc32(name.encode()) for name in (sequence.scene, sequence.lighting, sequence.direction, *cameras))
     again = [context.repeat] if context.repeat else []
-    return [seed, context.seed, *names, sequence.rotation % 360, context.speed, *again]
+    part = [0, context.first_frame] if context.first_frame else []
+    return [seed, context.seed, *names, sequence.rotation % 360, context.speed, *again, *part]
 
 
 USUAL_TEXTURE = 30.0
@@ -141,6 +142,7 @@ class Oracle:
 
     kind: ClassVar[str] = "oracle"
     description: ClassVar[str] = "true positions plus bias, noise, drift, outliers and losses of known size"
+    needs_frames_only: ClassVar[bool] = True
 
     n_features: Annotated[int, Ge(1)] = 200
     bias_px: Pair = (0.0, 0.0)

@@ -238,6 +238,8 @@ class SequenceContext:
         True positions, for the oracle only; None if this kind of truth cannot place points.
     repeat
         Number of the repetition with other random seeds; 0 for the first measurement.
+    first_frame
+        Where the part of a long sequence begins that is measured; 0 where it is measured in one piece.
     frames_without_pose
         Frames in which no true position is known.
     timestamps_s
@@ -258,6 +260,7 @@ class SequenceContext:
     seed: int
     truth: OracleTruth | None
     repeat: int = 0
+    first_frame: int = 0
     frames_without_pose: frozenset[int] = frozenset()
     timestamps_s: NDArray[np.float64] | None = field(default=None, compare=False)
     source_frames: range | None = None
@@ -301,6 +304,14 @@ def reports_causes(settings: TrackerSettings) -> bool:
     return bool(getattr(settings, "reports_causes", True))
 
 
+def needs_frames_only(settings: TrackerSettings) -> bool:
+    """Whether a tracker needs successive frames and nothing else of a sequence, so that a long one can be in parts.
+
+    Settings of a tracker that has a class variable ``needs_frames_only = True``. Others see each sequence as a whole.
+    """
+    return bool(getattr(settings, "needs_frames_only", False))
+
+
 @dataclass(frozen=True, slots=True)
 class RepeatedTracker:
     """A tracker with other random seeds.
@@ -323,6 +334,11 @@ class RepeatedTracker:
     def reports_causes(self) -> bool:
         """As the tracker itself: see `reports_causes`."""
         return reports_causes(self.settings)
+
+    @property
+    def needs_frames_only(self) -> bool:
+        """As the tracker itself: see `needs_frames_only`."""
+        return needs_frames_only(self.settings)
 
     def start(self, context: SequenceContext) -> Tracker:
         """Start the tracker on one sequence at one speed."""

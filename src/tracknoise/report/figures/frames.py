@@ -508,8 +508,8 @@ def _depth_m(data: ReportData, key: str) -> float | None:
     """Median depth of a scene's features, metres. None where none is known, or the tracks are not kept."""
     if not data.keeps_observations:
         return None
-    depths = data.run.sequence_table("tracks", key)["depth_m"].drop_nulls()
-    return float(np.median(depths.to_numpy())) if depths.len() else None
+    median: float | None = data.run.scan("tracks", key).select(pl.col("depth_m").median()).collect().item()
+    return median
 
 
 def _trajectory_message(path: Path) -> str:

@@ -139,7 +139,7 @@ def test_unknown_tracker(run):
     assert_one_line(
         run(("lucas-kanade", "lucas-kanda")),
         "x.toml: trackers[0]: unknown tracker 'lucas-kanda'",
-        "known: correspondence",
+        ", lucas-kanade, ",
     )
 
 

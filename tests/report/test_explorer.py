@@ -110,14 +110,14 @@ def test_tracks_have_the_end_the_truth_and_the_path_of_the_tables(run: RunFolder
 def test_ends_that_a_tracker_does_not_report_are_not_recorded(
     data: ReportData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read = type(data.run).sequence_table
+    read = type(data.run).rows
 
-    def without_causes(self: RunFolder, name: str, key: str) -> pl.DataFrame:
-        table = read(self, name, key)
+    def without_causes(self: RunFolder, name: str, key: str, *chosen: pl.Expr) -> pl.DataFrame:
+        table = read(self, name, key, *chosen)
         causes = pl.when(pl.col("end") == "sequence_end").then("end") if name == "tracks" else None
         return table if causes is None else table.with_columns(causes.alias("end"))
 
-    monkeypatch.setattr(type(data.run), "sequence_table", without_causes)
+    monkeypatch.setattr(type(data.run), "rows", without_causes)
     ends = {track["end"] for group in looks.looks(data)["groups"] for track in group["tracks"]}
     assert ends == {"sequence end", "not recorded"}
 

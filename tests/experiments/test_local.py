@@ -67,11 +67,17 @@ def test_what_a_job_raises_is_raised_here_with_its_traceback(name, kind, text):
     assert not spawned()
 
 
-def test_notes_of_a_single_worker_arrive_before_its_result():
+def test_notes_of_workers_arrive_before_their_results():
     told = []
-    assert list(measure_locally(announce, [2], workers=4, frame=lambda *values: told.append(values))) == [(2, 2)]
+
+    def tell(*values):
+        told.append(values)
+
+    assert list(measure_locally(announce, [2], workers=4, frame=tell)) == [(2, 2)]
     assert told == [("key", 0, 2), ("key", 1, 2)]
-    assert dict(measure_locally(announce, [2, 3], workers=4, frame=pytest.fail)) == {2: 2, 3: 3}
+    told.clear()
+    assert dict(measure_locally(announce, [2, 3], workers=4, frame=tell)) == {2: 2, 3: 3}
+    assert sorted(told) == [("key", 0, 2), ("key", 0, 3), ("key", 1, 2), ("key", 1, 3), ("key", 2, 3)]
 
 
 def test_processes_that_cannot_be_started_are_a_failure_of_every_batch(monkeypatch):

@@ -114,7 +114,7 @@ def test_other_questions_are_answered_without_measuring_again(finished, tmp_path
 def test_earlier_results_stay_until_new_ones_are_ready(measured, finished, told, files):
     """Two scenes are added, and the start that measures them is interrupted before the last."""
 
-    def interrupt(key, done, total):
+    def interrupt(key, done, total, first):
         if len(listener.keys) == measured:
             raise KeyboardInterrupt
 

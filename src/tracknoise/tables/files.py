@@ -2,6 +2,8 @@
 
 import hashlib
 import io
+import os
+import re
 import shutil
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -50,11 +52,22 @@ def write_parquet(path: Path, table: pl.DataFrame | pl.LazyFrame) -> str:
                 table.sink_parquet(temporary, compression="zstd", row_group_size=_ROWS_TOGETHER)
                 with temporary.open("rb") as file:
                     return hashlib.file_digest(file, "sha256").hexdigest()
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written ({error.strerror}), expected a writable folder") from error
+        except (OSError, pl.exceptions.PolarsError) as error:
+            cause = _system_error(error)
+            raise StoreError(f"{path}: cannot be written ({cause.strerror}), expected a writable folder") from cause
     buffer = io.BytesIO()
     table.write_parquet(buffer, compression="zstd")
     return write_atomically(path, buffer.getvalue())
+
+
+def _system_error(error: Exception) -> OSError:
+    """The error of the system behind one of Polars, whose text ends with its number. Raises any other error again."""
+    if isinstance(error, OSError):
+        return error
+    number = re.search(r"\(os error (\d+)\)", str(error))
+    if number is None:
+        raise error
+    return OSError(int(number[1]), os.strerror(int(number[1])))
 
 
 def read_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: str = REMEDY) -> bytes:

@@ -126,7 +126,7 @@ def test_of_a_run_only_the_view_is_written_that_models_are_of(tmp_path, monkeypa
         def manifest(self):
             return self
 
-        def sequence_table(self, name, key):
+        def rows(self, name, key, *chosen):
             rotation, direction = views[key]
             constant = {"tracker": training.tracker, "speed": int(training.speed)}
             view = {"rotation": rotation, "direction": direction}

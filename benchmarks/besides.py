@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.harness import Row
+from benchmarks.harness import Row, Silent
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import resolve
 from tracknoise.experiments.settings import DatasetSettings, Experiment, TrackerChoice
@@ -25,19 +25,6 @@ RECORDINGS = {
     "KITTI": DatasetSettings(reader="kitti", root=SAMPLES / "kitti"),
 }
 SIMULATED = DatasetSettings(reader="simulated", options={"motions": ["sideways"], "frames": 45})
-
-
-class _Nobody:
-    def planned(self, keys: list[str], done: int) -> None: ...
-
-    def frame(self, key: str, done: int, total: int, first: int) -> None: ...
-
-    def measured(self, key: str, entry: object) -> None: ...
-
-    def failed(self, keys: list[str], cause: str) -> None:
-        raise RuntimeError(cause)
-
-    def remark(self, text: str) -> None: ...
 
 
 def rows() -> list[Row]:
@@ -60,7 +47,7 @@ def _row(name: str, dataset: DatasetSettings) -> Row:
     try:
         with tempfile.TemporaryDirectory() as folder:
             started = time.process_time()
-            execute(experiment, RunFolder(Path(folder) / "run"), listener=_Nobody())
+            execute(experiment, RunFolder(Path(folder) / "run"), listener=Silent())
             total = time.process_time() - started
     finally:
         tracking.start_tracker = before

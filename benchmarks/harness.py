@@ -70,3 +70,18 @@ def peak_mib() -> float:
     """Largest resident size since this program began; unlike `resource.getrusage`, without its parent's (Linux)."""
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) / 2**10
+
+
+class Silent:
+    """Listens to a run and prints nothing; a failure ends it."""
+
+    def planned(self, keys: list[str], done: int) -> None: ...
+
+    def frame(self, key: str, done: int, total: int, first: int) -> None: ...
+
+    def measured(self, key: str, entry: object) -> None: ...
+
+    def failed(self, keys: list[str], cause: str) -> None:
+        raise RuntimeError(cause)
+
+    def remark(self, text: str) -> None: ...

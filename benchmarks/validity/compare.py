@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.harness import Silent
 from tracknoise.analysis.gate import verdicts
 from tracknoise.analysis.paired_values import PairedValues
 from tracknoise.analysis.run_changes import Asked, Compared, Row
@@ -80,27 +81,12 @@ def describe(title: str, rows: Sequence[Row]) -> None:
     print(f"{title}: " + ", ".join(f"{name} {count}" for name, count in sorted(counts.items())))
 
 
-class _Silent:
-    """Listens to a run and prints nothing."""
-
-    def planned(self, keys: list[str], done: int) -> None: ...
-
-    def frame(self, key: str, done: int, total: int, first: int) -> None: ...
-
-    def measured(self, key: str, entry: object) -> None: ...
-
-    def failed(self, keys: list[str], cause: str) -> None:
-        raise RuntimeError(cause)
-
-    def remark(self, text: str) -> None: ...
-
-
 def seeds(count: int, out: Path) -> None:
     """Measure runs with other seeds, and compare every two of them."""
     for seed in range(count):
         run = RunFolder(out / f"seed-{seed}")
         if not run.exists:
-            execute(parse_experiment(_EXPERIMENT.format(seed=seed), place="benchmark"), run, listener=_Silent())
+            execute(parse_experiment(_EXPERIMENT.format(seed=seed), place="benchmark"), run, listener=Silent())
             print(f"measured seed {seed}", flush=True)
     pairs = list(combinations(range(count), 2))
     found = [compare(out / f"seed-{a}", out / f"seed-{b}").rows for a, b in pairs]

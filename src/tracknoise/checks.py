@@ -10,6 +10,7 @@ JSON schema too.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
@@ -33,6 +34,17 @@ def require(holds: bool, field: str, value: object, expected: str) -> None:
     """Raise ValueError, naming field, value and what was expected, unless `holds`."""
     if not holds:
         raise ValueError(f"{field} is {value!r}, expected {expected}")
+
+
+def settle_members(settings: object, **kinds: type[StrEnum]) -> None:
+    """Replace names by the members of enumerations that they are of, in fields of a frozen dataclass.
+
+    Raises ValueError, naming the field, where a value is neither.
+    """
+    for name, kind in kinds.items():
+        value = getattr(settings, name)
+        require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
+        object.__setattr__(settings, name, kind(value))
 
 
 def require_bounds(settings: Any) -> None:

@@ -26,6 +26,7 @@ from tracknoise.inference.units import BLOCKS
 from tracknoise.statistics.grouping import group_rows, total_if_known
 from tracknoise.statistics.moments import SECOND, merge
 from tracknoise.statistics.samples import MAX_TRACKS, PER_AGE, first_tracks
+from tracknoise.statistics.trimming import DROPPED_SHARE
 from tracknoise.tables.schema import ORIGIN, Schema, joined
 
 OF_THE_WHOLE = ("poses", "cameras", "path", "pose_differences")
@@ -179,8 +180,7 @@ def _trims(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     found = table.group_by(_NAMES, maintain_order=True).agg(
         pl.col("percentile", "among").first(), pl.col("threshold_px").max(), pl.col(counts).sum()
     )
-    share = pl.when(pl.col("n_measured") > 0).then(pl.col("n_dropped") / pl.col("n_measured"))
-    return found.with_columns(dropped_share=share).select(list(schema)).sort(_NAMES)
+    return found.with_columns(dropped_share=DROPPED_SHARE).select(list(schema)).sort(_NAMES)
 
 
 def _scales(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:

@@ -162,6 +162,10 @@ def _marked(sequence: PreparedSequence, largest: _Largest, kept: NDArray[np.bool
     )
 
 
+DROPPED_SHARE = pl.when(pl.col("n_measured") > 0).then(pl.col("n_dropped") / pl.col("n_measured"))
+"""Of the measured tracks; null where there are none."""
+
+
 def _account(
     sequence: PreparedSequence,
     largest: _Largest,
@@ -181,11 +185,10 @@ def _account(
     n = {
         name: np.bincount(sequence.track_condition[rows], minlength=len(threshold_px)) for name, rows in chosen.items()
     }
-    share = pl.when(pl.col("n_measured") > 0).then(pl.col("n_dropped") / pl.col("n_measured"))
     table = sequence.seen.conditions.with_columns(
         pl.lit(percentile, dtype=pl.Float64).alias("percentile"),
         pl.lit(among, dtype=AMONG).alias("among"),
         pl.Series("threshold_px", threshold_px, nan_to_null=True),
         *(pl.Series(name, values, dtype=pl.Int64) for name, values in n.items()),
     )
-    return check(table.filter(pl.col("n_tracks") > 0).with_columns(dropped_share=share), TRIMS, "trims")
+    return check(table.filter(pl.col("n_tracks") > 0).with_columns(dropped_share=DROPPED_SHARE), TRIMS, "trims")

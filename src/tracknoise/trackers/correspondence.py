@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require, require_bounds
+from tracknoise.checks import Positive, require, require_bounds, settle_members
 from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, network_keypoints
@@ -228,8 +228,7 @@ class Correspondence:
     max_distance: Positive | None = None
 
     def __post_init__(self) -> None:
-        require(self.descriptor in tuple(Descriptor), "descriptor", self.descriptor, f"one of {', '.join(Descriptor)}")
-        object.__setattr__(self, "descriptor", Descriptor(self.descriptor))  # so that a name will do for the member
+        settle_members(self, descriptor=Descriptor)
         known = self.descriptor is not Descriptor.network or self.detection.network is not None
         require(known, "descriptor", str(self.descriptor), "another one, or detection.network")
         require_bounds(self)

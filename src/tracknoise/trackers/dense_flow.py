@@ -9,10 +9,10 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require
+from tracknoise.checks import Positive, settle_members
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
-from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following
+from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
@@ -83,15 +83,12 @@ class DenseFlow:
     max_age: Annotated[int, Ge(1)] | None = None
 
     def __post_init__(self) -> None:
-        require(self.method in tuple(Method), "method", self.method, f"one of {', '.join(Method)}")
-        object.__setattr__(self, "method", Method(self.method))  # so that a name will do for the member
+        settle_members(self, method=Method)
         check_following(self)
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
-        self.detection.require_usable()
-        inliers = self.rejection.repeated(context.repeat).inliers_of(context)
-        return FollowingTracker(self, _Carried(self.method, self.backward_px), inliers)
+        return FollowingTracker(self, _Carried(self.method, self.backward_px), started(self, context))
 
 
 @dataclass(frozen=True, slots=True)

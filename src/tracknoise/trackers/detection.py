@@ -17,7 +17,7 @@ import numpy as np
 from annotated_types import Ge, Le, Lt
 from numpy.typing import NDArray
 
-from tracknoise.checks import Between0And1, NotNegative, Positive, require, require_bounds, require_odd
+from tracknoise.checks import Between0And1, NotNegative, Positive, require, require_bounds, require_odd, settle_members
 from tracknoise.trackers.keypoint_network import NetworkKeypoints, NetworkUnits, find_keypoints, require_network
 from tracknoise.trackers.tracker import Frame
 
@@ -184,10 +184,7 @@ class Detection:
     network_score: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        for name, kind in (("detector", Detector), ("spacing", Spacing), ("network_units", NetworkUnits)):
-            value = getattr(self, name)
-            require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
-            object.__setattr__(self, name, kind(value))  # so that a name will do for the member
+        settle_members(self, detector=Detector, spacing=Spacing, network_units=NetworkUnits)
         require_bounds(self)
         require_odd("square_px", self.square_px)
         require(self.network is None or self.grid is None, "grid", self.grid, "none with a network")

@@ -13,14 +13,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.checks import require, require_bounds
+from tracknoise.checks import require, require_bounds, settle_members
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import Detection
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
 from tracknoise.trackers.spacing import Places, places_in
-from tracknoise.trackers.tracker import Frame, Step
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 
 
 class Order(StrEnum):
@@ -115,11 +115,19 @@ class FollowingSettings(Protocol):
 
 def check_following(settings: FollowingSettings) -> None:
     """Raise ValueError, naming the field, unless settings of one of these trackers can be used."""
-    require(settings.order in tuple(Order), "order", settings.order, f"one of {', '.join(Order)}")
-    object.__setattr__(settings, "order", Order(settings.order))  # so that a name will do for the member
+    settle_members(settings, order=Order)
     require_bounds(settings)
     expected = f"a number not below min_features, {settings.min_features}"
     require(settings.max_features >= settings.min_features, "max_features", settings.max_features, expected)
+
+
+def started(settings: FollowingSettings, context: SequenceContext) -> Inliers:
+    """The outlier rejection of one of these trackers on one sequence, once its detection is known to work.
+
+    Raises SettingsError if it does not.
+    """
+    settings.detection.require_usable()
+    return settings.rejection.repeated(context.repeat).inliers_of(context)
 
 
 class FollowingTracker:

@@ -12,7 +12,7 @@ from tracknoise.checks import Positive, require
 from tracknoise.exceptions import TrackerError
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features
-from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following
+from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Model, Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
@@ -80,9 +80,7 @@ class Function:
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
-        self.detection.require_usable()
-        inliers = self.rejection.repeated(context.repeat).inliers_of(context)
-        return FollowingTracker(self, _Called(self.function, self.name), inliers)
+        return FollowingTracker(self, _Called(self.function, self.name), started(self, context))
 
 
 @dataclass(frozen=True, slots=True)

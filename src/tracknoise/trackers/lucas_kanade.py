@@ -10,10 +10,10 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require
+from tracknoise.checks import Positive, settle_members
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
-from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following
+from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
@@ -109,16 +109,12 @@ class LucasKanade:
     max_age: Annotated[int, Ge(1)] | None = None
 
     def __post_init__(self) -> None:
-        for name, kind in (("start_at", Start), ("template", Template), ("backward_start", BackwardStart)):
-            value = getattr(self, name)
-            require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
-            object.__setattr__(self, name, kind(value))  # so that a name will do for the member
+        settle_members(self, start_at=Start, template=Template, backward_start=BackwardStart)
         check_following(self)
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""
-        self.detection.require_usable()
-        return LucasKanadeTracker(self, self.rejection.repeated(context.repeat).inliers_of(context))
+        return LucasKanadeTracker(self, started(self, context))
 
 
 class LucasKanadeTracker(FollowingTracker):

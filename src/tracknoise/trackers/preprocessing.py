@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require, require_bounds
+from tracknoise.checks import Positive, require_bounds, settle_members
 from tracknoise.trackers.tracker import Frame
 
 
@@ -44,9 +44,7 @@ class Preprocessing:
     tiles: Annotated[int, Ge(1), Le(64)] = 8
 
     def __post_init__(self) -> None:
-        expected = f"one of {', '.join(Equalisation)}"
-        require(self.equalisation in tuple(Equalisation), "equalisation", self.equalisation, expected)
-        object.__setattr__(self, "equalisation", Equalisation(self.equalisation))  # so that a name will do
+        settle_members(self, equalisation=Equalisation)
         require_bounds(self)
 
     def applied(self, frame: Frame) -> Frame:

@@ -16,7 +16,7 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from tracknoise.checks import Between0And1, Positive, require, require_bounds
+from tracknoise.checks import Between0And1, Positive, require_bounds, settle_members
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.trackers.tracker import SequenceContext
@@ -440,11 +440,7 @@ class Rejection:
     focal_px: Positive | None = None
 
     def __post_init__(self) -> None:
-        enumerations = (Model, Consensus, ReferencePosition, Coordinates)
-        for name, kind in zip(("model", "consensus", "reference", "coordinates"), enumerations, strict=True):
-            value = getattr(self, name)
-            require(value in tuple(kind), name, value, f"one of {', '.join(kind)}")
-            object.__setattr__(self, name, kind(value))  # so that a name will do for the member
+        settle_members(self, model=Model, consensus=Consensus, reference=ReferencePosition, coordinates=Coordinates)
         require_bounds(self)
 
     def repeated(self, repeat: int) -> "Rejection":

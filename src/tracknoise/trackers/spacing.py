@@ -95,9 +95,7 @@ class Mask:
 
     def inside(self, uv: Floats) -> NDArray[np.bool_]:
         """Which positions (n, 2) lie on a pixel outside the margin; NaN and those outside the image do not."""
-        margin = self._detection.margin_px
-        inside = (uv >= margin) & (uv < np.array(self._size) - margin)
-        return np.asarray(inside[:, 0] & inside[:, 1], dtype=np.bool_)
+        return _inside(uv, self._size, self._detection.margin_px)
 
     def births(self, frame: Frame, limit: int) -> Births:
         """The strongest keypoints in free places."""
@@ -136,6 +134,12 @@ class Mask:
         return kept
 
 
+def _inside(pixel: Floats, size: tuple[int, int], margin_px: int) -> NDArray[np.bool_]:
+    """Which positions (n, 2) lie outside the margin of an image; NaN do not."""
+    inside = (pixel >= margin_px) & (pixel < np.array(size) - margin_px)
+    return np.asarray(inside[:, 0] & inside[:, 1], dtype=np.bool_)
+
+
 class CircleMask:
     """The positions in one image that are outside the circles of all accepted features, in the way of VINS-Mono.
 
@@ -155,9 +159,7 @@ class CircleMask:
 
     def inside(self, uv: Floats) -> NDArray[np.bool_]:
         """Which positions (n, 2) lie on a pixel outside the margin; NaN and those outside the image do not."""
-        margin, pixel = self._detection.margin_px, np.rint(uv)
-        inside = (pixel >= margin) & (pixel < np.array(self._size) - margin)
-        return np.asarray(inside[:, 0] & inside[:, 1], dtype=np.bool_)
+        return _inside(np.rint(uv), self._size, self._detection.margin_px)
 
     def claim(self, uv: Floats, *, limit: int | None = None) -> NDArray[np.intp]:
         """Accept features in the given order if their pixel is free; each accepted feature blocks its circle."""
@@ -222,9 +224,7 @@ class CellMask:
 
     def inside(self, uv: Floats) -> NDArray[np.bool_]:
         """Which positions (n, 2) lie on a pixel outside the margin; NaN and those outside the image do not."""
-        margin, pixel = self._detection.margin_px, np.floor(uv)
-        inside = (pixel >= margin) & (pixel < np.array(self._size) - margin)
-        return np.asarray(inside[:, 0] & inside[:, 1], dtype=np.bool_)
+        return _inside(np.floor(uv), self._size, self._detection.margin_px)
 
     def claim(self, uv: Floats) -> NDArray[np.intp]:
         """Accept live features in the given order if their cell is free; each blocks its cell and its square."""

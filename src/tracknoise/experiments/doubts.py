@@ -74,16 +74,16 @@ def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> D
     """Those of a sequence that was measured in parts, of each of which they are known.
 
     What its poses say is said of all of it. What is a mistake in at least half of the parts is one of the sequence,
-    told as in the first of them.
+    reported as in the first of them.
     """
     items = _of_poses(sequence)
     of_poses = [item.text for item in items if item.severity is Severity.fatal]
     cautions = [item.text for item in items if item.severity is Severity.caveat]
     wrong = [(frames, found.mistakes) for frames, found in parts if found.mistakes]
-    told = [f"Frames {frames[0]} to {frames[-1]}: {texts[0]}" for frames, texts in wrong]
-    if told and 2 * len(wrong) >= len(parts):
-        return Doubts((*of_poses, told[0]), tuple(cautions))
-    return Doubts(tuple(of_poses), (*cautions, *told[:1]))
+    reported = [f"Frames {frames[0]} to {frames[-1]}: {texts[0]}" for frames, texts in wrong]
+    if reported and 2 * len(wrong) >= len(parts):
+        return Doubts((*of_poses, reported[0]), tuple(cautions))
+    return Doubts(tuple(of_poses), (*cautions, *reported[:1]))
 
 
 def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Item]:

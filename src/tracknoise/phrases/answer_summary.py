@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from tracknoise.tables.enumerations import Trust, Verdict
 
-FORMAT = 2
+FORMAT = 3
 SUMMARY = "summary.json"
 """Name of its file in the folder of a report."""
 
@@ -109,6 +109,35 @@ class Card:
 
 
 @dataclass(frozen=True, slots=True)
+class Setting:
+    """What to set in an estimator for one tracker.
+
+    Attributes
+    ----------
+    tracker, colour
+        Its name, and its colour in all figures, as ``#rrggbb``.
+    window
+        Length of the windows of the estimator, frames.
+    sigma
+        Standard deviation of each coordinate, px.
+    is_bound
+        Whether sigma is at most this, because the truth is not trusted, or this is unknown.
+    limit
+        What belongs to sigma: a factor on chi-square gates, or a robust loss with its knee. Empty where there is none.
+    innovations
+        What innovations and residuals look like, px.
+    """
+
+    tracker: str
+    colour: str
+    window: int
+    sigma: Number
+    is_bound: bool
+    limit: str
+    innovations: Number
+
+
+@dataclass(frozen=True, slots=True)
 class Statement:
     """A finding in one sentence.
 
@@ -180,6 +209,10 @@ class Summary:
         Name of the experiment.
     measured
         What was measured, in one line.
+    estimator
+        Title of the estimator that `settings` are for.
+    settings
+        What to set in it, for each tracker with a noise model.
     accuracy
         Which tracker is more accurate, and by how much.
     certainty
@@ -195,6 +228,8 @@ class Summary:
     format: int
     experiment: str
     measured: str
+    estimator: str
+    settings: tuple[Setting, ...]
     accuracy: Judgement
     certainty: Judgement
     truth: Judgement

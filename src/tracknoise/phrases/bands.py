@@ -4,7 +4,7 @@
 - Intervals of curves: joined to the values of the curves, rotated with them, and described in words.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import polars as pl
@@ -15,8 +15,6 @@ from tracknoise.statistics.truth_errors import FLOOR_COLUMNS
 from tracknoise.tables.findings_schema import RESAMPLED
 from tracknoise.tables.schema import Schema
 from tracknoise.words import interval_text, listing
-
-NU, MU, KAPPA = "\N{GREEK SMALL LETTER NU}", "\N{GREEK SMALL LETTER MU}", "\N{GREEK SMALL LETTER KAPPA}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +31,12 @@ class Axis:
         Where errors are zero by construction.
     distance
         What the distance from there is called.
-    signs
-        Sign of each statistic, by its role: mean, absolute and second.
     """
 
     name: str
     title: str
     zero: str
     distance: str
-    signs: Mapping[str, str]
 
     @property
     def roles(self) -> dict[str, str]:
@@ -69,10 +64,8 @@ class Axis:
         return words.opening_place(self.name, since)
 
 
-AGE = Axis("age", "age (frames of the sequence)", "age 0", "age", {"mean": NU, "absolute": "η", "second": "√Φ"})
-FRAME = Axis(
-    "frame", "frame", "the key frame", "distance from the key frame", {"mean": MU, "absolute": KAPPA, "second": "√Σ"}
-)
+AGE = Axis("age", "age (frames of the sequence)", "age 0", "age")
+FRAME = Axis("frame", "frame", "the key frame", "distance from the key frame")
 
 
 BOUNDS = ("u_low", "u_high", "v_low", "v_high")

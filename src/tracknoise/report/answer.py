@@ -1,11 +1,13 @@
 """The answers of a run: its cards, its statements, and how far they can be trusted."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
+from tracknoise.estimators.exports import estimator
 from tracknoise.phrases import bias_topic, factor_topic, growth_topic, shape_topic, size_topic, track_topics
-from tracknoise.phrases.answer_summary import FORMAT, Card, Judgement, Measure, Summary
-from tracknoise.phrases.measures import Subject, shown_size
+from tracknoise.phrases.answer_summary import FORMAT, Card, Judgement, Measure, Number, Setting, Summary
+from tracknoise.phrases.measures import Subject, reported_conditions, shown_size
 from tracknoise.phrases.scene_topic import certainty, measured
 from tracknoise.phrases.statements import findings
 from tracknoise.phrases.truth_topic import truth
@@ -13,6 +15,8 @@ from tracknoise.phrases.window_topic import sigma_sentence
 from tracknoise.report import small_plots
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
+from tracknoise.tables.trust import TruthVerdict
+from tracknoise.words import TIMES, number, pixels, px
 
 
 def summarise(data: ReportData) -> Summary:
@@ -23,12 +27,63 @@ def summarise(data: ReportData) -> Summary:
         FORMAT,
         data.name,
         measured(data),
+        estimator(data.estimator).title,
+        tuple(_settings(data)),
         accuracy,
         certainty(data),
         truth(data),
         cards,
         findings(data, cards, accuracy),
     )
+
+
+def _settings(data: ReportData) -> Iterator[Setting]:
+    """What to set in the estimator of the experiment, for each tracker in their order."""
+    rows = reported_conditions(data, data.slowest).reported(data.advice)
+    is_bound = not TruthVerdict.of(data.trust).is_usable
+    for tracker in data.trackers:
+        found = {row["quantity"]: row for row in rows.filter(tracker=tracker).to_dicts()}
+        if found:
+            sigma, innovations = (_number(found[name]) for name in ("sigma", "innovations"))
+            factors = {
+                name: found[name]["value"] for name in ("track_gate", "observation_gate", "knee") if name in found
+            }
+            limit = limit_text(found["sigma"]["kernel"], factors)
+            window = found["sigma"]["window"]
+            yield Setting(tracker, data.colour[tracker], window, sigma, is_bound, limit, innovations)
+
+
+def _number(row: Mapping[str, Any]) -> Number:
+    return number_of(row["value"], row["low"], row["high"])
+
+
+def number_of(value: float, low: float | None, high: float | None) -> Number:
+    """A length in px as it is printed."""
+    interval = "" if low is None or high is None else f"{pixels(low)} to {pixels(high)}"
+    return Number(value, low, high, px(value), interval)
+
+
+def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
+    """A robust loss with its knee in sigmas, or the factor on chi-square gates; empty where there is neither.
+
+    Parameters
+    ----------
+    kernel
+        Name of the robust loss; None for least squares.
+    factors
+        By name; `track_gate`, `observation_gate` and `knee` count.
+    """
+    if kernel is not None and "knee" in factors:
+        return f"{kernel.title()} loss, knee {number(factors['knee'])} sigma"
+    gate = factors.get("track_gate", factors.get("observation_gate"))
+    return "" if gate is None else f"gate {TIMES} {number(gate)}"
+
+
+def conclusions(summary: Summary) -> dict[str, str]:
+    """The sentence that concludes what the figures of a section show, by the id of the section."""
+    stated = [one for finding in summary.findings for one in finding.statements]
+    found = {one.section: one.text for one in reversed(stated)}
+    return found | {"error-by-tracker": summary.accuracy.text, "pose-errors": summary.truth.text}
 
 
 def accuracy(data: ReportData) -> str:

@@ -1,11 +1,11 @@
-"""The parts of a report: its sections, figures and tables in their order, for the page and for programs.
+"""The layout of a report: its sections, figures and tables in their order, for the page and for programs.
 
 - ``contents.json``: the sections, figures and tables of a report, for programs and for other pages.
-- The parts of the page in their order: the answer first, then its evidence, and how it was measured last.
+- Which sections of the page are open, each with the figures that answer its question, and what is folded.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -101,48 +101,85 @@ _REMEDY = "`tracknoise report` writes it again"
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """A part of the page.
+class Opening:
+    """A section of the page that is open from the start.
 
     Attributes
     ----------
     title
-        Its heading in the table of contents.
-    sections
-        In the order of the page.
+        Its heading: the question that it answers.
+    figures
+        Beginnings of the ids of its figures, each of which stands for one figure.
     """
 
     title: str
-    sections: Sequence[Section]
+    figures: tuple[str, ...] = ()
 
 
-PARTS: Mapping[str, tuple[str, ...]] = {
-    "Answer": ("findings", "estimator"),
-    "Evidence": (
-        *(
-            "explorer",
-            "error-by-tracker",
-            "lifetimes",
-            "outlier-ratio",
-            "gaussianity",
-            "time-structure",
-            "changes",
-            "trimming",
-        ),
-        *("feature-counts", "survivorship-bias", "summary"),
-    ),
-    "Factors": (
-        *("factor-effects", "error-by-speed", "error-by-lighting", "error-by-rotation", "error-by-direction"),
-        *("error-by-place", "along-and-across", "occlusion"),
-    ),
-    "Truth": ("truth", "truth-audit", "pose-errors", "between-trackers"),
-    "Scenes": ("example-frames", "trajectory"),
-    "Method": ("limits", "measured"),
+OPENINGS: Mapping[str, Opening] = {
+    "estimator": Opening("Files for your estimator"),
+    "error-by-tracker": Opening("Which is better", ("error-by-age",)),
+    "lifetimes": Opening("How long tracks live", ("lifetimes", "outlier-ratio")),
+    "time-structure": Opening("How errors grow, and how heavy their tails are", ("time-structure", "gaussianity")),
+    "error-by-place": Opening("Where errors are", ("image-map-", "surroundings-")),
+    "truth": Opening("Can the truth be trusted", ("pose-errors", "audit-")),
+    "explorer": Opening("Look closer", ("example-frames-",)),
 }
-"""Sections of every part, by title."""
+"""Sections that are open, by id. All else is under "Everything measured"."""
 
 
-def parts(sections: Mapping[str, Section]) -> list[Part]:
-    """The parts that have sections."""
-    made = (Part(title, [sections[name] for name in names if name in sections]) for title, names in PARTS.items())
-    return [part for part in made if part.sections]
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the sections of a report stand in its page.
+
+    Attributes
+    ----------
+    open
+        Sections that are open, in order.
+    folded
+        Sections under "Everything measured". Each is drawn when the reader opens it.
+    """
+
+    open: Sequence[Section]
+    folded: Sequence[Section]
+
+    @property
+    def every(self) -> list[Section]:
+        """All sections in the order of the page."""
+        return [*self.open, *self.folded]
+
+
+def layout(sections: Sequence[Section]) -> Layout:
+    """Divide sections into those that are open and those that are folded.
+
+    Of the figures that a section of the page may show for each of its beginnings, it shows the first one that states a
+    finding, or else the first one.
+
+    Parameters
+    ----------
+    sections
+        All sections, each under an id of its own.
+    """
+    figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
+    known = {section.id: section for section in sections}
+    opened, shown = [], set[str]()
+    for name, opening in OPENINGS.items():
+        chosen = [found for start in opening.figures if (found := _chosen(figures, start)) is not None]
+        shown |= {one.id for one in chosen}
+        if chosen or name in known:
+            opened.append(Section(name, opening.title, chosen))
+    return Layout(opened, [*_folded(sections, {one.id for one in opened}, shown)])
+
+
+def _chosen(figures: Sequence[Figure], start: str) -> Figure | None:
+    able = [one for one in figures if one.id.startswith(start)]
+    return next((one for one in able if one.message), able[0] if able else None)
+
+
+def _folded(sections: Sequence[Section], opened: Collection[str], shown: Collection[str]) -> Iterator[Section]:
+    """What the open sections leave. A section that is open, too, has another id."""
+    for section in sections:
+        rest = [item for item in section.items if item.id not in shown]
+        if rest or not (section.items or section.id in opened):
+            name = f"more-{section.id}" if section.id in opened else section.id
+            yield Section(name, section.title, rest, section.tables)

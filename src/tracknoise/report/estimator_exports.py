@@ -9,8 +9,10 @@ from typing import Any
 
 from tracknoise.estimators.export_render import export
 from tracknoise.estimators.exports import FAMILIES, estimators, refused
+from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
+from tracknoise.report.answer import limit_text, number_of
 
 _OPTIONS = {
     "focal length": "--focal FOCAL_PX --allow-focal lens",
@@ -72,11 +74,25 @@ def _choices() -> Iterator[Choice]:
 def exported(model: NoiseModel, path: str) -> dict[str, dict[str, Any]]:
     """What is written for each estimator.
 
-    Returns by estimator: `files`, pairs of names and contents, the patch last; `text`, what they are; or, where nothing
-    can be written, `why` and, if options of the command line can state what is missing, `command`.
+    Returns by estimator: where it takes one sigma, `set`, which has texts: sigma, its interval, what belongs to it, and
+    what innovations look like; `files`, pairs of names and contents, the patch last; `text`, what they are; or, where
+    nothing can be written, `why` and, if options of the command line can state what is missing, `command`.
     """
-    known = {name: _export(model, name, path) for name in estimators()}
+    known = {name: _to_set(model, name) | _export(model, name, path) for name in estimators()}
     return known | {name: {"why": about.why} for name, about in refused().items()}
+
+
+def _to_set(model: NoiseModel, name: str) -> dict[str, Any]:
+    try:
+        found = estimators()[name].advise(model)
+    except SettingsError:
+        return {}
+    innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+    factors = {f"{gate}_gate": factor for gate, factor in found.gates.items()}
+    factors |= {} if found.knee is None else {"knee": found.knee}
+    sigma = number_of(found.sigma.value, found.sigma.low, found.sigma.high)
+    limit = limit_text(None if found.kernel is None else found.kernel.value, factors)
+    return {"set": [sigma.text, sigma.interval, limit, number_of(innovations.value, None, None).text]}
 
 
 def _export(model: NoiseModel, name: str, path: str) -> dict[str, Any]:

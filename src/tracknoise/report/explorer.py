@@ -1,7 +1,7 @@
 """The explorer: all curves of a run as plain data, of which the page draws those that a reader chooses."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import polars as pl
@@ -63,11 +63,12 @@ def charts(data: ReportData) -> Sequence[Chart]:
 def explored(data: ReportData) -> dict[str, Any]:
     """Curves and choices, as the script of the page reads them.
 
-    Returns: `axis` and `title` of the axis; `colours` of trackers; `choices`, lists by the name of a control; `start`,
-    the first choice. `errors`, `scenes` and `survival` are lists of curves. A curve has its condition, `at` and, by
-    role, values in `u` and `v` with bounds.
+    Returns: `charts`, as dictionaries; `axis` and `title` of the axis; `colours` of trackers; `choices`, lists by the
+    name of a control; `start`, the first choice. `errors`, `scenes` and `survival` are lists of curves. A curve has its
+    condition, `at` and, by role, values in `u` and `v` with bounds.
     """
     return {
+        "charts": [asdict(chart) for chart in charts(data)],
         "axis": data.axis.name,
         "title": data.axis.title,
         "colours": data.colour,

@@ -64,6 +64,72 @@ def _shown(value: Any) -> Any:
     return [_shown(part) for part in value] if isinstance(value, list | tuple) else value
 
 
+_THEMED = {
+    style.INK: "var(--ink)",
+    style.QUIET: "var(--quiet)",
+    style.FAINT: "var(--grid)",
+    style.BLACK: "var(--ink)",
+    "#9aa5b1": "var(--axis)",
+    "#ffffff": "var(--paper)",
+    "#fff": "var(--paper)",
+    "white": "var(--paper)",
+    "black": "var(--ink)",
+}
+"""Colours of figures that are others in a dark page, and their names in its style."""
+
+
+def themed(spec: Mapping[str, Any]) -> Any:
+    """A specification with the colours of the page, which follow the colour scheme of the reader."""
+    return _with_colours({name: part for name, part in spec.items() if name != "datasets"}) | {
+        "datasets": spec["datasets"]
+    }
+
+
+def _with_colours(value: Any) -> Any:
+    if isinstance(value, str):
+        return _THEMED.get(value, value)
+    if isinstance(value, dict):
+        return {key: _with_colours(part) for key, part in value.items()}
+    return [_with_colours(part) for part in value] if isinstance(value, list | tuple) else value
+
+
+_AROUND_PANEL, _TITLE, _LEGEND, _SPACING, _UNIT = 44, 22, 26, 14, 200
+"""Heights in px: axis below a panel, title above it, legend, space between panels, and a panel that states none."""
+
+
+def height_px(spec: Mapping[str, Any]) -> int:
+    """About how high a figure is when it is drawn, px, so that a page can keep room for it.
+
+    Parameters
+    ----------
+    spec
+        As `specification` makes it.
+    """
+    return _SPACING + _legend_px(spec) + _height(spec)
+
+
+def _legend_px(spec: Any) -> int:
+    """Room for legends above the panels: one row, if any part names a colour in a scale with names."""
+    text = json.dumps({name: part for name, part in spec.items() if name not in ("datasets", "config")})
+    return _LEGEND if '"color"' in text or '"fill"' in text else 0
+
+
+def _height(part: Mapping[str, Any]) -> int:
+    title = _TITLE if part.get("title") else 0
+    if "vconcat" in part:
+        return title + sum(_height(one) + _SPACING for one in part["vconcat"])
+    if "hconcat" in part:
+        return title + max(map(_height, part["hconcat"]), default=0)
+    if "concat" in part:
+        columns = part.get("columns") or len(part["concat"]) or 1
+        rows = [part["concat"][at : at + columns] for at in range(0, len(part["concat"]), columns)]
+        return title + sum(max(map(_height, row)) + _SPACING for row in rows)
+    if "spec" in part:
+        return title + _height(part["spec"])
+    height = part.get("height", _UNIT)
+    return title + _AROUND_PANEL + (height if isinstance(height, int) else _UNIT)
+
+
 def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes]:
     """Draw a specification once and write it in each of the formats.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.experiments.patches import LONGEST_STRIP
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.samples import KINDS
 from tracknoise.tables.defaults import PATCH_PX
@@ -22,7 +23,7 @@ def looks(data: ReportData) -> dict[str, Any]:
     """Patches and tracks as the script of the page reads them.
 
     Returns: `patch_px`; `kinds`, names in the order of the tracks; `groups`, one for each scene, tracker and age:
-    `scene`, `tracker`, `at`, `sheet` and `strip` (WebP, base64), `strip_frames` and `tracks`.
+    `scene`, `tracker`, `at`, `sheet` and `strip` (WebP, base64), `strip_at` (its frames) and `tracks`.
     """
     groups: list[dict[str, Any]] = []
     size = 0
@@ -45,14 +46,14 @@ def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
         reasons = ends.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
         paths = {track: part for (track,), part in own.group_by("track")}
         ended = {lived["track"]: lived for lived in reasons.to_dicts()}
-        worst = paths[row["track"][0]]
-        frames = worst["frame"].is_between(row["anchor_frame"][0], row["frame"][0]).sum()
+        worst = paths[row["track"][0]]["frame"]
+        strip = worst.filter(worst.is_between(row["anchor_frame"][0], row["frame"][0])).tail(LONGEST_STRIP)
         yield {
             "tracker": row["tracker"],
             "at": row["at"],
             "sheet": base64.b64encode(row["sheet"]).decode(),
             "strip": base64.b64encode(row["strip"]).decode(),
-            "strip_frames": frames,
+            "strip_at": strip.to_list(),
             "tracks": [_track(row, place, paths[track], ended[track]) for place, track in enumerate(row["track"])],
         }
 
@@ -74,5 +75,8 @@ def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, lived: Mappin
         "lifetime": lived["lifetime"],
         "largest": None if lived["max_error_px"] is None else float(f"{lived['max_error_px']:.6g}"),
         "truth": now["truth"].replace("_", " "),
-        "path": {name: known[name].round_sig_figs(_DIGITS).to_list() for name in ("du_px", "dv_px")},
+        "path": {
+            "frame": known["frame"].to_list(),
+            **{name: known[name].round_sig_figs(_DIGITS).to_list() for name in ("du_px", "dv_px")},
+        },
     }

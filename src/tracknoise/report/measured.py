@@ -238,7 +238,7 @@ def summary(data: ReportData) -> Cells:
         "outlier_ratio": "outliers",
         "at": axis.name,
     }
-    signs = {"nu": axis.signs["mean"], "eta": axis.signs["absolute"], "rms": axis.signs["second"], "core": "core"}
+    signs = {"nu": "mean", "eta": "absolute", "rms": "RMS", "core": "core"}
     trimmings = (data.trimming, *(other for other in Trimming if other != data.trimming))
     errors = {
         f"{trimming}_{value}_{coordinate}_px": f"{sign} {coordinate}"

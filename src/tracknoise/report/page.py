@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.atomic import replaced_folder
-from tracknoise.estimators.run_models import run_models
+from tracknoise.estimators.run_models import RunModels, run_models
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.phrases import trimming_topic
 from tracknoise.phrases.answer_summary import SUMMARY, Summary, summary_json
@@ -18,33 +18,34 @@ from tracknoise.report import (
     findings_section,
     looks,
     measured,
+    share_picture,
     small_plots,
     table_files,
     truth_section,
 )
 from tracknoise.report.annotated_frame import annotated_frame
-from tracknoise.report.answer import summarise
-from tracknoise.report.contents import CONTENTS, Part, Section, contents_json, parts
-from tracknoise.report.figures.families import FAMILIES, Family
+from tracknoise.report.answer import conclusions, summarise
+from tracknoise.report.contents import CONTENTS, Layout, Section, contents_json, layout
+from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure, require_distinct
 from tracknoise.report.report_data import ReportData
-from tracknoise.report.small_plots import curves, curves_caption
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
 
 
-def write_report(run: RunFolder, *, figure_formats: Sequence[str] = figure_files.FORMATS) -> Path:
+def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
     """Write the folder ``report/`` of a run. An earlier report is replaced when the new one is complete.
 
     The folder has ``index.html``, ``summary.json`` (see `tracknoise.phrases.answer_summary`), ``contents.json`` (see
-    `tracknoise.report.contents`), ``figures/`` and ``tables/``.
+    `tracknoise.report.contents`) and ``tables/``; ``share.png`` where the run has a noise model; and ``figures/`` if
+    figure files are asked for.
 
     Parameters
     ----------
     run
         A run with statistics.
     figure_formats
-        Kinds of figure files: any of ``svg``, ``png``.
+        Kinds of figure files: any of ``svg``, ``png``. The page draws its figures itself and saves each on demand.
 
     Returns
     -------
@@ -67,32 +68,35 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = figure_files
 
 def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     """Content of every file of the report, by its path within it."""
-    drawn = {family: family.figures(data) for family in FAMILIES}
-    shown = {family.id: family for family, items in drawn.items() if items}
-    sections = [Section(family.id, family.title, items) for family, items in drawn.items() if items]
+    sections = [Section(family.id, family.title, items) for family in FAMILIES if (items := family.figures(data))]
     require_distinct(item for section in sections for item in section.items)
-    arranged = parts({section.id: section for section in [*_fixed(data), *sections]})
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     specs = {figure.id: figure_files.specification(figure) for figure in figures}
-    answered = summarise(data)
+    arranged = layout([*_before(), *sections, *_after(data)])
+    answered, fits, seen = summarise(data), run_models(data.run), looks.looks(data)
+    shown = share_picture.picture(fits.models, answered.settings, seen)
     files = _figure_files(specs, formats) | _table_files(data)
-    files[CONTENTS] = contents_json(data.name, [one for part in arranged for one in part.sections], formats).encode()
+    files |= {} if shown is None else {share_picture.FILE: share_picture.png(shown, answered)}
+    files[CONTENTS] = contents_json(data.name, arranged.every, formats).encode()
     files[SUMMARY] = summary_json(answered).encode()
-    files["index.html"] = _page(data, answered, arranged, shown, specs, formats).encode()
+    family_of = {item.id: section.id for section in sections for item in section.items}
+    files["index.html"] = _page(data, answered, fits, arranged, family_of, specs, seen, shown).encode()
     return files
 
 
-def _fixed(data: ReportData) -> list[Section]:
-    """Sections without figures."""
+def _before() -> list[Section]:
+    """Sections that stand before the figures."""
+    return [Section("explorer", "Explorer"), Section("truth", truth_section.TITLE), Section("findings", "Findings")]
+
+
+def _after(data: ReportData) -> list[Section]:
+    """Sections that stand after them."""
     exported = [(item.id, item.title, item.kinds) for item in table_files.EXPORTS]
     return [
-        Section("findings", "Findings"),
-        Section("truth", truth_section.TITLE),
-        Section("measured", "Measurement"),
-        Section("summary", "Summary", tables=exported),
         Section("factor-effects", factor_section.heading(data)),
+        Section("summary", "Summary", tables=exported),
+        Section("measured", "Measurement"),
         Section("limits", "Reading guide and limits"),
-        Section("explorer", "Explorer"),
     ]
 
 
@@ -116,24 +120,27 @@ def _table_files(data: ReportData) -> dict[str, bytes]:
 def _page(
     data: ReportData,
     answered: Summary,
-    arranged: Sequence[Part],
-    families: Mapping[str, Family],
+    fits: RunModels,
+    arranged: Layout,
+    family_of: Mapping[str, str],
     specs: Mapping[str, Any],
-    formats: tuple[str, ...],
+    seen: Mapping[str, Any],
+    shown: share_picture.Picture | None,
 ) -> str:
-    seen, fits = looks.looks(data), run_models(data.run)
+    families = {family.id: family for family in FAMILIES}
     return template("index.html.j2").render(
         data=data,
         summary=answered,
         scales=small_plots.scales(answered.cards),
         interval_plot=small_plots,
+        picture=shown,
         frame=annotated_frame(data),
-        curves=curves(data),
-        curves_caption=curves_caption(data),
-        parts=arranged,
+        layout=arranged,
+        family_of=family_of,
         families=families,
+        conclusions=conclusions(answered),
         below={name: family.tables(data) for name, family in families.items()},
-        titles={section.id: section.title for part in arranged for section in part.sections},
+        heights={name: figure_files.height_px(spec) for name, spec in specs.items()},
         measured=measured,
         factor_effects=factor_section,
         findings_section=findings_section,
@@ -143,12 +150,11 @@ def _page(
         noise_exports=estimator_exports.exports(
             fits.models, missing=fits.missing, paths=fits.paths, first=data.estimator
         ),
-        specs={name: _embedded(spec) for name, spec in specs.items()},
-        charts=explorer.charts(data),
+        specs={name: _embedded(figure_files.themed(spec)) for name, spec in specs.items()},
+        most_settings=share_picture.MOST_TRACKERS,
         explored=_embedded(explorer.explored(data)),
         has_looks=bool(seen["groups"]),
         looked=_embedded(seen),
-        formats=formats,
         vega=figure_files.scripts(),
     )
 

@@ -177,10 +177,10 @@ def describe_floor(points: pl.DataFrame) -> str:
 
 
 _ROWS = {
-    "mean": "mean error {} (px)",
-    "absolute": "mean absolute error {} (px)",
-    "second": "root second moment {} (px)",
-    "core": "core {} (px)",
+    "mean": "mean error (px)",
+    "absolute": "mean absolute error (px)",
+    "second": "RMS error (px)",
+    "core": "core error (px)",
 }
 """Roles of the statistics in the rows of the grid, and the titles of their axes."""
 _ABOUT = {"second": "about zero", "central": "about the mean"}
@@ -219,7 +219,7 @@ def _row(points: pl.DataFrame, role: str, series: Series, axis: Axis, beside: Be
     panels = []
     for coordinate, label in zip("uv", series.columns, strict=True):
         title = alt.Title(label if role == "mean" else "")
-        heading = _ROWS[role].format(axis.signs.get(role, "")).replace("  ", " ") if coordinate == "u" else None
+        heading = _ROWS[role] if coordinate == "u" else None
         y = alt.Y(f"{coordinate}:Q", scale=alt.Scale(domain=bounds, nice=False), title=heading)
         band = marks.band(banded, series.field, series.colours, coordinate, x, y)
         floor = floor_lines(table, role, coordinate, x, y)

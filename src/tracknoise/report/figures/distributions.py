@@ -12,7 +12,7 @@ import altair as alt
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.bands import AGE, FRAME, NU
+from tracknoise.phrases.bands import AGE, FRAME
 from tracknoise.report import style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
@@ -211,7 +211,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
     """Shape and tails at the lowest speed: one row per tracker, band of ages and trimming."""
     rows = [_row(row) for row in _ordered(data).to_dicts()]
     headings = ["tracker", data.axis.distance, "trimming", "n", "skewness", "kurtosis", "P(99 %)", "P(99.9 %)"]
-    headings += ["gain of Student-t (nat)", "gain of mixture (nat)", f"{NU} of Student-t", "verdict"]
+    headings += ["gain of Student-t (nat)", "gain of mixture (nat)", "degrees of freedom of Student-t", "verdict"]
     caption = f"Error distribution at speed {data.slowest}{data.where}"
     numeric = [False, False, False, *[True] * 8, False]
     return [Cells(caption, headings, rows, numeric)] if rows else []

@@ -181,10 +181,9 @@ def _second_moment_points(data: ReportData) -> pl.DataFrame:
 
 
 def _second_moment_shows(data: ReportData) -> str:
-    sign = _sign(data)
     return (
-        f"Second moment {sign} of {data.tracks_shown}{data.where}, about zero and in px², as the paper plots it. Its "
-        f"root, with intervals, is in the figures above. Columns: {sign} in u, between u and v, and in v. First row: "
+        f"Second moment of {data.tracks_shown}{data.where}, about zero and in px², as the paper plots it. Its "
+        f"root, with intervals, is in the figures above. Columns: in u, between u and v, and in v. First row: "
         f"every tracker at speed {data.slowest}. Other rows: every speed of a tracker."
     )
 
@@ -222,7 +221,7 @@ def _second_moment_panel(
     first = element == "u"
     y = alt.Y(
         f"{element}:Q",
-        title=f"{_sign(data)} {_ELEMENTS[element]} (px²)",
+        title=f"second moment {_ELEMENTS[element]} (px²)",
         scale=alt.Scale(domain=list(bounds), nice=False),
     )
     lines = alt.Chart(marks.rows(points.select(series.field, "at", element)))
@@ -237,10 +236,6 @@ def _second_moment_panel(
     chart = layered(lines, zero.encode(y=alt.Y("zero:Q")))
     chart = chart.properties(width=_WIDTH, height=HEIGHT, title=title if first else "")
     return Panel(chart, (marks.shown(series.field, series.colours),))
-
-
-def _sign(data: ReportData) -> str:
-    return data.axis.signs["second"].removeprefix("√")
 
 
 def _columns(series: Series) -> int:
@@ -502,6 +497,10 @@ def _sentences(axis: Axis, name: str, row: dict[str, float]) -> str:
     return f"{name} has {count(occluded, 'occluded feature')} ({share}) {axis.place(int(row['since']))}. {change}"
 
 
+_AXES = {"mean": "mean error", "absolute": "absolute error", "second": "RMS error"}
+"""Short titles of axes, by role."""
+
+
 def _occlusion_panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]) -> Panel:
     role, coordinate = key
     table = table.filter(role=role).with_columns(
@@ -517,7 +516,7 @@ def _occlusion_panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]
     base = alt.Chart(marks.rows(table)).encode(
         y=y, color=marks.colour("tracker", data.colour, "tracker", legend=False), tooltip=tips
     )
-    title = f"{data.axis.signs[role]} in {coordinate} (px)"
+    title = f"{_AXES[role]} in {coordinate} (px)"
     x = alt.X(f"{coordinate}_visible:Q", title=title, scale=alt.Scale(zero=True), axis=alt.Axis(tickCount=4))
     link = base.mark_rule(strokeWidth=1.5).encode(x=x, x2=alt.X2(f"{coordinate}_projected:Q"))
     ring = base.mark_point(filled=False, size=60, strokeWidth=1.5).encode(x=alt.X(f"{coordinate}_projected:Q"))

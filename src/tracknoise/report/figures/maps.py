@@ -251,7 +251,7 @@ _PROPERTIES = {
     Surrounding.parallax: "parallax (px)",
     Surrounding.occlusion: "occluded",
 }
-_ROWS = {"mean": "mean error (px)", "second": "root second moment (px)"}
+_ROWS = {"mean": "mean error (px)", "second": "RMS error (px)"}
 _COORDINATES = {"u": "u", "v": "v", "along": "along the motion"}
 _DECADES = [step * 10.0**power for power in range(-4, 4) for step in (1, 2, 5)]
 _SIDES = {EdgeSide.far: "On the far side", EdgeSide.near: "On the near side", EdgeSide.none: "Elsewhere"}
@@ -316,7 +316,7 @@ def _surrounding_panel(points: pl.DataFrame, surrounding: Surrounding, row: str,
         "class:N",
         sort=_order(table, surrounding),
         title=_PROPERTIES[surrounding] if row == "second" else None,
-        axis=alt.Axis(labelAngle=-50, labels=row == "second"),
+        axis=alt.Axis(labelAngle=-50, labels=row == "second", labelOverlap=True, labelSeparation=2),
         scale=alt.Scale(paddingInner=0.3),
     )
     first = surrounding == Surrounding.depth
@@ -353,7 +353,8 @@ def _scale(points: pl.DataFrame, row: str) -> alt.Scale:
         return alt.Scale(domain=marks.holding(values, ends), nice=False)
     known = values.filter(values > 0)
     low, high = (float(known.min()), float(known.max())) if known.len() else (0.1, 1.0)  # type: ignore[arg-type]
-    return alt.Scale(type="log", domain=[low / 1.6, high * 2.0], nice=False)
+    highest = float(points["high"].max() or high)  # type: ignore[arg-type]
+    return alt.Scale(type="log", domain=[low / 1.6, min(max(2.0 * high, 1.1 * highest), 20.0 * high)], nice=False)
 
 
 def _zero(row: str) -> list[alt.Chart]:

@@ -97,9 +97,63 @@ async function showExport(form) {
   place.dataset.shown = `${form.tracker.value} ${form.estimator.value}`;
 }
 
+/** Rows of the first screen as the page was written: they are those of the estimator of the experiment. */
+const firstRows = new Map([...document.querySelectorAll("[data-set]")].map((row) => [row.dataset.set, row.innerHTML]));
+
+/** Show what to set in an estimator on the first screen. */
+async function showSettings(name, ofExperiment) {
+  unpacked ??= await unpack();
+  for (const row of document.querySelectorAll("[data-set]")) {
+    const found = unpacked[row.dataset.set]?.[name];
+    row.innerHTML = firstRows.get(row.dataset.set);
+    const [, sigma, limit, innovations] = row.cells;
+    if (name !== ofExperiment) {
+      const [value, interval, more, residuals] = found?.set ?? ["", "", "no single sigma", ""];
+      const most = row.querySelector(".most");
+      sigma.replaceChildren(...(found?.set && most ? [most] : []), written("b", value), " ", written("span", interval, "ends"));
+      limit.textContent = more;
+      innovations.textContent = residuals;
+    }
+    const copies = row.querySelector("[data-copy]");
+    if (copies) {
+      copies.disabled = !found?.files;
+      copies.title = found?.files ? found.files[0][0] : (found?.why ?? "");
+      copies.setAttribute("aria-label", `Copy ${found?.files?.[0][0] ?? name} for ${row.dataset.set}`);
+    }
+  }
+}
+
+/** Copy the file of a tracker for the chosen estimator, and say so on the button. */
+async function copyFile(button, name) {
+  const [file, text] = unpacked[button.dataset.copy][name].files[0];
+  try {
+    await copy(text);
+    button.textContent = "Copied";
+    button.title = file;
+  } catch (error) {
+    button.textContent = `Not copied: ${error.message}`;
+  }
+}
+
 const exportForm = document.getElementById("export");
+const chooser = document.getElementById("choose");
 if (exportForm) {
   exportForm.addEventListener("change", () => showExport(exportForm));
   exportForm.addEventListener("submit", (event) => event.preventDefault());
   showExport(exportForm);
+}
+if (chooser) {
+  const first = chooser.estimator.value;
+  chooser.addEventListener("submit", (event) => event.preventDefault());
+  chooser.addEventListener("change", () => {
+    exportForm.estimator.value = chooser.estimator.value;
+    showExport(exportForm);
+    showSettings(chooser.estimator.value, first);
+  });
+  document.querySelector(".settings").addEventListener("click", (event) => {
+    if (event.target.dataset?.copy) {
+      copyFile(event.target, chooser.estimator.value);
+    }
+  });
+  showSettings(first, first);
 }

@@ -5,19 +5,22 @@ const LABELS = {
   rotation: (value) => `${value}°`,
 };
 const SHADES = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8a6d00", "#5b6775"];
+const PANEL = { width: 400, height: 170 };
 
 const explored = JSON.parse(document.getElementById("explored").textContent);
-const views = new Map();
+let shownView = null;
 let chosen = {};
+let picked = null;
 
 /** The names of the controls that have a choice. */
 function controls() {
-  return Object.keys(explored.choices).filter((name) => name === "scene" || explored.choices[name].length > 1);
+  const several = Object.keys(explored.choices).filter((name) => name === "scene" || explored.choices[name].length > 1);
+  return explored.charts.length > 1 ? ["statistic", ...several] : several;
 }
 
 /** What is shown before the reader chooses. */
 function start() {
-  const first = { ...explored.start, tracker: EVERY, scene: "none" };
+  const first = { ...explored.start, statistic: explored.charts[0].id, tracker: EVERY, scene: "none" };
   return Object.fromEntries(Object.entries(first).map(([name, value]) => [name, String(value)]));
 }
 
@@ -25,13 +28,16 @@ function start() {
 function fromAddress() {
   const query = location.hash.split("?")[1] ?? "";
   const known = [...new URLSearchParams(query)].filter(
-    ([name, value]) => name in explored.choices && options(name).some(([one]) => one === value),
+    ([name, value]) => controls().includes(name) && options(name).some(([one]) => one === value),
   );
   return { ...start(), ...Object.fromEntries(known) };
 }
 
 /** Values and labels of a control. */
 function options(name) {
+  if (name === "statistic") {
+    return explored.charts.map((chart) => [chart.id, chart.title]);
+  }
   const values = explored.choices[name].map((value) => [String(value), String(value)]);
   if (name === "scene") {
     return [["none", "pooled only"], [EVERY, "all scenes"], ...values];
@@ -51,10 +57,15 @@ function control(name) {
   return label;
 }
 
+/** The statistic that is shown. */
+function statistic() {
+  return explored.charts.find((chart) => chart.id === chosen.statistic);
+}
+
 /** Whether a curve is among those that were chosen. */
 function isShown(curve) {
   return Object.entries(chosen).every(
-    ([name, value]) => name === "scene" || !(name in curve) || value === EVERY || String(curve[name]) === value,
+    ([name, value]) => name === "scene" || name === "statistic" || !(name in curve) || value === EVERY || String(curve[name]) === value,
   );
 }
 
@@ -82,6 +93,7 @@ function rows(curves, role, coordinate, colours) {
       low: column(`${coordinate}_low`)[place] ?? null,
       high: column(`${coordinate}_high`)[place] ?? null,
       n: values.n[place],
+      axis: role === "survival" ? "" : coordinate,
       series: series(curve),
       tracker: curve.tracker,
       scene: curve.scene ?? "pooled",
@@ -114,8 +126,7 @@ function panel(pooled, scenes, domain, title) {
   const band = { ...y, field: "low" };
   return {
     title,
-    width: 400,
-    height: 170,
+    ...PANEL,
     layer: [
       { data: { values: pooled.filter((row) => row.low !== null) }, mark: { type: "area", opacity: 0.15, clip: true },
         encoding: { x, y: band, y2: { field: "high" }, fill: hue, detail: { field: "series" } } },
@@ -123,7 +134,7 @@ function panel(pooled, scenes, domain, title) {
         encoding: { x, y, stroke: hue, detail: [{ field: "series" }, { field: "scene" }], tooltip } },
       { data: { values: pooled }, mark: { type: "line", strokeWidth: 2, clip: true, point: { size: 26, filled: true } },
         encoding: { x, y, color: hue, detail: { field: "series" }, tooltip } },
-      { data: { values: [{ value: 0 }] }, mark: { type: "rule", color: "#9aa5b1" }, encoding: { y } },
+      { data: { values: [{ value: 0 }] }, mark: { type: "rule", color: "var(--axis)" }, encoding: { y } },
     ],
   };
 }
@@ -142,35 +153,36 @@ function figure(role) {
   const panels = drawn.map(([one, other], place) => panel(one, other, domain, title(coordinates[place])));
   return {
     $schema: "https://vega.github.io/schema/vega-lite/v6.json",
-    background: "#ffffff",
-    config: { view: { stroke: null }, axis: { gridColor: "#e3e7ec", labelFontSize: 11 } },
+    config: {
+      view: { stroke: null },
+      axis: { gridColor: "var(--grid)", domainColor: "var(--axis)", tickColor: "var(--axis)", labelColor: "var(--quiet)", titleColor: "var(--ink)",
+        labelFontSize: 12, titleFontSize: 12 },
+      title: { color: "var(--ink)", fontSize: 12, anchor: "start" },
+    },
     hconcat: panels,
     usermeta: { rows: drawn.flat(2), colours: [...colours] },
   };
 }
 
-/** Draw a figure of the explorer again. */
-async function redraw(place) {
-  const spec = figure(place.dataset.explorer);
-  views.get(place.dataset.explorer)?.result.finalize();
-  const result = await vegaEmbed(place, spec, { actions: false, renderer: "svg" });
-  views.set(place.dataset.explorer, { result, spec });
-  openOnClick(result.view);
-  place.dataset.shown = JSON.stringify(chosen);
-  const message = `${place.getAttribute("aria-label")}: ${spec.usermeta.rows.length} points of `;
-  place.title = message + (spec.usermeta.colours.map(([name]) => name).join(", ") || "nothing");
-}
-
-/** Draw every figure of the explorer again. */
+/** Draw the figure again. */
 async function show() {
-  await Promise.all([...document.querySelectorAll("[data-explorer]")].map(redraw));
+  const place = document.querySelector("[data-explorer]");
+  const chart = statistic();
+  const spec = figure(chart.id);
+  document.getElementById("explorer-title").textContent = chart.title;
+  document.getElementById("explorer-what-if").textContent = chart.what_if;
+  shownView?.result.finalize();
+  const result = await embed(place, spec);
+  shownView = { result, spec };
+  openOnClick(result.view);
+  pick(null);
+  place.dataset.shown = JSON.stringify(chosen);
   legend();
 }
 
 /** Names and colours of the curves; that there is none, if so. */
 function legend() {
-  const colours = [...views.values()].flatMap((one) => one.spec.usermeta.colours);
-  const parts = [...new Map(colours)].map(([name, colour]) => {
+  const parts = [...new Map(shownView.spec.usermeta.colours)].map(([name, colour]) => {
     const mark = document.createElement("span");
     mark.style.color = colour;
     mark.textContent = "● ";
@@ -190,20 +202,50 @@ function choose(event) {
   show();
 }
 
-/** Save a figure as it is shown, or its values. */
-async function saveExplored(name, kind) {
-  const { result, spec } = views.get(name);
-  if (kind === "csv") {
-    const columns = ["series", "scene", "at", "value", "low", "high", "n"];
-    const quoted = (value) => (typeof value === "string" ? `"${value.replaceAll('"', '""')}"` : (value ?? ""));
-    const lines = spec.usermeta.rows.map((row) => columns.map((column) => quoted(row[column])).join(","));
-    save(`${name}.csv`, [columns.join(","), ...lines].join("\n"), "text/csv");
-  } else if (kind === "svg") {
-    save(`${name}.svg`, await result.view.toSVG(), "image/svg+xml");
+/** Points of the drawn curves in the order in which arrow keys move: by curve, then along it. */
+function curvesDrawn() {
+  const rows = shownView.spec.usermeta.rows;
+  const places = [...new Set(rows.map((row) => `${row.axis} ${row.series} ${row.scene}`))];
+  return places.map((place) => rows.filter((row) => `${row.axis} ${row.series} ${row.scene}` === place));
+}
+
+/** Say which point the arrow keys have reached. */
+function pick(found) {
+  picked = found;
+  const row = found && curvesDrawn()[found[0]][found[1]];
+  const digits = (value) => Number(value.toPrecision(3));
+  const bounds = row && row.low !== null ? ` (${digits(row.low)} to ${digits(row.high)})` : "";
+  const where = row && [row.series, row.scene, row.axis].filter(Boolean).join(", ");
+  document.getElementById("point").textContent = row ? `${where}, ${explored.axis} ${row.at}: ${digits(row.value)}${bounds}` : "";
+}
+
+/** Move among points with the arrow keys; Enter opens the tracks. */
+function steer(event) {
+  const steps = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] };
+  const drawn = curvesDrawn();
+  if (event.key === "Enter" && picked) {
+    const row = drawn[picked[0]][picked[1]];
+    look(row.tracker, row.scene === "pooled" ? "all" : row.scene, row.at);
+  } else if (steps[event.key] && drawn.length) {
+    const [curve, point] = picked ? picked.map((at, axis) => at + steps[event.key][axis]) : [0, 0];
+    const line = (curve + drawn.length) % drawn.length;
+    pick([line, Math.min(Math.max(point, 0), drawn[line].length - 1)]);
   } else {
-    const canvas = await result.view.toCanvas(2);
-    canvas.toBlob((blob) => save(`${name}.png`, blob, "image/png"));
+    return;
   }
+  event.preventDefault();
+}
+
+/** Save the figure as it is shown, or its values. */
+function saveExplored(kind) {
+  const name = chosen.statistic;
+  if (kind !== "csv") {
+    return savePicture(name, shownView.spec, kind);
+  }
+  const columns = ["series", "scene", "axis", "at", "value", "low", "high", "n"];
+  const quoted = (value) => (typeof value === "string" ? `"${value.replaceAll('"', '""')}"` : (value ?? ""));
+  const lines = shownView.spec.usermeta.rows.map((row) => columns.map((column) => quoted(row[column])).join(","));
+  return save(`${name}.csv`, [columns.join(","), ...lines].join("\n"), "text/csv");
 }
 
 /** Show what the address says. */
@@ -217,10 +259,11 @@ function restore() {
 }
 
 document.getElementById("controls").addEventListener("change", choose);
+document.querySelector("[data-explorer]").addEventListener("keydown", steer);
 document.addEventListener("click", (event) => {
-  const { save: name, kind } = event.target.dataset ?? {};
-  if (name) {
-    saveExplored(name, kind);
+  const kind = event.target.dataset?.save;
+  if (kind) {
+    saveExplored(kind);
   }
 });
 window.addEventListener("hashchange", restore);

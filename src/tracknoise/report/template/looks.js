@@ -47,7 +47,7 @@ function selected(groups) {
  */
 function trueMark([x, y], [trueX, trueY]) {
   if (tile <= trueX && trueX <= 2 * tile && trueY >= 0 && trueY <= tile) {
-    return drawing("circle", { cx: trueX, cy: trueY, r: 5, fill: "none", stroke: "#E69F00", "stroke-width": 2 });
+    return drawing("circle", { cx: trueX, cy: trueY, r: 5, fill: "none", stroke: "#fff", "stroke-width": 2 });
   }
   const [du, dv] = [trueX - x, trueY - y];
   const reach = (from, step, low) => ((step > 0 ? low + tile - INSET : low + INSET) - from) / step;
@@ -59,7 +59,7 @@ function trueMark([x, y], [trueX, trueY]) {
   const wings = [1, -1].map((side) => corner(ARROW / 2, (side * ARROW) / 3));
   const head = corner(0, 0);
   return drawing("path", { class: "beyond", d: `M${corner(ARROW, 0)}L${head}M${wings[0]}L${head}L${wings[1]}`, fill: "none",
-    stroke: "#E69F00", "stroke-width": 2 });
+    stroke: "#fff", "stroke-width": 2 });
 }
 
 /** Both patches of a track, with the observed and the true place. */
@@ -75,11 +75,11 @@ function patches(group, track) {
   const [x, y] = [tile + middle + ENLARGED * u, middle + ENLARGED * v];
   const now = drawing("svg", { viewBox: `${tile} 0 ${tile} ${tile}`, x: tile, width: tile, height: tile, overflow: "hidden" });
   now.append(
-    drawing("path", { d: `M${x - 6},${y}h12M${x},${y - 6}v12`, stroke: "#56B4E9", "stroke-width": 1.5 }),
+    drawing("path", { d: `M${x - 6},${y}h12M${x},${y - 6}v12`, stroke: "#fff", "stroke-width": 1.5 }),
     trueMark([x, y], [x - ENLARGED * du, y - ENLARGED * dv]),
   );
   over.append(
-    drawing("path", { d: `M${middle - 6},${middle}h12M${middle},${middle - 6}v12`, stroke: "#56B4E9", "stroke-width": 1.5 }),
+    drawing("path", { d: `M${middle - 6},${middle}h12M${middle},${middle - 6}v12`, stroke: "#fff", "stroke-width": 1.5 }),
     now,
   );
   picture.append(over);
@@ -93,9 +93,10 @@ function path(track) {
   const place = (values) => values.map((value, at) => `${at * (200 / Math.max(1, values.length - 1))},${15 - (13 * value) / reach}`);
   const shape = drawing("svg", { viewBox: "0 0 200 30", width: 200, height: 30, role: "img",
     "aria-label": `error in u and v, up to ${reach.toPrecision(3)} px` });
-  shape.append(drawing("line", { x1: 0, x2: 200, y1: 15, y2: 15, stroke: "#9aa5b1" }));
-  for (const [values, colour] of [[du, "#0072B2"], [dv, "#D55E00"]]) {
-    shape.append(drawing("polyline", { points: place(values).join(" "), fill: "none", stroke: colour, "stroke-width": 1.5 }));
+  shape.append(drawing("line", { x1: 0, x2: 200, y1: 15, y2: 15, stroke: "var(--axis)" }));
+  for (const [values, dash] of [[du, "none"], [dv, "3 2"]]) {
+    shape.append(drawing("polyline", { points: place(values).join(" "), fill: "none", stroke: "var(--ink)", "stroke-width": 1.5,
+      "stroke-dasharray": dash }));
   }
   return shape;
 }
@@ -120,9 +121,9 @@ function card({ group, track }) {
 function strip(group) {
   const made = element("div", "strip");
   made.setAttribute("role", "img");
-  made.setAttribute("aria-label", `the worst track in ${group.strip_frames} frames`);
-  made.style.cssText = `width:${tile}px;height:${tile}px;--tile:${tile}px;--frames:${group.strip_frames};`
-    + `background:url(data:image/webp;base64,${group.strip}) 0 0 / ${group.strip_frames * tile}px ${tile}px`;
+  made.setAttribute("aria-label", `the worst track in ${group.strip_at.length} frames`);
+  made.style.cssText = `width:${tile}px;height:${tile}px;--tile:${tile}px;--frames:${group.strip_at.length};`
+    + `background:url(data:image/webp;base64,${group.strip}) 0 0 / ${group.strip_at.length * tile}px ${tile}px`;
   return made;
 }
 

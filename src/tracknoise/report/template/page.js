@@ -5,6 +5,12 @@ function specification(name) {
   return JSON.parse(document.getElementById(`spec-${name}`).textContent);
 }
 
+/** Draw a specification in the page. */
+function embed(place, spec) {
+  const config = { ...spec.config, aria: false };
+  return vegaEmbed(place, { ...spec, background: "transparent", config }, { actions: false, renderer: "svg" });
+}
+
 /** Draw a figure once. */
 async function draw(chart) {
   if (chart.dataset.drawn) {
@@ -12,12 +18,33 @@ async function draw(chart) {
   }
   chart.dataset.drawn = "begun";
   try {
-    const result = await vegaEmbed(chart, specification(chart.dataset.figure), { actions: false, renderer: "svg" });
+    const result = await embed(chart, specification(chart.dataset.figure));
     openBars(result.view);
+    chart.style.minHeight = 0;
     chart.dataset.drawn = "yes";
   } catch (error) {
     chart.textContent = `This figure could not be drawn: ${error.message}`;
   }
+}
+
+/** A specification with the colours of paper in place of those of the page, which are names in its style. */
+function onPaper(spec) {
+  const light = { ink: "#1b2430", quiet: "#5b6775", grid: "#e3e7ec", axis: "#9aa5b1", paper: "#ffffff" };
+  const text = JSON.stringify(spec).replace(/var\(--(\w+)\)/g, (whole, name) => light[name] ?? whole);
+  return { ...JSON.parse(text), background: "#ffffff" };
+}
+
+/** Save a figure as SVG or PNG. */
+async function savePicture(name, spec, kind) {
+  const place = document.createElement("div");
+  const { view, finalize } = await vegaEmbed(place, onPaper(spec), { actions: false, renderer: "svg" });
+  if (kind === "svg") {
+    save(`${name}.svg`, await view.toSVG(), "image/svg+xml");
+  } else {
+    const canvas = await view.toCanvas(2);
+    await new Promise((done) => canvas.toBlob((blob) => done(save(`${name}.png`, blob, "image/png"))));
+  }
+  finalize();
 }
 
 /** Text as a file that the reader saves. */
@@ -36,17 +63,21 @@ function tables(name) {
   return written.join("\n");
 }
 
-/** Draw figures that are near the window at once, and the others while the reader does nothing. */
+/** Figures that are open from the start. */
+function openFigures() {
+  return [...document.querySelectorAll("section.open [data-figure]")];
+}
+
+/** Draw open figures while the reader does nothing, and every figure that comes near the window. */
 function drawAll() {
-  const charts = [...document.querySelectorAll("[data-figure]")];
   const near = new IntersectionObserver(
     (entries) => entries.filter((entry) => entry.isIntersecting).forEach((entry) => draw(entry.target)),
     { rootMargin: "600px" },
   );
-  charts.forEach((chart) => near.observe(chart));
+  document.querySelectorAll("[data-figure]").forEach((chart) => near.observe(chart));
   const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 50));
   const next = async () => {
-    const chart = charts.find((one) => !one.dataset.drawn);
+    const chart = openFigures().find((one) => !one.dataset.drawn);
     if (chart) {
       await draw(chart);
       idle(next);
@@ -55,21 +86,56 @@ function drawAll() {
   idle(next);
 }
 
-/** Unfold what a link leads into. */
-function unfold() {
+/** Unfold what a link leads into, and go there when the figures above it have their heights. */
+async function arrive() {
   const target = document.getElementById(decodeURIComponent(location.hash.slice(1).split("?")[0]));
   for (let one = target?.closest("details"); one; one = one.parentElement.closest("details")) {
     one.open = true;
   }
+  if (!target) {
+    return;
+  }
+  let moved = false;
+  const note = () => { moved = true; };
+  ["wheel", "touchmove", "keydown"].forEach((name) => addEventListener(name, note, { once: true, passive: true }));
+  target.scrollIntoView({ behavior: "instant" });
+  const above = (chart) => chart.compareDocumentPosition(target) & Node.DOCUMENT_POSITION_FOLLOWING;
+  await Promise.all(openFigures().filter(above).map(draw));
+  if (!moved) {
+    target.scrollIntoView({ behavior: "instant" });
+  }
+  document.body.dataset.arrived = target.id;
+}
+
+/** Show the entries and figures that hold all words of the search. */
+function search(text) {
+  const words = text.toLowerCase().split(/\s+/).filter(Boolean);
+  const holds = (one) => words.every((word) => one.textContent.toLowerCase().includes(word));
+  const entries = [...document.querySelectorAll("#entries > .entry")];
+  for (const entry of entries) {
+    const figures = [...entry.querySelectorAll("figure")];
+    const found = figures.filter(holds);
+    entry.hidden = !holds(entry);
+    figures.forEach((one) => { one.hidden = found.length > 0 && !found.includes(one); });
+  }
+  const n = entries.filter((entry) => !entry.hidden).length;
+  document.getElementById("hits").textContent = words.length ? `${n} of ${entries.length}` : "";
 }
 
 document.addEventListener("click", (event) => {
-  const name = event.target.dataset?.download;
-  if (name) {
-    save(`${name}.csv`, tables(name), "text/csv");
+  const { download, picture, kind } = event.target.dataset ?? {};
+  if (download) {
+    save(`${download}.csv`, tables(download), "text/csv");
+  } else if (picture) {
+    savePicture(picture, specification(picture), kind);
   }
 });
-window.addEventListener("hashchange", unfold);
-window.addEventListener("beforeprint", () => document.querySelectorAll("[data-figure]").forEach(draw));
-unfold();
+document.getElementById("search").addEventListener("input", (event) => search(event.target.value));
+document.getElementById("search").addEventListener("submit", (event) => event.preventDefault());
+window.addEventListener("hashchange", arrive);
+window.addEventListener("beforeprint", () => openFigures().forEach(draw));
 drawAll();
+arrive();
+if (matchMedia("(max-width: 1000px)").matches) {
+  document.querySelector("nav details").open = false;
+}

@@ -1,0 +1,369 @@
+"""The picture of the first screen, and ``share.png``: what residuals say, what to set, and the worst track.
+
+Sigma is that of the noise model for points that are solved for, by the number of frames in a window: what makes the
+newest pose right, and what innovations look like. Below are frames of the track with the largest error: a cross marks
+the observed position, a circle the true one.
+"""
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from markupsafe import Markup
+
+from tracknoise.estimators.model import Landmark, Purpose
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.phrases.answer_summary import Setting, Summary
+from tracknoise.report import figure_files, style
+from tracknoise.report.small_plots import round_steps
+from tracknoise.sequences.images import encode_png
+from tracknoise.text import printable
+from tracknoise.words import px
+
+FILE = "share.png"
+WIDTH, HEIGHT = 1200, 630
+"""Size of the file, px, as pages that show links expect it."""
+MOST_TRACKERS = 4
+_MOST_TILES, _TILE = 8, 64
+_PLOT_WIDTH, _PLOT_HEIGHT = 560, 236
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 118, 10, 38
+_LABEL_GAP = 14.0
+_ALIKE = 1.1
+"""Sigma and residuals that differ by less than this factor are alike."""
+_PAGE = {"ink": "var(--ink)", "quiet": "var(--quiet)", "line": "var(--grid)"}
+_PAPER = {"ink": style.INK, "quiet": style.QUIET, "line": style.FAINT}
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Sigma of one tracker by the number of frames in a window.
+
+    Attributes
+    ----------
+    tracker, colour
+        Its name, and its colour in all figures.
+    window, sigma
+        Frames in a window of the estimator, and what to set there, px.
+    windows
+        Frames.
+    to_set, innovations
+        For each of them, px.
+    """
+
+    tracker: str
+    colour: str
+    window: int
+    sigma: float
+    windows: tuple[int, ...]
+    to_set: tuple[float, ...]
+    innovations: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """Frames of one track.
+
+    Attributes
+    ----------
+    png
+        Tiles side by side, grey.
+    marks
+        For each tile the observed and the true position in it, as shares of its side; the true one is None if unknown.
+    caption
+        What is seen.
+    """
+
+    png: bytes
+    marks: tuple[tuple[tuple[float, float], tuple[float, float] | None], ...]
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What the first screen shows.
+
+    Attributes
+    ----------
+    title
+        What residuals say, and what to set.
+    subject
+        Of which tracker, in which estimator.
+    curves
+        Of some trackers, that of the title first.
+    strip
+        Of its worst track; None where the run keeps no patches.
+    """
+
+    title: str
+    subject: str
+    curves: tuple[Curve, ...]
+    strip: Strip | None
+
+    @property
+    def label(self) -> str:
+        """What is drawn, in a sentence."""
+        return (
+            f"{self.title} Sigma to set (solid) and what residuals look like (dashed), by frames in a window, for "
+            f"{', '.join(curve.tracker for curve in self.curves)}."
+        )
+
+    def plot(self) -> Markup:
+        """The curves, as a part of a page."""
+        return _plot(self, _PAGE)
+
+    def frames(self) -> Markup:
+        """The strip, as a part of a page; empty where there is none."""
+        return Markup("") if self.strip is None else _tiles(self.strip)
+
+
+def picture(models: Mapping[str, NoiseModel], settings: Sequence[Setting], seen: Mapping[str, Any]) -> Picture | None:
+    """The picture of a run; None where nothing is known that could be set.
+
+    Parameters
+    ----------
+    models
+        Noise models, by tracker.
+    settings
+        What to set in the estimator of the experiment.
+    seen
+        Tracks with patches, as `tracknoise.report.looks.looks` returns them.
+    """
+    able = [one for one in settings if one.sigma.value and one.innovations.value and one.tracker in models]
+    if not able:
+        return None
+    first = max(able, key=lambda one: one.sigma.value / one.innovations.value)  # type: ignore[operator]
+    chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
+    curves = tuple(_curve(one, models[one.tracker]) for one in chosen)
+    subject = f"{first.tracker}, windows of {first.window} frames"
+    return Picture(_title(first), subject, curves, _strip(seen, first.tracker))
+
+
+def _title(one: Setting) -> str:
+    sigma, residuals = one.sigma.value or 0.0, one.innovations.value or 0.0
+    most = "at most " if one.is_bound else ""
+    if sigma < _ALIKE * residuals and residuals < _ALIKE * sigma:
+        return f"Your residuals are right: set {most}{px(sigma)}."
+    return f"Your residuals say {px(residuals)}. Set {most}{px(sigma)}."
+
+
+def _curve(one: Setting, model: NoiseModel) -> Curve:
+    free = [found for found in model.equivalents if found.landmark is Landmark.FREE]
+    by = {
+        purpose: {found.window: found.sigma.value for found in free if found.purpose is purpose}
+        for purpose in (Purpose.NEWEST_POSE, Purpose.INNOVATIONS)
+    }
+    windows = tuple(sorted(by[Purpose.NEWEST_POSE].keys() & by[Purpose.INNOVATIONS].keys()))
+    to_set, innovations = (tuple(values[window] for window in windows) for values in by.values())
+    return Curve(one.tracker, one.colour, one.window, one.sigma.value or 0.0, windows, to_set, innovations)
+
+
+def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
+    """Tiles of the track with the largest error of all that have pictures."""
+    own = [group for group in seen["groups"] if group["tracker"] == tracker and len(group["strip_at"]) > 1]
+    if not own:
+        return None
+    group = max(own, key=lambda one: float(np.hypot(*one["tracks"][0]["error"])))
+    track, frames, side = group["tracks"][0], group["strip_at"], seen["patch_px"]
+    n = len(frames)
+    decoded = cv2.imdecode(np.frombuffer(base64.b64decode(group["strip"]), np.uint8), cv2.IMREAD_GRAYSCALE)
+    tiles = np.asarray(decoded, np.uint8).reshape(side, n, side)
+    chosen = sorted({round(place) for place in np.linspace(0, n - 1, min(n, _MOST_TILES))})
+    path = dict(
+        zip(track["path"]["frame"], zip(track["path"]["du_px"], track["path"]["dv_px"], strict=True), strict=True)
+    )
+    marks = tuple(_marked(side, path.get(frames[place])) for place in chosen)
+    size = float(np.hypot(*track["error"]))
+    caption = printable(
+        f"Worst track of {tracker}: {px(size)} off after {track['frame'] - track['anchor_frame']} frames. "
+        "Cross: observed. Circle: true."
+    )
+    return Strip(encode_png(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))), marks, caption)
+
+
+def _marked(side: int, error: tuple[float, float] | None) -> tuple[tuple[float, float], tuple[float, float] | None]:
+    """The observed position is that of the middle pixel, to half a pixel."""
+    middle = 0.5
+    if error is None:
+        return (middle, middle), None
+    return (middle, middle), (middle - error[0] / side, middle - error[1] / side)
+
+
+def _plot(shown: Picture, colours: Mapping[str, str]) -> Markup:
+    values = [value for curve in shown.curves for value in (*curve.to_set, *curve.innovations)]
+    windows = sorted({window for curve in shown.curves for window in curve.windows})
+    most = 1.08 * max(values)
+    width, height = _PLOT_WIDTH - _LEFT - _RIGHT, _PLOT_HEIGHT - _TOP - _BOTTOM
+
+    def x(window: float) -> float:
+        return _LEFT + width * (window - windows[0]) / ((windows[-1] - windows[0]) or 1)
+
+    def y(value: float) -> float:
+        return _TOP + height * (1.0 - value / most)
+
+    grid = [_rule(y(value), f"{value:g}", colours) for value in round_steps(0.0, most)]
+    ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
+    lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
+    ends = [(y(value), f"{what} {value:.2g}", curve.colour) for curve in shown.curves for what, value in _ends(curve)]
+    dots = [_dot(x(curve.window), y(curve.sigma), curve.colour) for curve in shown.curves]
+    labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
+    axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">frames in a window</text>').format(
+        x=_LEFT + width / 2, y=_PLOT_HEIGHT - 4, **colours
+    )
+    unit = Markup('<text x="{x}" y="{y}" fill="{quiet}">sigma, px</text>').format(x=_LEFT + 4, y=_TOP + 10, **colours)
+    return Markup(
+        '<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width} {height}" font-size="12">{parts}</svg>'
+    ).format(
+        label=printable(shown.label),
+        width=_PLOT_WIDTH,
+        height=_PLOT_HEIGHT,
+        parts=Markup("").join([*grid, *ticks, axis, unit, *lines, *dots, *labels]),
+    )
+
+
+def _rule(y: float, text: str, colours: Mapping[str, str]) -> Markup:
+    return Markup(
+        '<line x1="{left}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}" stroke="{line}"/>'
+        '<text x="{x}" y="{base:.1f}" text-anchor="end" fill="{quiet}">{text}</text>'
+    ).format(left=_LEFT, right=_PLOT_WIDTH - _RIGHT, y=y, x=_LEFT - 6, base=y + 4, text=text, **colours)
+
+
+def _tick(x: float, text: str, colours: Mapping[str, str]) -> Markup:
+    return Markup('<text x="{x:.1f}" y="{y}" text-anchor="middle" fill="{quiet}">{text}</text>').format(
+        x=x, y=_PLOT_HEIGHT - _BOTTOM + 16, text=text, **colours
+    )
+
+
+def _apart(places: Sequence[tuple[float, int]]) -> list[int]:
+    """Those of ticks that are far enough from the one before."""
+    kept: list[tuple[float, int]] = []
+    for place, window in places:
+        if not kept or place - kept[-1][0] >= 2 * _LABEL_GAP:
+            kept.append((place, window))
+    return [window for _, window in kept]
+
+
+def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
+    """Solid: what to set; dashed: what residuals look like."""
+    line = Markup(
+        '<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2.2" stroke-linejoin="round"{dash}/>'
+    )
+    return [
+        line.format(
+            points=" ".join(f"{x(at):.1f},{y(value):.1f}" for at, value in zip(curve.windows, values, strict=True)),
+            colour=curve.colour,
+            dash=Markup(dash),
+        )
+        for values, dash in ((curve.to_set, ""), (curve.innovations, ' stroke-dasharray="5 4"'))
+    ]
+
+
+def _ends(curve: Curve) -> Iterator[tuple[str, float]]:
+    """What the ends of its lines are called; one name where they are alike."""
+    to_set, innovations = curve.to_set[-1], curve.innovations[-1]
+    if 1.0 / _ALIKE < to_set / innovations < _ALIKE:
+        yield "both", to_set
+    else:
+        yield from (("set", to_set), ("residuals", innovations))
+
+
+def _dot(x: float, y: float, colour: str) -> Markup:
+    return Markup('<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="{colour}"/>').format(x=x, y=y, colour=colour)
+
+
+def _spread(ends: Sequence[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
+    """Labels from top to bottom, none closer to the one above than the height of a line."""
+    placed: list[tuple[float, str, str]] = []
+    for place, text, colour in sorted(ends):
+        lowest = placed[-1][0] + _LABEL_GAP if placed else place
+        placed.append((max(place, lowest), text, colour))
+    beyond = max(0.0, placed[-1][0] - (_PLOT_HEIGHT - _BOTTOM)) if placed else 0.0
+    return [(place - beyond, text, colour) for place, text, colour in placed]
+
+
+def _label(y: float, text: str, colour: str, colours: Mapping[str, str]) -> Markup:
+    """The name of a line at its end: a mark in the colour of the tracker, the text in that of all text."""
+    x = _PLOT_WIDTH - _RIGHT + 6
+    return Markup(
+        '<circle cx="{cx}" cy="{cy:.1f}" r="3.5" fill="{colour}"/><text x="{x}" y="{y:.1f}" fill="{ink}">{text}</text>'
+    ).format(cx=x, cy=y, colour=colour, x=x + 8, y=y + 4, text=text, **colours)
+
+
+def _tiles(strip: Strip) -> Markup:
+    n = len(strip.marks)
+    width = n * _TILE
+    marks = Markup("").join(_mark(place * _TILE, *pair) for place, pair in enumerate(strip.marks))
+    return Markup(
+        '<svg class="tiles" role="img" aria-label="{caption}" viewBox="0 0 {width} {tile}" width="{width}">'
+        '<image href="data:image/png;base64,{png}" width="{width}" height="{tile}" image-rendering="pixelated" '
+        'preserveAspectRatio="none"/>{marks}</svg>'
+    ).format(caption=strip.caption, width=width, tile=_TILE, png=base64.b64encode(strip.png).decode(), marks=marks)
+
+
+def _mark(left: float, observed: tuple[float, float], true: tuple[float, float] | None) -> Markup:
+    """A cross and a circle, white on dark so that they are seen on any image."""
+    x, y = left + observed[0] * _TILE, observed[1] * _TILE
+    shapes = Markup('<path d="M{a:.1f},{y:.1f}h12M{x:.1f},{b:.1f}v12"/>').format(a=x - 6, x=x, y=y, b=y - 6)
+    inside = true is not None and all(0.0 <= share <= 1.0 for share in true)
+    if true is not None and inside:
+        shapes += Markup('<circle cx="{x:.1f}" cy="{y:.1f}" r="6"/>').format(
+            x=left + true[0] * _TILE, y=true[1] * _TILE
+        )
+    border = Markup('<path d="M{x},0v{tile}" stroke="#000000" stroke-width="1"/>').format(x=left, tile=_TILE)
+    style_of = '<g fill="none" stroke="{stroke}" stroke-width="{width}">{shapes}</g>'
+    return border + Markup("").join(
+        Markup(style_of).format(stroke=stroke, width=width, shapes=shapes)
+        for stroke, width in (("#000000", 3.2), ("#ffffff", 1.4))
+    )
+
+
+def png(shown: Picture, summary: Summary) -> bytes:
+    """The picture as a file of `WIDTH` times `HEIGHT` px: to share, and for readmes."""
+    plot = _nested(_plot(shown, _PAPER), x=24, y=150, scale=1.4)
+    tiles = Markup("") if shown.strip is None else _nested(_tiles(shown.strip), x=48, y=494, scale=1.1)
+    legend = [
+        Markup(
+            '<circle cx="868" cy="{y}" r="7" fill="{colour}"/><text x="886" y="{base}" font-size="24">{name}</text>'
+        ).format(
+            y=192 + 40 * place, base=200 + 40 * place, colour=curve.colour, name=_short(printable(curve.tracker), 26)
+        )
+        for place, curve in enumerate(shown.curves)
+    ]
+    texts = [
+        (48, 84, 48, 700, shown.title),
+        (48, 126, 24, 400, f"{shown.subject}, in {summary.estimator}"),
+        (860, 380, 20, 400, "solid: sigma to set"),
+        (860, 410, 20, 400, "dashed: what residuals say"),
+        *([] if shown.strip is None else [(48, 594, 18, 400, shown.strip.caption)]),
+        (860, 594, 18, 400, f"tracknoise: {summary.experiment}"),
+    ]
+    written = [
+        Markup('<text x="{x}" y="{y}" font-size="{size}" font-weight="{weight}">{text}</text>').format(
+            x=x, y=y, size=size, weight=weight, text=_short(printable(text), int(1.95 * (WIDTH - x - 20) / size))
+        )
+        for x, y, size, weight, text in texts
+    ]
+    svg = Markup(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
+        'font-family="{font}" fill="{ink}"><rect width="{width}" height="{height}" fill="#ffffff"/>{parts}</svg>'
+    ).format(
+        width=WIDTH,
+        height=HEIGHT,
+        font=style.FONT,
+        ink=style.INK,
+        parts=Markup("").join([*written, *legend, plot, tiles]),
+    )
+    return figure_files.png_of(str(svg), scale=1.0)
+
+
+def _nested(svg: Markup, *, x: float, y: float, scale: float) -> Markup:
+    """A drawing within another one, at a place."""
+    return Markup('<g transform="translate({x} {y}) scale({scale})">{parts}</g>').format(
+        x=x, y=y, scale=scale, parts=Markup(svg.split(">", 1)[1].removesuffix("</svg>"))
+    )
+
+
+def _short(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}\N{HORIZONTAL ELLIPSIS}"

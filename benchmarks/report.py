@@ -5,12 +5,18 @@ through the very functions that a run puts measured ones through. At full size s
 other names. The time is that of the processor, of one thread, so that it can be measured on a machine that does other
 things too. A page can be used when a choice in its explorer has changed a figure; this is measured in a headless
 Chromium, if there is one.
+
+``python -m benchmarks.report --counts RUN ...`` counts what a reader sees in the reports of runs: words and numbers of
+the first screen, open sections and figures, words, height and printed pages, and nodes for screen readers.
 """
 
+import base64
 import json
+import re
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,5 +135,62 @@ def _interactive_s(page: Path, folder: Path) -> dict[str, float]:
     return {"interactive": interactive, "working": metrics["TaskDuration"]}
 
 
+_SEEN = """(() => {
+  const text = (one) => one.innerText;
+  const parts = "h1, h2, p, th, td, figcaption, text".split(", ").map((name) => `.first ${name}`).join(", ");
+  const shown = [...document.querySelectorAll(parts)]
+    .filter((one) => !one.querySelector("select") && !one.parentElement.closest("p, td, th, h2"));
+  const first = shown.map((one) => one.textContent).join(" ");
+  const open = [...document.querySelectorAll("section.open")];
+  const numbers = (words) => (words.match(/(?<![\\w.])\\d[\\d,.]*/g) ?? []).length;
+  const words = (all) => all.split(/\\s+/).filter((word) => /\\w/.test(word)).length;
+  const page = text(document.querySelector("main"));
+  return {
+    "words on the first screen": words(first),
+    "numbers on the first screen": numbers(first),
+    "undecided on the first screen": (first.match(/undecided/gi) ?? []).length,
+    "open sections": open.length + 1,
+    "open figures": document.querySelectorAll("section.open figure, .first figure").length,
+    "words": words(page),
+    "undecided": (page.match(/undecided/gi) ?? []).length,
+    "height, px": document.documentElement.scrollHeight,
+  };
+})()"""
+_DRAWN = "[...document.querySelectorAll('section.open [data-figure]')].every((one) => one.dataset.drawn === 'yes')"
+
+
+def counts(run: Path) -> dict[str, float]:
+    """What a reader sees of the report of a run, in a window of 1366 times 768 px."""
+    page = (run / "report" / "index.html").resolve()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        chromium.browser(Path(folder)) as pipe,
+        chromium.tab(pipe) as tab,
+    ):
+        tab.size(1366, 768)
+        tab.goto(page.as_uri())
+        tab.wait(_DRAWN)
+        tab.evaluate("document.fonts.ready.then(() => true)")
+        found = dict(tab.evaluate(_SEEN))
+        tab.command("Accessibility.enable")
+        nodes = tab.command("Accessibility.getFullAXTree")["nodes"]
+        found["nodes for screen readers"] = sum(not node["ignored"] for node in nodes)
+        printed = base64.b64decode(tab.command("Page.printToPDF")["data"])
+        found["printed pages"] = len(re.findall(rb"/Type\s*/Page\b", printed))
+        found["size, MB"] = page.stat().st_size / 1e6
+    return found
+
+
+def _print_counts(runs: Sequence[Path]) -> None:
+    table = {run.name: counts(run) for run in runs}
+    names = next(iter(table.values()))
+    print("".join([f"{'':32}", *(f"{name[:16]:>17}" for name in table)]))
+    for name in names:
+        print("".join([f"{name:32}", *(f"{found[name]:17,.4g}" for found in table.values())]))
+
+
 if __name__ == "__main__":
-    json.dump(_measure(int(sys.argv[1])), sys.stdout)
+    if sys.argv[1] == "--counts":
+        _print_counts([Path(name) for name in sys.argv[2:]])
+    else:
+        json.dump(_measure(int(sys.argv[1])), sys.stdout)

@@ -11,6 +11,7 @@ from tests.report import synthetic as module
 from tests.report.fitted import fitted_run
 from tests.report.runs import make_run
 
+from tracknoise.report.figure_files import FORMATS
 from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder
 
@@ -36,7 +37,7 @@ def whole_report(make_run: Callable[..., RunFolder], made_once: Callable[..., Pa
 
     def write(folder: Path) -> None:
         shutil.copytree(run.path, folder)
-        write_report(RunFolder(folder))
+        write_report(RunFolder(folder), figure_formats=FORMATS)
 
     return made_once("whole-report", write)
 

@@ -20,14 +20,13 @@ from tracknoise.phrases.answer_summary import Card, Measure, Number, Summary, su
 from tracknoise.phrases.measures import card_number as plain_number
 from tracknoise.phrases.measures import shown_size
 from tracknoise.report import small_plots
-from tracknoise.report.answer import certainty, summarise
-from tracknoise.report.contents import PARTS
+from tracknoise.report.answer import certainty, limit_text, summarise
+from tracknoise.report.contents import OPENINGS
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
-from tracknoise.report.small_plots import curves
 from tracknoise.tables.store import RunFolder
-from tracknoise.words import SPACE
+from tracknoise.words import SPACE, TIMES
 
 MOST_WORDS, MOST_NUMBERS = 25, 3
 SCHEMA = Path(__file__).parents[2] / "docs" / "report-summary.schema.json"
@@ -127,7 +126,7 @@ def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunF
     data = ReportData.of(make_run(**WORLDS[world]))
     found = summarise(data).findings
     assert [one.topic for one in found] == data.findings.sort("rank")["topic"].to_list()
-    sections = {name for names in PARTS.values() for name in names}
+    sections = {*OPENINGS, "findings", "factor-effects", "summary", "measured", "limits", *(one.id for one in FAMILIES)}
     for statement in (one for finding in found for one in finding.statements):
         text = statement.text
         for tracker in data.trackers:
@@ -472,11 +471,25 @@ def test_the_schema_is_documented() -> None:
     )
 
 
-def test_every_section_of_figures_has_its_place_in_the_page() -> None:
-    order = [name for names in PARTS.values() for name in names]
-    families = [family.id for family in FAMILIES]
-    assert len(set(order)) == len(order)
-    assert [name for name in order if name in families] == families
+def test_what_to_set_is_that_of_the_advice(data: ReportData) -> None:
+    settings = summarise(data).settings
+    assert [one.tracker for one in settings] == data.trackers
+    for one in settings:
+        rows = data.advice.filter(tracker=one.tracker)
+        assert one.sigma.value == rows.filter(quantity="sigma")["value"][0]
+        assert one.innovations.value == rows.filter(quantity="innovations")["value"][0]
+        assert one.sigma.text == f"0.200{SPACE}px"
+        assert one.limit == f"gate {TIMES} 0.300"
+        assert one.window == rows["window"][0]
+        assert not one.is_bound
+    untrusted = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
+    assert all(one.is_bound for one in summarise(untrusted).settings)
+
+
+def test_a_robust_loss_is_named_with_its_knee() -> None:
+    assert limit_text("cauchy", {"knee": 1.25}) == "Cauchy loss, knee 1.25 sigma"
+    assert limit_text(None, {"observation_gate": 0.5}) == f"gate {TIMES} 0.500"
+    assert limit_text(None, {}) == ""
 
 
 def of(value: float, low: float | None = None, high: float | None = None) -> Measure:
@@ -509,20 +522,9 @@ def test_drawings_say_what_they_show(data: ReportData) -> None:
         assert "#123456" in drawn
 
 
-def test_the_curves_hold_a_point_for_every_age(data: ReportData) -> None:
-    u, v = curves(data)
-    points = data.nominal(data.points).filter(
-        role="second", trimming=data.trimming, population=data.population, tracker="lucas-kanade"
-    )
-    assert all(f'stroke="{data.colour["lucas-kanade"]}"' in one for one in (u, v))
-    lines = [line.split() for line in re.findall(r'<polyline points="([^"]*)"', u)]
-    assert len(lines) == len(data.trackers)
-    assert len(lines[0]) == points.height
-
-
 def test_odd_names_are_escaped_in_drawings(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:
     found = write_report(make_run(**synthetic.DEGENERATE["odd names"]), figure_formats=()).read_text(encoding="utf-8")
-    first = found.split('<section id="findings">')[0].split("<main>")[1]
+    first = found.split('<section id="everything">')[0].split("<main>")[1]
     assert "&lt;b&gt;" in first
     assert "<b>&#34;" not in first
 

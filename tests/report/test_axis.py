@@ -21,4 +21,3 @@ def test_places_are_told_from_where_errors_are_zero(axis, since, written) -> Non
 @pytest.mark.parametrize("axis", [AGE, FRAME], ids=lambda axis: axis.name)
 def test_every_statistic_of_the_tables_has_a_role(axis) -> None:
     assert set(axis.roles) == set(NAMES[axis.name].values())
-    assert set(axis.signs) == set(axis.roles.values()) - {"central"}

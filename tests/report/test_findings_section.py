@@ -27,14 +27,14 @@ def test_sentences_stand_first_and_lead_to_their_sections_and_tables(make_run: C
     run = make_run(scenes=("one",), trackers=("lucas-kanade",), n_frames=14, born=30, dataset="tum", truth="birth")
     page = write_report(run, figure_formats=())
     text = page.read_text(encoding="utf-8")
-    section = text.split('<section id="findings">')[1].split("</section>")[0]
-    assert text.index('<section id="findings">') < text.index('<section id="measured">')
+    section = text.split('<details class="entry" id="findings">')[1].split('<details class="entry"')[0]
+    assert text.index('id="findings">') < text.index('id="measured">')
     rows = run.statistics("findings").to_dicts()
     assert {"scenes", "truth", "noise", "bias", "shape", "growth"} <= {row["topic"] for row in rows}
     assert section.count("<li>") == len(rows)
     for row in rows:
         assert f'href="#{row["figure"]}"' in section
-        assert f'<section id="{row["figure"]}">' in text
+        assert f' id="{row["figure"]}"' in text
     assert all((page.parent / "tables" / f"{name}.csv").is_file() for name in TABLE.findall(section))
 
 
@@ -42,7 +42,7 @@ def test_a_run_without_findings_says_so_and_has_no_empty_list(make_run: Callable
     run = make_run(scenes=("bare",), trackers=("one",), speeds=(1,), n_frames=8, born=20)
     run.write_statistics({name: empty(schema) for name, schema in FINDINGS_TABLES.items()})
     text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
-    section = text.split('<section id="findings">')[1].split("</section>")[0]
+    section = text.split('<details class="entry" id="findings">')[1].split('<details class="entry"')[0]
     assert "Findings were not computed for this run" in section
     assert "<ol>" not in section
     assert "No intervals were computed for the solid curves." in text

@@ -21,10 +21,13 @@ def report(
         typer.Option("--rerun", help="Also write a recording of one scene for the viewer Rerun (extra: rerun)."),
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Scene of this recording. Default: the first.")] = None,
+    figures: Annotated[bool, typer.Option("--figures", help="Also write all figures as SVG and PNG.")] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Write the report of a run: an HTML page, figures as SVG and PNG, tables as CSV.
+    """Write the report of a run: an HTML page, and tables as CSV.
+
+    With `--figures`, also all figures as SVG and PNG. The page saves each figure on demand.
 
     A recording for Rerun shows images, tracks coloured by error, true points and the path of the camera. It requires
     the data of the run.
@@ -39,5 +42,5 @@ def report(
 
         write_recording(RunFolder(run), rerun, scene=scene)
         context.obj.result(f"written: {rerun.resolve()}")
-    print_results(context.obj, RunFolder(run), report=True)
+    print_results(context.obj, RunFolder(run), report=True, figures=figures)
     return 0

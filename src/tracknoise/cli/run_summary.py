@@ -65,14 +65,15 @@ def print_outcome(terminal: "Terminal", out: Path, outcome: "Outcome", *, report
     return 2
 
 
-def print_results(terminal: "Terminal", run: RunFolder, *, report: bool) -> None:
-    """Print the summary of a run. With `report`, also write its report and print the path."""
+def print_results(terminal: "Terminal", run: RunFolder, *, report: bool, figures: bool = False) -> None:
+    """Print the summary of a run. With `report`, also write its report, with `figures` or not, and print the path."""
     terminal.result(summary_text(run))
     if report:
+        from tracknoise.report.figure_files import FORMATS
         from tracknoise.report.page import write_report
 
         terminal.say("writing the report")
-        terminal.result(f"report: {write_report(run).resolve()}")
+        terminal.result(f"report: {write_report(run, figure_formats=FORMATS if figures else ()).resolve()}")
 
 
 def summary_text(run: RunFolder) -> str:

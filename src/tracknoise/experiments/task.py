@@ -16,6 +16,7 @@ import polars as pl
 from tracknoise.exceptions import DataWarning, NothingToMeasureError
 from tracknoise.experiments.doubts import Doubts, doubts, doubts_of_parts
 from tracknoise.experiments.failures import Batch, InParts, Result, diagnose
+from tracknoise.experiments.film import film
 from tracknoise.experiments.geometry_tables import camera_tables, geometry_tables
 from tracknoise.experiments.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.local_workers import notify
@@ -195,6 +196,8 @@ def _measure_batch(
             tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
             if _has_patches(task.experiment, sequences):
                 tables["patches"] = track_patches(measurement, speed=min(task.speeds))
+                if task.has_film and not task.part:
+                    tables["film"] = film(measurement)
             snapshot = encode_png(measurement.snapshot)
             release_memory()
             if claim:

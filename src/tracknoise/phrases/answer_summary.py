@@ -213,6 +213,8 @@ class Summary:
         Title of the estimator that `settings` are for.
     settings
         What to set in it, for each tracker with a noise model.
+    holds
+        On how much this was measured, and what it holds for.
     accuracy
         Which tracker is more accurate, and by how much.
     certainty
@@ -230,6 +232,7 @@ class Summary:
     measured: str
     estimator: str
     settings: tuple[Setting, ...]
+    holds: str
     accuracy: Judgement
     certainty: Judgement
     truth: Judgement

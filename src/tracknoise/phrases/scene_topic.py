@@ -108,6 +108,14 @@ def certainty(data: RunData) -> Judgement:
     return Judgement(answer("other scenes", verdict, wished=Verdict.yes), text, "measured")
 
 
+def holds(data: RunData) -> str:
+    """On how much a run was measured, and what its intervals hold for."""
+    entries = list(data.sequences.values())
+    names = listing(sorted({entry.sequence.dataset for entry in entries}))
+    scenes = count(len({entry.sequence.scene for entry in entries}), "scene")
+    return f"Measured on {scenes} ({names}).{_missing(data)} {certainty(data).text.split('. ')[-1].replace('They', 'Intervals')}"
+
+
 _TRUTHS: Mapping[str, str] = {
     "raycast": "ray casting of the exact surface",
     "birth": "poses and depth",

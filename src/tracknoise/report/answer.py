@@ -8,7 +8,7 @@ from tracknoise.estimators.exports import estimator
 from tracknoise.phrases import bias_topic, factor_topic, growth_topic, shape_topic, size_topic, track_topics
 from tracknoise.phrases.answer_summary import FORMAT, Card, Judgement, Measure, Number, Setting, Summary
 from tracknoise.phrases.measures import Subject, reported_conditions, shown_size
-from tracknoise.phrases.scene_topic import certainty, measured
+from tracknoise.phrases.scene_topic import certainty, holds, measured
 from tracknoise.phrases.statements import findings
 from tracknoise.phrases.truth_topic import truth
 from tracknoise.phrases.window_topic import sigma_sentence
@@ -29,6 +29,7 @@ def summarise(data: ReportData) -> Summary:
         measured(data),
         estimator(data.estimator).title,
         tuple(_settings(data)),
+        holds(data),
         accuracy,
         certainty(data),
         truth(data),

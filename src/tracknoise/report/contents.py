@@ -116,6 +116,7 @@ class Opening:
     figures: tuple[str, ...] = ()
 
 
+_EXAMPLES = "example-frames-"
 OPENINGS: Mapping[str, Opening] = {
     "estimator": Opening("Files for your estimator"),
     "error-by-tracker": Opening("Which is better", ("error-by-age",)),
@@ -123,7 +124,7 @@ OPENINGS: Mapping[str, Opening] = {
     "time-structure": Opening("How errors grow, and how heavy their tails are", ("time-structure", "gaussianity")),
     "error-by-place": Opening("Where errors are", ("image-map-", "surroundings-")),
     "truth": Opening("Can the truth be trusted", ("pose-errors", "audit-")),
-    "explorer": Opening("Look closer", ("example-frames-",)),
+    "explorer": Opening("Look closer", (_EXAMPLES,)),
 }
 """Sections that are open, by id. All else is under "Everything measured"."""
 
@@ -149,7 +150,7 @@ class Layout:
         return [*self.open, *self.folded]
 
 
-def layout(sections: Sequence[Section]) -> Layout:
+def layout(sections: Sequence[Section], *, filmed: bool = False) -> Layout:
     """Divide sections into those that are open and those that are folded.
 
     Of the figures that a section of the page may show for each of its beginnings, it shows the first one that states a
@@ -159,12 +160,15 @@ def layout(sections: Sequence[Section]) -> Layout:
     ----------
     sections
         All sections, each under an id of its own.
+    filmed
+        Whether the page shows the frames of a scene, in place of its example.
     """
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     known = {section.id: section for section in sections}
     opened, shown = [], set[str]()
     for name, opening in OPENINGS.items():
-        chosen = [found for start in opening.figures if (found := _chosen(figures, start)) is not None]
+        starts = [start for start in opening.figures if not (filmed and start == _EXAMPLES)]
+        chosen = [found for start in starts if (found := _chosen(figures, start)) is not None]
         shown |= {one.id for one in chosen}
         if chosen or name in known:
             opened.append(Section(name, opening.title, chosen))

@@ -15,6 +15,7 @@ from tracknoise.report import (
     explorer,
     factor_section,
     figure_files,
+    film,
     findings_section,
     looks,
     measured,
@@ -72,7 +73,8 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     require_distinct(item for section in sections for item in section.items)
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     specs = {figure.id: figure_files.specification(figure) for figure in figures}
-    arranged = layout([*_before(), *sections, *_after(data)])
+    frames = film.film(data)
+    arranged = layout([*_before(), *sections, *_after(data)], filmed=frames is not None)
     answered, fits, seen = summarise(data), run_models(data.run), looks.looks(data)
     shown = share_picture.picture(fits.models, answered.settings, seen)
     files = _figure_files(specs, formats) | _table_files(data)
@@ -80,7 +82,7 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     files[CONTENTS] = contents_json(data.name, arranged.every, formats).encode()
     files[SUMMARY] = summary_json(answered).encode()
     family_of = {item.id: section.id for section in sections for item in section.items}
-    files["index.html"] = _page(data, answered, fits, arranged, family_of, specs, seen, shown).encode()
+    files["index.html"] = _page(data, answered, fits, arranged, family_of, specs, seen, shown, frames).encode()
     return files
 
 
@@ -126,6 +128,7 @@ def _page(
     specs: Mapping[str, Any],
     seen: Mapping[str, Any],
     shown: share_picture.Picture | None,
+    frames: Mapping[str, Any] | None,
 ) -> str:
     families = {family.id: family for family in FAMILIES}
     return template("index.html.j2").render(
@@ -134,9 +137,10 @@ def _page(
         scales=small_plots.scales(answered.cards),
         interval_plot=small_plots,
         picture=shown,
-        frame=annotated_frame(data),
+        frame=annotated_frame(data) if shown is None else None,
         layout=arranged,
         family_of=family_of,
+        anchors=_anchors(arranged, family_of),
         families=families,
         conclusions=conclusions(answered),
         below={name: family.tables(data) for name, family in families.items()},
@@ -155,8 +159,17 @@ def _page(
         explored=_embedded(explorer.explored(data)),
         has_looks=bool(seen["groups"]),
         looked=_embedded(seen),
+        filmed=frames,
+        filmed_json=_embedded(frames or {}),
+        most_tracks=film.MOST_TRACKS,
         vega=figure_files.scripts(),
     )
+
+
+def _anchors(arranged: Layout, family_of: Mapping[str, str]) -> set[str]:
+    """Ids of the page that evidence can be in."""
+    opened = {family_of[item.id] for section in arranged.open for item in section.items}
+    return {section.id for section in arranged.every} | opened
 
 
 def _embedded(spec: Mapping[str, Any]) -> str:

@@ -20,7 +20,7 @@ from tracknoise.phrases.answer_summary import Setting, Summary
 from tracknoise.report import figure_files, style
 from tracknoise.report.small_plots import round_steps
 from tracknoise.sequences.images import encode_png
-from tracknoise.text import printable
+from tracknoise.text import counted, printable
 from tracknoise.words import px
 
 FILE = "share.png"
@@ -29,7 +29,7 @@ WIDTH, HEIGHT = 1200, 630
 MOST_TRACKERS = 4
 _MOST_TILES, _TILE = 8, 64
 _PLOT_WIDTH, _PLOT_HEIGHT = 560, 236
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 118, 10, 38
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 88, 10, 38
 _LABEL_GAP = 14.0
 _ALIKE = 1.1
 """Sigma and residuals that differ by less than this factor are alike."""
@@ -137,7 +137,7 @@ def picture(models: Mapping[str, NoiseModel], settings: Sequence[Setting], seen:
     first = max(able, key=lambda one: one.sigma.value / one.innovations.value)  # type: ignore[operator]
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
     curves = tuple(_curve(one, models[one.tracker]) for one in chosen)
-    subject = f"{first.tracker}, windows of {first.window} frames"
+    subject = f"{first.tracker} in windows of {first.window} frames"
     return Picture(_title(first), subject, curves, _strip(seen, first.tracker))
 
 
@@ -176,10 +176,8 @@ def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
     )
     marks = tuple(_marked(side, path.get(frames[place])) for place in chosen)
     size = float(np.hypot(*track["error"]))
-    caption = printable(
-        f"Worst track of {tracker}: {px(size)} off after {track['frame'] - track['anchor_frame']} frames. "
-        "Cross: observed. Circle: true."
-    )
+    frames_on = track["frame"] - track["anchor_frame"]
+    caption = f"Worst track: {px(size)} off after {counted(frames_on, 'frame')}. Circle: true place."
     return Strip(encode_png(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))), marks, caption)
 
 
@@ -203,10 +201,10 @@ def _plot(shown: Picture, colours: Mapping[str, str]) -> Markup:
     def y(value: float) -> float:
         return _TOP + height * (1.0 - value / most)
 
-    grid = [_rule(y(value), f"{value:g}", colours) for value in round_steps(0.0, most)]
+    grid = [_rule(y(value), f"{value:g}", colours) for value in round_steps(0.0, most, ticks=2)]
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
-    ends = [(y(value), f"{what} {value:.2g}", curve.colour) for curve in shown.curves for what, value in _ends(curve)]
+    ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve)]
     dots = [_dot(x(curve.window), y(curve.sigma), curve.colour) for curve in shown.curves]
     labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
     axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">frames in a window</text>').format(
@@ -240,7 +238,7 @@ def _apart(places: Sequence[tuple[float, int]]) -> list[int]:
     """Those of ticks that are far enough from the one before."""
     kept: list[tuple[float, int]] = []
     for place, window in places:
-        if not kept or place - kept[-1][0] >= 2 * _LABEL_GAP:
+        if not kept or place - kept[-1][0] >= 6 * _LABEL_GAP:
             kept.append((place, window))
     return [window for _, window in kept]
 
@@ -264,7 +262,7 @@ def _ends(curve: Curve) -> Iterator[tuple[str, float]]:
     """What the ends of its lines are called; one name where they are alike."""
     to_set, innovations = curve.to_set[-1], curve.innovations[-1]
     if 1.0 / _ALIKE < to_set / innovations < _ALIKE:
-        yield "both", to_set
+        yield "both alike", to_set
     else:
         yield from (("set", to_set), ("residuals", innovations))
 
@@ -333,7 +331,7 @@ def png(shown: Picture, summary: Summary) -> bytes:
     ]
     texts = [
         (48, 84, 48, 700, shown.title),
-        (48, 126, 24, 400, f"{shown.subject}, in {summary.estimator}"),
+        (48, 126, 24, 400, shown.subject),
         (860, 380, 20, 400, "solid: sigma to set"),
         (860, 410, 20, 400, "dashed: what residuals say"),
         *([] if shown.strip is None else [(48, 594, 18, 400, shown.strip.caption)]),

@@ -9,12 +9,10 @@ from markupsafe import Markup, escape
 from tracknoise.phrases.answer_summary import Card, Measure, Number
 from tracknoise.text import printable
 
-_TICKS = 4
 
-
-def round_steps(low: float, high: float) -> Sequence[float]:
-    """A few round numbers between two others."""
-    rough = (high - low) / _TICKS or 1.0
+def round_steps(low: float, high: float, *, ticks: int) -> Sequence[float]:
+    """About so many round numbers between two others."""
+    rough = (high - low) / ticks or 1.0
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough)
     first = math.ceil(low / step)

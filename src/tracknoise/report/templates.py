@@ -15,6 +15,7 @@ _RAW = {
     "looks": "looks.js",
     "bars": "bars.js",
     "explorer": "explorer.js",
+    "film": "film.js",
     "estimator": "estimator.js",
     "estimator_css": "estimator.css",
 }
@@ -22,7 +23,7 @@ _RAW = {
 
 
 def template(name: str) -> Template:
-    """A template. It finds the styles and scripts of the report by the names in `_RAW`, and the filter `code`."""
+    """A template. It has the styles and scripts of `_RAW` by name, and the filters `code` and `first_sentence`."""
     loader = PackageLoader("tracknoise.report", "template")
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -30,6 +31,7 @@ def template(name: str) -> Template:
     environment.finalize = _shown
     environment.tests["figure"] = lambda item: isinstance(item, Figure)
     environment.filters["code"] = _code
+    environment.filters["first_sentence"] = _first_sentence
     environment.globals |= {key: loader.get_source(environment, file)[0] for key, file in _RAW.items()}
     return environment.get_template(name)
 
@@ -37,6 +39,11 @@ def template(name: str) -> Template:
 def _shown(value: object) -> object:
     """A value of a template as it is inserted: control characters are escaped, but line breaks are kept."""
     return value if isinstance(value, Markup) or not isinstance(value, str) else printable(value, keep="\n\t")
+
+
+def _first_sentence(text: str) -> str:
+    """The first sentence of a text; the next one begins with a capital letter."""
+    return re.split(r"(?<=\.)\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 
 def _code(text: str) -> Markup:

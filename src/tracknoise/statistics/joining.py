@@ -31,7 +31,16 @@ from tracknoise.tables.schema import ORIGIN, Schema, joined
 
 OF_THE_WHOLE = ("poses", "cameras", "path", "pose_differences")
 """Tables that are made of the whole sequence, whose poses and cameras are at hand, rather than of its parts."""
-_ROWS = ("observations", "tracks", "frames", "seed_frames", "samples", "audit_samples", "noise_tracks", "track_errors")
+_ROWS = (
+    "observations",
+    "tracks",
+    "frames",
+    "seed_frames",
+    "samples",
+    "audit_samples",
+    "noise_tracks",
+    "track_errors",
+)
 """Tables of single things, which follow each other."""
 _FOURTH = ("moments", "aspects", "seed_moments")
 _SECOND = ("blocks", "aspect_blocks", "between_trackers")
@@ -256,6 +265,11 @@ def _patches(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     return ordered.unique(keys, keep="first", maintain_order=True).drop("largest").sort(keys)
 
 
+def _film(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """Images of frames, in their order."""
+    return table.sort("frame")
+
+
 _JOINS: Mapping[str, Callable[[pl.DataFrame, Schema], pl.DataFrame]] = MappingProxyType(
     {
         **dict.fromkeys(_ROWS, _rows),
@@ -271,5 +285,6 @@ _JOINS: Mapping[str, Callable[[pl.DataFrame, Schema], pl.DataFrame]] = MappingPr
         "audit_samples": _audit_samples,
         "point_tracking": _metrics,
         "patches": _patches,
+        "film": _film,
     }
 )

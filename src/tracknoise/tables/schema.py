@@ -646,6 +646,9 @@ strip is a WebP image with patches of the worst track side by side, from its anc
 `tracknoise.tables.defaults.PATCH_PX`.
 """
 
+FILM: Schema = {"frame": pl.UInt32, "image": pl.Binary}
+"""Images of the first frames of a sequence, small, as WebP files."""
+
 INPUTS: Schema = {
     "kind": INPUT_KIND,
     "in_data": pl.Boolean,

@@ -90,7 +90,11 @@ NOISE_TABLES: Mapping[str, schema.Schema] = {
     "track_errors": schema.TRACK_ERRORS,
 }
 """What noise models are fitted to and tried on. Sequences that an earlier version measured do not have it."""
-_ASKED_FOR: Mapping[str, schema.Schema] = {"point_tracking": schema.POINT_TRACKING, "patches": schema.PATCHES}
+_ASKED_FOR: Mapping[str, schema.Schema] = {
+    "point_tracking": schema.POINT_TRACKING,
+    "patches": schema.PATCHES,
+    "film": schema.FILM,
+}
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
 _OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {"ratio_sums": schema.RATIOS}
 """Tables that sequences of earlier versions do not have."""

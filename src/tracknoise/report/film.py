@@ -1,0 +1,56 @@
+"""Frames of one scene with the tracks in them, for the page: what was observed, and where it really was."""
+
+import base64
+from collections.abc import Iterator
+from typing import Any
+
+import polars as pl
+
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.manifest import SequenceEntry
+
+MOST_TRACKS = 150
+"""Tracks of each tracker that the page can draw: a third of them have the largest errors."""
+
+
+def film(data: ReportData) -> dict[str, Any] | None:
+    """Frames and tracks as the script of the page reads them; None where the run keeps none.
+
+    Returns: `scene`, `width` and `height` of the images of the recording, px; `frames`, WebP images in base64; and
+    `trackers`, by name lists of tracks. A track has its first `frame` and, for each frame from there on, `u`, `v`, and
+    `du`, `dv`, which are null where the true position is unknown, in px.
+    """
+    for key, entry in sorted(data.sequences.items()):
+        if "film" in entry.sha256 and data.keeps_observations:
+            return _film(data, key, entry)
+    return None
+
+
+def _film(data: ReportData, key: str, entry: SequenceEntry) -> dict[str, Any]:
+    images = data.run.sequence_table("film", key).sort("frame")
+    seen = data.run.rows("observations", key, pl.col("frame") < images.height, pl.col("speed") == data.slowest)
+    return {
+        "scene": entry.sequence.scene,
+        "width": entry.width,
+        "height": entry.height,
+        "frames": [base64.b64encode(image).decode() for image in images["image"]],
+        "trackers": {tracker: list(_tracks(seen.filter(tracker=tracker))) for tracker in data.trackers},
+    }
+
+
+def _tracks(seen: pl.DataFrame) -> Iterator[dict[str, Any]]:
+    """Those with the largest errors, and others that are evenly spread over their numbers."""
+    size = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).max().sqrt().alias("largest")
+    tracks = seen.group_by("track").agg(size).sort("largest", "track", descending=[True, False], nulls_last=True)
+    worst, others = tracks.head(MOST_TRACKS // 3), tracks.slice(MOST_TRACKS // 3).sort("track")
+    step = max(1, -(-others.height // (MOST_TRACKS - MOST_TRACKS // 3)))
+    chosen = pl.concat([worst, others.gather_every(step)]).select("track")
+    for _, rows in (
+        seen.join(chosen, on="track", how="semi").sort("track", "frame").group_by("track", maintain_order=True)
+    ):
+        first = int(rows["frame"][0])
+        every = pl.DataFrame(
+            {"frame": range(first, int(rows["frame"][-1]) + 1)}, schema={"frame": rows.schema["frame"]}
+        )
+        path = every.join(rows, on="frame", how="left", maintain_order="left")
+        yield {"frame": first, **{name: path[f"{name}_px"].round(2).to_list() for name in ("u", "v", "du", "dv")}}

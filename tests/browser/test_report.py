@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -149,7 +150,11 @@ def test_links_of_the_first_screen_lead_into_the_page(report: Path, open_page: O
 
 def test_links_land_where_they_point_while_figures_are_drawn(report: Path, open_page: Open) -> None:
     page = open_page(report, width=1366)
-    for target in page.evaluate("[...document.querySelectorAll('section.open, .entry')].map(one => one.id)"):
+    opened, folded = (
+        page.evaluate(f"[...document.querySelectorAll('{kind}')].map(one => one.id)")
+        for kind in ("section.open", ".entry")
+    )
+    for target in [*opened[1::2], folded[0], folded[-1]]:
         again = f"{report.as_uri()}?{target}#{target}"
         page.goto(again)
         page.wait(f"document.body.dataset.arrived === {json.dumps(target)}")
@@ -543,3 +548,15 @@ def test_a_run_without_patches_says_so(odd_report: Path, open_page: Open) -> Non
     page = open_page(odd_report)
     page.wait(DRAWN)
     assert "This run keeps no patches of tracks." in page.evaluate("document.getElementById('explorer').textContent")
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_serious_is_found_by_axe(report: Path, open_page: Open, dark: bool) -> None:
+    page = open_page(report, width=1366, dark=dark)
+    page.wait(EVERY)
+    page.wait(DRAWN)
+    page.evaluate(f"{(resources.files('axe_core_python') / 'axe.min.js').read_text(encoding='utf-8')}; true")
+    found = page.evaluate(
+        "axe.run().then((one) => one.violations.map((rule) => [rule.impact, rule.id, rule.nodes[0].html]))"
+    )
+    assert [one for one in found if one[0] in ("serious", "critical")] == []

@@ -1,6 +1,7 @@
 """What was measured, and what the number of scenes lets intervals and tests say."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import polars as pl
 
@@ -85,35 +86,44 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
 
 
 _HOLD: dict[str, tuple[str, Verdict]] = {
-    Resampled.scenes: ("They hold for similar scenes", Verdict.yes),
-    Resampled.groups: ("They hold for similar groups of scenes", Verdict.yes),
-    Resampled.within: ("They hold for these groups of scenes only", Verdict.undecided),
-    Resampled.blocks: ("They hold for these scenes only", Verdict.undecided),
+    Resampled.scenes: ("hold for similar scenes", Verdict.yes),
+    Resampled.groups: ("hold for similar groups of scenes", Verdict.yes),
+    Resampled.within: ("hold for these groups of scenes only", Verdict.undecided),
+    Resampled.blocks: ("hold for these scenes only", Verdict.undecided),
 }
+_NO_INTERVALS = "No intervals were computed: the numbers hold for these scenes only."
 
 
 def certainty(data: RunData) -> Judgement:
     """What intervals were made from, and what they hold for."""
-    known = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
-    if known.is_empty():
-        text = "No intervals were computed: the numbers hold for these scenes only."
-        return Judgement(answer("other scenes", Verdict.undecided, wished=Verdict.yes), text, "measured")
-    kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
-    kinds = kinds.sort("len", "resampled", "level")
-    row = kinds.row(-1, named=True)
-    hold, verdict = _HOLD[row["resampled"]]
-    few = row["n_scenes"] < ENOUGH_SCENES and row["resampled"] != Resampled.blocks
-    text = f"{sentence_case(interval_text(row['level'], row['resampled'], [row['n_scenes']]))}. {hold}"
-    text += "; with few scenes they are less reliable." if few else "."
+    row = _interval_kind(data)
+    if row is None:
+        return Judgement(answer("other scenes", Verdict.undecided, wished=Verdict.yes), _NO_INTERVALS, "measured")
+    text = f"{sentence_case(interval_text(row['level'], row['resampled'], [row['n_scenes']]))}. They {_hold(row)}"
+    verdict = _HOLD[row["resampled"]][1]
     return Judgement(answer("other scenes", verdict, wished=Verdict.yes), text, "measured")
 
 
 def holds(data: RunData) -> str:
     """On how much a run was measured, and what its intervals hold for."""
-    entries = list(data.sequences.values())
+    entries, row = list(data.sequences.values()), _interval_kind(data)
     names = listing(sorted({entry.sequence.dataset for entry in entries}))
     scenes = count(len({entry.sequence.scene for entry in entries}), "scene")
-    return f"Measured on {scenes} ({names}).{_missing(data)} {certainty(data).text.split('. ')[-1].replace('They', 'Intervals')}"
+    hold = _NO_INTERVALS if row is None else f"Intervals {_hold(row)}"
+    return f"Measured on {scenes} ({names}).{_missing(data)} {hold}" if entries else measured(data)
+
+
+def _interval_kind(data: RunData) -> dict[str, Any] | None:
+    """Level, resampled and n_scenes of most intervals at the lowest speed; None where there are none."""
+    known = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
+    kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
+    return kinds.sort("len", "resampled", "level").row(-1, named=True) if kinds.height else None
+
+
+def _hold(row: dict[str, Any]) -> str:
+    """What intervals hold for; the end of a sentence."""
+    few = row["n_scenes"] < ENOUGH_SCENES and row["resampled"] != Resampled.blocks
+    return f"{_HOLD[row['resampled']][0]}{'; with few scenes they are less reliable' if few else ''}."
 
 
 _TRUTHS: Mapping[str, str] = {

@@ -181,9 +181,10 @@ def _chosen(figures: Sequence[Figure], start: str) -> Figure | None:
 
 
 def _folded(sections: Sequence[Section], opened: Collection[str], shown: Collection[str]) -> Iterator[Section]:
-    """What the open sections leave. A section that is open, too, has another id."""
+    """What the open sections leave. A section of which a part is open has another id: its own is that of the part."""
     for section in sections:
         rest = [item for item in section.items if item.id not in shown]
         if rest or not (section.items or section.id in opened):
-            name = f"more-{section.id}" if section.id in opened else section.id
+            is_parted = section.id in opened or len(rest) < len(section.items)
+            name = f"more-{section.id}" if is_parted else section.id
             yield Section(name, section.title, rest, section.tables)

@@ -5,10 +5,12 @@ function specification(name) {
   return JSON.parse(document.getElementById(`spec-${name}`).textContent);
 }
 
-/** Draw a specification in the page. */
-function embed(place, spec) {
+/** Draw a specification in the page. To screen readers it is one thing, which its place describes. */
+async function embed(place, spec) {
   const config = { ...spec.config, aria: false };
-  return vegaEmbed(place, { ...spec, background: "transparent", config }, { actions: false, renderer: "svg" });
+  const result = await vegaEmbed(place, { ...spec, background: "transparent", config }, { actions: false, renderer: "svg" });
+  place.querySelectorAll("svg").forEach((one) => one.setAttribute("aria-hidden", "true"));
+  return result;
 }
 
 /** Draw a figure once. */

@@ -131,13 +131,13 @@ def test_the_picture_and_its_estimator_are_chosen_on_the_first_screen(fitted_run
     page.wait("document.querySelector('[data-copy]').title !== ''")
     of_filter = page.evaluate(cells)
     choice = "document.querySelector('#choose select')"
-    page.evaluate(f"{choice}.value = 'gtsam'; {choice}.dispatchEvent(new Event('change', {{bubbles: true}}))")
-    page.wait("document.querySelector('#export [name=estimator]').value === 'gtsam'")
-    found = exported(run_models(fitted_run).models["oracle"], "")["gtsam"]["set"]
+    page.evaluate(f"{choice}.value = 'sliding_window'; {choice}.dispatchEvent(new Event('change', {{bubbles: true}}))")
+    page.wait("document.querySelector('#export [name=estimator]').value === 'sliding_window'")
+    found = exported(run_models(fitted_run).models["oracle"], "")["sliding_window"]["set"]
     page.wait(f"{cells}[2] === {json.dumps(found[2])}")
     assert page.evaluate(cells)[1].startswith(found[0])
     page.evaluate(f"{choice}.value = 'filter'; {choice}.dispatchEvent(new Event('change', {{bubbles: true}}))")
-    page.wait(f"JSON.stringify({cells}) === {json.dumps(json.dumps(of_filter, ensure_ascii=False))}")
+    page.wait(f"JSON.stringify({cells}) === {json.dumps(json.dumps(of_filter, ensure_ascii=False, separators=(",", ":")))}")
     assert page.errors == []
 
 
@@ -415,7 +415,7 @@ def test_a_click_on_a_bar_opens_its_tracks(run: RunFolder, report: Path, open_pa
     page = open_page(report)
     page.wait(EVERY)
     page.evaluate("document.getElementById('trimming').open = true")
-    page.wait("document.querySelector('[data-figure=trimming]').dataset.drawn === 'yes'")
+    page.evaluate("draw(document.querySelector('[data-figure=trimming]'))")
     bar_of_lifetimes(page, run)
     bar_of_errors(page, run)
 

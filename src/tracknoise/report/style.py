@@ -57,7 +57,7 @@ def _channels(colour: str) -> list[int]:
 
 def config() -> dict[str, Any]:
     """Vega-Lite configuration of every figure."""
-    text = {"labelFont": FONT, "titleFont": FONT, "labelFontSize": 11, "titleFontSize": 12, "titleFontWeight": 500}
+    text = {"labelFont": FONT, "titleFont": FONT, "labelFontSize": 12, "titleFontSize": 12, "titleFontWeight": 500}
     ink = {"labelColor": QUIET, "titleColor": INK}
     return {
         "background": "#ffffff",

@@ -135,7 +135,7 @@ def _references(x: alt.X, y: alt.Y) -> list[alt.Chart]:
     """Expected values for white noise and, at zero, for a random walk."""
     white = alt.Chart(marks.rows(_WHITE)).mark_line(color=style.QUIET, strokeDash=[3, 3], clip=True)
     names = alt.Chart(marks.rows(_CHANGE_REFERENCES)).mark_text(
-        color=style.QUIET, fontSize=10, align="left", dx=14, dy=-6
+        color=style.QUIET, fontSize=12, align="left", dx=14, dy=-6
     )
     return [white.encode(x=x, y=marks.on(y, "white")), names.encode(x=x, y=marks.on(y, "value"), text=alt.Text("of:N"))]
 
@@ -370,7 +370,7 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str, trimmin
     bars = base.transform_filter("isValid(datum.low) && isValid(datum.high)").mark_rule(strokeWidth=1.5)
     references = alt.Chart(marks.rows(_TIME_STRUCTURE_REFERENCES))
     rules = references.mark_rule(color=style.QUIET, strokeDash=[3, 3]).encode(y=marks.on(y, "at"))
-    labels = references.mark_text(color=style.QUIET, fontSize=10, align="left", dx=3, dy=-6).encode(
+    labels = references.mark_text(color=style.QUIET, fontSize=12, align="left", dx=3, dy=-6).encode(
         y=marks.on(y, "at"), x=alt.value(0), text=alt.Text("of:N")
     )
     chart = layered(dots, bars.encode(y=marks.on(y, "low"), y2=alt.Y2("high:Q")), rules, labels)

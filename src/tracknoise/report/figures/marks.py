@@ -108,7 +108,7 @@ def key_frames(frames: Iterable[int], colour: str) -> list[alt.Chart]:
     """A labelled line at each key frame."""
     base = alt.Chart(alt.InlineData(values=[{"at": frame} for frame in sorted(set(frames))]))
     rule = base.mark_rule(color=colour, strokeWidth=0.8).encode(x=alt.X("at:Q"))
-    label = base.mark_text(text="key frame", color=colour, fontSize=9, dy=-6).encode(x=alt.X("at:Q"), y=alt.value(0))
+    label = base.mark_text(text="key frame", color=colour, fontSize=12, dy=-6).encode(x=alt.X("at:Q"), y=alt.value(0))
     return [rule, label]
 
 

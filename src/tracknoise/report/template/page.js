@@ -7,9 +7,10 @@ function specification(name) {
 
 /** Draw a specification in the page. To screen readers it is one thing, which its place describes. */
 async function embed(place, spec) {
-  const config = { ...spec.config, aria: false };
+  const [config, role] = [{ ...spec.config, aria: false }, place.getAttribute("role")];
   const result = await vegaEmbed(place, { ...spec, background: "transparent", config }, { actions: false, renderer: "svg" });
-  place.querySelectorAll("svg").forEach((one) => one.setAttribute("aria-hidden", "true"));
+  [...place.children].forEach((one) => one.setAttribute("aria-hidden", "true"));
+  place.setAttribute("role", role);
   return result;
 }
 

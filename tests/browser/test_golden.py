@@ -97,7 +97,9 @@ def test_the_page_looks_as_it_did(scheme: str, report: Path, open_page: Callable
 def test_a_card_or_a_curve_that_is_missing_is_noticed(report: Path, open_page: Callable[..., Page]) -> None:
     page = open_page(report, width=SIZE[0], height=SIZE[1])
     whole = picture(page, PLACES["first"])
-    page.evaluate("document.querySelector('.first svg.picture, .first .settings, .first .question').style.visibility = 'hidden'")
+    page.evaluate(
+        "document.querySelector('.first svg.picture, .first .settings, .first .question').style.visibility = 'hidden'"
+    )
     assert differs(picture(page, PLACES["first"]), whole)
     section = picture(page, PLACES["section"])
     page.evaluate("document.querySelector('[data-figure=lifetimes] .mark-line').style.visibility = 'hidden'")

@@ -137,7 +137,7 @@ def test_the_picture_and_its_estimator_are_chosen_on_the_first_screen(fitted_run
     page.wait(f"{cells}[2] === {json.dumps(found[2])}")
     assert page.evaluate(cells)[1].startswith(found[0])
     page.evaluate(f"{choice}.value = 'filter'; {choice}.dispatchEvent(new Event('change', {{bubbles: true}}))")
-    page.wait(f"JSON.stringify({cells}) === {json.dumps(json.dumps(of_filter, ensure_ascii=False, separators=(",", ":")))}")
+    page.wait(f"JSON.stringify({cells}) === JSON.stringify({json.dumps(of_filter)})")
     assert page.errors == []
 
 
@@ -384,8 +384,17 @@ def told_apart(run: RunFolder, tracks: pl.DataFrame) -> int:
     return int(counts.join(several, on="lifetime").sort("apart", "lifetime")["lifetime"][-1])
 
 
+STILL = """(async () => {
+  for (let same = 0, before = -1; same < 20; before = scrollY) {
+    await new Promise((done) => setTimeout(done, 25));
+    same = scrollY === before ? same + 1 : 0;
+  }
+})()"""
+
+
 def click_bar(page: Page, figure: str, condition: str) -> None:
-    """Click the top of the bar of a histogram whose row meets a condition."""
+    """Click the top of the bar of a histogram whose row meets a condition, when the page no longer scrolls."""
+    page.evaluate(STILL)
     page.evaluate(
         f"""(async () => {{
           delete document.getElementById('looks').dataset.shown;

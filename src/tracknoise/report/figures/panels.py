@@ -252,10 +252,9 @@ def _side_by_side(base: alt.Chart, field: str, offsets: Sequence[str]) -> tuple[
 
 
 def _across(column: str, order: Sequence[str], width: int) -> alt.X:
-    """Places in their order. Labels that do not fit are vertical, and smaller if necessary."""
+    """Places in their order. Labels that do not fit are vertical, and left out where they would overlap."""
     upright = sum(map(len, order)) * _LETTER > width
-    size = min(11.0, 0.95 * width / max(1, len(order)))
-    axis = alt.Axis(labelAngle=-90 if upright else 0, labelFontSize=size, labelOverlap=False)
+    axis = alt.Axis(labelAngle=-90 if upright else 0, labelOverlap=True)
     return alt.X(f"{column}:N", sort=list(order), title=column, axis=axis)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import polars as pl
 import pytest
+from tests.phrases.short import long_in_findings
 
 from tracknoise.inference.units import SceneGroups
 from tracknoise.phrases.headline import ReportedConditions
@@ -95,6 +96,7 @@ def read(scope: ReportedConditions = SCOPE, **tables: pl.DataFrame) -> dict[str,
     found = headline_table({name: given.get(name, empty(schema)) for name, schema in SCHEMAS.items()}, scope)
     check(found, FINDINGS, "findings")
     assert found["rank"].to_list() == list(range(1, found.height + 1))
+    assert long_in_findings(found.to_dicts(), scope.trackers) == []
     return {row["topic"]: {**row, "text": row["text"].replace("\N{NO-BREAK SPACE}", " ")} for row in found.to_dicts()}
 
 

@@ -383,7 +383,7 @@ def _better(row: Mapping[str, Any]) -> str:
 
 
 def bounded_sentences(row: Mapping[str, Any], role: str) -> list[str]:
-    """Write how large the difference of any two levels is at most: ``Speed changes the core at most 1.04 times.``"""
+    """Write how large the difference of any two levels is at most, and the horizon of a lifetime."""
     change = f"changes the {subject(row, role)} at most {bound_text(row['most'], row['unit'])}"
     return [f"{sentence_case(factor_name(row['factor']))} {change}.", *_until(row)]
 

@@ -24,6 +24,9 @@ def long_in_findings(rows: Iterable[Mapping[str, Any]], names: Iterable[str]) ->
     texts = [
         text
         for row in rows
-        for text in (*(row[name] for name in ("text", "opening", "closing", "brief")), *(p["text"] for p in row["parts"]))
+        for text in (
+            *(row[name] for name in ("text", "opening", "closing", "brief")),
+            *(p["text"] for p in row["parts"]),
+        )
     ]
     return [sentence for text in texts for sentence in too_long(text, names)]

@@ -80,13 +80,13 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     if withheld is not None and Verdict.yes in (verdict_at(there), overall["verdict"]):
         return Part(withheld, [verdict])
     estimates = _means(tables, conditions, tracker, there, conditions.trimmings[0])
-    sentences = _at_one_age(mean, conditions.opening_place(there["at"]), there, estimates)
+    sentences = _at_one_age(mean, conditions, there, estimates)
     sentences += [_wider_claim(conditions, there, overall)]
     intervals = conditions.of(tables["intervals"], tracker)
     sentences += [curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")]
     if there["share_of_second"] is not None:
         share = percent(there["share_of_second"])
-        sentences += [f"Its square is {share} of the mean square error, u and v together."]
+        sentences += [f"The square of the mean is {share} of the mean square error, u and v together."]
     sentences += [covered_coordinates(covers)]
     untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
     sentences += _in_each(untrimmed, "Without trimming, the mean in u is")
@@ -116,15 +116,18 @@ def _at_all_ages(mean: str, overall: Mapping[str, Any]) -> str:
     return because(f"It is undecided whether {mean} is zero{test}", overall["why"] if p is None else "")
 
 
-def _at_one_age(mean: str, where: str, there: Mapping[str, Any], estimates: Sequence[Estimate]) -> list[str]:
+def _at_one_age(
+    mean: str, conditions: ReportedConditions, there: Mapping[str, Any], estimates: Sequence[Estimate]
+) -> list[str]:
     """The verdict at one age alone, with the means that it is about."""
     p = there["sign_flip_p"]
     if p is None:
-        sizes = _in_each(estimates, f"{where}, {mean} in u is") or [f"{where}, {mean} is unknown."]
-        return [*sizes, because("Whether it is zero in other scenes was not tested", there["why"])]
+        sizes = _in_each(estimates, f"{sentence_case(mean)} in u is") or [f"{sentence_case(mean)} is unknown."]
+        where = f"That is {conditions.place(there['at'])}."
+        return [*sizes, where, because("Whether it is zero in other scenes was not tested", there["why"])]
     test = f"({chance(p)}, {count(there['n_scenes'], 'scene')})"
     is_zero = f"{mean} is not zero" if verdict_at(there) == Verdict.yes else f"it is undecided whether {mean} is zero"
-    return [f"{where}, {is_zero} {test}.", *_in_each(estimates)]
+    return [f"{conditions.opening_place(there['at'])}, {is_zero} {test}.", *_in_each(estimates)]
 
 
 def _wider_claim(conditions: ReportedConditions, there: Mapping[str, Any], overall: Mapping[str, Any]) -> str:

@@ -91,6 +91,6 @@ def depth_sentence(data: RunData, tracker: str) -> str:
         return ""
     residual, consistent = held["residual sigma"], held["consistent sigma"]
     return (
-        f"{tracker}: with the sigma of residuals, a 95{SPACE}% depth interval holds {residual} of true depths; with the "
-        f"sigma for depths, {consistent}."
+        f"{tracker}: with the sigma of residuals, a 95{SPACE}% depth interval holds {residual} of true depths; with "
+        f"the sigma for depths, {consistent}."
     )

@@ -55,7 +55,10 @@ def _edges_of(errors: pl.DataFrame, conditions: ReportedConditions, tracker: str
         return None
     means = [_estimate(rows[side, "mean"]) for side in differing]
     where = f"{conditions.opening_place(at)}, the mean error of {tracker} {IN[coordinate]}"
-    sentences = [f"{where} is another one beside depth edges.", f"On {_SIDES[differing[0]]} it is {format_estimate(means[0])}."]
+    sentences = [
+        f"{where} is another one beside depth edges.",
+        f"On {_SIDES[differing[0]]} it is {format_estimate(means[0])}.",
+    ]
     sentences += [f"On {_SIDES[side]} it is {format_estimate(mean)}." for side, mean in _rest(differing, means)]
     sentences += [f"Elsewhere it is {format_estimate(_estimate(rows[EdgeSide.none, 'mean']))}."]
     brief = (

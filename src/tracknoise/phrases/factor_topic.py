@@ -36,7 +36,6 @@ from tracknoise.words import (
     pixels,
     ratio,
     rms_of_tracks,
-    sentence_case,
 )
 
 _MOST_NAMED = 3
@@ -137,7 +136,9 @@ def _undecided(rows: pl.DataFrame) -> list[str]:
     reasons = rows["why"].drop_nulls().unique(maintain_order=True).to_list()
     known = sorted(rows.drop_nulls("effect").to_dicts(), key=lambda row: -_excess(row, "effect"))[:1]
     sentences = [because("No effect is shown", reasons[0])] if len(reasons) == 1 else []
-    largest = [joined(["The largest measured effect may be chance.", *difference_sentences(row, row["role"])]) for row in known]
+    largest = [
+        joined(["The largest measured effect may be chance.", *difference_sentences(row, row["role"])]) for row in known
+    ]
     return [*sentences, *largest]
 
 

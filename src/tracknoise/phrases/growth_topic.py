@@ -83,9 +83,7 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     )
 
 
-def _growth_of(
-    tables: RunTables, conditions: ReportedConditions, tracker: str, *, names_ages: bool
-) -> Part | None:
+def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str, *, names_ages: bool) -> Part | None:
     rows = conditions.of(tables["time_structure"], tracker).filter(trimming=conditions.trimmings[0])
     sentences, covered = _growth_withheld(tables, conditions, tracker, rows)
     estimates: list[Estimate] = []

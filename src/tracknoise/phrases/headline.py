@@ -21,7 +21,6 @@ from tracknoise.words import (
     count,
     coverage_text,
     interval_text,
-    listing,
     next_scene_text,
     opening_place,
     place,

@@ -39,7 +39,8 @@ def _ratios_of(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     own = [(name, row) for name in RATIOS if (row := _at_reference(rows, conditions, tracker, name)) is not None]
     estimates = [_estimate(name, row) for name, row in own]
     sentences = [
-        f"{conditions.opening_place(row['at'])}, {_within(name).format(value=_plain(one), tracker=tracker)}{_bounds(one)}"
+        f"{conditions.opening_place(row['at'])}, {_within(name).format(value=_plain(one), tracker=tracker)}"
+        f"{_bounds(one)}"
         for (name, row), one in zip(own, estimates, strict=True)
     ]
     return Part(" ".join(sentences), estimates) if own else None
@@ -75,9 +76,5 @@ def _brief(rows: pl.DataFrame, conditions: ReportedConditions) -> str:
     """The first ratio of the first trackers, without intervals."""
     name = RATIOS[0]
     found = {tracker: _at_reference(rows, conditions, tracker, name) for tracker in conditions.trackers}
-    values = [
-        f"{_plain(_estimate(name, row))} of {tracker}"
-        for tracker, row in found.items()
-        if row is not None
-    ]
+    values = [f"{_plain(_estimate(name, row))} of {tracker}" for tracker, row in found.items() if row is not None]
     return f"{QUANTITIES[name].title}: {' and '.join(values[:_NAMED])}."

@@ -23,9 +23,21 @@ def joined(sentences: Iterable[str]) -> str:
 
 def because(opening: str, why: str | None) -> str:
     """An opening without a full stop and its reason; further clauses of the reason are sentences of their own."""
-    reason, *more = _CLAUSE.split((why or "").rstrip("."))
-    first = f"{opening}: {reason}." if reason else f"{opening}."
-    return joined([first, *(f"{sentence_case(clause)}." for clause in more)])
+    reason, *more = _clauses(why)
+    return joined([f"{opening}: {reason}." if reason else f"{opening}.", *map(_as_sentence, more)])
+
+
+def reasons(why: str | None) -> list[str]:
+    """A reason as sentences; none where there is none."""
+    return [_as_sentence(clause) for clause in _clauses(why) if clause]
+
+
+def _clauses(why: str | None) -> list[str]:
+    return _CLAUSE.split((why or "").rstrip("."))
+
+
+def _as_sentence(clause: str) -> str:
+    return f"{sentence_case(clause)}."
 
 
 def each_axis(texts: Sequence[str], opening: str = "In u it is") -> list[str]:

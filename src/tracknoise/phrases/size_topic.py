@@ -174,7 +174,9 @@ def _of_trackers(
 def _places(tables: RunTables, conditions: ReportedConditions) -> str:
     """The ages or frames that numbers are of; begins with a space, and is empty where there are none."""
     known = conditions.reported(tables["summary"]).drop_nulls("at")
-    rows = known.sort("at").select("at", "tracker").unique(maintain_order=True).group_by("at", maintain_order=True).all()
+    rows = (
+        known.sort("at").select("at", "tracker").unique(maintain_order=True).group_by("at", maintain_order=True).all()
+    )
     places = [(conditions.place(at), listing(names)) for at, names in rows.iter_rows()]
     if len(places) == 1:
         return f" Numbers are {places[0][0]}."

@@ -108,7 +108,10 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     scenes = scalar_scenes(
         conditions.of(tables["intervals"], tracker), "restricted_mean_lifetime", of="Of the restricted mean"
     )
-    texts = [f"{tracker}: the median is {median}.", *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known)]
+    texts = [
+        f"{tracker}: the median is {median}.",
+        *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known),
+    ]
     return Part(
         " ".join(filter(None, [*texts, scenes])), [estimate for estimate in found.values() if estimate is not None]
     )

@@ -33,8 +33,8 @@ from tracknoise.words import (
     SELF_REFERENTIAL,
     count,
     format_estimate,
-    place,
     percent,
+    place,
 )
 
 _LEAST_SHARE = 0.1
@@ -74,8 +74,8 @@ def _cause(others: Estimate) -> str:
     """What it means that other trackers see a motion too, or that they do not."""
     if others.above(_LEAST_SHARE):
         return (
-            "As the trackers agree, this part is probably an error of the truth. It may be of the poses, the clock, the "
-            "calibration, or a rolling shutter."
+            "As the trackers agree, this part is probably an error of the truth. It may be of the poses, the clock or "
+            "the calibration, or a rolling shutter."
         )
     if others.below(_LEAST_SHARE):
         return "They do not have this motion, so that it is probably the tracker's own."

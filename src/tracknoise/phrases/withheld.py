@@ -20,6 +20,7 @@ from tracknoise.statistics.definitions import NAMES
 from tracknoise.tables.enumerations import FloorSource, Weighting
 from tracknoise.words import listing, px, sentence_case
 
+
 def bias_covers(summary: Mapping[str, Any], means: Mapping[str, Any]) -> dict[str, FloorCover | None]:
     """Mean errors at the reference age beside their floor, by coordinate.
 
@@ -105,7 +106,7 @@ def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
     larger = {axis: pair for axis, pair in pairs.items() if None not in pair and pair[0] > pair[1]}
     if not larger:
         return ""
-    claim = f"Errors of the truth are smaller than stated: its floor is above the whole error of {summary['tracker']}."
+    claim = f"Errors of the truth are smaller than stated: the floor is above the whole error of {summary['tracker']}."
     sizes = (f"In {axis} the floor is {px(floor)}, the error {px(error)}." for axis, (floor, error) in larger.items())
     return joined([claim, *sizes])
 

@@ -70,12 +70,12 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     """How errors grow with age."""
     rows = conditions.reported(tables["time_structure"]).filter(trimming=conditions.trimmings[0])
     ages = [_from_to(conditions, row) for row in rows.drop_nulls("growth_ratio").to_dicts()]
-    shared = f", {ages[0]}" if len(set(ages)) == 1 else ""
+    shared = f" Growth is {ages[0]}." if len(set(ages)) == 1 else ""
     errors = f"{trimmed_word(conditions)}errors of the same tracks"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _growth_of(tables, conditions, tracker, names_ages=not shared),
-        opening=f"Growth of {errors} {conditions.where(tables['summary'])}{shared}.",
+        opening=f"Growth of {errors} {conditions.where(tables['summary'])}.{shared}",
         closing="Scenes count alike. Growth by less than the margin counts as none.",
         topic="growth",
         figure="time-structure",

@@ -430,7 +430,9 @@ def test_a_mean_that_faults_of_the_truth_explain_is_no_bias(left, withheld) -> N
 def test_growth_that_faults_of_the_truth_explain_is_withheld() -> None:
     rows = growing({"coordinate": "u", "verdict": "random walk"}, {"coordinate": "v", "verdict": "drift"})
     text = read(time_structure=table(TIME_STRUCTURE, *rows), audit_curves=corrected(0.25))["growth"]["text"]
-    assert "No growth of lk in u is claimed: faults of the truth explain most of it. At age 8, the growth of the" in text
+    assert (
+        "No growth of lk in u is claimed: faults of the truth explain most of it. At age 8, the growth of the" in text
+    )
     assert "error is 0.265 px, and 0.132 px once these faults are corrected." in text
     assert "lk in u: the RMS grows" not in text
     assert "lk in v: the RMS grows" in text

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption
 
 
 def register(app: typer.Typer) -> None:
@@ -21,6 +21,7 @@ def report(
         typer.Option("--rerun", help="Also write a recording of one scene for the viewer Rerun (extra: rerun)."),
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Scene of this recording. Default: the first.")] = None,
+    table: TableOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -39,5 +40,5 @@ def report(
 
         write_recording(RunFolder(run), rerun, scene=scene)
         context.obj.result(f"written: {rerun.resolve()}")
-    print_results(context.obj, RunFolder(run), report=True)
+    print_results(context.obj, RunFolder(run), report=True, table=table)
     return 0

@@ -322,7 +322,10 @@ def _changed(factor: str, rows: pl.DataFrame) -> str:
     every = [name for name, found in verdicts.items() if found == {Verdict.yes}]
     some = [name for name, found in verdicts.items() if Verdict.yes in found and name not in every]
     open_ = [name for name, found in verdicts.items() if Verdict.yes not in found and Verdict.undecided in found]
-    of_every, of_some = listing(every), f"{listing(some)} of some trackers" if some else ""
-    changed = listing(filter(None, [of_every, of_some])) if len(every) < 2 or not some else f"{of_every}; {of_some}"
+    whose = " of every tracker" if rows["tracker"].n_unique() > 1 else ""
+    changed = [f"{listing(every)}{whose}"] if every else []
+    changed += [f"{listing(some)} of some"] if some else []
     left = f"; {listing(open_)} {'is' if len(open_) == 1 else 'are'} open" if open_ else ""
-    return f"{factor} changes {changed}{left}." if changed else f"{factor} is not shown to change any statistic."
+    if not changed:
+        return f"{factor} is not shown to change any statistic."
+    return f"{factor} changes {', and '.join(changed)}{left}."

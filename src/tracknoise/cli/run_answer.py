@@ -57,7 +57,7 @@ def wrapped(text: str) -> list[str]:
 
 def to_set(data: ReportData) -> list[str]:
     """What to set in an estimator, a sentence for each tracker; the size of its errors where this is unknown."""
-    return [text for tracker in data.trackers if (text := _of_tracker(data, tracker))]
+    return [_of_tracker(data, tracker) for tracker in data.trackers]
 
 
 def _of_tracker(data: ReportData, tracker: str) -> str:
@@ -65,7 +65,9 @@ def _of_tracker(data: ReportData, tracker: str) -> str:
         return f"{tracker}: {found[0][0].lower()}{found[0][1:]}"
     subject = Subject(data, tracker)
     measure = size_measure(subject, None, shown=shown_size(data))
-    return "" if measure is None else subject.said(measure.sentence)
+    if measure is None:
+        return f"{tracker}: what to set is unknown, because too few errors were measured."
+    return subject.said(measure.sentence)
 
 
 def _better(data: ReportData) -> str:

@@ -103,12 +103,11 @@ def print_results(
     else:
         others = [*failed, *limits, *(["report"] if report else []), _HINT]
         terminal.result("\n".join(answer_lines(ReportData.of(run), MOST_LINES - len(others))))
+        terminal.say(_HINT)
     for line in failed:
         terminal.say(line)
     if limits:
         terminal.result("\n".join(limits))
-    if not table:
-        terminal.say(_HINT)
     if report:
         from tracknoise.report.page import write_report
 

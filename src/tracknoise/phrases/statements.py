@@ -45,7 +45,7 @@ def _finding(data: RunData, row: Mapping[str, Any], cards: Sequence[Card], accur
 def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, str]]:
     if row["topic"] == "estimator":
         texts = (f"{card.tracker}: {card.sigma[0].lower()}{card.sigma[1:]}" for card in cards if card.sigma)
-        return [(sentence, row["figure"]) for text in texts for sentence in sentences_of(text)]
+        return [(sentences_of(text)[0], row["figure"]) for text in texts]
     names = _MEASURES.get(row["topic"], ())
     return [(one.sentence, one.section) for card in cards for one in card.measures if one.name in names]
 

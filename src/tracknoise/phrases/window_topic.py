@@ -232,7 +232,7 @@ def _without_depth(found: Quantities, tracker: str, conditions: ReportedConditio
 def sigma_sentence(data: RunData, tracker: str) -> str:
     """What to set in the estimator of the experiment, and what its innovations look like. Empty where it is unknown.
 
-    The first sentence is what to set. Where the truth is not trusted, it is an upper bound, and the last one says so.
+    Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
     rows = reported_conditions(data, data.slowest).of(data.advice, tracker)
     found = {row["quantity"]: row for row in rows.to_dicts()}
@@ -245,8 +245,8 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     more = f" and a knee of {number(found['knee']['value'])} sigma" if "knee" in found else more
     return joined(
         [
-            f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}.",
-            f"Innovations look like {pixels(innovations['value'])} px.",
+            f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}; "
+            f"innovations look like {pixels(innovations['value'])} px.",
             caveat,
         ]
     )

@@ -58,7 +58,9 @@ def test_findings_are_ten_sentences_unless_all_are_asked_for(tracknoise, seven):
     assert len(every) > 2 * len(out)
 
 
-@pytest.mark.parametrize(("no_colour", "is_terminal", "coloured"), [("", True, True), ("1", True, False), ("", False, False)])
+@pytest.mark.parametrize(
+    ("no_colour", "is_terminal", "coloured"), [("", True, True), ("1", True, False), ("", False, False)]
+)
 def test_results_have_colours_in_a_terminal_alone(capsys, monkeypatch, no_colour, is_terminal, coloured):
     monkeypatch.setenv("NO_COLOR", no_colour)
     monkeypatch.setenv("TERM", "xterm")

@@ -1,4 +1,4 @@
-"""The answer of a run in a few sentences: what to set, which tracker is better, and whether the truth can be trusted."""
+"""The answer of a run in a few sentences: what to set, which tracker is better, and whether the truth is trusted."""
 
 import textwrap
 from collections.abc import Iterable, Sequence
@@ -76,7 +76,7 @@ def _better(data: ReportData) -> str:
 
 
 def _trust(data: ReportData) -> list[str]:
-    """Whether the truth can be trusted and what would help, what that changes in a check, and that scenes are copies."""
+    """Whether the truth is trusted and what would help, what that changes in a check, and that scenes are copies."""
     found = TruthVerdict.of(data.trust)
     why, step = sentences_of(found.text)[:1], sentences_of(found.step)[:1]
     verdict = joined([f"Truth: {found.verdict}.", *why, *(f"Next: {one}" for one in step)])

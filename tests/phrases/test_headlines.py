@@ -152,8 +152,8 @@ def test_the_size_of_untrimmed_errors_leads_with_the_core_and_names_the_weightin
     noise = read(UNTRIMMED, summary=table(SUMMARY, {**SUMMED, **CORES}), intervals=table(INTERVALS, *rows))["noise"]
     assert noise["text"].startswith(
         "Error size at speed 1, of all tracks. Numbers are at age 10. The core of lk in u is 0.080 px (0.040 to "
-        "0.160). In v the core is 0.090 px (0.045 to 0.180). Its RMS of a typical scene in u is 0.200 px (0.141 to 0.283). "
-        "In v it is 0.300 px"
+        "0.160). In v the core is 0.090 px (0.045 to 0.180). Its RMS of a typical scene in u is 0.200 px (0.141 "
+        "to 0.283). In v it is 0.300 px"
     )
     assert "3.2 % of its errors in u and 4.1 % in v exceed three cores." in noise["text"]
     assert "Core and RMS of a typical scene are geometric means over scenes." in noise["text"]

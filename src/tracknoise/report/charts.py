@@ -18,7 +18,7 @@ class Chart(alt.ConcatChart):
     """A chart that displays itself in a notebook without network, and that can be changed and saved."""
 
     def _repr_mimebundle_(self, *args: Any, **kwargs: Any) -> Any:
-        """A picture, in place of scripts from the network; another renderer only if Altair was told to use one.
+        """A picture, in place of scripts from the network; another renderer only if it was enabled in Altair.
 
         Altair's own data for JupyterLab and VS Code have a type ``...v6.json``, which notebook files cannot hold.
         """

@@ -2,10 +2,13 @@
 
 - Text that can be shown: names from files and folders may contain control characters.
 - TOML that a user wrote, within bounds: some short texts take minutes to read.
+- What an object shows of itself: in one line, and as a small table of a notebook.
 """
 
+import html
 import re
 import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from tracknoise.checks import MOST_LEVELS, require_storable
@@ -62,6 +65,37 @@ def significant(value: float, digits: int) -> str:
     """A number to some significant digits, as ``:.3g`` writes it, but 1234 and not 1.23e+03."""
     text = f"{value:.{digits}g}"
     return f"{value:.0f}" if "e+" in text else text
+
+
+MOST_SHOWN = 10
+"""Of more rows than this, a notebook shows the first, and how many there are."""
+
+
+def one_line(kind: str, name: str, facts: Mapping[str, object]) -> str:
+    """What an object shows of itself in one line: ``<Sequence tum/desk: frames: 20; ...>``."""
+    return printable(f"<{kind} {name}: {'; '.join(f'{key}: {value}' for key, value in facts.items())}>")
+
+
+def html_card(title: str, facts: Mapping[str, object]) -> str:
+    """A part of an HTML page: a title, and facts by name."""
+    return f"<p><b>{_safe(title)}</b></p>{html_table((), facts.items())}"
+
+
+def html_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table of an HTML page: its first `MOST_SHOWN` rows, and how many there are."""
+    every = list(rows)
+    lines = [_row("th", headings)] if headings else []
+    lines += [_row("td", row) for row in every[:MOST_SHOWN]]
+    more = f"<p>{MOST_SHOWN} of {len(every)} rows</p>" if len(every) > MOST_SHOWN else ""
+    return f"<table>{''.join(lines)}</table>{more}"
+
+
+def _row(kind: str, cells: Iterable[object]) -> str:
+    return f"<tr>{''.join(f'<{kind}>{_safe(cell)}</{kind}>' for cell in cells)}</tr>"
+
+
+def _safe(value: object) -> str:
+    return html.escape(printable(str(value)))
 
 
 _TEXT_OR_COMMENT = re.compile(

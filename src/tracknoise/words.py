@@ -17,7 +17,7 @@ from tracknoise.tables.enumerations import Axis, Shape, Trimming
 from tracknoise.text import plural
 
 SELF_REFERENTIAL = (
-    "The true positions are fitted to the tracks themselves: what a 3-D point can absorb, such as drift along the "
+    "The true positions are fitted to the tracks themselves. What a 3-D point can absorb, such as drift along the "
     "epipolar line, is not in these errors."
 )
 """What holds for errors of triangulated truth, wherever they are shown."""
@@ -322,7 +322,7 @@ _LEVELS = {
     "rotation": "at rotation {}°",
     "direction": "played {}",
 }
-_ADJECTIVES = {"lifetime": "long", "outlier_ratio": "high"}
+_ADJECTIVES = {"lifetime": ("longer", "long"), "outlier_ratio": ("higher", "high")}
 
 
 def size_text(row: Mapping[str, Any]) -> str:
@@ -347,8 +347,8 @@ def bound_text(value: float | None, unit: str) -> str:
     return times(value) if unit == "ratio" else format_estimate(Estimate(value, unit=unit))
 
 
-def difference_sentence(row: Mapping[str, Any], role: str) -> str:
-    """Write which level is larger and by how much, and which one is better if the interval shows it; no full stop.
+def difference_sentences(row: Mapping[str, Any], role: str) -> list[str]:
+    """Write which level is larger and by how much, which one is better if the interval shows it, and where.
 
     Parameters
     ----------
@@ -358,23 +358,34 @@ def difference_sentence(row: Mapping[str, Any], role: str) -> str:
         Role of its statistic.
     """
     factor, pair = row["factor"], [row["level_a"], row["level_b"]]
-    whose = f"the {subject(row, role)}{_until(row)}{_where(row)}"
+    whose = f"The {subject(row, role)}"
+    places = [*_where(row), *_until(row)]
     if row["larger"] is None:
-        return f"{whose} is the same {' and '.join(level_text(factor, level) for level in pair)}"
-    smaller = pair[1 - pair.index(row["larger"])]
-    if row["unit"] == "px":
-        more = f"{size_text(row)} more positive {level_text(factor, row['larger'])}"
-        return f"{whose} is {more} than {level_text(factor, smaller)}"
-    as_large = f"as {_ADJECTIVES.get(role, 'large')} {level_text(factor, row['larger'])}"
-    better = row["better"] if factor == "tracker" else f"{factor_name(factor)}{SPACE}{row['better']}"
-    known = f"; {better} is better" if row["low"] is not None and row["low"] > 1 else ""
-    return f"{whose} is {size_text(row)} {as_large} as {level_text(factor, smaller)}{known}"
+        return [f"{whose} is the same {' and '.join(level_text(factor, level) for level in pair)}.", *places]
+    there = level_text(factor, row["larger"])
+    elsewhere = level_text(factor, pair[1 - pair.index(row["larger"])])
+    more, large = ("more positive", "") if row["unit"] == "px" else _ADJECTIVES.get(role, ("larger", "large"))
+    size = f"{size_text(row)} as {large}" if large else f"{size_text(row)} {more}"
+    better = _better(row) if large else ""
+    if factor == "tracker" or not any(sign.isdigit() for level in pair for sign in level):
+        ending = f"; {better}." if better else "."
+        return [f"{whose} is {size} {there} {'as' if large else 'than'} {elsewhere}{ending}", *places]
+    told = [f"{whose} is {more} {there} than {elsewhere}.", f"It is {size}."]
+    return [*told, *([f"{sentence_case(better)}."] if better else []), *places]
 
 
-def bounded_text(row: Mapping[str, Any], role: str) -> str:
-    """Write how large the difference of any two levels is at most: ``core of lk by speed, at most 1.04 times``."""
-    what = f"{subject(row, role)}{_until(row)} by {factor_name(row['factor'])}"
-    return f"{what}, at most {bound_text(row['most'], row['unit'])}"
+def _better(row: Mapping[str, Any]) -> str:
+    """Which level is better, if the interval of a ratio shows it: ``speed 1 is better``; else empty."""
+    if row["low"] is None or row["low"] <= 1:
+        return ""
+    named = "" if row["factor"] == "tracker" else f"{factor_name(row['factor'])}{SPACE}"
+    return f"{named}{row['better']} is better"
+
+
+def bounded_sentences(row: Mapping[str, Any], role: str) -> list[str]:
+    """Write how large the difference of any two levels is at most, and the horizon of a lifetime."""
+    change = f"changes the {subject(row, role)} at most {bound_text(row['most'], row['unit'])}"
+    return [f"{sentence_case(factor_name(row['factor']))} {change}.", *_until(row)]
 
 
 def level_text(factor: str, level: str) -> str:
@@ -392,15 +403,16 @@ def subject(row: Mapping[str, Any], role: str) -> str:
     return f"{STATISTICS[role]}{' of ' + row['tracker'] if row['tracker'] else ''}"
 
 
-def _until(row: Mapping[str, Any]) -> str:
-    """The horizon of a lifetime."""
+def _until(row: Mapping[str, Any]) -> list[str]:
+    """The horizon of a lifetime, as a sentence if there is one."""
     known = row["horizon"] is not None and math.isfinite(row["horizon"])
-    return f" up to {count(int(row['horizon']), 'frame')}" if known else ""
+    return [f"Lifetimes count up to {count(int(row['horizon']), 'frame')}."] if known else []
 
 
 def _ratio(value: float | None) -> str:
     return "" if value is None else ratio(value)
 
 
-def _where(row: Mapping[str, Any]) -> str:
-    return "" if row["at"] is None else f" in {row['coordinate']} {place(row['axis'], row['at'])}"
+def _where(row: Mapping[str, Any]) -> list[str]:
+    """The coordinate and the place of a difference that is known at one alone, as a sentence."""
+    return [] if row["at"] is None else [f"This is in {row['coordinate']} {place(row['axis'], row['at'])}."]

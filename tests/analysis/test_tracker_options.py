@@ -13,7 +13,7 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.report import factor_section
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
-from tracknoise.words import difference_sentence, level_text
+from tracknoise.words import difference_sentences, level_text
 
 
 def options(detector: str = "agast", window: int = 15, threshold: int = 10) -> dict[str, object]:
@@ -83,9 +83,9 @@ def test_an_option_has_the_effect_of_the_trackers_paired_by_scene() -> None:
     assert row["effect"] == pytest.approx(1.4**2, rel=0.03)
     for name in ("effect", "low", "high", "most", "p_yes", "n_scenes", "margin"):
         assert row[name] == trackers[name]
-    text = difference_sentence(row, "second").replace("\N{NO-BREAK SPACE}", " ")
-    assert text.startswith("the second moment of lucas-kanade is 1.9")
-    assert text.endswith("as large with detector fast as with detector gftt; detector gftt is better")
+    (text,) = (one.replace("\N{NO-BREAK SPACE}", " ") for one in difference_sentences(row, "second"))
+    assert text.startswith("The second moment of lucas-kanade is 1.9")
+    assert text.endswith("as large with detector fast as with detector gftt; detector gftt is better.")
 
 
 def test_without_options_the_table_is_the_same() -> None:
@@ -96,7 +96,7 @@ def test_without_options_the_table_is_the_same() -> None:
 
 def test_a_mean_that_differs_names_the_option() -> None:
     (row,) = asked(two_detectors(1.4), options=OPTIONS).filter(factor="detection.detector", statistic="nu").to_dicts()
-    assert "more positive with detector fast than with detector gftt" in difference_sentence(row, "mean")
+    assert "more positive with detector fast than with detector gftt" in difference_sentences(row, "mean")[0]
 
 
 def test_levels_of_options_are_named_by_the_last_part() -> None:

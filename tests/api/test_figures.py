@@ -1,7 +1,6 @@
 """Figures by name, as charts that display themselves."""
 
-import json
-
+import altair as alt
 import pytest
 
 from tracknoise.exceptions import FigureError, UnknownNameError
@@ -47,9 +46,20 @@ def test_a_chart_is_the_figure_of_the_report(run, drawn):
 
 def test_a_chart_displays_itself(run):
     chart = run.figure("lifetimes")
-    html = chart._repr_mimebundle_()["text/html"]
-    assert "vegaEmbed" in html
-    assert json.dumps(chart.to_dict()["description"]) in html
+    shown = chart._repr_mimebundle_()
+    assert set(shown) == {"image/svg+xml", "text/plain"}
+    assert shown["image/svg+xml"].startswith("<svg")
+    assert "src=" not in shown["image/svg+xml"]
+    assert chart.to_dict()["description"].startswith(shown["text/plain"].removeprefix("<Chart: ").removesuffix(">"))
+
+
+@pytest.mark.parametrize("renderer", ["mimetype", "html"])
+def test_a_notebook_file_can_hold_what_is_displayed(run, renderer):
+    """Of types of JSON, it allows those alone that end with ``+json``."""
+    with alt.renderers.enable(renderer):
+        shown = run.figure("lifetimes")._repr_mimebundle_()
+    assert all(isinstance(one, str) and not kind.endswith(".json") for kind, one in shown.items())
+    assert ("text/html" in shown) is (renderer == "html")
 
 
 @pytest.mark.parametrize(("kind", "start"), [("svg", b"<svg"), ("png", b"\x89PNG"), ("html", b"<!DOCTYPE html>")])

@@ -218,7 +218,7 @@ def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, record
     verdict = json.loads(document.read_text())["verdict"]
     assert code == 0
     assert f"`tracknoise check` said {verdict}" in " ".join(out.split())
-    assert out.startswith("Truth: ")
+    assert "Truth: " in out
     document.unlink()
     assert tracknoise(*run)[1] == out  # the run keeps it
     code, _, err = tracknoise(*run, "--check", str(document))

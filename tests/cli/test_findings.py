@@ -22,7 +22,7 @@ def finished(tmp_path_factory):
 
 
 def test_sentences_then_verdicts_are_printed(tracknoise, finished):
-    code, out, err = tracknoise("findings", str(finished.path))
+    code, out, err = tracknoise("findings", str(finished.path), "--all", "--table")
     assert (code, err) == (0, "")
     lines = out.splitlines()
     assert lines[0].startswith(" 1. Truth: limited. ")
@@ -48,7 +48,7 @@ def test_json_is_one_document_with_the_same_sentences(tracknoise, finished):
 
 def test_a_terminal_gets_tables_with_lines(tracknoise, finished, monkeypatch):
     monkeypatch.setattr("tracknoise.cli.text_table.sys.stdout.isatty", lambda: True)
-    code, out, _ = tracknoise("findings", str(finished.path))
+    code, out, _ = tracknoise("findings", str(finished.path), "--table")
     assert code == 0
     assert "━" in out
 
@@ -59,7 +59,7 @@ def test_failed_sequences_are_counted(tracknoise, finished, tmp_path, count, tex
     manifest = run.manifest()
     manifest.failures |= {f"gone-{place}@default": "damaged" for place in range(count)}
     run.write_manifest(manifest)
-    code, _, err = tracknoise("findings", str(run.path))
+    code, _, err = tracknoise("findings", str(run.path), "--all")
     assert (code, err) == (0, f"tracknoise: warning: {run.path}: {text} not in these findings\n")
 
 

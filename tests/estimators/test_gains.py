@@ -84,7 +84,8 @@ def test_motion_gains_where_motions_differ(count, each, units, resampled):
     assert found["gain_nats"] > 0.3
     assert found["factor"] < 1.2 < found["factor_against"]
     assert (found["n_units"], found["resampled"]) == (units, resampled)
-    assert "by tracker and motion predict" in lookup_sentences(table, Product.error)[0]
+    assert lookup_sentences(table, Product.error)[0].startswith("Use separate noise by tracker and motion: on unseen")
+    assert "gain is" in lookup_sentences(table, Product.error)[0]
 
 
 @pytest.mark.parametrize("each", [2, 4])
@@ -96,7 +97,7 @@ def test_motion_gains_nothing_where_scenes_differ_by_chance_alone(each):
     assert row(table, Lookup.motion, Lookup.tracker)["established"] is False
     assert row(table, Lookup.tracker, Lookup.one)["established"] is True
     answer, added = lookup_sentences(table, Product.error)
-    assert "by tracker predict scenes that were left out better than one for all" in answer
+    assert answer.startswith("Use separate noise by tracker: on unseen scenes its second moment is off by ")
     assert added.startswith("The motion of the scene adds")
     assert added.endswith("no gain is established.")
 
@@ -188,7 +189,7 @@ def test_a_gain_that_no_single_step_establishes_is_stated():
         for (lookup, against), (gain, low, high) in gains.items()
     ]  # fmt: skip
     answer, *added = lookup_sentences(pl.DataFrame(rows, schema=dict(NOISE_LOOKUP)), Product.error)
-    assert "by tracker and speed predict scenes that were left out better than one for all" in answer
+    assert answer.startswith("Use separate noise by tracker and speed: ")
     assert "(0.030 to 0.170)" in answer
     assert added == []
 

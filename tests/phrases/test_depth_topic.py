@@ -40,9 +40,9 @@ def test_a_sentence_says_how_many_depths_each_noise_holds() -> None:
     found = headline(shares())
     assert found is not None
     assert text(shares()) == (
-        "Depth intervals at speed 1, from untrimmed errors. lk: with the sigma that residuals suggest, the 95 % depth "
-        "intervals of windows of 15 frames hold 62 % (57 to 66) of the true depths. With 0.200 px they hold 94 % (89 "
-        "to 98). With the covariance of whole tracks they hold 95 % (90 to 99). The noise was learned from other "
+        "95 % depth intervals at speed 1, from untrimmed errors. Windows have 15 frames. lk: with the sigma of "
+        "residuals they hold 62 % (57 to 66) of the true depths. With the sigma for depths they hold 94 % (89 to 98). "
+        "That sigma is 0.200 px. With the covariance of whole tracks they hold 95 % (90 to 99). The noise was learned from other "
         "scenes than it was tried on. In brackets: 95 % intervals over 8 scenes."
     )
     assert (found.topic, found.figure, found.table) == ("depth", "estimator", "depth_intervals")
@@ -56,7 +56,7 @@ def test_what_was_not_learned_is_left_out() -> None:
 
 
 def test_the_longest_window_with_enough_tracks_is_reported() -> None:
-    assert "windows of 10 frames" in text(pl.concat([shares(window=10), shares(n=99)]))
+    assert "Windows have 10 frames." in text(pl.concat([shares(window=10), shares(n=99)]))
     assert headline(shares(n=99)) is None
 
 

@@ -65,9 +65,9 @@ def text(*given: Any) -> str:
 def test_a_tracker_that_drifts_has_depths_less_certain_than_its_residuals_say() -> None:
     found = text(windows(DRIFTING))
     assert found.startswith(
-        "Noise for the depths of points at speed 1, from untrimmed errors. lk: depths are right with 0.200 px (0.17"
+        "Noise for the depths of points at speed 1, from untrimmed errors. Windows have 15 frames. lk: depths are right with"
     )
-    assert ", windows of 15 frames. Residuals will look like 0.040 px: tuned to them, depths are 5.0 times" in found
+    assert "0.200 px (0.170 to 0.230). Residuals will look like 0.040 px. Tuned to them, depths are 5.0 times" in found
     assert "5.0 times (4.6 to 5.6) less certain than claimed." in found
     assert found.endswith("In brackets: 95 % intervals over 8 scenes.")
     estimate = headline(windows(DRIFTING)).estimate
@@ -92,7 +92,7 @@ def test_the_longest_window_up_to_15_that_shows_depth_often_enough_is_taken() ->
     rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)}, window=15)
     shorter = windows({**DRIFTING, "consistent_sigma": (0.11, 0.1, 0.12)}, window=10)
     found = text(pl.concat([longer, rare, shorter]))
-    assert "right with 0.110 px (0.100 to 0.120), windows of 10 frames" in found
+    assert "Windows have 10 frames. lk: depths are right with 0.110 px (0.100 to 0.120)." in found
 
 
 def test_all_trackers_are_described_by_windows_of_one_length() -> None:
@@ -100,17 +100,17 @@ def test_all_trackers_are_described_by_windows_of_one_length() -> None:
     short = windows(DRIFTING, tracker="sift", window=5)
     long = pl.concat([windows(DRIFTING, window=length) for length in (5, 10, 15)])
     found = text(pl.concat([long, short]), both)
-    assert found.count(", windows of 5 frames") == 2
-    assert "windows of 15" not in found
+    assert found.count("depths are right with") == 2
+    assert "Windows have 5 frames." in found
     without = windows({**DRIFTING, "depth_share": (0.0, 0.0, 0.0)}, tracker="sift", window=5)
     found = text(pl.concat([long, without]), both)
-    assert "lk: depths are right with 0.200 px (0.170 to 0.230), windows of 15 frames." in found
+    assert "Windows have 15 frames. lk: depths are right with 0.200 px (0.170 to 0.230)." in found
     assert "sift: too few windows of 15 frames show the depth of a point." in found
 
 
 def test_without_depth_only_residuals_are_known() -> None:
     rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)})
-    assert "lk: residuals in windows of 15 frames look like 0.040 px (0.035 to 0.045)." in text(rare)
+    assert "lk: residuals look like 0.040 px (0.035 to 0.045)." in text(rare)
     assert "is unknown, because few windows show the depth of a point." in text(rare)
     fitted = ReportedConditions(ReferenceCondition("l"), ("lk",), fitted=True)
     without = windows({"residual_core": DRIFTING["residual_core"], "depth_share": (0.0, 0.0, 0.0)})
@@ -159,21 +159,21 @@ def test_without_a_model_nothing_is_advised() -> None:
 def test_a_usable_truth_has_a_number_to_set(verdict: str) -> None:
     assert "lk: set 0.160 px (0.140 to 0.180). " in advised(advice(GATED, "filter"), trust(verdict, 0.3))
     found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.3))
-    assert "depths are right with 0.200 px (0.170 to 0.230), windows of 15 frames." in found
+    assert "depths are right with 0.200 px (0.170 to 0.230)." in found
 
 
 @pytest.mark.parametrize(
     ("verdict", "says"),
-    [("not trusted", "the truth is not trusted"), ("unknown", "whether the truth can be trusted is unknown")],
+    [("not trusted", "The truth is not trusted."), ("unknown", "Whether the truth can be trusted is unknown.")],
 )
 def test_another_truth_has_an_upper_bound_that_is_marked(verdict: str, says: str) -> None:
     found = advised(advice(GATED, "filter"), trust(verdict, 0.75))
     bound = "lk: set at most 0.160 px (0.140 to 0.180)"
-    assert f"{bound}: {says}, and the tracker alone may have 0.080 px." in found  # half, if it has a quarter of squares
+    assert f"{bound}. {says} The tracker alone may have 0.080 px." in found  # half, if it has a quarter of squares
     for unbounded in (trust(verdict, 1.0), trust(verdict)):
-        assert f"{bound}: {says}. Multiply" in advised(advice(GATED, "filter"), unbounded)
+        assert f"{bound}. {says} Multiply" in advised(advice(GATED, "filter"), unbounded)
     found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.75))
-    assert f"right with at most 0.200 px (0.170 to 0.230), windows of 15 frames: {says}, and" in found
+    assert f"right with at most 0.200 px (0.170 to 0.230). {says} The tracker" in found
 
 
 def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:
@@ -182,7 +182,7 @@ def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:
     assert "from trimmed errors." in text(both, scope)
     assert "depths are as certain as claimed" in text(both, scope)
     untouched = ReportedConditions(ReferenceCondition("l"), ("lk",))
-    assert text(windows(DRIFTING), untouched).startswith("Noise for the depths of points at speed 1. lk: depths")
+    assert text(windows(DRIFTING), untouched).startswith("Noise for the depths of points at speed 1. Windows have 15")
 
 
 def test_too_few_windows_say_nothing() -> None:
@@ -195,7 +195,7 @@ def test_intervals_are_named_by_what_the_reported_trackers_have() -> None:
     rare = windows(DRIFTING, tracker="sift", resampled="blocks", n_scenes=3)
     faster = windows(DRIFTING, speed=4, n_scenes=2)
     found = text(pl.concat([windows(DRIFTING), rare, faster]), two)
-    assert "In brackets: 95 % intervals over 8 scenes and 95 % intervals from blocks of tracks" in found
+    assert "In brackets: 95 % intervals over 8 scenes. Others are 95 % intervals from blocks of tracks" in found
     assert "3 scenes" in found
     assert "2 scenes" not in found.replace("2 to", "")
     assert text(pl.concat([windows(DRIFTING), rare, faster])).endswith("In brackets: 95 % intervals over 8 scenes.")

@@ -271,7 +271,7 @@ def with_tests(data: ReportData, *, own: float, family: float, low: float) -> Re
             "at age 10, lucas-kanade is biased by 0.300 px; over all ages and conditions together this is not "
             "established (p = 0.2).",
         ),
-        (0.2, 0.3, "undecided", "it is undecided whether lucas-kanade is biased; its mean error is 0.300 px (0 to 0.6"),
+        (0.2, 0.3, "undecided", "no bias of lucas-kanade is established; its mean error is 0.300 px (0 to 0.6"),
         (
             0.2,
             0.02,
@@ -442,8 +442,8 @@ def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: Repor
 def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: ReportData) -> None:
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
-        "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter: the truth is not trusted, "
-        f"and the tracker alone may have 0.100{SPACE}px; innovations look like 0.100 px."
+        "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter; innovations look like "
+        f"0.100 px. The truth is not trusted. The tracker alone may have 0.100{SPACE}px."
     )
 
 

@@ -13,8 +13,8 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 SENTENCE = (
-    "lucas-kanade: 95 % depth intervals hold 57 % of the true depths with the sigma of residuals, and 80 % with the "
-    "one for depths."
+    "lucas-kanade: with the sigma of residuals, a 95 % depth interval holds 57 % of true depths; with the sigma for "
+    "depths, 80 %."
 )
 
 

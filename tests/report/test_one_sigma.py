@@ -2,10 +2,14 @@
 
 import re
 
+import pytest
+
+from tracknoise.api.finished_run import open_run
 from tracknoise.cli.run_summary import summary_text
 from tracknoise.estimators.export_render import export, number
 from tracknoise.estimators.exports import estimators
 from tracknoise.estimators.run_models import run_models
+from tracknoise.exceptions import UnknownNameError
 from tracknoise.phrases.answer_summary import Summary
 from tracknoise.report.answer import summarise
 from tracknoise.report.estimator_exports import exported
@@ -34,6 +38,9 @@ def test_what_to_set_is_one_number(fitted_run: RunFolder) -> None:
     (row,) = data.run.results().filter(quantity="sigma_to_set").to_dicts()
     expected = {f"{row['value']:.3f}"}
     assert set_px(summary_text(fitted_run)) == expected
+    (to_set,) = open_run(fitted_run.path).sigma("filter").values()
+    assert {f"{to_set.sigma_px:.3f}"} == expected
+    assert (to_set.low_px, to_set.high_px) == (row["low"], row["high"])
     assert stated(summarise(data)) == expected
     assert {f"{float(one):.3f}" for one in set_px(" ".join(model_sentences(model, "filter")))} == expected
     written = export(model, "filter").files["filter_noise.yaml"]
@@ -46,6 +53,21 @@ def test_what_to_set_is_one_number(fitted_run: RunFolder) -> None:
         one for one in equivalent_cells(model, row["at"]).rows if one[:2] == ["point solved for", "newest pose"]
     )
     assert f"{float(cells[2]):.3f}" in expected
+
+
+def test_what_to_set_has_all_that_belongs_to_sigma(fitted_run: RunFolder) -> None:
+    run = open_run(fitted_run.path)
+    gated, robust = run.sigma("OpenVINS")["oracle"], run.sigma("sliding_window")["oracle"]
+    assert gated.kernel is None
+    assert gated.track_gate is not None
+    assert (robust.track_gate, robust.knee is not None) == (None, True)
+    assert gated.innovations_px > 0.0
+    card = gated._repr_html_()
+    assert f"{gated.sigma_px:.3f}" in card
+    assert gated.caveat in card
+    assert len(card.split("<tr>")) <= 11
+    with pytest.raises(UnknownNameError, match="estimator"):
+        run.sigma("nothing like it")
 
 
 def test_estimators_of_one_kind_and_window_have_one_sigma(fitted_run: RunFolder) -> None:

@@ -60,7 +60,7 @@ def test_a_truth_that_explains_little_is_trusted_and_says_how_much() -> None:
     found = verdict()
     assert (found.verdict, found.step) == (Trust.trusted, "")
     assert found.text.startswith("No fault was found. Errors of the truth can explain at most 4.7")  # .03 + .01 sqrt(3)
-    assert "of the squared errors of lk (0.109 of 0.500 px RMS at age 10)." in found.text
+    assert "of the squared errors of lk. That is 0.109 of 0.500 px RMS at age 10." in found.text
 
 
 @pytest.mark.parametrize(
@@ -113,9 +113,10 @@ def test_faults_that_look_like_a_bias_of_the_trackers_are_named_as_such(share: S
     ]
     plain = audit(faults=share)
     known = verdict(audit=pl.concat([plain, pl.DataFrame(rows, schema=dict(AUDIT))]))
-    unclear = "the readout time of the shutter or the scale of the depths against the camera's path"
     told = "cannot be distinguished from a bias of the trackers."
-    assert known.text == f"{verdict(audit=plain).text} An error of {unclear} fits, but {told}"
+    other = "So does one of the scale of the depths against the camera's path."
+    first = "An error of the readout time of the shutter fits"
+    assert known.text == f"{verdict(audit=plain).text} {first}, but {told} {other}"
 
 
 def test_mistakes_and_fitted_points_decide_before_all_else() -> None:

@@ -17,6 +17,7 @@ from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
 
 if TYPE_CHECKING:
+    from tracknoise.api.sigma_to_set import SigmaToSet
     from tracknoise.report.charts import Chart, Charts
 
 
@@ -306,6 +307,33 @@ class Run:
             raise UnknownNameError("tracker", tracker, known)
         return findings_about(found.sort("rank"), self._folder.results(), tracker)
 
+    def sigma(self, estimator: str, *, window: int | None = None) -> "dict[str, SigmaToSet]":
+        """Say what to set in an estimator: the same numbers as its findings and ``noise show --for``.
+
+        For example ``run.sigma("openvins")["lucas-kanade"].sigma_px``.
+
+        Parameters
+        ----------
+        estimator
+            Its name or an alias, or a kind: see ``tracknoise noise export --list``.
+        window
+            Length of its window, frames; by default that of the experiment if it names this estimator, else as shipped.
+
+        Returns
+        -------
+        dict
+            By tracker: sigma and its interval (px), gates, robust loss, and a caveat where the truth is not trusted. A
+            tracker without a noise model is not in it.
+
+        Raises
+        ------
+        UnknownNameError, SettingsError
+            If the estimator is not known, takes no single sigma, or no tracker has a noise model.
+        """
+        from tracknoise.api.sigma_to_set import sigmas_to_set
+
+        return sigmas_to_set(self._folder, estimator, window)
+
     @property
     def truth(self) -> TruthVerdict:
         """The verdict on the truth, why, and what would help most. The table ``trust`` holds its numbers."""
@@ -365,7 +393,8 @@ class Run:
         Returns
         -------
         altair.ConcatChart
-            Displays itself in a notebook; `save` writes SVG, PNG, PDF, HTML or JSON, by the file's extension.
+            Displays itself in a notebook, without network. `save` writes SVG, PNG, PDF, HTML or JSON, by the file's
+            extension.
 
         Raises
         ------

@@ -1,6 +1,7 @@
 """``tracknoise check``: whether the truth of a recording can be trusted, and what is wrong with it."""
 
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ from tracknoise.cli.shared_options import (
 )
 
 if TYPE_CHECKING:
+    from tracknoise.cli.terminal import Terminal
     from tracknoise.truth_faults.check_report import CheckReport, Item
 
 _WIDTH = 110
@@ -61,22 +63,38 @@ def check(
     if html is not None:
         write_atomically(html, pictures.page(report).encode())
     if not as_json:
-        context.obj.result(report_text(report))
+        _print(context.obj, report)
         context.obj.say("a first answer in about a minute: tracknoise init RECORDING, then tracknoise run FILE --quick")
     return 0 if report.truth.is_usable else UNUSABLE
 
 
-def report_text(report: "CheckReport") -> str:
+_COLOURS: Mapping[str, str] = {
+    "ok": "green", "unknown": "yellow", "caveat": "yellow", "fatal": "red",
+    "trusted": "green", "limited": "yellow", "not trusted": "red",
+}  # fmt: skip
+"""Of items by their severity, and of verdicts on the truth."""
+
+
+def _print(terminal: "Terminal", report: "CheckReport") -> None:
     """The verdict on the truth, then all items; of several sequences, the verdict on each before its items."""
-    lines = [_filled(report.truth.sentence, ""), ""]
+    _say(terminal, report.truth.sentence, "", report.truth.verdict)
+    terminal.result("")
     for sequence in report.sequences:
         own = f" {sequence.truth.caveat}" if len(report.sequences) > 1 else ""
-        lines += [_filled(f"{sequence.sequence}:{own}", "  "), *map(_line, sequence.items)]
-    return "\n".join([*lines, *map(_line, report.items)])
+        _say(terminal, f"{sequence.sequence}:{own}", "  ", sequence.truth.verdict)
+        for item in sequence.items:
+            _say_item(terminal, item)
+    for item in report.items:
+        _say_item(terminal, item)
 
 
-def _line(item: "Item") -> str:
-    return _filled(f"  {item.severity:<7}  {item.topic}: {item.text}", " " * 11)
+def _say_item(terminal: "Terminal", item: "Item") -> None:
+    _say(terminal, f"  {item.severity:<7}  {item.topic}: {item.text}", " " * 11, item.severity)
+
+
+def _say(terminal: "Terminal", text: str, indent: str, status: str) -> None:
+    """Print a text whose first `status` has its colour."""
+    terminal.result(_filled(text, indent), coloured=status, colour=_COLOURS[status])
 
 
 def _filled(text: str, indent: str) -> str:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, QuietOption, WorkersOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption, WorkersOption
 
 
 def register(app: typer.Typer) -> None:
@@ -19,6 +19,7 @@ def demo(
         "runs/demo"
     ),
     workers: WorkersOption = None,
+    table: TableOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -31,4 +32,4 @@ def demo(
     from tracknoise.experiments.load import load_experiment
 
     outcome = measure(context.obj, load_experiment("demo"), out, workers, fresh=True)
-    return print_outcome(context.obj, out, outcome, report=True)
+    return print_outcome(context.obj, out, outcome, report=True, table=table)

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
     from tracknoise.report.report_data import ReportData
 
-_WIDTH = 110
+_MOST = 10
+"""Sentences that are printed unless all are asked for."""
 
 
 def register(app: typer.Typer) -> None:
@@ -23,14 +24,16 @@ def register(app: typer.Typer) -> None:
 def findings(
     context: typer.Context,
     run: Annotated[Path, typer.Argument(help="Run folder.")],
+    every: Annotated[bool, typer.Option("--all", help="Print all findings with all their numbers.")] = False,
+    table: Annotated[bool, typer.Option("--table", help="Print the tables of verdicts too.")] = False,
     as_json: JsonOption = False,
     json_file: JsonFileOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Print the findings of a run: sentences with numbers, then verdicts with intervals.
+    """Print the ten most important sentences about a run: what to set, which tracker is better, and what was shown.
 
-    Example: `tracknoise findings runs/7scenes --json`
+    Examples: `tracknoise findings runs/7scenes`, `tracknoise findings runs/7scenes --all --table`
     """
     from tracknoise.exceptions import StoreError
     from tracknoise.phrases.headlines import findings_json
@@ -47,17 +50,28 @@ def findings(
     tables = {name: getattr(data, name) for name in FINDINGS_TABLES}
     write_json(context.obj, findings_json(tables), as_json=as_json, file=json_file)
     if not as_json:
-        _print(context.obj, data)
+        _print_sentences(context.obj, data, every=every)
+    if table and not as_json:
+        _print_tables(context.obj, data)
     return 0
 
 
-def _print(terminal: "Terminal", data: "ReportData") -> None:
+def _print_sentences(terminal: "Terminal", data: "ReportData", *, every: bool) -> None:
+    from tracknoise.cli.run_answer import WIDTH, most_important
+    from tracknoise.report import findings_section
+
+    whole = [row["text"] for row in findings_section.sentences(data)]
+    for rank, text in enumerate(whole if every else most_important(data, _MOST), start=1):
+        marker = f"{rank:>2}. "
+        terminal.result(textwrap.fill(text, WIDTH, initial_indent=marker, subsequent_indent=" " * len(marker)))
+    if not every:
+        terminal.say(f"All {len(whole)} findings: --all; verdicts with their intervals: --table")
+
+
+def _print_tables(terminal: "Terminal", data: "ReportData") -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report import factor_section, findings_section
 
-    for row in findings_section.sentences(data):
-        marker = f"{row['rank']:>2}. "
-        terminal.result(textwrap.fill(row["text"], _WIDTH, initial_indent=marker, subsequent_indent=" " * len(marker)))
     effects, intervals = factor_section.verdicts(data), factor_section.intervals(data)
     asked = [effects] if len(effects.headings) > 1 else []
     for cells in [findings_section.verdicts(data), *asked, *([intervals] if intervals else [])]:

@@ -95,7 +95,7 @@ class _Runs:
 
         def execute() -> int:
             outcome = measure(self._terminal, load(), folder, self._workers, fresh=self._fresh)
-            return print_outcome(self._terminal, folder, outcome, report=False)
+            return print_outcome(self._terminal, folder, outcome, report=False, table=True)
 
         return None if self._survive(name, execute) == 1 else RunFolder(folder)
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption
 
 
 def register(app: typer.Typer) -> None:
@@ -22,6 +22,7 @@ def report(
     ] = None,
     scene: Annotated[str | None, typer.Option("--scene", help="Scene of this recording. Default: the first.")] = None,
     figures: Annotated[bool, typer.Option("--figures", help="Also write all figures as SVG and PNG.")] = False,
+    table: TableOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -42,5 +43,5 @@ def report(
 
         write_recording(RunFolder(run), rerun, scene=scene)
         context.obj.result(f"written: {rerun.resolve()}")
-    print_results(context.obj, RunFolder(run), report=True, figures=figures)
+    print_results(context.obj, RunFolder(run), report=True, figures=figures, table=table)
     return 0

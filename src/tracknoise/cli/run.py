@@ -14,6 +14,7 @@ from tracknoise.cli.shared_options import (
     ScenesOption,
     SchedulerOption,
     SpeedsOption,
+    TableOption,
     TrackersOption,
     WorkersOption,
     parse_frames,
@@ -65,6 +66,7 @@ def run(
         typer.Option("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report."),
     ] = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
+    table: TableOption = False,
     schema: Annotated[
         bool,
         typer.Option(
@@ -85,7 +87,6 @@ def run(
     from tracknoise.cli.run_summary import print_outcome
     from tracknoise.experiments.load import load_experiment
     from tracknoise.experiments.plan import plan
-    from tracknoise.phrases.quick import quick_limits
     from tracknoise.tables.store import RunFolder
     from tracknoise.truth_faults.check_change import CHECK_JSON, read_check
 
@@ -106,7 +107,4 @@ def run(
     outcome = measure(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh, verify=verify)
     if checked is not None and outcome.measured:
         RunFolder(out).write_statistics({}, documents={CHECK_JSON: checked})
-    status = print_outcome(context.obj, out, outcome, report=report and not quick)
-    if quick and outcome.measured:
-        context.obj.result(quick_limits(RunFolder(out)))
-    return status
+    return print_outcome(context.obj, out, outcome, report=report and not quick, table=table, quick=quick)

@@ -1,13 +1,16 @@
-"""What a run produced, as text: its summary, the path of its report, and the sequences that failed."""
+"""What a run produced, as text: its answer or its tables, the path of its report, and the sequences that failed."""
 
-import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import polars as pl
 
+from tracknoise.cli.run_answer import answer_lines, to_set, wrapped
 from tracknoise.cli.text_table import aligned
+from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.names import by_statement, together
+from tracknoise.phrases.quick import quick_limits
 from tracknoise.report.answer import accuracy
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.report_data import ReportData
@@ -24,8 +27,9 @@ if TYPE_CHECKING:
     from tracknoise.cli.terminal import Terminal
     from tracknoise.experiments.execute import Outcome
 
-_WIDTH = 110
-_NAMED = 10
+MOST_LINES = 12
+"""Of all that is printed about a run, without its tables and its progress."""
+_NAMED = 3
 """Maximum number of causes of failure for which the final message names the sequences."""
 _TRACKS = (
     ("tracks", "n_tracks", "{:,}"),
@@ -51,29 +55,69 @@ _NOISE = (
 """In place of errors, where true positions are fitted to the tracks."""
 
 
-def print_outcome(terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool) -> int:
-    """Print the summary of a run that has ended, its report and its failures.
+def print_outcome(
+    terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool, table: bool, quick: bool = False
+) -> int:
+    """Print the answer of a run that has ended, its failures and its report.
 
-    Returns exit status: 0 if every sequence was measured, 2 if some were, 1 if none was.
+    Parameters
+    ----------
+    terminal, out, outcome
+        Where to print, the folder of the run, and what was measured.
+    report
+        Whether to write the report.
+    table
+        Whether tables are printed in place of the answer.
+    quick
+        Whether it is a quick run, whose limits are printed too.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if every sequence was measured, 2 if some were, 1 if none was.
     """
     if not outcome.measured:
         return 1 if outcome.failures else 0
-    print_results(terminal, RunFolder(out), report=report)
-    if not outcome.failures:
-        return 0
-    _print_failures(terminal, outcome)
-    return 2
+    run = RunFolder(out)
+    failed = _failed(outcome) if outcome.failures else []
+    limits = wrapped(quick_limits(run)) if quick else []
+    print_results(terminal, run, report=report, table=table, failed=failed, limits=limits)
+    return 2 if outcome.failures else 0
 
 
-def print_results(terminal: "Terminal", run: RunFolder, *, report: bool, figures: bool = False) -> None:
-    """Print the summary of a run. With `report`, also write its report, with `figures` or not, and print the path."""
-    terminal.result(summary_text(run))
+def print_results(
+    terminal: "Terminal",
+    run: RunFolder,
+    *,
+    report: bool,
+    figures: bool = False,
+    table: bool,
+    failed: Sequence[str] = (),
+    limits: Sequence[str] = (),
+) -> None:
+    """Print the answer of a run, or its tables. With `report`, also write its report, with `figures` or not.
+
+    `failed`, `limits`: further lines, on stderr and on stdout.
+    """
+    if table:
+        terminal.result(summary_text(run))
+    else:
+        others = [*failed, *limits, *(["report"] if report else []), _HINT]
+        terminal.result("\n".join(answer_lines(ReportData.of(run), MOST_LINES - len(others))))
+        terminal.say(_HINT)
+    for line in failed:
+        terminal.say(line)
+    if limits:
+        terminal.result("\n".join(limits))
     if report:
         from tracknoise.report.figure_files import FORMATS
         from tracknoise.report.page import write_report
 
         terminal.say("writing the report")
         terminal.result(f"report: {write_report(run, figure_formats=FORMATS if figures else ()).resolve()}")
+
+
+_HINT = "The numbers of every tracker and speed: --table"
 
 
 def summary_text(run: RunFolder) -> str:
@@ -145,7 +189,7 @@ def _truth(data: ReportData) -> list[str]:
     """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
     change, copies = truth_change(data.run, data.trust), data.findings.filter(topic="copies")["text"]
     texts = (TruthVerdict.of(data.trust).sentence, *([change] if change else []), *copies)
-    return [f"{textwrap.fill(text, _WIDTH)}\n" for text in texts]
+    return ["\n".join([*wrapped(text), ""]) for text in texts]
 
 
 def _sizes(data: ReportData) -> list[str]:
@@ -159,30 +203,31 @@ def _sizes(data: ReportData) -> list[str]:
 def _more_accurate(data: ReportData) -> list[str]:
     """The sentence that says which tracker is more accurate."""
     found = accuracy(data)
-    return [textwrap.fill(found, _WIDTH)] if found else []
+    return ["\n".join(wrapped(found))] if found else []
 
 
 def _for_estimators(data: ReportData) -> list[str]:
-    """The finding that says which noise to set in an estimator."""
-    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="estimator")["text"]]
+    """The finding that says which noise to set in an estimator, and the trackers that it does not name."""
+    texts = [*data.findings.filter(topic="estimator")["text"], *to_set(data)[MOST_TRACKERS:]]
+    return ["\n".join(wrapped(text)) for text in texts]
 
 
 def _where_trimming_matters(data: ReportData) -> list[str]:
     """The finding that says where trimmed and untrimmed errors disagree."""
-    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(topic="trimming")["text"]]
+    return ["\n".join(wrapped(text)) for text in data.findings.filter(topic="trimming")["text"]]
 
 
 def _machines(data: ReportData) -> list[str]:
     """That sequences were measured on machines of different kinds, if so."""
     mixed = mixed_kernels(data)
-    return [textwrap.fill(mixed, _WIDTH)] if mixed else []
+    return ["\n".join(wrapped(mixed))] if mixed else []
 
 
 def _fitted(data: ReportData) -> list[str]:
     """What errors about fitted points hide, and the noise that is corrected for the fit."""
     if not data.truth_is_fitted:
         return []
-    return [textwrap.fill(text, _WIDTH) for text in data.findings.filter(pl.col("topic").is_in(_FITTED_TOPICS))["text"]]
+    return ["\n".join(wrapped(text)) for text in data.findings.filter(pl.col("topic").is_in(_FITTED_TOPICS))["text"]]
 
 
 def _others(data: ReportData) -> list[str]:
@@ -197,11 +242,11 @@ def _cell(value: object, form: str) -> str:
     return "-" if value is None else form.format(value)
 
 
-def _print_failures(terminal: "Terminal", outcome: "Outcome") -> None:
-    """Name the sequences that failed, grouped by cause: the errors themselves may have scrolled away."""
+def _failed(outcome: "Outcome") -> list[str]:
+    """Lines that name the sequences that failed, grouped by cause: the errors themselves may have scrolled away."""
     failures = outcome.failures
     named = list(by_statement(sorted(failures.items())).values())[:_NAMED]
     rest = len(failures) - sum(map(len, named))
     names = "; ".join([*(together([*map(readable, keys)]) for keys in named), *([f"{rest} more"] if rest else [])])
     of_all = f"{len(failures)} of {counted(len(failures) + len(outcome.measured), 'sequence')} failed"
-    terminal.say(f"{of_all}: {names}; see failures.jsonl. Run the same command again to retry them.")
+    return wrapped(f"{of_all}: {names}; see failures.jsonl. Run the same command again to retry them.")

@@ -89,6 +89,9 @@ SchedulerOption = Annotated[
         "(extra: cluster).",
     ),
 ]
+TableOption = Annotated[
+    bool, typer.Option("--table", help="Print the numbers of every tracker and speed in place of the answer.")
+]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the run in this folder and start a new one.")]
 JsonOption = Annotated[bool, typer.Option(_JSON, help="Print the result as one JSON document, and nothing else.")]
 JsonFileOption = Annotated[

@@ -4,6 +4,7 @@
 - Format a registry as text: one name and its description per line.
 """
 
+import os
 import sys
 from collections.abc import Mapping
 
@@ -41,9 +42,17 @@ class Terminal:
         self.debug = False
         self.quiet = False
 
-    def result(self, text: str) -> None:
-        """Print a result."""
-        write_result(f"{printable(text, keep=_LAYOUT)}\n")
+    def result(self, text: str, *, coloured: str = "", colour: str = "") -> None:
+        """Print a result. In a terminal, the first `coloured` in it has a colour, unless NO_COLOR is set."""
+        shown = printable(text, keep=_LAYOUT)
+        if colour and sys.stdout.isatty() and not os.environ.get("NO_COLOR"):
+            from rich.console import Console
+            from rich.text import Text
+
+            before, found, after = shown.partition(coloured)
+            Console(highlight=False).print(Text.assemble(before, (found, colour), after), soft_wrap=True)
+        else:
+            write_result(f"{shown}\n")
 
     def say(self, text: str) -> None:
         """Print a message, unless quiet."""

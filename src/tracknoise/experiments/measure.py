@@ -26,7 +26,9 @@ from tracknoise.statistics.tap import PointTracks, expected_feature_age, tap_vid
 from tracknoise.statistics.trimming import trim
 from tracknoise.statistics.truth_errors import pose_differences
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
+from tracknoise.tables.identity import readable
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, POSE_DIFFERENCES, TruthStatus, empty
+from tracknoise.text import html_card, html_table, one_line
 from tracknoise.trackers.function import Follow, Function
 from tracknoise.trackers.tracker import TrackerSettings
 from tracknoise.trackers.tracker_registry import make_tracker
@@ -147,6 +149,30 @@ class Measurement:
     notes: tuple[str, ...] = ()
     states_accuracy: bool = False
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        return one_line("Measurement", readable(self.sequence.id.key), self._facts)
+
+    def _repr_html_(self) -> str:
+        """What was measured, and a row for each tracker and speed."""
+        counts = self.tracks.group_by("tracker", "speed", maintain_order=True).agg(tracks=pl.len())
+        known = pl.col("du_px").is_not_null().sum()
+        errors = self.observations.group_by("tracker", "speed").agg(observations=pl.len(), known=known)
+        rows = counts.join(errors, on=["tracker", "speed"], how="left", maintain_order="left")
+        headings = ["tracker", "speed", "tracks", "observations", "with a true position"]
+        card = html_card(f"Measurement of {readable(self.sequence.id.key)}", self._facts)
+        return f"{card}{html_table(headings, rows.rows())}"
+
+    @property
+    def _facts(self) -> dict[str, object]:
+        """What it shows of itself, by name."""
+        return {
+            "frames": self.n_frames,
+            "trackers": ", ".join(self.frames["tracker"].unique(maintain_order=True)),
+            "speeds": ", ".join(map(str, self.frames["speed"].unique().sort())),
+            "observations": f"{self.observations.height:,}",
+            "truth": self.truth,
+        }
 
 
 def measure(

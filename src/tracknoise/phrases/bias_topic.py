@@ -25,7 +25,7 @@ from tracknoise.phrases.measures import (
     trimmed_word,
     with_interval,
 )
-from tracknoise.phrases.size_topic import in_u_and_v
+from tracknoise.phrases.sentences import because, each_axis, joined
 from tracknoise.phrases.withheld import (
     audited_bias,
     bias_covers,
@@ -36,7 +36,10 @@ from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
 from tracknoise.words import (
     chance,
     count,
+    format_estimate,
+    listing,
     percent,
+    px,
     sentence_case,
 )
 
@@ -77,17 +80,22 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     if withheld is not None and Verdict.yes in (verdict_at(there), overall["verdict"]):
         return Part(withheld, [verdict])
     estimates = _means(tables, conditions, tracker, there, conditions.trimmings[0])
-    sentences = [_at_one_age(mean, conditions.opening_place(there["at"]), there, estimates)]
+    sentences = _at_one_age(mean, conditions, there, estimates)
     sentences += [_wider_claim(conditions, there, overall)]
     intervals = conditions.of(tables["intervals"], tracker)
     sentences += [curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")]
     if there["share_of_second"] is not None:
         share = percent(there["share_of_second"])
-        sentences += [f"The square of the mean is {share} of the second moment, u and v together."]
-    sentences += [covered_coordinates(covers).strip()]
+        sentences += [f"The square of the mean is {share} of the mean square error, u and v together."]
+    sentences += [covered_coordinates(covers)]
     untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
-    sentences += [f"Without trimming, the mean is {in_u_and_v(untrimmed)}." if len(untrimmed) == 2 else ""]
-    return Part(" ".join(filter(None, sentences)), [*estimates, *untrimmed, verdict])
+    sentences += _in_each(untrimmed, "Without trimming, the mean in u is")
+    return Part(joined(sentences), [*estimates, *untrimmed, verdict])
+
+
+def _in_each(means: Sequence[Estimate], opening: str = "In u it is") -> list[str]:
+    """A sentence for each coordinate; none where a mean is unknown."""
+    return each_axis([format_estimate(one) for one in means], opening) if len(means) == 2 else []
 
 
 def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> list[Estimate]:
@@ -105,21 +113,21 @@ def _at_all_ages(mean: str, overall: Mapping[str, Any]) -> str:
     test = "" if p is None else f" ({chance(p)}, {count(overall['n_scenes'], 'scene')})"
     if overall["verdict"] == Verdict.yes:
         return f"{sentence_case(mean)} is not zero{test}."
-    why = f": {overall['why']}" if overall["why"] and p is None else ""
-    return f"It is undecided whether {mean} is zero{test}{why}."
+    return because(f"It is undecided whether {mean} is zero{test}", overall["why"] if p is None else "")
 
 
-def _at_one_age(mean: str, where: str, there: Mapping[str, Any], estimates: Sequence[Estimate]) -> str:
+def _at_one_age(
+    mean: str, conditions: ReportedConditions, there: Mapping[str, Any], estimates: Sequence[Estimate]
+) -> list[str]:
     """The verdict at one age alone, with the means that it is about."""
-    size = in_u_and_v(estimates) if len(estimates) == 2 else "unknown"
     p = there["sign_flip_p"]
     if p is None:
-        why = f": {there['why']}" if there["why"] else ""
-        return f"{where}, {mean} is {size}. Whether it is zero in other scenes was not tested{why}."
-    test = f"({chance(p)}, {count(there['n_scenes'], 'scene')}): {size}"
-    if verdict_at(there) == Verdict.yes:
-        return f"{where}, {mean} is not zero {test}."
-    return f"{where}, it is undecided whether {mean} is zero {test}."
+        sizes = _in_each(estimates, f"{sentence_case(mean)} in u is") or [f"{sentence_case(mean)} is unknown."]
+        where = f"That is {conditions.place(there['at'])}."
+        return [*sizes, where, because("Whether it is zero in other scenes was not tested", there["why"])]
+    test = f"({chance(p)}, {count(there['n_scenes'], 'scene')})"
+    is_zero = f"{mean} is not zero" if verdict_at(there) == Verdict.yes else f"it is undecided whether {mean} is zero"
+    return [f"{conditions.opening_place(there['at'])}, {is_zero} {test}.", *_in_each(estimates)]
 
 
 def _wider_claim(conditions: ReportedConditions, there: Mapping[str, Any], overall: Mapping[str, Any]) -> str:
@@ -161,7 +169,7 @@ def bias_measure(subject: Subject) -> Measure | None:
     covered = _is_covered(subject, there)
     verdict = Verdict.undecided if covered else verdict_at(there)
     place = subject.conditions.place(subject.at)
-    means = in_u_and_v([Estimate(there[f"mean_{axis}_px"], unit="px") for axis in "uv"])
+    means = listing(f"{px(there[f'mean_{axis}_px'])} in {axis}" for axis in "uv")
     notes = [f"length of the mean error {place}: {means}"]
     notes += ["errors of the truth can cause it"] if covered else []
     why = str(there["why"] or "").partition(";")[0]
@@ -201,10 +209,10 @@ def _bias_sentence(
         rest = "errors of the truth can cause it" if covered else "a bias in other scenes was not tested"
         return f"The mean error of {tracker} is {shown.text} {place}; {rest}."
     if covered:
-        return f"It is undecided whether {tracker} is biased; {size}, which errors of the truth can cause."
+        return f"No bias of {tracker} is established; {size}, which errors of the truth can cause."
     if wider and verdict == Verdict.yes:
         return f"{subject.conditions.opening_place(there['at'])}, {tracker} is biased by {shown.text}; {wider}."
     if wider:
         return f"{sentence_case(place)} alone no bias of {tracker} is shown; {wider}."
-    opening = f"{tracker} is biased" if verdict == Verdict.yes else f"It is undecided whether {tracker} is biased"
+    opening = f"{tracker} is biased" if verdict == Verdict.yes else f"No bias of {tracker} is established"
     return f"{opening}; {size}."

@@ -9,6 +9,8 @@ from tracknoise.phrases.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.words import SPACE, format_as, px
 
+_CLAIMED = 0.95
+"""Share of the true depths that the intervals claim to hold."""
 _RESIDUAL, _CONSISTENT, _WHOLE = "residual sigma", "consistent sigma", "whole tracks"
 
 
@@ -22,7 +24,7 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     return by_tracker(
         conditions.trackers,
         lambda tracker: _depths_of(conditions.of(shown, tracker), tracker),
-        opening=f"Depth intervals {conditions.where(tables['summary'])}{errors}.",
+        opening=f"95{SPACE}% depth intervals {conditions.where(tables['summary'])}{errors}.{_length(shown)}",
         closing=f"The noise was learned from other scenes than it was tried on.{brackets}",
         topic="depth",
         figure="estimator",
@@ -37,18 +39,22 @@ def _at_shared_window(enough: pl.DataFrame, shares: pl.DataFrame) -> pl.DataFram
     return shares.join(there, on=["tracker", "window"], how="semi", maintain_order="left")
 
 
+def _length(shown: pl.DataFrame) -> str:
+    """The length of the windows; begins with a space."""
+    return f" Windows have {shown['window'][0]} frames." if shown.height else ""
+
+
 def _depths_of(own: pl.DataFrame, tracker: str) -> Part | None:
     if own.is_empty():
         return None
     rows = {row["covariance"]: row for row in own.to_dicts()}
     found = {name: Estimate.of_row(row, "value", "low", "high", "share") for name, row in rows.items()}
-    length = own["window"][0]
-    sentences = [
-        f"{tracker}: with the sigma that residuals suggest, the 95{SPACE}% depth intervals of windows of {length} "
-        f"frames hold {_share(found[_RESIDUAL])} of the true depths."
-    ]
+    sentences = [f"{tracker}: with the sigma of residuals they hold {_share(found[_RESIDUAL])} of the true depths."]
     if _CONSISTENT in found:
-        sentences.append(f"With {px(rows[_CONSISTENT]['sigma_px'])} they hold {_share(found[_CONSISTENT])}.")
+        held = found[_CONSISTENT]
+        sentences.append(f"With the sigma for depths they hold {_share(held)}.")
+        sentences.append(f"That sigma is {px(rows[_CONSISTENT]['sigma_px'])}.")
+        sentences += [f"They are still too narrow for 95{SPACE}%."] if held.below(_CLAIMED) else []
     if _WHOLE in found:
         sentences.append(f"With the covariance of whole tracks they hold {_share(found[_WHOLE])}.")
     stated = [found[name] for name in (_RESIDUAL, _CONSISTENT, _WHOLE) if name in found]
@@ -85,6 +91,6 @@ def depth_sentence(data: RunData, tracker: str) -> str:
         return ""
     residual, consistent = held["residual sigma"], held["consistent sigma"]
     return (
-        f"{tracker}: 95{SPACE}% depth intervals hold {residual} of the true depths with the sigma of residuals, and "
-        f"{consistent} with the one for depths."
+        f"{tracker}: with the sigma of residuals, a 95{SPACE}% depth interval holds {residual} of true depths; with "
+        f"the sigma for depths, {consistent}."
     )

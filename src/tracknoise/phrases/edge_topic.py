@@ -55,7 +55,10 @@ def _edges_of(errors: pl.DataFrame, conditions: ReportedConditions, tracker: str
         return None
     means = [_estimate(rows[side, "mean"]) for side in differing]
     where = f"{conditions.opening_place(at)}, the mean error of {tracker} {IN[coordinate]}"
-    sentences = [f"{where} on {_SIDES[differing[0]]} of depth edges is {format_estimate(means[0])}."]
+    sentences = [
+        f"{where} is another one beside depth edges.",
+        f"On {_SIDES[differing[0]]} it is {format_estimate(means[0])}.",
+    ]
     sentences += [f"On {_SIDES[side]} it is {format_estimate(mean)}." for side, mean in _rest(differing, means)]
     sentences += [f"Elsewhere it is {format_estimate(_estimate(rows[EdgeSide.none, 'mean']))}."]
     brief = (
@@ -100,9 +103,9 @@ def _shares(rows: Mapping[tuple[str, str], Mapping[str, Any]], side: EdgeSide) -
         return []
     if not _estimate(of_mean).above(_MOST):
         return []
-    numbers = f"{percent(share['value'])} of the features, {percent(of_mean['value'])} of the mean"
+    numbers = f"They are {percent(share['value'])} of the features, with {percent(of_mean['value'])} of the mean."
     left = f"The mean of all features is {px(_mean_of_all(rows))}; without {_SIDES[side]} it is {px(without['value'])}."
-    return [f"Most of the drift is features on {_SIDES[side]} of depth edges: {numbers}.", left]
+    return [f"Most of the drift is features on {_SIDES[side]} of depth edges.", numbers, left]
 
 
 def _removed(rows: Mapping[tuple[str, str], Mapping[str, Any]]) -> list[str]:

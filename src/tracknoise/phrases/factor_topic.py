@@ -19,23 +19,23 @@ from tracknoise.phrases.headline import (
     ids_of,
     leading,
 )
-from tracknoise.phrases.measures import answer, shown_size
+from tracknoise.phrases.measures import answer, reported_conditions, shown_size
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.sentences import because, joined
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import FACTORS
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import (
     STATISTICS,
-    bounded_text,
+    bounded_sentences,
     count,
-    difference_sentence,
+    difference_sentences,
     factor_name,
     listing,
     pixels,
     ratio,
     rms_of_tracks,
-    sentence_case,
 )
 
 _MOST_NAMED = 3
@@ -78,17 +78,17 @@ def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
     counts = [f"{n} {verdict}" for verdict in Verdict if (n := rows.filter(verdict=verdict).height)]
     yes, no = _clearest(rows, Verdict.yes, "low")[::-1][:_MOST_NAMED], _clearest(rows, Verdict.no, "most")[:_MOST_NAMED]
     opening = [
-        f"Verdicts on whether {listing(_names(rows), joint='or')} changes a statistic: {listing(counts)}.",
+        f"Verdicts on whether {_names(rows)} changes a statistic: {listing(counts)}.",
         *_margins(rows),
         f"Factors other than speed are compared at speed {conditions.reference.speed}.",
     ]
     parts = [
-        TrackerPart(row["tracker"], f"{sentence_case(difference_sentence(row, row['role']))}.", ids_of(_effects([row])))
+        TrackerPart(row["tracker"], joined(difference_sentences(row, row["role"])), ids_of(_effects([row])))
         for row in yes
     ]
     if no:
-        smallest = f"Smallest effects: {'; '.join(bounded_text(row, row['role']) for row in no)}."
-        parts.append(TrackerPart(None, smallest, ids_of(_effects(no))))
+        smallest = ["The smallest effects follow.", *(joined(bounded_sentences(row, row["role"])) for row in no)]
+        parts.append(TrackerPart(None, joined(smallest), ids_of(_effects(no))))
     closing = [] if yes or no else _undecided(rows)
     text = " ".join([*opening, *(part.text for part in parts), *closing])
     return Headline(
@@ -107,9 +107,11 @@ def _effects(rows: Sequence[Mapping[str, Any]]) -> list[Estimate]:
     return [Estimate.of_row(row, "effect", "low", "high", row["unit"]) for row in rows]
 
 
-def _names(rows: pl.DataFrame) -> Sequence[str]:
-    names: list[str] = rows["factor"].unique(maintain_order=True).to_list()
-    return [f"the {factor_name(name)}" for name in names]
+def _names(rows: pl.DataFrame) -> str:
+    """Names of factors; of many the first ones."""
+    names = [f"the {factor_name(name)}" for name in rows["factor"].unique(maintain_order=True)]
+    named = names if len(names) <= _MOST_NAMED + 1 else [*names[:_MOST_NAMED], "another factor"]
+    return listing(named, joint="or")
 
 
 def _margins(rows: pl.DataFrame) -> list[str]:
@@ -133,9 +135,9 @@ def _undecided(rows: pl.DataFrame) -> list[str]:
     """Why all answers are undecided, in the words of the table, and the largest effect that was measured."""
     reasons = rows["why"].drop_nulls().unique(maintain_order=True).to_list()
     known = sorted(rows.drop_nulls("effect").to_dicts(), key=lambda row: -_excess(row, "effect"))[:1]
-    sentences = [f"Reason: {reasons[0]}."] if len(reasons) == 1 else []
+    sentences = [because("No effect is shown", reasons[0])] if len(reasons) == 1 else []
     largest = [
-        f"Largest measured effect, which may be chance: {difference_sentence(row, row['role'])}." for row in known
+        joined(["The largest measured effect may be chance.", *difference_sentences(row, row["role"])]) for row in known
     ]
     return [*sentences, *largest]
 
@@ -306,9 +308,24 @@ def _core_or_rms(data: RunData) -> str:
     return f"{'core error' if name == 'core' else rms_of_tracks(data.trimming)} in {axis}"
 
 
-def answers_counted(data: RunData) -> str:
-    """How many questions about factors have which answer, as a sentence; empty where none was asked."""
-    rows = data.dependence.filter(pl.col("n_levels") > 1)
-    counts = {verdict: rows.filter(verdict=verdict).height for verdict in Verdict}
-    known = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n)
-    return f"Does a factor change a statistic: {known}." if known else ""
+def changes(data: RunData) -> list[str]:
+    """What each factor changes, and what is open, in a sentence; none where no question was asked."""
+    rows = asked(data.dependence, reported_conditions(data, data.slowest))
+    groups = list(rows.group_by("factor", maintain_order=True))
+    told = [_changed(f"The {factor_name(str(name))}", of_factor) for (name,), of_factor in groups[:_MOST_NAMED]]
+    return [*told, "More factors are in the table of effects."] if len(groups) > len(told) else told
+
+
+def _changed(factor: str, rows: pl.DataFrame) -> str:
+    """Which statistics a factor changes for every tracker, which for some, and which are open."""
+    verdicts = {STATISTICS[str(role)]: set(of["verdict"]) for (role,), of in rows.group_by("role", maintain_order=True)}
+    every = [name for name, found in verdicts.items() if found == {Verdict.yes}]
+    some = [name for name, found in verdicts.items() if Verdict.yes in found and name not in every]
+    open_ = [name for name, found in verdicts.items() if Verdict.yes not in found and Verdict.undecided in found]
+    whose = " of every tracker" if rows["tracker"].n_unique() > 1 else ""
+    changed = [f"{listing(every)}{whose}"] if every else []
+    changed += [f"{listing(some)} of some"] if some else []
+    left = f"; {listing(open_)} {'is' if len(open_) == 1 else 'are'} open" if open_ else ""
+    if not changed:
+        return f"{factor} is not shown to change any statistic."
+    return f"{factor} changes {', and '.join(changed)}{left}."

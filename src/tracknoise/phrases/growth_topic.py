@@ -18,7 +18,6 @@ from tracknoise.phrases.headline import (
 from tracknoise.phrases.measures import (
     Subject,
     answer,
-    asked_sentence,
     card_number,
     first,
     reported_conditions,
@@ -27,6 +26,7 @@ from tracknoise.phrases.measures import (
     with_interval,
 )
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.sentences import because, joined
 from tracknoise.phrases.withheld import (
     audited_rise,
     growth_cover,
@@ -58,58 +58,66 @@ _OPENINGS: Mapping[Verdict, str] = {
     Verdict.no: "errors do not grow",
     Verdict.undecided: "growth is undecided",
 }
+_CHANGES: Mapping[Verdict, str] = {
+    Verdict.yes: "the RMS grows",
+    Verdict.no: "the RMS does not grow; it changes",
+    Verdict.undecided: "growth of the RMS is open; it changes",
+}
 _KNOWN = (Behaviour.white, Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 
 
 def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """How errors grow with age."""
+    rows = conditions.reported(tables["time_structure"]).filter(trimming=conditions.trimmings[0])
+    ages = [_from_to(conditions, row) for row in rows.drop_nulls("growth_ratio").to_dicts()]
+    shared = f" Growth is {ages[0]}." if len(set(ages)) == 1 else ""
+    errors = f"{trimmed_word(conditions)}errors of the same tracks"
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _growth_of(tables, conditions, tracker),
-        opening=f"Growth of {trimmed_word(conditions)}errors of the same tracks {conditions.where(tables['summary'])}, "
-        "scenes counted alike.",
-        closing="Growth by less than the margin counts as none.",
+        lambda tracker: _growth_of(tables, conditions, tracker, names_ages=not shared),
+        opening=f"Growth of {errors} {conditions.where(tables['summary'])}.{shared}",
+        closing="Scenes count alike. Growth by less than the margin counts as none.",
         topic="growth",
         figure="time-structure",
         table="time_structure",
     )
 
 
-def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str, *, names_ages: bool) -> Part | None:
     rows = conditions.of(tables["time_structure"], tracker).filter(trimming=conditions.trimmings[0])
     sentences, covered = _growth_withheld(tables, conditions, tracker, rows)
     estimates: list[Estimate] = []
     for row in rows.filter(~pl.col("coordinate").is_in(covered)).sort("coordinate").to_dicts():
-        text, found = _grown(conditions, row)
+        text, found = _grown(row, f"This is {_from_to(conditions, row)}." if names_ages else "")
         sentences = [text, *sentences] if row["coordinate"] == "u" else [*sentences, text]
         estimates += found
     estimates += [Estimate.verdict(row, "growth") for row in rows.sort("coordinate").to_dicts()]
     return Part(" ".join(sentences), estimates) if sentences else None
 
 
-def _grown(conditions: ReportedConditions, row: Mapping[str, Any]) -> tuple[str, list[Estimate]]:
-    """Sentences about one coordinate: whether the error grows, and how."""
+def _grown(row: Mapping[str, Any], ages: str) -> tuple[str, list[Estimate]]:
+    """Sentences about one coordinate: whether the error grows, and how. `ages`: a sentence about them, or empty."""
     ratio_found, parts = growth_ratio(row), _parts(row)
     estimates = [] if ratio_found is None else [ratio_found]
     subject = f"{row['tracker']} in {row['coordinate']}"
-    opening = _OPENINGS[_grows(row)]
-    if ratio_found is not None:
-        opening += f": the RMS {_between(conditions, row)} is {format_estimate(ratio_found)} times as large"
     how, of_parts = _how(row, parts)
-    return f"{subject}: {opening}. {how}".rstrip(), estimates + of_parts
+    if ratio_found is None:
+        return joined([f"{subject}: {_OPENINGS[_grows(row)]}.", how]), estimates + of_parts
+    size = format_estimate(replace(ratio_found, unit="times"))
+    return joined([f"{subject}: {_CHANGES[_grows(row)]} {size}.", ages, how]), estimates + of_parts
 
 
 def _how(row: Mapping[str, Any], parts: Mapping[str, Estimate]) -> tuple[str, list[Estimate]]:
     """A sentence on how the error of one coordinate grows, from its established parts."""
     if row["verdict"] in _KNOWN and parts:
-        listed = listing(f"{name} of {format_estimate(size)}" for name, size in parts.items())
+        listed = [f"{sentence_case(name)} is established: {format_estimate(size)}." for name, size in parts.items()]
         covered = row["coverage"]
-        stated = "" if covered is None else f" Errors have heavy tails: {coverage_text(row['level'], covered)}."
-        return f"Established: {listed}.{stated}", list(parts.values())
+        stated = "" if covered is None else f"Errors have heavy tails: {coverage_text(row['level'], covered)}."
+        return joined([*listed, stated]), list(parts.values())
     if row["verdict"] == Behaviour.none:
-        return f"{sentence_case(row['why'] or 'none of the models fits')}.", []
+        return because("How it grows is open", row["why"] or "none of the models fits"), []
     is_told = _grows(row) == Verdict.undecided and growth_ratio(row) is not None
-    return f"How is undecided: {row['why']}." if row["why"] and not is_told else "", []
+    return because("How it grows is open", row["why"]) if row["why"] and not is_told else "", []
 
 
 def _parts(row: Mapping[str, Any]) -> dict[str, Estimate]:
@@ -131,14 +139,6 @@ def growth_ratio(row: Mapping[str, Any]) -> Estimate | None:
 def _grows(row: Mapping[str, Any]) -> Verdict:
     """Whether errors grow; undecided in a run of an earlier version, which did not ask."""
     return Verdict(row["grows"] or Verdict.undecided)
-
-
-def _between(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
-    """The ages that are compared, in words."""
-    first, last = row["growth_from"], row["growth_to"]
-    if conditions.axis == Axis.age:
-        return f"at age {last}, against age {first},"
-    return f"{count(last, 'frame')} from the key frame, against {first},"
 
 
 def _growth_withheld(
@@ -215,9 +215,12 @@ def growth_measure(subject: Subject) -> Measure | None:
     verdict = growth_verdict(subject.data, subject.conditions, row, subject.at)
     shown, errors = card_number(replace(found, unit="times")), f"errors of {subject.tracker}"
     note = f"RMS in {axis} of the same tracks {_from_to(subject.conditions, row)}; {_kinds(rows)}"
-    change = f"their RMS in {axis} grows {with_interval(shown)}"
-    sentence = asked_sentence(verdict, f"{errors} grow with age", f"No growth of {errors} was found", change)
-    sentence = sentence_case(sentence) if verdict == Verdict.yes else sentence
+    change = f"their RMS in {axis} changes {with_interval(shown)}"
+    sentence = {
+        Verdict.yes: f"{sentence_case(errors)} grow with age; their RMS in {axis} grows {with_interval(shown)}.",
+        Verdict.no: f"No growth of {errors} was found; {change}.",
+        Verdict.undecided: f"Whether {errors} grow with age is open; {change}.",
+    }[verdict]
     answered = answer("grows", verdict, wished=Verdict.no)
     return Measure("growth", "times", shown, _NO_GROWTH, answered, note, sentence, "time-structure")
 

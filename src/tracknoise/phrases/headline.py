@@ -21,7 +21,6 @@ from tracknoise.words import (
     count,
     coverage_text,
     interval_text,
-    listing,
     next_scene_text,
     opening_place,
     place,
@@ -168,7 +167,7 @@ def leading(estimates: Sequence[Estimate]) -> Estimate | None:
 
 
 def in_brackets(rows: pl.DataFrame) -> str:
-    """How the intervals in brackets were made, as the last sentence; empty where there are none.
+    """How the intervals in brackets were made, as the last sentences; empty where there are none.
 
     `rows`: those reported, with columns low, high, level, resampled and n_scenes.
     """
@@ -176,7 +175,8 @@ def in_brackets(rows: pl.DataFrame) -> str:
     if made.is_empty():
         return ""
     kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
-    return f" In brackets: {listing(interval_text(*row) for row in kinds.iter_rows())}."
+    texts = [interval_text(*row) for row in kinds.iter_rows()]
+    return "".join(f" {'Others are' if place else 'In brackets:'} {text}." for place, text in enumerate(texts))
 
 
 @dataclass(frozen=True, slots=True)

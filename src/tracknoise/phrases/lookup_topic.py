@@ -7,8 +7,9 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
+from tracknoise.phrases.sentences import because
 from tracknoise.tables.enumerations import Lookup, Product
-from tracknoise.words import SPACE, format_as, listing, ratio, thousandths
+from tracknoise.words import SPACE, format_as, listing, thousandths, times
 
 _BY = {Lookup.tracker: "tracker", Lookup.speed: "speed", Lookup.motion: "motion"}
 
@@ -56,8 +57,8 @@ def brief(lookups: pl.DataFrame) -> str:
     over_one = [row for row in rows if row["against"] == Lookup.one]
     best = _best(rows)
     if best is None:
-        return "No gain is established of noise by condition over one number for all."
-    return f"Noise by {_by(best, over_one)} predicts scenes that were left out better than one number for all."
+        return "No gain is established of separate noise by condition over one for all."
+    return _advice(best, over_one)
 
 
 def _best(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
@@ -79,14 +80,16 @@ def _answer(best: Mapping[str, Any] | None, product: Product, over_one: list[dic
     if best is None:
         known = next(row for row in over_one if row["gain_nats"] is not None)
         return (
-            f"No gain is established of second moments of {_WHAT[product]} by {_by(known, over_one)} over one for all: "
-            f"{_nats(known)} on scenes that were left out."
+            f"No gain is established of separate noise by {_by(known, over_one)} over one for all. On unseen scenes it "
+            f"is {_nats(known)}, for {_WHAT[product]}."
         )
-    return (
-        f"Second moments of {_WHAT[product]} by {_by(best, over_one)} predict scenes that were left out better than "
-        f"one for all. The gain is {_nats(best)} per error. The second moment of a scene typically differs from the "
-        f"table by a factor of {ratio(best['factor'])}, and from one for all by {ratio(best['factor_against'])}."
-    )
+    return f"{_advice(best, over_one)} The gain is {_nats(best)} per error, for {_WHAT[product]}."
+
+
+def _advice(best: Mapping[str, Any], over_one: list[dict[str, Any]]) -> str:
+    """By what to look noise up, and what it is off by on scenes that were left out."""
+    off = f"off by {times(best['factor'])}, a shared one by {times(best['factor_against'])}"
+    return f"Use separate noise by {_by(best, over_one)}: on unseen scenes its second moment is {off}."
 
 
 def _by(row: Mapping[str, Any], over_one: list[dict[str, Any]]) -> str:
@@ -108,9 +111,9 @@ def _steps(rows: list[dict[str, Any]], best: Mapping[str, Any] | None) -> list[d
 def _added(row: Mapping[str, Any]) -> str:
     name = _ADDED[row["lookup"]]
     if row["gain_nats"] is None:
-        return f"What {name[0].lower()}{name[1:]} adds is unknown: {row['why']}."
+        return because(f"What {name[0].lower()}{name[1:]} adds is unknown", row["why"])
     if row["established"] is None:
-        return f"{name} adds {_nats(row)}, without an interval: {row['why']}."
+        return because(f"{name} adds {_nats(row)}, without an interval", row["why"])
     return f"{name} adds {_nats(row)}: {'a gain' if row['established'] else 'no gain'} is established."
 
 

@@ -161,12 +161,6 @@ def larger(found: dict[str, Estimate | None]) -> tuple[str, Estimate] | None:
     return name, known[name]
 
 
-def asked_sentence(verdict: Verdict, yes: str, no: str, size: str) -> str:
-    """A sentence by its verdict. What was found comes first, the size after it."""
-    opening = {Verdict.yes: yes, Verdict.no: no, Verdict.undecided: f"It is undecided whether {yes}"}[verdict]
-    return f"{opening}; {size}."
-
-
 def reported_conditions(data: RunData, speed: int) -> ReportedConditions:
     """Every tracker at a speed, in the view that the report shows."""
     found = {name: data.key_frame(name) for name in data.directions}

@@ -11,7 +11,7 @@ from tracknoise.phrases.measures import first
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.quantities import QUANTITIES, RATIOS
-from tracknoise.words import format_estimate
+from tracknoise.words import bounds_text, format_estimate
 
 _LEAST = 100
 """With fewer features than this, a ratio is not reported."""
@@ -39,10 +39,22 @@ def _ratios_of(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     own = [(name, row) for name in RATIOS if (row := _at_reference(rows, conditions, tracker, name)) is not None]
     estimates = [_estimate(name, row) for name, row in own]
     sentences = [
-        f"{conditions.opening_place(row['at'])}, {_within(name).format(value=text, tracker=tracker)}"
-        for (name, row), text in zip(own, map(format_estimate, estimates), strict=True)
+        f"{conditions.opening_place(row['at'])}, {_within(name).format(value=_plain(one), tracker=tracker)}"
+        f"{_bounds(one)}"
+        for (name, row), one in zip(own, estimates, strict=True)
     ]
     return Part(" ".join(sentences), estimates) if own else None
+
+
+def _plain(estimate: Estimate) -> str:
+    """The value without its interval."""
+    return format_estimate(replace(estimate, low=None, high=None))
+
+
+def _bounds(estimate: Estimate) -> str:
+    """The interval as a sentence after a space; empty where there is none."""
+    bounds = bounds_text(estimate)
+    return f" The interval is {bounds}." if bounds else ""
 
 
 def _within(name: str) -> str:
@@ -64,9 +76,5 @@ def _brief(rows: pl.DataFrame, conditions: ReportedConditions) -> str:
     """The first ratio of the first trackers, without intervals."""
     name = RATIOS[0]
     found = {tracker: _at_reference(rows, conditions, tracker, name) for tracker in conditions.trackers}
-    values = [
-        f"{format_estimate(Estimate(row['value'], unit=QUANTITIES[name].unit or ''))} of {tracker}"
-        for tracker, row in found.items()
-        if row is not None
-    ]
+    values = [f"{_plain(_estimate(name, row))} of {tracker}" for tracker, row in found.items() if row is not None]
     return f"{QUANTITIES[name].title}: {' and '.join(values[:_NAMED])}."

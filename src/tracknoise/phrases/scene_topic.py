@@ -11,6 +11,7 @@ from tracknoise.phrases.answer_summary import Judgement
 from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
 from tracknoise.phrases.measures import answer
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.sentences import joined
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.results import ENOUGH_SCENES
 from tracknoise.text import counted, counted_of
@@ -25,12 +26,15 @@ def copied_scenes(_tables: RunTables, conditions: ReportedConditions) -> Headlin
     copies = conditions.groups.copies
     if not copies:
         return None
-    pairs = [f"{scene} those of {original}" for (_, scene), original in sorted(copies.items())[:MOST_NAMED]]
-    more = ", and others" if len(copies) > MOST_NAMED else ""
-    text = (
-        f"{count(len(copies), 'scene')} {'has' if len(copies) == 1 else 'have'} the images of another "
-        f"({listing(pairs)}{more}). Copies of a recording are not independent, so that intervals are too narrow: leave "
-        "them out with dataset.scenes."
+    pairs = [f"{scene} has those of {original}." for (_, scene), original in sorted(copies.items())[:MOST_NAMED]]
+    text = joined(
+        [
+            f"{count(len(copies), 'scene')} {'has' if len(copies) == 1 else 'have'} the images of another.",
+            *pairs,
+            "So have others." if len(copies) > MOST_NAMED else "",
+            "Copies of a recording are not independent, so that intervals are too narrow.",
+            "Leave them out with dataset.scenes.",
+        ]
     )
     brief = "Some scenes have the images of others, so that intervals are too narrow."
     return Headline("copies", text, "limits", "counts", brief=brief)
@@ -44,9 +48,10 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
         return None
     numbers: list[int] = few["n_scenes"].unique().sort().to_list()
     some = counted_of(few.height, measured.height, "condition", "has", "have")
-    whose = "Every condition has" if few.height == measured.height else some
     there = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
-    text = f"{whose} only {there}. {_limits(numbers[0], tables['intervals'])}"
+    every = f"Every condition has only {there}."
+    said = every if few.height == measured.height else f"{some} few scenes. That is only {there}."
+    text = f"{said} {_limits(numbers[0], tables['intervals'])}"
     brief = f"Conditions have as few as {count(numbers[0], 'scene')}, which limits what intervals and tests can say."
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"), brief=brief)
 
@@ -74,14 +79,12 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     groups = sorted(set(names.values()))
     opening = f"{count(len(names), 'scene')} come in {count(len(groups), 'group')} of scenes that may be alike"
     if (resampled["resampled"] == Resampled.within).any():
-        named = f" ({listing(groups)})" if len(groups) <= MOST_NAMED else ""
-        text = (
-            f"{opening}{named}. Scenes are resampled within their groups, so that intervals and tests hold for these "
-            "groups only."
-        )
+        named = f": {listing(groups)}" if len(groups) <= MOST_NAMED else ""
+        brief = f"Results hold for these {count(len(groups), 'group')} of scenes only{named}."
+        text = f"{brief} There are {count(len(names), 'scene')}, which are resampled within their groups."
     else:
+        brief = f"{opening}; intervals allow for it."
         text = f"{opening}. Intervals resample whole groups."
-    brief = f"Scenes come in {len(groups)} groups; intervals allow for it."
     return Headline("groups", text, "measured", "intervals", Estimate(len(groups), unit="groups"), brief=brief)
 
 

@@ -16,6 +16,7 @@ from tracknoise.phrases.headline import (
     by_tracker,
 )
 from tracknoise.phrases.measures import Subject, answer, card_number, first, with_interval
+from tracknoise.phrases.sentences import reasons
 from tracknoise.tables.enumerations import Axis, Shape, Verdict
 from tracknoise.words import (
     SHAPES,
@@ -59,11 +60,9 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
             estimates += [*within, *scales, Estimate.verdict(row, "shape")]
             which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
             whose = f"{sentence_case(which)} of {tracker} at {band_text(conditions.axis, low, high)}"
-            why = f": {row['why']}" if row["why"] and not within else ""
-            sentences += [
-                f"{whose} are {SHAPES[row['verdict']]}{_MEANINGS.get(row['verdict'], '')}{why}.",
-                *_tails(row, within, scales),
-            ]
+            are = f"{whose} are {SHAPES[row['verdict']]}{_MEANINGS.get(row['verdict'], '')}"
+            why = [] if within else reasons(row["why"])
+            sentences += [f"{are}.", *why, *_tails(row, within, scales)]
     return Part(" ".join(sentences), estimates)
 
 

@@ -21,6 +21,7 @@ from tracknoise.phrases.headline import (
     scale_estimate,
 )
 from tracknoise.phrases.measures import Subject, card_number, first, with_interval
+from tracknoise.phrases.sentences import each_axis, joined
 from tracknoise.phrases.truth_topic import fitted_measure
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import (
@@ -68,8 +69,7 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     pooled = [rms(intervals, conditions, row, axis, conditions.trimming) for axis in "uv"]
     sentences = list(_cores(intervals, conditions, row["at"], tracker, cores))
     which, roots = (RMS_OF_SCENE, lengths) if all(lengths) else (conditions.rms, pooled)
-    u, v = (format_estimate(one) for one in roots if one is not None)
-    sentences += [f"Its {which} is {u} in u.", f"In v it is {v}."]
+    sentences += each_axis([format_estimate(one) for one in roots if one is not None], f"Its {which} in u is")
     sentences += [*_beyond(row, conditions.trimming), *_grid(tables, conditions, tracker)]
     every = [*cores, *roots]
     return Part(" ".join(sentences), [one for one in every if one is not None])
@@ -84,17 +84,17 @@ def _cores(
         return
     axis, *_ = known
     few = {axis: _few_scenes(intervals, conditions, at, axis) for axis in known}
-    yield f"{conditions.opening_place(at)}, the core of {tracker} in {axis} is {known[axis]}{few[axis]}."
+    yield f"The core of {tracker} in {axis} is {known[axis]}.{few[axis]}"
     if scenes := curve_scenes(intervals, conditions, "core", at, axis, weighting=Weighting.geometric):
         yield scenes
     if len(known) == len(cores):
-        yield f"In v it is {known['v']}{few['v']}."
+        yield f"In v the core is {known['v']}.{few['v']}"
     else:
-        yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly 0."
+        yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly zero."
 
 
 def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
-    """Say where a core is of fewer scenes than the root mean square errors beside it, or the other core."""
+    """Say, after a space, where a core is of fewer scenes than the RMS beside it, or the other core; else empty."""
     weighting = Weighting.geometric
     own, other, errors = (
         curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)["n_scenes"].to_list()
@@ -102,7 +102,7 @@ def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int
     )
     if not own or own[0] == max([*own, *other, *errors]):
         return ""
-    return f", of {count(own[0], 'scene')}; the others have few errors, or mostly errors of exactly 0"
+    return f" It is of {count(own[0], 'scene')}; the others have few errors, or mostly errors of exactly zero."
 
 
 def _core(
@@ -146,11 +146,11 @@ def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     trimmed, untrimmed = (
         [rms(intervals, conditions, row, axis, trimming) for axis in "uv"] for trimming in conditions.trimmings
     )
-    text = (
-        f"After trimming, the error of {tracker} {conditions.place(row['at'])} is {in_u_and_v(trimmed)}. "
-        f"Without trimming it is {in_u_and_v(untrimmed)}."
-    )
-    return Part(text, [*trimmed, *untrimmed])
+    sentences = [
+        *each_axis([*map(format_estimate, trimmed)], f"After trimming, the error of {tracker} in u is"),
+        *each_axis([*map(format_estimate, untrimmed)], "Without trimming, the error in u is"),
+    ]
+    return Part(joined(sentences), [*trimmed, *untrimmed])
 
 
 def _of_trackers(
@@ -163,12 +163,24 @@ def _of_trackers(
     return by_tracker(
         conditions.trackers,
         lambda tracker: describe(tables, conditions, tracker),
-        opening=f"Error size {conditions.where(tables['summary'])}, {what}.",
+        opening=f"Error size {conditions.where(tables['summary'])}, {what}.{_places(tables, conditions)}",
         closing=closing.strip(),
         topic="noise",
         figure=_SECTION,
         table="intervals",
     )
+
+
+def _places(tables: RunTables, conditions: ReportedConditions) -> str:
+    """The ages or frames that numbers are of; begins with a space, and is empty where there are none."""
+    known = conditions.reported(tables["summary"]).drop_nulls("at")
+    rows = (
+        known.sort("at").select("at", "tracker").unique(maintain_order=True).group_by("at", maintain_order=True).all()
+    )
+    places = [(conditions.place(at), listing(names)) for at, names in rows.iter_rows()]
+    if len(places) == 1:
+        return f" Numbers are {places[0][0]}."
+    return "".join(f" Those of {names} are {where}." for where, names in places)
 
 
 def rms(
@@ -177,12 +189,6 @@ def rms(
     """Root mean square error of a condition at its reference age, features pooled."""
     bounds = curve_bounds(intervals, conditions, "second", row["at"], coordinate, trimming=trimming)
     return Estimate.of(row[f"{trimming}_rms_{coordinate}_px"], bounds, "px")
-
-
-def in_u_and_v(pair: Sequence[Estimate | None]) -> str:
-    """Write estimates in u and in v."""
-    u, v = (format_estimate(one) for one in pair if one is not None)
-    return f"{u} in u and {v} in v"
 
 
 def _population(conditions: ReportedConditions) -> str:

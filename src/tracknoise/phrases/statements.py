@@ -5,9 +5,10 @@ from typing import Any
 
 from tracknoise.phrases.answer_summary import Card, Finding, Judgement, Statement
 from tracknoise.phrases.depth_topic import depth_sentence
-from tracknoise.phrases.factor_topic import answers_counted
+from tracknoise.phrases.factor_topic import changes
 from tracknoise.phrases.measures import Subject
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.sentences import sentences_of
 from tracknoise.phrases.window_topic import depth_noise_sentence
 
 _MEASURES = {
@@ -43,9 +44,8 @@ def _finding(data: RunData, row: Mapping[str, Any], cards: Sequence[Card], accur
 
 def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, str]]:
     if row["topic"] == "estimator":
-        return [
-            (f"{card.tracker}: {card.sigma[0].lower()}{card.sigma[1:]}", row["figure"]) for card in cards if card.sigma
-        ]
+        texts = (f"{card.tracker}: {card.sigma[0].lower()}{card.sigma[1:]}" for card in cards if card.sigma)
+        return [(sentences_of(text)[0], row["figure"]) for text in texts]
     names = _MEASURES.get(row["topic"], ())
     return [(one.sentence, one.section) for card in cards for one in card.measures if one.name in names]
 
@@ -53,7 +53,7 @@ def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, 
 def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> list[tuple[str, str]]:
     if row["topic"] == "factors":
         first = [(accuracy.text, accuracy.section)] if len(data.trackers) > 1 else []
-        return [*first, *([(text, row["figure"])] if (text := answers_counted(data)) else [])]
+        return [*first, *((text, row["figure"]) for text in changes(data))]
     say = _OF_TRACKERS.get(row["topic"])
     if say is not None and (sentences := [*filter(None, (say(data, one) for one in data.trackers))]):
         return [(text, row["figure"]) for text in sentences]

@@ -40,8 +40,8 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
         if age > since and long:
             every = rms(intervals, conditions, row, "u", trimming)
             text = (
-                f"{conditions.opening_place(row['at'])}, the error of {tracker} in u is {format_estimate(long)} "
-                f"for tracks that live to age {age}. For all tracks it is {format_estimate(every)}."
+                f"{conditions.opening_place(row['at'])}, tracks of {tracker} that live to age {age} are compared with "
+                f"all. Their error in u is {format_estimate(long)}. For all tracks it is {format_estimate(every)}."
             )
             brief = f"The RMS over the tracks of {tracker} that live long is {short(long)} in u."
             return Part(text, [long, every], brief)

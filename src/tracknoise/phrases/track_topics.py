@@ -59,7 +59,7 @@ def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str
         return None if _reports_causes(summary) else Part(text, [], text)
     intervals = conditions.of(tables["intervals"], tracker)
     estimate = Estimate.of(ratio, scalar_bounds(intervals, "outlier_ratio"), "share")
-    text = f"{tracker} rejects {format_estimate(estimate)} of the features carried into a frame."
+    text = f"{tracker} rejects {format_estimate(estimate)} of its features per frame."
     text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
     return Part(text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate])
 
@@ -108,7 +108,10 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     scenes = scalar_scenes(
         conditions.of(tables["intervals"], tracker), "restricted_mean_lifetime", of="Of the restricted mean"
     )
-    texts = [f"{tracker}: {median}.", *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known)]
+    texts = [
+        f"{tracker}: the median is {median}.",
+        *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known),
+    ]
     return Part(
         " ".join(filter(None, [*texts, scenes])), [estimate for estimate in found.values() if estimate is not None]
     )
@@ -132,8 +135,8 @@ def outliers_measure(subject: Subject, fewest: Answer | None) -> Measure | None:
     if value is None:
         return None
     shown = card_number(Estimate.of(value, scalar_bounds(subject.intervals, "outlier_ratio"), "share"))
-    sentence = f"{subject.tracker} rejects {with_interval(shown)} of the features carried into a frame."
-    note = "share of features carried into a frame that is rejected"
+    sentence = f"{subject.tracker} rejects {with_interval(shown)} of its features per frame."
+    note = "share of its features that a tracker rejects per frame"
     return Measure("outliers", "share", shown, None, fewest, note, sentence, "outlier-ratio")
 
 

@@ -16,6 +16,7 @@ from tracknoise.phrases.headline import (
 from tracknoise.phrases.measures import first
 from tracknoise.phrases.names import MOST_NAMED, condition_name, together
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.sentences import joined, sentences_of
 from tracknoise.tables.enumerations import Behaviour, Trimming
 from tracknoise.tables.schema import VERDICT
 from tracknoise.words import (
@@ -41,15 +42,15 @@ def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headl
     verdicts, rankings = _verdicts(tables, conditions), _rankings(tables, conditions)
     if not verdicts and not rankings:
         return None
-    count = "one" if len(verdicts) == 1 else str(len(verdicts))
-    answers = [f"Trimming changes {count} of the answers below.", *verdicts] if verdicts else []
-    orders = [*rankings, "Whether trimming reverses the order in other scenes was not tested."] if rankings else []
-    brief = "Trimming the tracks with the largest errors changes some of these answers."
+    changed = f"Trimming the tracks with the largest errors changes {count(len(verdicts), 'answer')}."
+    answers = [changed, *verdicts] if verdicts else []
+    orders = [*rankings, "Whether this holds in other scenes was not tested."] if rankings else []
+    brief = sentences_of(rankings[0])[0] if rankings else changed
     return Headline("trimming", " ".join([*answers, *orders]), "trimming", "summary", brief=brief)
 
 
 def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
-    """One sentence for each axis in which another tracker has the smallest error, as a number: it can be by chance.
+    """Sentences on each axis in which another tracker has the smallest error, with the numbers: it can be by chance.
 
     All are compared at one age (frame), the nearest to the first of those that their headlines are about.
     """
@@ -69,11 +70,13 @@ def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, a
     best = {trimming: min(each, key=lambda tracker: each[tracker]) for trimming, each in values.items()}
     if len(set(best.values())) == 1:
         return ""
-    untrimmed, trimmed = (
-        f"the smallest {rms_of_tracks(trimming)} is that of {_smallest(values[trimming], best[trimming])}"
-        for trimming in _BOTH
+    kept, leader = best[Trimming.trimmed], best[Trimming.untrimmed]
+    claim = f"A few tracks decide the RMS ranking in {axis}: {leader} leads with them, {kept} without."
+    sizes = (
+        f"The smallest {rms_of_tracks(trimming)} {conditions.place(at)} is {px(values[trimming][name])}, of {name}."
+        for trimming, name in best.items()
     )
-    return f"In {axis} {conditions.place(at)}, in the measured scenes, {untrimmed}; {trimmed}."
+    return joined([claim, *sizes])
 
 
 def _rms(
@@ -89,10 +92,6 @@ def _rms(
         for tracker, row in rows.items()
         if row is not None and row["value"] is not None
     }
-
-
-def _smallest(values: Mapping[str, float], best: str) -> str:
-    return f"{best} ({px(values[best])})"
 
 
 def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:

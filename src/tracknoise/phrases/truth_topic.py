@@ -23,6 +23,7 @@ from tracknoise.phrases.headline import (
 )
 from tracknoise.phrases.measures import Subject, card_number, first, short, with_interval
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.sentences import each_axis
 from tracknoise.phrases.withheld import excessive_floor
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.prepared import POPULATIONS
@@ -32,8 +33,8 @@ from tracknoise.words import (
     SELF_REFERENTIAL,
     count,
     format_estimate,
-    opening_place,
     percent,
+    place,
 )
 
 _LEAST_SHARE = 0.1
@@ -60,7 +61,7 @@ def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     if own is None or not own.above(_LEAST_SHARE):
         return None
     of = f"{format_estimate(own)} of the squared errors of {tracker}"
-    text = f"A motion of the camera that the stated poses do not have explains {of}."
+    text = f"A motion that the stated poses lack explains {of}."
     brief = f"A motion that the stated poses lack explains {short(own)} of the squared errors of {tracker}."
     if others is None:
         unconfirmed = "No other tracker can confirm it, so that a motion common to all features may be its own."
@@ -73,8 +74,8 @@ def _cause(others: Estimate) -> str:
     """What it means that other trackers see a motion too, or that they do not."""
     if others.above(_LEAST_SHARE):
         return (
-            "As the trackers agree, this part is probably an error of the truth: of the poses, the clock, the "
-            "calibration, or a rolling shutter."
+            "As the trackers agree, this part is probably an error of the truth. It may be of the poses, the clock or "
+            "the calibration, or a rolling shutter."
         )
     if others.below(_LEAST_SHARE):
         return "They do not have this motion, so that it is probably the tracker's own."
@@ -115,12 +116,13 @@ def _difference(pair: pl.DataFrame, conditions: ReportedConditions) -> Part | No
     if not any(row["established"] for row in rows):
         return None
     estimates = [Estimate.of_row(row, "value", "low", "high", "px") for row in rows]
-    u, v = map(format_estimate, estimates)
-    place = opening_place(Axis.age, rows[0]["age"])
+    where = place(Axis.age, rows[0]["age"])
     first, *others = sorted(zip(rows, estimates, strict=True), key=lambda pair: not pair[0]["established"])
     pair_of = f"{rows[0]['tracker']} less that of {rows[0]['other']}"
+    names = f"{rows[0]['tracker']} less {rows[0]['other']}"
+    u, v = each_axis([*map(format_estimate, estimates)], f"In u, {names} is")
     return Part(
-        f"{place}, {rows[0]['tracker']} less {rows[0]['other']} is {u} in u and {v} in v.",
+        f"{u} {v} This is {where}.",
         [first[1], *(one for _, one in others)],
         f"At the same corners, the mean position of {pair_of} is {short(first[1])} in {first[0]['coordinate']}.",
     )

@@ -19,6 +19,7 @@ from tracknoise.phrases.headline import (
 )
 from tracknoise.phrases.measures import reported_conditions, short
 from tracknoise.phrases.run_data import RunData
+from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.trust import TruthVerdict, explained_share
@@ -83,7 +84,7 @@ def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | No
     caveat = _caveat(sigma.value, trust, tracker)
     most = _most(caveat)
     together = _together(rows["kernel"][0], found)
-    text = f"{tracker}: set {most}{format_estimate(sigma)}{caveat}.{together}"
+    text = joined([f"{tracker}: set {most}{format_estimate(sigma)}.", caveat]) + together
     text += f" Innovations will look like {px(innovations.value)}."
     return Part(text, list(found.values()), f"{tracker}: set {most}{short(sigma)}.")
 
@@ -106,10 +107,11 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
     length = shown_window(windows, conditions)
     brackets = in_brackets(conditions.reported(windows.filter(quantity="residual_core")))
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
+    of_length = "" if length is None else f" Windows have {length} frames."
     return by_tracker(
         conditions.trackers,
         lambda tracker: _noise_of(windows, length, tables["trust"], conditions, tracker),
-        opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.",
+        opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.{of_length}",
         closing=f"Windows begin at birth; numbers are medians over them, with true poses.{brackets}",
         topic="depth noise",
         figure="findings" if conditions.fitted else "estimator",
@@ -152,8 +154,8 @@ def _noise_of(
         text = f"{tracker}: {_too_few(length)}."
         return Part(text, [], text)
     if "consistent_sigma" in found:
-        return _with_depth(length, found, tracker, trust)
-    return _without_depth(length, found, tracker, conditions)
+        return _with_depth(found, tracker, trust)
+    return _without_depth(found, tracker, conditions)
 
 
 def _too_few(length: int) -> str:
@@ -172,15 +174,14 @@ def _quantities(rows: pl.DataFrame) -> Quantities:
     }
 
 
-def _with_depth(length: int, found: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
+def _with_depth(found: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
     consistent, residual, factor = (
         found[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
     )
     caveat = _caveat(consistent.value, trust, tracker)
-    residuals = f"Residuals will look like {px(residual.value)}: tuned to them, {_certainty(factor)}."
+    residuals = f"Residuals will look like {px(residual.value)}. {_certainty(factor)}."
     most = _most(caveat)
-    right = f"depths are right with {most}{format_estimate(consistent)}, windows of {length} frames{caveat}"
-    text = f"{tracker}: {right}. {residuals}"
+    text = joined([f"{tracker}: depths are right with {most}{format_estimate(consistent)}.", caveat, residuals])
     brief = f"{tracker}: depths are right with {most}{short(consistent)}."
     return Part(text, [consistent, residual, factor], brief)
 
@@ -188,7 +189,7 @@ def _with_depth(length: int, found: Quantities, tracker: str, trust: pl.DataFram
 def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
     """Where the truth is not trusted, or this is unknown, how small the noise of the tracker alone may be; else empty.
 
-    Begins with a colon. If the truth explains the share s of the squared errors, sigma sqrt(1 - s) is left.
+    One or two sentences. If the truth explains the share s of the squared errors, sigma sqrt(1 - s) is left.
     """
     found, share = TruthVerdict.of(trust), explained_share(trust, tracker)
     if found.is_usable or sigma_px is None:
@@ -196,7 +197,7 @@ def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
     opening = _UNTRUSTED if found.verdict is Trust.not_trusted else _UNKNOWN
     if share is None or share >= 1.0:
         return opening
-    return f"{opening}, and the tracker alone may have {px(sigma_px * sqrt(1.0 - share))}"
+    return f"{opening} The tracker alone may have {px(sigma_px * sqrt(1.0 - share))}."
 
 
 def _most(caveat: str) -> str:
@@ -204,25 +205,25 @@ def _most(caveat: str) -> str:
     return "at most " if caveat else ""
 
 
-_UNTRUSTED, _UNKNOWN = ": the truth is not trusted", ": whether the truth can be trusted is unknown"
+_UNTRUSTED, _UNKNOWN = "The truth is not trusted.", "Whether the truth can be trusted is unknown."
 
 
 def _certainty(factor: Estimate) -> str:
-    """How uncertain depths are beside what an estimator claims."""
+    """How uncertain depths are beside what an estimator claims that is tuned to its residuals."""
     text = format_as(factor, lambda value: "unknown" if value is None else ratio(value), unit=f"{SPACE}times")
     if factor.above(1 / _ALIKE) and factor.below(_ALIKE):
-        return f"depths are as certain as claimed: the uncertainty is {text} the claimed one"
+        return f"Tuned to them, depths are as certain as claimed: the uncertainty is {text} the claimed one"
     if factor.above(1.0) or (factor.low is None and (factor.value or 0.0) > 1.0):
-        return f"depths are {text} less certain than claimed"
-    return f"the uncertainty of depths is {text} the claimed one"
+        return f"Tuned to them, depths are {text} less certain than claimed"
+    return f"Tuned to them, the uncertainty of depths is {text} the claimed one"
 
 
-def _without_depth(length: int, found: Quantities, tracker: str, conditions: ReportedConditions) -> Part:
+def _without_depth(found: Quantities, tracker: str, conditions: ReportedConditions) -> Part:
     residual = found["residual_core"]
     why = "true positions are fitted to the tracks" if conditions.fitted else "few windows show the depth of a point"
     text = (
-        f"{tracker}: residuals in windows of {length} frames look like {format_estimate(residual)}. Whether this makes "
-        f"depths as certain as claimed is unknown, because {why}."
+        f"{tracker}: residuals look like {format_estimate(residual)}. Whether this makes depths as certain as claimed "
+        f"is unknown, because {why}."
     )
     brief = f"Residuals in windows of tracks look like {short(residual)}; how certain depths are is unknown."
     return Part(text, [residual], brief)
@@ -231,7 +232,7 @@ def _without_depth(length: int, found: Quantities, tracker: str, conditions: Rep
 def sigma_sentence(data: RunData, tracker: str) -> str:
     """What to set in the estimator of the experiment, and what its innovations look like. Empty where it is unknown.
 
-    Where the truth is not trusted, what to set is an upper bound, and the sentence says so.
+    Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
     rows = reported_conditions(data, data.slowest).of(data.advice, tracker)
     found = {row["quantity"]: row for row in rows.to_dicts()}
@@ -242,9 +243,12 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     most = _most(caveat)
     more = f" and a track gate of {number(found['track_gate']['value'])}" if "track_gate" in found else ""
     more = f" and a knee of {number(found['knee']['value'])} sigma" if "knee" in found else more
-    return (
-        f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}{caveat}; "
-        f"innovations look like {pixels(innovations['value'])} px."
+    return joined(
+        [
+            f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}; "
+            f"innovations look like {pixels(innovations['value'])} px.",
+            caveat,
+        ]
     )
 
 
@@ -267,8 +271,8 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
     caveat = _caveat(sigma["value"], data.trust, tracker)
     most = _most(caveat)
-    opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds} in windows of "
-    return f"{opening}{sigma['window']} frames{caveat}. {_certain(found)}".strip()
+    opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds}."
+    return joined([opening, f"Windows have {sigma['window']} frames.", caveat, _certain(found)])
 
 
 def sigma_message(data: RunData) -> str:
@@ -287,12 +291,12 @@ def _certain(found: dict[str, dict[str, Any]]) -> str:
     row = found.get("core_overconfidence")
     if row is None or row["low"] is None or row["high"] is None:
         return ""
-    size = f"{number(row['value'])} times (interval {number(row['low'])} to {number(row['high'])})"
+    size = f"{number(row['value'])} times ({number(row['low'])} to {number(row['high'])})"
     if row["low"] > 1.0:
-        return f"Tuned to its residuals, an estimator claims depths that are more certain than they are, by {size}."
+        return f"Tuned to residuals, an estimator claims too certain depths, by {size}."
     if row["high"] < 1.0:
-        return f"Tuned to its residuals, an estimator claims depths that are less certain than they are, by {size}."
-    return f"Tuned to its residuals, an estimator is not shown to claim too much or too little: {size}."
+        return f"Tuned to residuals, an estimator claims too uncertain depths, by {size}."
+    return f"Tuning to residuals is not shown to be wrong: the uncertainty of depths is {size} the claimed one."
 
 
 def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:

@@ -6,6 +6,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.truth_shares import (
+    AuditCover,
     FloorCover,
     audited_growth,
     audited_mean,
@@ -14,12 +15,10 @@ from tracknoise.analysis.truth_shares import (
     covered_by_floor,
 )
 from tracknoise.phrases.headline import ReportedConditions, RunTables
+from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.tables.enumerations import FloorSource, Weighting
-from tracknoise.words import SPACE, listing, pixels, px
-
-_CORRECTED = "where the faults of the truth are corrected that the audit found"
-_CAUSE = "within what the errors of the truth can cause"
+from tracknoise.words import listing, px, sentence_case
 
 
 def bias_covers(summary: Mapping[str, Any], means: Mapping[str, Any]) -> dict[str, FloorCover | None]:
@@ -49,7 +48,8 @@ def withheld_bias(tracker: str, place: str, covers: Mapping[str, FloorCover | No
     """
     if not covered_by_floor(*covers.values()):
         return None
-    return f"{place}, the mean error of {tracker} is {_CAUSE} ({_sizes(covers)}): no bias is claimed."
+    claim = f"No bias of {tracker} is claimed: errors of the truth can cause its mean error."
+    return joined([claim, *_sizes(f"{place}, the mean error is", covers)])
 
 
 def audited_bias(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> str | None:
@@ -69,10 +69,8 @@ def audited_bias(tables: RunTables, conditions: ReportedConditions, tracker: str
     cover = audited_mean(tables["audit_curves"], tracker, abs(conditions.since(at)))
     if cover is None or not cover.is_covered:
         return None
-    return (
-        f"{conditions.opening_distance(cover.age)}, the mean error of {tracker} is {px(cover.error_px)} long, of which "
-        f"{px(cover.left_px)} are left {_CORRECTED}: no bias is claimed."
-    )
+    claim = f"No bias of {tracker} is claimed: faults of the truth explain most of its mean error."
+    return f"{claim} {_left(conditions.opening_distance(cover.age), 'the mean error', cover)}"
 
 
 def audited_rise(
@@ -82,21 +80,25 @@ def audited_rise(
     cover = audited_growth(tables["audit_curves"], tracker, coordinate, abs(conditions.since(at)))
     if cover is None or not cover.is_covered:
         return None
-    where = conditions.opening_distance(cover.age).replace("At", "at", 1)
-    return (
-        f"{tracker} in {coordinate}: {where}, the growth of the error is {px(cover.error_px)}, of which "
-        f"{px(cover.left_px)} are left {_CORRECTED}: no growth is claimed."
-    )
+    claim = f"No growth of {tracker} in {coordinate} is claimed: faults of the truth explain most of it."
+    return f"{claim} {_left(conditions.opening_distance(cover.age), 'the growth of the error', cover)}"
+
+
+def _left(where: str, what: str, cover: AuditCover) -> str:
+    """How much the correction of faults leaves."""
+    return f"{where}, {what} is {px(cover.error_px)}, and {px(cover.left_px)} once these faults are corrected."
 
 
 def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:
-    """A sentence, after a space, about coordinates whose mean is covered where that of another is not; else empty."""
+    """Sentences about coordinates whose mean is covered where that of another is not; else empty."""
     covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
-    return f" The mean in {listing(covered)} is {_CAUSE} ({_sizes(covered)})." if covered else ""
+    if not covered:
+        return ""
+    return joined([f"Errors of the truth can cause the mean in {listing(covered)}.", *_sizes("It is", covered)])
 
 
 def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
-    """A sentence where the truth floor is larger than the whole error, which has it as a part; else empty.
+    """Sentences where the truth floor is larger than the whole error, which has it as a part; else empty.
 
     `summary`: row of a condition, schema `SUMMARY`.
     """
@@ -104,11 +106,9 @@ def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
     larger = {axis: pair for axis, pair in pairs.items() if None not in pair and pair[0] > pair[1]}
     if not larger:
         return ""
-    sizes = listing(f"{pixels(floor)} of {pixels(error)}{SPACE}px in {axis}" for axis, (floor, error) in larger.items())
-    return (
-        f"The floor is larger than the whole error of {summary['tracker']} ({sizes}): the errors of the truth are "
-        "smaller here than was stated."
-    )
+    claim = f"Errors of the truth are smaller than stated: the floor is above the whole error of {summary['tracker']}."
+    sizes = (f"In {axis} the floor is {px(floor)}, the error {px(error)}." for axis, (floor, error) in larger.items())
+    return joined([claim, *sizes])
 
 
 def growth_cover(
@@ -157,16 +157,14 @@ def withheld_growth(tracker: str, place: str, covers: Mapping[str, FloorCover | 
     covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
     if not covered:
         return None
-    return (
-        f"{tracker} in {listing(covered)}: {place}, the growth of the error is {_CAUSE} ({_sizes(covered)}): no growth "
-        "is claimed."
-    )
+    claim = f"No growth of {tracker} in {listing(covered)} is claimed: errors of the truth can cause it."
+    return joined([claim, *_sizes(f"{sentence_case(place)}, the error has grown by", covered)])
 
 
-def _sizes(covers: Mapping[str, FloorCover | None]) -> str:
-    """The sizes with their limits, as "0.4 of 0.5 px in u"."""
-    return listing(
-        f"{pixels(cover.error_px)} of {pixels(cover.limit_px)}{SPACE}px in {axis}"
-        for axis, cover in covers.items()
-        if cover is not None
-    )
+def _sizes(opening: str, covers: Mapping[str, FloorCover | None]) -> list[str]:
+    """A sentence for each coordinate: the size, and what errors of the truth can cause."""
+    known = {axis: cover for axis, cover in covers.items() if cover is not None}
+    return [
+        f"{opening} {px(cover.error_px)} in {axis}; these errors can cause {px(cover.limit_px)}."
+        for axis, cover in known.items()
+    ]

@@ -1,19 +1,38 @@
 """The figures of a run by name, as Altair charts."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import altair as alt
 import polars as pl
 from altair.utils.schemapi import debug_mode
 
 from tracknoise.exceptions import FigureError, UnknownNameError
-from tracknoise.report.figure_files import specification
+from tracknoise.report.figure_files import render, specification
 from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 
-Chart = alt.ConcatChart
-"""A chart that displays itself in a notebook, and that can be changed and saved."""
+
+class Chart(alt.ConcatChart):
+    """A chart that displays itself in a notebook without network, and that can be changed and saved."""
+
+    def _repr_mimebundle_(self, *args: Any, **kwargs: Any) -> Any:
+        """A picture, in place of scripts from the network; another renderer only if it was enabled in Altair.
+
+        Altair's own data for JupyterLab and VS Code have a type ``...v6.json``, which notebook files cannot hold.
+        """
+        if alt.renderers.active in _OF_NOTEBOOKS:
+            spec = self.to_dict(validate=False)
+            return {
+                "image/svg+xml": render(spec, ("svg",))["svg"].decode(),
+                "text/plain": f"<Chart: {spec['description'].partition('. ')[0]}>",
+            }
+        return super()._repr_mimebundle_(*args, **kwargs)
+
+
+_OF_NOTEBOOKS = ("default", "mimetype", "jupyterlab", "nteract")
+"""Renderers of Altair that need the network, or whose data a notebook file cannot hold."""
 
 FIGURES = dict.fromkeys(("figure", "section", "title", "shows", "look_for", "absent"), pl.String)
 """One row per figure: its id, the section of the report that has it, and its texts.

@@ -20,9 +20,9 @@ from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.poses import require_some_poses
-from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, require_directory
-from tracknoise.tables.identity import SequenceId
-from tracknoise.text import counted, counted_of
+from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
+from tracknoise.tables.identity import SequenceId, readable
+from tracknoise.text import counted, counted_of, html_card, one_line
 
 ImageSource = Callable[[int], NDArray[np.uint8]]
 DepthSource = Callable[[int], DepthMap | None]
@@ -114,6 +114,12 @@ class RecordedSequence:
 
     def __len__(self) -> int:
         return len(self.world_from_camera)
+
+    def __repr__(self) -> str:
+        return one_line("Sequence", readable(self.id.key), facts_of(self))
+
+    def _repr_html_(self) -> str:
+        return html_card(f"Sequence {readable(self.id.key)}", facts_of(self))
 
     @property
     def truths(self) -> tuple[str, ...]:

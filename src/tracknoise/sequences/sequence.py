@@ -159,6 +159,18 @@ class Sequence(Protocol):
         ...
 
 
+def facts_of(sequence: Sequence) -> dict[str, object]:
+    """What a sequence shows of itself, by name."""
+    known = int(np.isfinite(sequence.world_from_camera).all(axis=(1, 2)).sum())
+    return {
+        "frames": len(sequence),
+        "size": f"{sequence.camera.width} x {sequence.camera.height} px",
+        "frames with a pose": known,
+        "truth": ", ".join(sequence.truths) or TRIANGULATED,
+        "notes": len(sequence.notes),
+    }
+
+
 @runtime_checkable
 class ChangingCamera(Protocol):
     """A `Sequence` whose intrinsics change from frame to frame, such as those of a camera with autofocus."""

@@ -20,7 +20,7 @@ from tracknoise.geometry.cameras import COEFFICIENTS, KnownCamera, make_camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.faults import NO_FAULTS, Faults, with_faults
-from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind
+from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, facts_of
 from tracknoise.simulation.built_worlds import PLACES
 from tracknoise.simulation.imaging import NO_EFFECTS, CameraPath, Imaging, Sensor, Stream, generator
 from tracknoise.simulation.light import LIGHTINGS
@@ -29,7 +29,8 @@ from tracknoise.simulation.render import Optics, Quality, RenderedWorld
 from tracknoise.simulation.sdf_files import model_names
 from tracknoise.simulation.sdf_worlds import load_world
 from tracknoise.simulation.world import Scenery
-from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
+from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId, readable
+from tracknoise.text import html_card, one_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,12 @@ class SimulatedSequence:
 
     def __len__(self) -> int:
         return len(self.world_from_camera)
+
+    def __repr__(self) -> str:
+        return one_line("Sequence", readable(self.id.key), facts_of(self))
+
+    def _repr_html_(self) -> str:
+        return html_card(f"Sequence {readable(self.id.key)}", facts_of(self))
 
     def __getstate__(self) -> dict[str, Any]:
         """Only the fields: a copy in another process builds its world again."""

@@ -291,7 +291,7 @@ def _verdict(
     if share.value > SMALL:
         high = 0.0 if worst is None else worst.high
         rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
-        text = f"{_faults_text(faults)}: {_explains(len(faults), share)}.{rest}"
+        text = f"{_faults_text(faults)} {_explains(len(faults), share)}.{rest}"
         return _Found(Trust.not_trusted, text, _corrected(faults, share))
     return _unmeasured(evidence.audit, sizes) if worst is None else _measured(evidence, worst, faults)
 
@@ -303,21 +303,21 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
         of = f"{percent(poses.value)} of the squared errors of {worst.tracker}"
         text = f"Motions of the camera that the poses lack explain {of}."
         return _Found(Trust.not_trusted, text, _of_cause(evidence, TruthCause.poses))
-    part = f"{percent(worst.high)} of the squared errors of {worst.tracker}{_in_px(worst)}"
-    known = f" {_faults_text(faults)}, but that explains little." if faults else _like_bias(evidence.audit)
+    part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
+    known = f" {_faults_text(faults)} But that explains little." if faults else _like_bias(evidence.audit)
     step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
     if worst.high > MOST:
         nothing = "" if faults else ", and nothing is established"
-        text = f"Errors of the truth may explain up to {part}{nothing}.{_of_causes(worst)}{known}"
+        text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}"
         return _Found(Trust.unknown, text, step)
     if worst.high > SMALL or faults or evidence.cautions:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
-        text = f"Errors of the truth can explain up to {part}.{_of_causes(worst)}{known}{caution}"
+        text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{known}{caution}"
         return _Found(Trust.limited, text, step)
     stated = worst.size.stated_share
     if stated is not None and stated < _EXACT:
         return _Found(Trust.trusted, f"{_STATED_EXACT[:-1]}, and the tracks do not contradict it.")
-    return _Found(Trust.trusted, f"No fault was found. Errors of the truth can explain at most {part}.")
+    return _Found(Trust.trusted, f"No fault was found. Errors of the truth can explain at most {part}.{size}")
 
 
 def _unmeasured(audit: pl.DataFrame, sizes: Mapping[str, _Size]) -> _Found:
@@ -334,11 +334,10 @@ def _unmeasured(audit: pl.DataFrame, sizes: Mapping[str, _Size]) -> _Found:
 
 
 def _of_causes(bounds: _Bounds) -> str:
-    """What single causes explain, where it is not small, the largest first; begins with a space."""
+    """What single causes explain, where it is not small, the largest first, in a sentence each; begins with a space."""
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
-    parts = listing(f"{_CAUSES[cause]} {percent(shares[cause])}" for cause in causes)
-    return f" {sentence_case(parts)}." if parts else ""
+    return "".join(f" {sentence_case(_CAUSES[cause])} {percent(shares[cause])}." for cause in causes)
 
 
 def _like_bias(audit: pl.DataFrame) -> str:
@@ -347,24 +346,30 @@ def _like_bias(audit: pl.DataFrame) -> str:
     names = [f"the {FAULTS[Parameter(one)].name}" for one in like.unique(maintain_order=True)]
     if not names:
         return ""
-    return f" An error of {listing(names, joint='or')} fits, but cannot be distinguished from a bias of the trackers."
+    first, *others = names
+    rest = [f" So does one of {name}." for name in others[:_MOST_OTHERS]]
+    more = " Others do too." if len(others) > len(rest) else ""
+    opening = f" An error of {first} fits, but cannot be distinguished from a bias of the trackers."
+    return "".join([opening, *rest, more])
 
 
 def _in_px(bounds: _Bounds) -> str:
+    """The same in px, as a sentence after a space; empty where the size is unknown."""
     size = bounds.size
     of = f"{pixels(size.px)} px {'core' if size.is_core else 'RMS'} at age {size.age}"
-    return f" ({pixels(sqrt(bounds.high) * size.px)} of {of})" if size.px > 0.0 else ""
+    return f" That is {pixels(sqrt(bounds.high) * size.px)} of {of}." if size.px > 0.0 else ""
 
 
 def _faults_text(faults: Sequence[Mapping[str, Any]]) -> str:
-    """``The focal length is 12 % too long``, and names of others."""
+    """``The focal length is 12 % too long.``, and names of others."""
     others = [f"the {FAULTS[Parameter(row['parameter'])].name}" for row in faults[1:]]
-    more = f"; {listing(others)} {'is' if len(others) == 1 else 'are'} wrong too" if others else ""
-    return f"{fault_brief(faults[0])}{more}"
+    named = [*others[:_MOST_OTHERS], *(["another parameter"] if len(others) > _MOST_OTHERS else [])]
+    more = f" {sentence_case(listing(named))} {'is' if len(others) == 1 else 'are'} wrong too." if others else ""
+    return f"{fault_brief(faults[0])}.{more}"
 
 
 def _explains(n: int, share: _Share) -> str:
-    return f"{'this explains' if n == 1 else 'together they explain'} {percent(share.value)} of the squared errors"
+    return f"{'This explains' if n == 1 else 'Together they explain'} {percent(share.value)} of the squared errors"
 
 
 def _corrected(faults: Sequence[Mapping[str, Any]], share: _Share) -> str:
@@ -388,6 +393,8 @@ def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
     return _STEPS[cause]
 
 
+_MOST_OTHERS = 2
+"""Of more parameters than this beside the first, only these are named."""
 _TOO_FEW = "Too few tracks have a true position to tell."
 _CORRECT_DATA = "Correct the data, and measure again; `tracknoise check` shows what fits."
 _FITTED = "True positions are fitted to the tracks, so that errors of the poses cannot be separated from theirs."

@@ -1,0 +1,121 @@
+"""What to set in an estimator, from the noise models of a run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import polars as pl
+
+from tracknoise.estimators.advice import Advice, Gate
+from tracknoise.estimators.exports import PURPOSES, Estimator, estimator, estimator_name
+from tracknoise.estimators.model import Landmark, Purpose
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.run_models import run_models
+from tracknoise.exceptions import SettingsError
+from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.store import RunFolder
+from tracknoise.text import html_card
+from tracknoise.words import number, pixels, px
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SigmaToSet:
+    """What to set in an estimator for one tracker.
+
+    Attributes
+    ----------
+    tracker, estimator
+        Their names.
+    sigma_px, low_px, high_px
+        Standard deviation of each coordinate, and its interval, px; the bounds are None where unknown.
+    window, makes_right
+        Length of the window that sigma is for, frames, and what it makes right.
+    innovations_px
+        What innovations will look like: their standard deviation, px.
+    track_gate, observation_gate
+        What to multiply a chi-square gate of tracks, and of single observations, by; None where there is none.
+    kernel, knee
+        The robust loss, and its knee in units of sigma; None where the estimator has none.
+    caveat
+        The verdict on the truth, where it is not trusted; else empty. If it is not usable, sigma is an upper bound.
+    """
+
+    tracker: str
+    estimator: str
+    sigma_px: float
+    low_px: float | None
+    high_px: float | None
+    window: int
+    makes_right: str
+    innovations_px: float
+    track_gate: float | None
+    observation_gate: float | None
+    kernel: str | None
+    knee: float | None
+    caveat: str
+
+    def _repr_html_(self) -> str:
+        bounds = "" if self.low_px is None else f" ({pixels(self.low_px)} to {pixels(self.high_px)})"
+        facts = {
+            "sigma": f"{px(self.sigma_px)}{bounds}",
+            "innovations look like": px(self.innovations_px),
+            "gate of tracks": self.track_gate and f"times {number(self.track_gate)}",
+            "gate of observations": self.observation_gate and f"times {number(self.observation_gate)}",
+            "robust loss": self.kernel and f"{self.kernel}, knee at {number(self.knee)} sigma",
+            "makes right": f"{self.makes_right}, in windows of {self.window} frames",
+            "truth": self.caveat,
+        }
+        return html_card(f"{self.tracker} in {self.estimator}", {name: one for name, one in facts.items() if one})
+
+
+def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[str, SigmaToSet]:
+    """What to set in an estimator for each tracker that has a noise model, by the name of the tracker.
+
+    Parameters
+    ----------
+    run
+        A finished run.
+    name
+        Of the estimator, or one of its aliases.
+    window
+        Length of its window, frames; by default that of the experiment if it names this estimator, else as shipped.
+
+    Raises
+    ------
+    UnknownNameError, SettingsError
+        If the estimator is not known, takes no single sigma, or no tracker has a model.
+    """
+    about, found = estimator(name), run_models(run)
+    if not found.models:
+        why = "; ".join(f"{tracker}: {reason}" for tracker, reason in found.missing.items())
+        raise SettingsError(f"{run.path}: no tracker has a noise model, expected one{f' ({why})' if why else ''}")
+    length = window or _asked_window(run.statistics("advice"), estimator_name(name))
+    return {tracker: _to_set(model, tracker, about, length) for tracker, model in found.models.items()}
+
+
+def _asked_window(advice: pl.DataFrame, name: str) -> int | None:
+    """The window of the experiment, if its advice is for this estimator."""
+    rows = advice.filter(estimator=name)
+    return int(rows["window"][0]) if rows.height else None
+
+
+def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | None) -> SigmaToSet:
+    found = about.advise(model, window=window)
+    innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+    return SigmaToSet(
+        tracker=tracker,
+        estimator=about.title,
+        sigma_px=found.sigma.value,
+        low_px=found.sigma.low,
+        high_px=found.sigma.high,
+        window=found.window,
+        makes_right=PURPOSES[found.purpose],
+        innovations_px=innovations.value,
+        **_gates(found),
+        kernel=None if found.kernel is None else str(found.kernel),
+        knee=found.knee,
+        caveat="" if model.truth.verdict is Trust.trusted else model.truth.caveat,
+    )
+
+
+def _gates(found: Advice) -> Mapping[str, float | None]:
+    return {f"{gate}_gate": found.gates.get(gate) for gate in Gate}

@@ -1,0 +1,110 @@
+"""The answer of a run in a few sentences: what to set, which tracker is better, and whether the truth is trusted."""
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from tracknoise.phrases.factor_topic import changes
+from tracknoise.phrases.headline import MOST_TRACKERS
+from tracknoise.phrases.measures import Subject, shown_size
+from tracknoise.phrases.sentences import joined, sentences_of
+from tracknoise.phrases.size_topic import size_measure
+from tracknoise.phrases.window_topic import sigma_sentence
+from tracknoise.report.answer import accuracy, summarise
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.trust import TruthVerdict
+from tracknoise.truth_faults.check_change import truth_change
+
+WIDTH = 110
+_CLAIMS = ("growth", "bias", "tails")
+"""Measures of a card that answer yes or no, the most important first."""
+
+
+def answer_lines(data: ReportData, most: int) -> list[str]:
+    """The answer in lines.
+
+    Parameters
+    ----------
+    data
+        The run.
+    most
+        How many lines there may be; fewer trackers are shown than there are where they would not fit.
+    """
+    rest = [line for text in (_better(data), *_trust(data)) for line in wrapped(text)]
+    told = [wrapped(text) for text in to_set(data)]
+    room = most - len(rest)
+    shown = _fitting(told, room)
+    if shown < len(told):
+        shown = _fitting(told, room - 1)
+    left = len(told) - shown
+    return [*_flat(told[:shown]), *([f"{left} more: --table"] if left else []), *rest]
+
+
+def _fitting(told: Sequence[Sequence[str]], room: int) -> int:
+    """How many of the first trackers fit into some lines, at most `MOST_TRACKERS`."""
+    fitting = (n for n in range(len(told[:MOST_TRACKERS]), 0, -1) if len(_flat(told[:n])) <= room)
+    return next(fitting, 0)
+
+
+def _flat(told: Iterable[Iterable[str]]) -> list[str]:
+    return [line for lines in told for line in lines]
+
+
+def wrapped(text: str) -> list[str]:
+    """A text as lines of at most `WIDTH` columns; names are not broken."""
+    return textwrap.wrap(text, WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def to_set(data: ReportData) -> list[str]:
+    """What to set in an estimator, a sentence for each tracker; the size of its errors where this is unknown."""
+    return [_of_tracker(data, tracker) for tracker in data.trackers]
+
+
+def _of_tracker(data: ReportData, tracker: str) -> str:
+    if found := sentences_of(sigma_sentence(data, tracker)):
+        return f"{tracker}: {found[0][0].lower()}{found[0][1:]}"
+    subject = Subject(data, tracker)
+    measure = size_measure(subject, None, shown=shown_size(data))
+    if measure is None:
+        return f"{tracker}: what to set is unknown, because too few errors were measured."
+    return subject.said(measure.sentence)
+
+
+def _better(data: ReportData) -> str:
+    """Which tracker is better, in a sentence; empty where there is one tracker."""
+    return joined(sentences_of(accuracy(data))[:1])
+
+
+def _trust(data: ReportData) -> list[str]:
+    """Whether the truth is trusted and what would help, what that changes in a check, and that scenes are copies."""
+    found = TruthVerdict.of(data.trust)
+    why, step = sentences_of(found.text)[:1], sentences_of(found.step)[:1]
+    verdict = joined([f"Truth: {found.verdict}.", *why, *(f"Next: {one}" for one in step)])
+    change = joined(sentences_of(truth_change(data.run, data.trust) or "")[:1])
+    return [verdict, change, *data.findings.filter(topic="copies")["brief"]]
+
+
+def most_important(data: ReportData, most: int) -> list[str]:
+    """The answer and what was shown, the most important first.
+
+    Parameters
+    ----------
+    data
+        The run.
+    most
+        How many sentences there may be in all.
+    """
+    answers = [*to_set(data)[:MOST_TRACKERS], _better(data), *_trust(data)]
+    chosen = list[str]()
+    for text in filter(None, [*answers, *changes(data), *_shown(data)]):
+        if len(sentences_of(joined([*chosen, text]))) > most:
+            break
+        chosen.append(text)
+    return chosen
+
+
+def _shown(data: ReportData) -> list[str]:
+    """What cards say that was shown to be so."""
+    cards = summarise(data).cards
+    found = [(name, one) for name in _CLAIMS for card in cards for one in card.measures if one.name == name]
+    return [one.sentence for _, one in found if one.answer is not None and one.answer.verdict == Verdict.yes]

@@ -1,0 +1,46 @@
+"""Sentences are short: how long they may be, and how a text or a reason becomes several of them."""
+
+import re
+from collections.abc import Iterable, Sequence
+
+from tracknoise.words import sentence_case
+
+MOST_WORDS, MOST_NUMBERS = 25, 3
+"""No sentence has more words or numbers, apart from names."""
+_END = re.compile(r"(?<=[.!?]) +")
+_CLAUSE = re.compile(r"[:;.] ")
+
+
+def sentences_of(text: str) -> list[str]:
+    """The sentences of a text, in their order."""
+    return [one for one in _END.split(text.strip()) if one]
+
+
+def joined(sentences: Iterable[str]) -> str:
+    """One text of several sentences; empty ones are left out."""
+    return " ".join(filter(None, sentences))
+
+
+def because(opening: str, why: str | None) -> str:
+    """An opening without a full stop and its reason; further clauses of the reason are sentences of their own."""
+    reason, *more = _clauses(why)
+    return joined([f"{opening}: {reason}." if reason else f"{opening}.", *map(_as_sentence, more)])
+
+
+def reasons(why: str | None) -> list[str]:
+    """A reason as sentences; none where there is none."""
+    return [_as_sentence(clause) for clause in _clauses(why) if clause]
+
+
+def _clauses(why: str | None) -> list[str]:
+    return _CLAUSE.split((why or "").rstrip("."))
+
+
+def _as_sentence(clause: str) -> str:
+    return f"{sentence_case(clause)}."
+
+
+def each_axis(texts: Sequence[str], opening: str = "In u it is") -> list[str]:
+    """Sentences about u and v: `opening` and the first text, then ``In v it is`` and the second."""
+    u, v = texts
+    return [f"{opening} {u}.", f"In v it is {v}."]

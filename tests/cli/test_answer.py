@@ -1,0 +1,71 @@
+"""What a run prints when it has ended: a few lines that answer, and its tables where they are asked for."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+from tracknoise.cli.run_summary import MOST_LINES, print_results
+from tracknoise.cli.terminal import Terminal
+from tracknoise.phrases.sentences import sentences_of
+from tracknoise.tables.store import RunFolder
+
+TRACKERS = tuple(f"tracker-{place}-of-a-team-with-a-long-name" for place in range(7))
+
+
+@pytest.fixture(scope="module")
+def seven(tmp_path_factory):
+    """A made-up run of seven trackers."""
+    path = Path(__file__).parents[1] / "report" / "synthetic.py"
+    spec = importlib.util.spec_from_file_location("tracknoise_synthetic_for_answers", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    small = {"scenes": ("one", "two"), "n_frames": 14, "born": 20, "min_features": 20, "trackers": TRACKERS}
+    return RunFolder(module.write_run(tmp_path_factory.mktemp("run"), module.World(**{**module.SMALL, **small})).path)
+
+
+def test_the_answer_fits_into_twelve_lines_however_many_trackers_there_are(seven, capsys):
+    print_results(Terminal(), seven, report=False, table=False, failed=["one failed"], limits=["Quick.", "Wide."])
+    out, err = capsys.readouterr()
+    lines = [*out.splitlines(), *err.splitlines()]
+    assert len(lines) <= MOST_LINES
+    assert max(map(len, lines)) <= 110
+    assert TRACKERS[0] in lines[0]
+    (more,) = (line for line in lines if line.endswith("more: --table"))
+    assert int(more.split()[0]) == len(TRACKERS) - sum(TRACKERS[place] in out.split(more)[0] for place in range(7))
+    assert "Truth: limited." in out
+    assert err.splitlines() == ["The numbers of every tracker and speed: --table", "one failed"]
+
+
+def test_tables_name_every_tracker_and_hold_what_the_answer_leaves_out(seven, capsys):
+    print_results(Terminal(), seven, report=False, table=True)
+    out = capsys.readouterr().out
+    assert out.startswith("Truth: limited.")
+    assert "lifetime" in out
+    assert all(name in out for name in TRACKERS)
+
+
+def test_findings_are_ten_sentences_unless_all_are_asked_for(tracknoise, seven):
+    code, out, err = tracknoise("findings", str(seven.path))
+    assert code == 0
+    said = " ".join(line[4:] for line in out.splitlines())
+    assert 4 <= len(sentences_of(said)) <= 10
+    assert TRACKERS[0] in out.splitlines()[0]
+    assert "--all" in err
+    _, every, _ = tracknoise("findings", str(seven.path), "--all")
+    assert len(every) > 2 * len(out)
+
+
+@pytest.mark.parametrize(
+    ("no_colour", "is_terminal", "coloured"), [("", True, True), ("1", True, False), ("", False, False)]
+)
+def test_results_have_colours_in_a_terminal_alone(capsys, monkeypatch, no_colour, is_terminal, coloured):
+    monkeypatch.setenv("NO_COLOR", no_colour)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: is_terminal)
+    Terminal().result("Truth: trusted. \x1b[2J", coloured="trusted", colour="green")
+    out = capsys.readouterr().out
+    assert ("\x1b[32mtrusted\x1b[0m" in out) is coloured
+    assert "\\x1b[2J" in out

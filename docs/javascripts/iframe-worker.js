@@ -3,6 +3,7 @@ if (location.protocol === "file:") {
   window.IFrameWorker = class extends EventTarget {
     constructor(address) {
       super()
+      const own = new URL(address, location)
       this.frame = document.createElement("iframe")
       this.frame.hidden = true
       document.body.append(this.frame)
@@ -14,14 +15,14 @@ if (location.protocol === "file:") {
       const load = source =>
         new Promise((done, failed) => {
           const script = page.createElement("script")
-          script.src = new URL(source, address)
+          script.src = new URL(source, own)
           script.onload = done
           script.onerror = failed
           page.body.append(script)
         })
       inside.importScripts = (...sources) => sources.reduce((before, one) => before.then(() => load(one)), Promise.resolve())
       inside.postMessage = data => this.dispatchEvent(new MessageEvent("message", { data: structuredClone(data) }))
-      this.ready = load(address)
+      this.ready = load(own)
     }
 
     postMessage(data) {

@@ -20,17 +20,17 @@ tracknoise noise export --list
 ```
 
 With `-o`, the files are written to a folder, with a text and with a patch if there is one. Otherwise they are printed.
-**The text says what the number makes right, which keys of the estimator have no effect, and what it cannot express.** From
-Python: `model.export("openvins")`. Case, hyphens and spaces in names do not matter.
+**The text says what the number makes right, which keys of the estimator have no effect, and what it cannot express.**
+From Python: `model.export("openvins")`. Case, hyphens and spaces in names do not matter.
 
-A model from a truth that is not trusted or unknown is refused without `--accept-truth` ([truth](../truth.md)). The verdict
-is in a comment of each file; CSV has it only where the truth is not trusted or unknown.
+A model from a truth that is not trusted or unknown is refused without `--accept-truth` ([truth](../truth.md)). The
+verdict is in a comment of each file; CSV has it only where the truth is not trusted or unknown.
 
 ## Which numbers are written
 
 Sigma, gates and robust loss are chosen together, for the state and the window of the estimator
-([how](../estimators.md#how-the-numbers-are-chosen)). `tracknoise noise show MODEL --for NAME` says the same. `--window` and
-`--purpose` change the defaults below. The window of the model that is nearest in length is taken.
+([how](../estimators.md#how-the-numbers-are-chosen)). `tracknoise noise show MODEL --for NAME` says the same. `--window`
+and `--purpose` change the defaults below. The window of the model that is nearest in length is taken.
 
 | Purpose | What is right |
 |---|---|
@@ -75,7 +75,8 @@ def _entry(name: str, about: Estimator) -> str:
     window = f" Windows of {about.window} frames, `{about.purpose}`." if about.purpose else ""
     needs = "".join(f" Needs {_NEEDS[need]}." for need in about.needs)
     checked = f" Checked against {', '.join(about.checked_against)}." if about.checked_against else ""
-    return f"- **{about.title}** ({_names(name, about.aliases)}): {about.unit}. Where: {about.place}.{window}{needs}{checked}"
+    title = f"**{about.title}** ({_names(name, about.aliases)})"
+    return f"- {title}: {about.unit}. Where: {about.place}.{window}{needs}{checked}"
 
 
 def _names(name: str, aliases: Iterable[str]) -> str:

@@ -21,7 +21,7 @@ from tracknoise.statistics.yardstick import comparable, largest_differences
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.words import DASH, SPACE, STATISTICS, effect_text, number, percent, pixels
 
-START = "<!-- Made from src/tracknoise/paper/departures.toml by python -m tracknoise.paper.departures docs/paper.md -->\n"
+START = "<!-- The rest of this page is made by python -m tracknoise.paper.departures docs/paper.md -->\n"
 """What follows it in ``docs/paper.md`` is made from the texts."""
 
 

@@ -20,8 +20,9 @@ tracknoise noise export --list
 ```
 
 With `-o`, the files are written to a folder, with a text and with a patch if there is one. Otherwise they are printed.
-**The text says what the number makes right, which keys of the estimator have no effect, and what it cannot express.**
-From Python: `model.export("openvins")`. Case, hyphens and spaces in names do not matter.
+**The text says what the number makes right, which keys of the estimator have no effect, what it cannot express, and the
+version that this was checked against.** From Python: `model.export("openvins")`. Case, hyphens and spaces in names do
+not matter.
 
 A model from a truth that is not trusted or unknown is refused without `--accept-truth` ([truth](../truth.md)). The
 verdict is in a comment of each file; CSV has it only where the truth is not trusted or unknown.
@@ -74,9 +75,8 @@ def _entry(name: str, about: Estimator) -> str:
     """What ``--to`` calls it, its unit, and where the numbers belong."""
     window = f" Windows of {about.window} frames, `{about.purpose}`." if about.purpose else ""
     needs = "".join(f" Needs {_NEEDS[need]}." for need in about.needs)
-    checked = f" Checked against {', '.join(about.checked_against)}." if about.checked_against else ""
     title = f"**{about.title}** ({_names(name, about.aliases)})"
-    return f"- {title}: {about.unit}. Where: {about.place}.{window}{needs}{checked}"
+    return f"- {title}: {about.unit}. Where: {about.place}.{window}{needs}"
 
 
 def _names(name: str, aliases: Iterable[str]) -> str:

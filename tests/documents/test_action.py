@@ -35,7 +35,7 @@ min_features = 2
 GATE = 'ages = "mean"\ntrackers = ["front-end"]\n[tolerances]\ncore = 0.25\nlifetime = 0.25\n'
 ONE_CORE = "import os; os.cpu_count = lambda: 1; from tracknoise.cli.app import main; main()"
 PROGRAM = f'#!/bin/sh\nexec "{sys.executable}" -c "{ONE_CORE}" "$@"\n'
-GH = '#!/bin/sh\necho "$@" > "$TOLD"\n'
+GH = '#!/bin/sh\necho "$@" > "$CALLED_WITH"\n'
 GIT = ["git", "-c", "user.name=someone", "-c", "user.email=someone@example.org"]
 
 
@@ -92,7 +92,7 @@ def act(repository, name, folder, **given):
         "PATH": f"{repository.parent / 'bin'}:{os.environ['PATH']}",
         "GITHUB_STEP_SUMMARY": str(folder.parent / f"{folder.name}-summary.md"),
         "GITHUB_OUTPUT": str(folder.parent / f"{folder.name}-output"),
-        "TOLD": str(folder.parent / "told"),
+        "CALLED_WITH": str(folder.parent / "called-with"),
     }
     command = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]]
     return subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True)
@@ -167,7 +167,7 @@ def test_a_worse_tracker_is_reported_and_fails_the_gate(repository, measured):
 def test_the_comment_is_the_comparison(repository, measured):
     """The call that would write it is noted instead of made."""
     assert act(repository, "Comment", measured).returncode == 0
-    assert f"--body-file {measured}/comment.md" in (measured.parent / "told").read_text()
+    assert f"--body-file {measured}/comment.md" in (measured.parent / "called-with").read_text()
     assert (measured / "comment.md").read_text() == (measured / "comparison.md").read_text()
 
 
@@ -184,10 +184,10 @@ def test_an_earlier_run_is_the_baseline_and_nothing_changed(repository, measured
     folder = measured.parent / "same"
     done = act(repository, "Measure the base", folder, baseline=str(measured / "after"))
     assert done.returncode == 0, done.stderr
-    shutil.copytree(measured / "after", folder / "after")
+    shutil.copytree(measured / "after" / "simulated", folder / "after" / "simulated")
     outcome, summary = compared(repository, folder, gate="gate.toml")
     assert outcome == "pass"
-    assert summary.count("The gate passes") == 2
+    assert summary.count("The gate passes") == 1
     assert compared(repository, folder)[0] == "compared"
     assert gated("pass")[0] == gated("compared")[0] == 0
 
@@ -196,7 +196,7 @@ def test_an_undecided_gate_is_a_warning_or_a_failure(repository, measured):
     """As where a scene could not be measured."""
     folder = measured.parent / "undecided"
     for side in ("before", "after"):
-        shutil.copytree(measured / "before", folder / side)
+        shutil.copytree(measured / "before" / "recorded", folder / side / "recorded")
     run = RunFolder(folder / "after" / "recorded")
     manifest = run.manifest()
     manifest.failures["seq-01@default"] = "damaged image"

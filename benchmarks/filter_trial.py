@@ -8,7 +8,7 @@ With runs of the reader `simulated`, kept with `keep = "observations"` and 20 fr
 tracks as they are, outliers included. Scenes are named `<motion>-NN`: noise models are fitted to those scenes of the
 first run, or of `--models`, whose NN is even for scenes with an odd one, and the reverse. Each sequence is filtered
 with several draws of inertial noise. A control has white noise of .5 px in place of the errors of the same tracks. The
-runs of docs/proof.md are those of `benchmarks/filter_trial_*.toml`.
+runs of docs/testing.md are those of `benchmarks/filter_trial_*.toml`.
 
 Prints, for each assumed noise: the root mean square error of the newest position, its ratio to that of the first row
 with a 95 % interval over sequences, NEES of the newest pose (mean and median over sequences), the share of its frames

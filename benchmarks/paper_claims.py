@@ -25,7 +25,6 @@ from tracknoise.paper.variants import SIMULATED, as_read
 from tracknoise.report import paper
 from tracknoise.tables.enumerations import Reading
 from tracknoise.tables.store import RunFolder
-from tracknoise.words import DASH
 
 BEGIN, END = "<!-- claims: begin -->", "<!-- claims: end -->"
 Row = Mapping[str, str]
@@ -53,12 +52,11 @@ def replicated(experiment: Experiment, out: Path) -> Replicated:
 
 
 def tables(rows: Sequence[Row]) -> str:
-    """Markdown: the claims with what was measured, then the cells of the summary tables, then the counts."""
+    """Markdown: the claims about repeated experiments with what was measured, then the counts of all verdicts."""
     stated = [row for row in rows if row["source"] != "summary table"]
     cells = [row for row in rows if row["source"] == "summary table"]
     parts = [
-        "\n".join(_table(["experiment", "claim", "source", *Reading, "reason"], _claims(stated))),
-        "\n".join(_table(["experiment", "cell of a summary table", *Reading], _cells(cells))),
+        "\n".join(_table(["experiment", "claim", *Reading], _claims(stated))),
         "\n".join(_table(["verdicts", *Reading], _counts({"claims": stated, "cells": cells}))),
     ]
     return "\n\n".join(parts)
@@ -78,19 +76,13 @@ def _by_claim(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
 
 
 def _claims(rows: Sequence[Row]) -> Iterator[list[str]]:
-    for claim in _by_claim(rows):
-        first = claim[Reading.none]
-        verdicts = [f"**{row['verdict']}** {row['measured']}".strip() for row in claim.values()]
-        reasons = dict.fromkeys(row["reason"] for row in claim.values() if row["reason"])
-        why = "; ".join([*reasons, *([first["note"]] if first["note"] else [])]) or DASH
-        yield [paper.title(first["experiment"]), first["text"], first["source"], *verdicts, why]
-
-
-def _cells(rows: Sequence[Row]) -> Iterator[list[str]]:
+    """What was measured is that of the reading with untrimmed errors."""
     for claim in _by_claim(rows):
         first = claim[Reading.none]
         if first["reason"] != "the experiment was not repeated":
-            yield [paper.title(first["experiment"]), first["text"], *(row["verdict"] for row in claim.values())]
+            verdicts = [row["verdict"] for row in claim.values()]
+            verdicts[0] = f"{verdicts[0]}: {first['measured']}".removesuffix(": ")
+            yield [paper.title(first["experiment"]), first["text"], *verdicts]
 
 
 def _counts(groups: Mapping[str, Sequence[Row]]) -> Iterator[list[str]]:

@@ -110,4 +110,4 @@ def test_the_example_is_short():
 
 def test_the_documentation_has_the_entry_points_of_the_example():
     points = (EXAMPLE / "pyproject.toml").read_text().split("dependencies")[1].split("\n\n", 1)[1]
-    assert points.split("\n\n[tool")[0] in (ROOT / "docs" / "plugins.md").read_text()
+    assert points.split("\n\n[tool")[0] in (ROOT / "docs" / "your-tracks.md").read_text()

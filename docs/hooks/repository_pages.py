@@ -57,7 +57,8 @@ def _target(link: re.Match[str], path: str) -> str:
 
 
 def _source_page(config: MkDocsConfig, path: str) -> File:
-    content = f"# {path}\n\n````{Path(path).suffix.removeprefix('.')}\n{_text(path)}````\n"
+    head = "---\nsearch:\n  exclude: true\n---\n\n"  # source code is not what a reader searches for
+    content = f"{head}# {path}\n\n````{Path(path).suffix.removeprefix('.')}\n{_text(path)}````\n"
     return File.generated(config, _page_of(path, {}), content=content, inclusion=InclusionLevel.NOT_IN_NAV)
 
 

@@ -109,7 +109,7 @@ def test_a_damaged_recording_is_not_usable(tracknoise, recording, tmp_path):
 def test_what_is_no_recording_is_a_user_error(tracknoise, tmp_path):
     code, _, err = tracknoise("check", str(tmp_path))
     assert code == 1
-    assert "docs/folder-layout.md" in err
+    assert "docs/data.md" in err
 
 
 def test_options_of_the_reader_are_checked(tracknoise, recording):

@@ -45,7 +45,8 @@ def links(page: Path) -> Iterator[tuple[Path, str]]:
 
 
 def test_the_navigation_has_every_page_once():
-    shown = list(entries(SITE["nav"]))
+    besides = [line.strip("/ ") for line in SITE["not_in_nav"].splitlines()]
+    shown = [*entries(SITE["nav"]), *besides]
     expected = [*OUTSIDE.values(), *(path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md"))]
     assert sorted(shown) == sorted(expected)
 
@@ -80,3 +81,20 @@ def test_images_are_small_and_each_is_shown(folder):
 def test_nothing_is_loaded_from_the_network():
     assert SITE["theme"]["font"] is False
     assert not {"extra_javascript", "extra_css"} & set(SITE)
+
+
+def test_the_search_needs_no_server():
+    assert "offline" in SITE["plugins"]
+    assert all((DOCS / path).is_file() for path in SITE["extra"]["polyfills"])
+    assert any("iframe-worker" in path for path in SITE["extra"]["polyfills"])
+
+
+def test_the_site_is_small():
+    """A newcomer reads it; numbers of validation trials belong on one page, docs/testing.md."""
+    in_navigation = [ROOT / "README.md", *DOCS.glob("**/*.md")]
+    assert len(in_navigation) <= 25
+    assert sum(len(page.read_text(encoding="utf-8").split()) for page in in_navigation) <= 30_000
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120

@@ -29,8 +29,8 @@ def test_outputs_are_replaced_and_all_else_stays():
 def test_the_page_stays_as_it_is_if_its_commands_print_the_same():
     page = tour.PAGE.read_text(encoding="utf-8")
     printed = tour.outputs(page)
-    assert len(printed) > 15
-    assert sum(map(bool, printed.values())) > 10
+    assert len(printed) > 10
+    assert sum(map(bool, printed.values())) > 7
     assert tour.remade(page, printed.__getitem__) == page
 
 

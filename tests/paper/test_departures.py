@@ -7,13 +7,13 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from tracknoise.paper.departures import Departure, Part, departures, markdown, texts
+from tracknoise.paper.departures import START, Departure, Part, departures, markdown, texts
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import number, pixels
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "differences-from-the-paper.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "paper.md"
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +28,9 @@ def found(part: Part) -> dict[str, Departure]:
 
 
 def test_the_documentation_is_made_from_the_texts() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    assert page == markdown(), "python -m tracknoise.paper.departures > docs/differences-from-the-paper.md"
-    assert re.findall(r"^## (.*)$", page, flags=re.MULTILINE) == [item["title"] for item in texts().values()]
+    found = PAGE.read_text(encoding="utf-8").partition(START)[2]
+    assert found == markdown(), "python -m tracknoise.paper.departures docs/paper.md"
+    assert re.findall(r"^\*\*(.*?)\.\*\*", found, flags=re.MULTILINE) == [item["title"] for item in texts().values()]
 
 
 def test_links_of_the_documentation_lead_to_headings_of_its_pages() -> None:

@@ -81,7 +81,7 @@ def test_every_signature_is_of_a_reader_or_of_none_yet_and_none_twice():
 
 def test_an_unknown_layout_names_the_nearest_format_and_the_folder_layout(tmp_path):
     made(tmp_path, ["velodyne_points/0.bin", "images/0.bmp", "image_02/0.bmp"])
-    with pytest.raises(DataError, match=r"no known layout .*the nearest format is kitti; .*docs/folder-layout\.md"):
+    with pytest.raises(DataError, match=r"no known layout .*the nearest format is kitti; .*docs/data\.md"):
         recognise(tmp_path)
 
 

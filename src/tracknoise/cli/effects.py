@@ -20,7 +20,7 @@ def effects(
     scenes: Annotated[int, typer.Option("--scenes", min=1, help="Number of scenes; each has its own world.")] = 6,
     frames: Annotated[int, typer.Option("--frames", min=2, help="Number of frames per scene.")] = 40,
     age: Annotated[int, typer.Option("--age", min=1, help="Age at which errors are compared, frames.")] = 10,
-    motion: Annotated[str, typer.Option(help="Camera motion, the same in all scenes: see docs/worlds.md.")] = "arvr",
+    motion: Annotated[str, typer.Option(help="Camera motion, the same in all scenes; see docs/simulation.md")] = "arvr",
     only: Annotated[str | None, typer.Option("--only", help="Effects by name, separated by commas.")] = None,
     workers: WorkersOption = None,
     fresh: FreshOption = False,
@@ -30,7 +30,7 @@ def effects(
     """Measure what each effect of a camera, and each fault of the truth, changes in the results.
 
     Each effect is simulated alone, at a low, a usual and a bad size. Mean error, second moment, core, median lifetime
-    and outlier ratio are compared with those of the same scenes without effects. See docs/effects.md for the sizes. An
+    and outlier ratio are compared with those of the same scenes without effects. Sizes are in docs/simulation.md. An
     interrupted study resumes.
 
     Examples: `tracknoise effects --scenes 4 --frames 30`, `tracknoise effects --only "rolling shutter,clock offset"`

@@ -73,7 +73,7 @@ def simulate(
     ] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows", help="Render shadows (slower).")] = None,
     lighting: Annotated[str | None, typer.Option(help="Name of a lighting. Not for dtu, which has its own.")] = None,
-    world: Annotated[str | None, typer.Option(help="Kind of world, see docs/worlds.md. Not for dtu.")] = None,
+    world: Annotated[str | None, typer.Option(help="Kind of world, see docs/simulation.md. Not for dtu.")] = None,
     models: Annotated[Path | None, typer.Option(help="Folder of Gazebo models to use. Not for dtu.")] = None,
     world_file: Annotated[Path | None, typer.Option(help="Gazebo world file to use. Not for dtu.")] = None,
     image_format: Annotated[str | None, typer.Option(help="png or bmp (larger files, faster). Only for dtu.")] = None,
@@ -85,7 +85,7 @@ def simulate(
 
     `folder`: images, exact depth, poses and camera. `euroc`: images at 20 Hz, inertial readings at 200 Hz with EuRoC's
     noise, poses, velocities and biases, for filters. `dtu`: a light stage with 19 LEDs and a scan. `kitti`: a drive
-    with a lidar. See docs/folder-layout.md, docs/formats/euroc.md, docs/dtu.md and docs/kitti.md.
+    with a lidar. See docs/data.md, docs/formats.md and docs/paper.md.
 
     Examples: `tracknoise simulate --motion forward --frames 100 --out data/forward`,
     `tracknoise simulate --layout euroc --world objects --motion linear --frames 300 --out data/flight`

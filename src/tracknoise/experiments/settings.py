@@ -153,7 +153,7 @@ class TrackerChoice(_Section):
 
 
 class CorrectionSettings(_Section):
-    """Corrections of what the recordings state. Each changes nothing by default. See docs/truth-corrections.md."""
+    """Corrections of what the recordings state. Each changes nothing by default. See docs/truth.md."""
 
     focal_scale: float = UNCORRECTED.focal_scale
     """Factor of both focal lengths."""
@@ -223,7 +223,7 @@ _Figure = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class AccuracySettings(_Section):
-    """Standard deviations of the errors of the truth, which make the truth floor. See docs/truth-accuracy.md.
+    """Standard deviations of the errors of the truth, which make the truth floor. See docs/truth-errors.md.
 
     Where a figure is given, it counts before what the data state and before the figures that come with tracknoise.
     Frames are those of the recording. Rotations and translations are per axis, between two frames.

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from itertools import chain
+from pathlib import Path
 
 import polars as pl
 
@@ -20,19 +21,8 @@ from tracknoise.statistics.yardstick import comparable, largest_differences
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.words import DASH, SPACE, STATISTICS, effect_text, number, percent, pixels
 
-_INTRODUCTION = """\
-# Differences from the paper
-
-<!-- Made from src/tracknoise/paper/departures.toml. Edit that file, then run:
-python -m tracknoise.paper.departures > docs/differences-from-the-paper.md -->
-
-The presets `dtu`, `kitti`, `gazebo-linear` and `gazebo-arvr` repeat the experiments of S. Tsuei, W. Mo and S. Soatto,
-"Feature Tracks are not Zero-Mean Gaussian", 2022 ([arXiv 2303.14315](https://arxiv.org/abs/2303.14315)). This page
-lists every difference from the paper and its reason. No preset is tuned to agree with the paper.
-
-`tracknoise replicate --out FOLDER` measures what the differences change. It writes `FOLDER/differences.html`: this list
-with the numbers of its runs. Curves are compared by the rule of the verdicts (see [Effects](statistics.md#effects)).
-"""
+START = "<!-- The rest of this page is made by python -m tracknoise.paper.departures docs/paper.md -->\n"
+"""What follows it in ``docs/paper.md`` is made from the texts."""
 
 
 @cache
@@ -43,19 +33,26 @@ def texts() -> Mapping[str, Mapping[str, str]]:
 
 
 def markdown() -> str:
-    """The content of ``docs/differences-from-the-paper.md``."""
-    return "\n".join([_INTRODUCTION, *map(_section, texts().values())])
+    """The end of ``docs/paper.md``: a paragraph for each difference."""
+    return "".join(f"\n{_section(item)}\n" for item in texts().values())
 
 
 def _section(item: Mapping[str, str]) -> str:
-    parts = [f"## {item['title']}\n", item["text"].lstrip()]
+    text = f"**{item['title']}.** {item['text'].strip()}"
     if "see" in item:
-        parts.append(f"See [{item['see'].partition('#')[0]}]({item['see']}).\n")
-    return "\n".join(parts)
+        text += f" See [{item['see'].partition('#')[0].removesuffix('.md')}]({item['see']})."
+    return text
+
+
+def main() -> None:
+    """Replace the differences in a page, whose path is the argument."""
+    page = Path(sys.argv[1])
+    written = page.read_text(encoding="utf-8").partition(START)[0]
+    page.write_text(written + START + markdown(), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.stdout.write(markdown())
+    main()
 
 
 @dataclass(frozen=True, slots=True)

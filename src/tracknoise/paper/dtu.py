@@ -1,4 +1,4 @@
-"""DTU Point Features: objects on a light stage, photographed from an arc of positions, and scanned. See docs/dtu.md.
+"""DTU Point Features: objects on a light stage, photographed from an arc of positions, and scanned. See docs/paper.md.
 
 - Numbers in MATLAB files.
 - Names of files and folders in both releases of the data set.
@@ -14,7 +14,7 @@ The calibration file: what the camera calibration toolbox for MATLAB saves.
 
 The toolbox counts pixels from the centre of the first, as everywhere here.
 
-DTU Point Features, in both releases: see docs/dtu.md.
+DTU Point Features, in both releases: see docs/paper.md.
 
 A frame is a position of arc 1 (frame 0 is position 1, the key frame 24 is position 25). The camera was calibrated with
 images of 1600x1200; they are used at half that size, in grayscale.

@@ -1,10 +1,10 @@
-"""Reconstructions of COLMAP: see docs/formats/colmap.md.
+"""Reconstructions of COLMAP: see docs/formats.md.
 
 - What a reconstruction of COLMAP holds: its cameras and its registered images.
 - Text files of COLMAP: ``cameras.txt`` and ``images.txt``.
 - Binary files of COLMAP: ``cameras.bin`` and ``images.bin``, little-endian.
 - Dense depth maps of COLMAP: ``width&height&channels&`` in text, then float32 depths row by row.
-- The reader of reconstructions of COLMAP: see docs/formats/colmap.md.
+- The reader of reconstructions of COLMAP: see docs/formats.md.
 """
 
 import math

@@ -1,10 +1,10 @@
-"""Recordings in the ASL layout of EuRoC MAV (Burri et al., IJRR 2016) and TUM-VI: see docs/formats/euroc.md.
+"""Recordings in the ASL layout of EuRoC MAV (Burri et al., IJRR 2016) and TUM-VI: see docs/formats.md.
 
 - Where the files of a recording in the ASL layout lie: below ``mav0``, a folder for each sensor.
 - The ``data.csv`` files of the ASL layout: a time in nanoseconds in the first column, names in a header or none.
 - Where cameras and sensors of poses are on the body.
 - The other camera of a stereo pair, whose images were taken at the same times.
-- The reader of recordings in the ASL layout, such as EuRoC MAV and TUM-VI: see docs/formats/euroc.md.
+- The reader of recordings in the ASL layout, such as EuRoC MAV and TUM-VI: see docs/formats.md.
 """
 
 import re

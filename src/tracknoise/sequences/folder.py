@@ -1,4 +1,4 @@
-"""A plain layout on disk, for your own data and for simulated sequences: see docs/folder-layout.md.
+"""A plain layout on disk, for your own data and for simulated sequences: see docs/data.md.
 
 ``images/NNNNNN.png``, ``depth/NNNNNN.npy``, ``poses.txt``, ``camera.json`` and, if known, ``timestamps.txt``.
 Frames are numbered from 0.
@@ -52,7 +52,7 @@ class Folder:
         Depth of the integer 1 in 16-bit depth images, metres; by default, what the camera file states.
     camera_file
         File of the camera, in place of each scene's ``camera.json``: of OpenCV, Kalibr, ROS or EuRoC (see
-        docs/formats/cameras.md).
+        docs/data.md).
     camera
         Which camera of that file, where it has several, such as ``cam1``; by default the first.
     image_levels

@@ -1,8 +1,8 @@
-"""The reader of KITTI raw data (Geiger et al., IJRR 2013) with KITTI's completed depth: see docs/kitti.md.
+"""The reader of KITTI raw data (Geiger et al., IJRR 2013) with KITTI's completed depth: see docs/formats.md.
 
 - Poses of the camera: from OXTS, or from a file of poses instead.
 - Depth of a frame: a map of KITTI's depth completion, or a Velodyne scan that is projected into the image.
-- The reader of KITTI raw data with the depth of KITTI's depth completion: see docs/kitti.md.
+- The reader of KITTI raw data with the depth of KITTI's depth completion: see docs/formats.md.
 
 What the OXTS files of a drive state about their own errors.
 

@@ -1,4 +1,4 @@
-"""The reader of the KITTI odometry benchmark: see docs/formats/kitti-odometry.md.
+"""The reader of the KITTI odometry benchmark: see docs/formats.md.
 
 Where the files of the KITTI odometry benchmark lie, and of what is written like it.
 

@@ -1,4 +1,4 @@
-"""The reader of data sets of nerfstudio: see docs/formats/nerfstudio.md.
+"""The reader of data sets of nerfstudio: see docs/formats.md.
 
 - Cameras in ``transforms.json``: of all frames, or of one.
 """

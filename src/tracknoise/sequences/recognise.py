@@ -119,7 +119,7 @@ def _unknown(found: list[str], known: set[str]) -> tuple[str, str]:
     return (
         f"no known layout ({some})",
         f"one of: {layouts}; {hint.rstrip('. ') + '; ' if hint else ''}"
-        "other recordings can be put into the layout of reader folder (docs/folder-layout.md)",
+        "other recordings can be put into the layout of reader folder (docs/data.md)",
     )
 
 

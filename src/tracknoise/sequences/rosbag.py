@@ -1,4 +1,4 @@
-"""The reader of bags: see docs/formats/rosbag.md."""
+"""The reader of bags: see docs/formats.md."""
 
 import re
 from dataclasses import KW_ONLY, dataclass

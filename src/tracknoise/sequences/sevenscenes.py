@@ -1,4 +1,4 @@
-"""The reader of 7-Scenes (Shotton et al., CVPR 2013): see docs/formats/sevenscenes.md.
+"""The reader of 7-Scenes (Shotton et al., CVPR 2013): see docs/formats.md.
 
 - The two cameras of the Kinect, and how they lie to each other.
 - Depth maps of the Kinect as the colour camera sees them.
@@ -9,7 +9,7 @@ Each row has the name of an image, camera_from_world as a quaternion (scalar fir
 focal length of the colour camera in px. There is one file per place and half of the data set, such as
 ``chess_train.txt``; images are named ``seq-01/frame-000000.color.png``.
 
-The reader of 7-Scenes: see docs/formats/sevenscenes.md.
+The reader of 7-Scenes: see docs/formats.md.
 
 Layout of a scene: ``frame-NNNNNN.color.png`` (or .jpg), ``frame-NNNNNN.depth.png`` (16 bit, millimetres) and
 ``frame-NNNNNN.pose.txt`` (4x4, world_from_camera; NaN or infinity where the pose is unknown);

@@ -217,7 +217,7 @@ class Simulated:
         Gazebo world (SDF) to move through instead. Any motion is allowed, but it may pass through surfaces.
     origin, yaw_deg
         Where in the file's frame the frame of the motion has its origin (x, y, z, metres), and by how much it is turned
-        about z, counter-clockwise seen from above: see docs/worlds.md.
+        about z, counter-clockwise seen from above: see docs/simulation.md.
     worlds
         Number of scenes for each motion. Each has its own world, so that scenes are independent; with `world_file`,
         only its own path.
@@ -245,9 +245,9 @@ class Simulated:
     seed
         Of worlds, paths, noise and faults.
     imaging
-        Shutter, exposure, gain, fixed pattern and compression: see docs/effects.md. The truth stays exact.
+        Shutter, exposure, gain, fixed pattern and compression: see docs/simulation.md. The truth stays exact.
     faults
-        What is wrong with the stated poses, camera and depth: see docs/effects.md. Images stay as they are.
+        What is wrong with the stated poses, camera and depth: see docs/simulation.md. Images stay as they are.
 
     Raises
     ------

@@ -21,7 +21,7 @@ from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, pat
 from tracknoise.sequences.views import View
 
 DISPARITY_SIGMA_PX = 0.25
-"""Stated standard deviation of a disparity, px: see docs/formats/stereo.md."""
+"""Stated standard deviation of a disparity, px: see docs/data.md."""
 
 _LEAST_DISPARITY_PX = 4.0
 """Smaller disparities give depths whose error exceeds 6 %."""

@@ -1,4 +1,4 @@
-"""The reader of recordings in the format of the TUM RGB-D benchmark (Sturm et al., IROS 2012): see docs/formats/tum.md.
+"""The reader of recordings in the format of the TUM RGB-D benchmark (Sturm et al., IROS 2012): see docs/formats.md.
 
 - Lists of image files with their times: ``rgb.txt``, ``depth.txt``, or a list of pairs.
 - The camera of a recording: from a file, or known for its name; and how it lies to what the poses are poses of.

@@ -152,7 +152,7 @@ class Detection:
         Keypoints are moved between pixels, to where the gradients around them point away from: half of the side of the
         window, without its central pixel, px. 0: they stay on whole pixels.
     network
-        An ONNX file with a network that finds keypoints instead of `detector`: see docs/learned-keypoints.md. It needs
+        An ONNX file with a network that finds keypoints instead of `detector`: see docs/trackers.md. It needs
         the extra `learned`, and takes no grid.
     network_units
         What its positions are: see `tracknoise.trackers.keypoint_network.NetworkUnits`.

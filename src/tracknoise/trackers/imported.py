@@ -209,7 +209,7 @@ _LARGEST_OFFSET_S = 4e9
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """Settings of imported tracks. `docs/imported-tracks.md` describes the formats.
+    """Settings of imported tracks. `docs/your-tracks.md` describes the formats.
 
     Parameters
     ----------

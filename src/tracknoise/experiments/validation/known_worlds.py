@@ -420,7 +420,7 @@ def _errors(alive: NDArray[np.bool_], occluded: NDArray[np.bool_], rng: np.rando
 
 
 def write_recording(scene: Scene, folder: Path) -> None:
-    """Write a scene in the layout of docs/folder-layout.md. Images are gray: nothing looks at them."""
+    """Write a scene in the layout of docs/data.md. Images are gray: nothing looks at them."""
     for name in ("images", "depth"):
         (folder / name).mkdir(parents=True)
     picture = encode_png(_gray(scene))

@@ -50,7 +50,7 @@ SHOTS = (
     Shot("demo-explorer", DEMO, "#explorer"),
     Shot("demo-tracks", DEMO, "#looks", before="look('lucas-kanade', 'forward-00', 10)"),
     Shot("7scenes-first-screen", SEVEN),
-    Shot("7scenes-audit", SEVEN, "#truth-audit"),
+    Shot("7scenes-audit", SEVEN, "#truth"),
     Shot("compare", "compare.html", "details"),
 )
 

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from tests.lean import with_models
 
 from tracknoise.cli.app import main
 from tracknoise.experiments.execute import execute
@@ -49,7 +50,8 @@ class Silent:
 def _measure(path: Path, **settings: object) -> None:
     path.mkdir(parents=True)
     (path / "x.toml").write_text(TEXT.format(**settings))
-    execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
+    with with_models():
+        execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
 
 
 @pytest.fixture(scope="session")

@@ -161,6 +161,7 @@ def test_a_worker_that_died_is_an_error_of_the_call():
     worker.close()
 
 
+@pytest.mark.usefixtures("lean")
 def test_no_socket_of_a_run_accepts_a_stranger(scenes, tmp_path, told):
     """Neither this process nor a worker listens anywhere, so that no other user can send them work."""
     experiment = scenes(2)

@@ -5,10 +5,13 @@ from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 
+import polars as pl
 import pytest
 
 from tracknoise.estimators.run_models import RunModels, fitted_models
 from tracknoise.experiments import execute, run_findings
+from tracknoise.tables.store import RunFolder
+from tracknoise.truth_faults.audit_tables import not_audited
 
 
 @contextmanager
@@ -32,6 +35,19 @@ def with_models() -> Iterator[None]:
     """Findings are made as in a program."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_findings, "fitted_models", fitted_models)
+        yield
+
+
+@contextmanager
+def without_audit() -> Iterator[None]:
+    """Findings are made as if the truth could not be audited, which takes half the time of the findings of a scene."""
+
+    def audited(run: RunFolder, *_: object) -> dict[str, pl.DataFrame]:
+        found = not_audited("it is not asked for", next(iter(run.manifest().sequences.values())).sequence.dataset)
+        return {"audit": found.audit, "audit_curves": found.audit_curves}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_findings, "run_audit", audited)
         yield
 
 

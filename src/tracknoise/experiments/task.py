@@ -320,7 +320,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
 
 
 def following(task: Task, tell: Callable[[str, int, int, int], None]) -> Progress:
-    """Progress within a task, reported with its key: frames done, of all frames of the sequence, from which frame on."""
+    """Progress within a task, reported with its key: frames done, of all of the sequence, from which frame on."""
     first = 0 if task.frames is None else task.frames.start
     total = sum(len(frames) for frames in task.parts)
     return lambda done, of_part: tell(task.key, done, total or of_part, first)

@@ -330,7 +330,8 @@ def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDA
             found[place[solved]] = xy[solved]
             active = closer | (_size(residual) > _SOLVED)
             if not active.all():  # a few that have no solution take many steps more than all others
-                place, left, xy, residual, share = (one[active] for one in (place, left, xy, residual, share))
+                place, left, share = place[active], left[active], share[active]
+                xy, residual = xy[active], residual[active]
             if not len(place):
                 break
     return found.reshape(distorted.shape)

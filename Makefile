@@ -11,8 +11,11 @@ unexport PYTHONDONTWRITEBYTECODE
 fast test coverage: export OPENBLAS_NUM_THREADS = 1
 fast test coverage: export POLARS_MAX_THREADS = 1
 
-FAST := tests/geometry tests/inference tests/statistics tests/tables tests/exceptions tests/test_structure.py \
-  tests/test_atomic.py tests/test_printable.py tests/test_toml_text.py tests/documents/test_commands.py
+STATISTICS := block_moments blocks conditions counts curves grouping histogram increments log_histogram moments \
+  outliers places pose_differences populations ratios samples trimming upright windows
+FAST := tests/geometry tests/inference $(STATISTICS:%=tests/statistics/test_%.py) tests/tables tests/exceptions \
+  tests/test_structure.py tests/test_atomic.py tests/test_printable.py tests/test_toml_text.py \
+  tests/documents/test_commands.py
 
 .PHONY: demo check fast test coverage wheel bench docs lint clean install
 

@@ -4,19 +4,24 @@ import ctypes
 import fcntl
 import gc
 import os
+import pickle
 import shutil
 import signal
 import stat
 from collections.abc import Callable, Iterator
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import settings
+from tests import lean
 
 from tracknoise import processes
 from tracknoise.sequences import simulated
+from tracknoise.simulation.world import Scenery
 
 settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
 settings.load_profile("tracknoise")
@@ -55,10 +60,9 @@ def kept_signals() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kept_worlds() -> Iterator[None]:
-    """Tests of many modules look at the same few simulated worlds, which take longer to make than to look at."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulated, "_kept", lru_cache(maxsize=8)(simulated._built))
+def unfitted() -> Iterator[None]:
+    """Runs have no noise models but where a test wants them (`tests.lean.with_models`)."""
+    with lean.without_models():
         yield
 
 
@@ -105,6 +109,32 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
         return original
 
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kept_worlds(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Iterator[None]:
+    """Tests of many modules look at the same few simulated worlds, which take longer to make than to look at.
+
+    Each is made once for all processes, whose memory holds the arrays of its file once.
+    """
+
+    def written(folder: Path, *about: object) -> None:
+        folder.mkdir()
+        buffers: list[pickle.PickleBuffer] = []
+        (folder / "world").write_bytes(pickle.dumps(simulated._built(*about), 5, buffer_callback=buffers.append))
+        for place, buffer in enumerate(buffers):
+            (folder / str(place)).write_bytes(buffer.raw())
+
+    @lru_cache(maxsize=2)
+    def kept(*about: object) -> Scenery:
+        name = "world-" + sha256(repr(about).encode()).hexdigest()[:16]
+        folder = made_once(name, lambda path: written(path, *about))
+        arrays = [np.memmap(folder / str(place), mode="r") for place in range(len(list(folder.iterdir())) - 1)]
+        return pickle.loads((folder / "world").read_bytes(), buffers=arrays)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulated, "_kept", kept)
+        yield
 
 
 _PIPES = """

@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from benchmarks.validity.triangulated import make_tracks, sideways
+from tests.lean import without_audit
 
 import tracknoise
 from tracknoise.sequences.recorded import RecordedSequence
@@ -47,7 +48,8 @@ def run(tmp_path_factory):
         sequence = sequence_of(f"scene-{number}")
         tracker = tracknoise.Imported(path=track_file(folder / f"{number}.parquet", sequence, number))
         measured.append(tracknoise.measure(sequence, tracker))
-    return tracknoise.analyse(measured)
+    with without_audit():
+        return tracknoise.analyse(measured)
 
 
 def test_the_noise_that_was_injected_is_measured_for_all_lengths_with_an_interval(run):

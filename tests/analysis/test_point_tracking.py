@@ -4,6 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from tests.lean import without_audit
 
 import tracknoise as tn
 from tracknoise.cli.app import main
@@ -44,7 +45,7 @@ def run(tmp_path_factory):
         "--quiet",
         "--no-report",
     ]
-    with pytest.raises(SystemExit) as ended:
+    with without_audit(), pytest.raises(SystemExit) as ended:
         main(command)
     assert not ended.value.code
     return folder / "run"

@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.analysis.test_dependence import asked, moments
+from tests.lean import without_audit
 
 from tracknoise.analysis.factor_values import OptionFactor, option_factors
 from tracknoise.experiments.execute import execute
@@ -148,7 +149,8 @@ class Silent:
 
 def test_a_run_compares_detectors_and_descriptors(tmp_path: Path) -> None:
     run = RunFolder(tmp_path / "run")
-    execute(parse_experiment(TEXT, place="detectors"), run, listener=Silent())
+    with without_audit():
+        execute(parse_experiment(TEXT, place="detectors"), run, listener=Silent())
     dependence = run.statistics("dependence")
     found = dependence.filter(statistic="Phi").select(
         "factor", "tracker", "level_a", "level_b", "effect", "low", "n_scenes"

@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.lean import without_audit
 
 import tracknoise
 from tracknoise.sequences.other_poses import OtherPoses
@@ -33,6 +34,12 @@ def measured(number: int) -> tracknoise.Measurement:
         n_features=30, loss_rate=0.1, margin_px=4, covariance_px2=((NOISE_PX**2, 0.0), (0.0, NOISE_PX**2)), seed=number
     )
     return tracknoise.measure(sequence, tracker, second_truth=OtherPoses(sequence, turned(number), "made"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unaudited():
+    with without_audit():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from tests.lean import with_models
 
 import tracknoise as tn
 from tracknoise.experiments.execute import execute
@@ -74,10 +75,12 @@ def measurements() -> list[tn.Measurement]:
 
 @pytest.fixture(scope="session")
 def analysis(measurements) -> tn.Run:
-    return tn.analyse(measurements, min_features=20)
+    with with_models():
+        return tn.analyse(measurements, min_features=20)
 
 
 def _execute(text: str, folder: Path) -> tn.Run:
-    outcome = execute(parse_experiment(text, place="test"), RunFolder(folder), listener=Silent())
+    with with_models():
+        outcome = execute(parse_experiment(text, place="test"), RunFolder(folder), listener=Silent())
     assert not outcome.failures
     return tn.open_run(folder)

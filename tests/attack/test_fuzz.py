@@ -19,13 +19,13 @@ ROOT = Path(__file__).parents[2]
 
 def test_no_parser_fails_on_damaged_files(tmp_path: Path) -> None:
     """A process of its own, because the tool forks, and this one has threads of Polars."""
-    command = [sys.executable, "-m", "benchmarks.attack", "fuzz", "--count", str(10 * len(PARSERS)), "--seed", "13"]
+    command = [sys.executable, "-m", "benchmarks.attack", "fuzz", "--count", str(5 * len(PARSERS)), "--seed", "13"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
     finished = subprocess.run([*command, "--out", tmp_path], cwd=ROOT, env=environment, capture_output=True, text=True)
     assert finished.returncode == 0, finished.stdout + finished.stderr
     lines = finished.stdout.splitlines()
     assert [line[:26].strip() for line in lines] == [parser.name for parser in PARSERS]
-    assert sum(int(line.split("refused")[1].split()[0]) for line in lines) > 4 * len(PARSERS)
+    assert sum(int(line.split("refused")[1].split()[0]) for line in lines) > 2 * len(PARSERS)
 
 
 def faulty(content: bytes) -> None:

@@ -11,8 +11,15 @@ from tests.writers import euroc, kitti_odometry
 
 from tracknoise.experiments.load import load_experiment
 from tracknoise.sequences.reader_registry import open_sequence
+from tracknoise.truth_faults import clock_check
 
 SMALL = ["--motion", "arvr", "--frames", "16", "--width", "200", "--height", "150", "--supersampling", "1", "--quiet"]
+
+
+@pytest.fixture
+def without_clock(monkeypatch):
+    """Clocks are not compared, which takes half the time of a check."""
+    monkeypatch.setattr(clock_check, "measured_offset", lambda _: None)
 
 
 @pytest.fixture(scope="session")
@@ -74,6 +81,7 @@ def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recor
     assert "http" not in html.replace("http-equiv", "")
 
 
+@pytest.mark.usefixtures("without_clock")
 def test_json_is_all_that_is_printed(tracknoise, recording, tmp_path):
     code, out, err = tracknoise("check", str(recording), "--json", "--json-file", str(tmp_path / "x.json"))
     assert (code, err) == (0, f"reader: folder\nwritten: {tmp_path / 'x.json'}\n")
@@ -82,8 +90,10 @@ def test_json_is_all_that_is_printed(tracknoise, recording, tmp_path):
     assert tracknoise("check", "--json", str(recording), "--quiet") == (0, out, "")
 
 
-@pytest.mark.parametrize("missing", [[0], [7], [15], range(1, 15)])
-@pytest.mark.parametrize("has_depth", [True, False])
+@pytest.mark.usefixtures("without_clock")
+@pytest.mark.parametrize(
+    ("missing", "has_depth"), [([0], True), ([7], False), ([15], True), (range(1, 15), True), (range(1, 15), False)]
+)
 def test_frames_without_a_pose_are_a_caveat(tracknoise, recording, tmp_path, missing, has_depth):
     shutil.copytree(recording / "walk", tmp_path / "walk")
     rows = np.loadtxt(tmp_path / "walk/poses.txt")
@@ -152,6 +162,7 @@ def pair_of_kitti(folder):
     return simulated
 
 
+@pytest.mark.usefixtures("without_clock")
 @pytest.mark.parametrize("write", [pair_of_euroc, pair_of_kitti])
 def test_depth_from_stereo_is_checked(tracknoise, tmp_path, write):
     simulated = write(tmp_path / "walk")
@@ -173,6 +184,7 @@ def items(printed):
     return sequence["items"]
 
 
+@pytest.mark.usefixtures("without_clock")
 def test_depth_from_stereo_needs_a_second_camera(tracknoise, recording):
     code, out, _ = tracknoise("check", str(recording), "--option", "depth=stereo")
     assert code == 4
@@ -208,6 +220,7 @@ def test_init_replaces_no_file_unless_it_is_told_to(tracknoise, recording, tmp_p
     assert tracknoise("init", str(recording), "--out", str(file), "--force")[0] == 0
 
 
+@pytest.mark.usefixtures("without_clock")
 def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, recording, tmp_path):
     document = tmp_path / "check.json"
     tracknoise("check", str(recording), "--json-file", str(document), "--quiet")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from tests.lean import without_figure_files
 
 from tracknoise.api.finished_run import open_run
 from tracknoise.cli.app import main
@@ -190,7 +191,8 @@ def test_simulate_writes_what_the_folder_reader_measures(tracknoise, tmp_path):
         'name = "x"\n[dataset]\nreader = "folder"\nroot = "data"\n[[trackers]]\nkind = "lucas-kanade"\n'
     )
     run = tmp_path / "run"
-    code, printed, err = tracknoise("run", str(tmp_path / "x.toml"), "--out", str(run), "--quiet", "-w", "1")
+    with without_figure_files():
+        code, printed, err = tracknoise("run", str(tmp_path / "x.toml"), "--out", str(run), "--quiet", "-w", "1")
     assert (code, err) == (0, "")
     assert "lucas-kanade" in printed
     page = run / "report" / "index.html"

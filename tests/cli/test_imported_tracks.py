@@ -1,16 +1,15 @@
 """The route of the README for tracks of another front end, from the images to the report and what follows it."""
 
 import json
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.lean import without_figure_files
 from tests.writers.track_files import WRITERS, Observed
 
 import tracknoise as tn
 from tracknoise.cli.app import main
-from tracknoise.report import page
 
 N_FRAMES = 12
 SCENE = "forward"
@@ -41,8 +40,7 @@ def run(tmp_path_factory) -> str:
         text += f'[[trackers]]\nname = "{name}"\nkind = "imported"\noptions = {{ path = "{{scene}}.{name}" }}\n'
     (root / "mine.toml").write_text(text)
     out = str(root / "run")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
+    with without_figure_files():
         options = ("--data", str(root / "sim"), "--out", out, "--quiet", "--workers", "1")
         assert called("run", str(root / "mine.toml"), *options) == 0
     return out

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.estimators.models import TRAINING, made
+from tests.lean import measured_only
 
 from tracknoise.estimators.proof import prove
 from tracknoise.estimators.proof_windows import Cut, errors_of, recorded_problems
@@ -41,7 +42,8 @@ class _Silent:
 
 def _run(out: Path, **options: object) -> Path:
     text = TOML.format(**options)
-    execute(parse_experiment(text, place="small.toml"), RunFolder(out), workers=1, listener=_Silent())
+    with measured_only():
+        execute(parse_experiment(text, place="small.toml"), RunFolder(out), workers=1, listener=_Silent())
     return out
 
 
@@ -160,7 +162,8 @@ options = { max_features = 40, min_features = 30 }
 def turned(tmp_path_factory) -> RunFolder:
     """A scene upright and turned, with a rolling shutter that the truth knows."""
     folder = RunFolder(tmp_path_factory.mktemp("turned") / "run")
-    execute(parse_experiment(SHUTTER, place="turned.toml"), folder, workers=1, listener=_Silent())
+    with measured_only():
+        execute(parse_experiment(SHUTTER, place="turned.toml"), folder, workers=1, listener=_Silent())
     return folder
 
 

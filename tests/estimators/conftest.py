@@ -5,8 +5,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from tests.lean import with_models
 
 from tracknoise.cli.app import main
+from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.tables.store import RunFolder
@@ -55,8 +57,24 @@ def _measure(path: Path, **settings: object) -> None:
 @pytest.fixture(scope="session")
 def planted_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of a run of 8 scenes whose oracle has a standard deviation of 0.3 px in u and 0.2 px in v."""
-    measure = partial(_measure, name="planted", speeds=[1, 2], option="loss_rate = 0.05")
+
+    def measure(path: Path) -> None:
+        with with_models():
+            _measure(path, name="planted", speeds=[1, 2], option="loss_rate = 0.05")
+
     return made_once("planted-noise", measure) / "run"
+
+
+@pytest.fixture(scope="session")
+def planted_model(planted_run: Path) -> NoiseModel:
+    """The model of its tracker at speed 1."""
+    return NoiseModel.fit(planted_run, tracker="oracle")
+
+
+@pytest.fixture(scope="session")
+def fast_model(planted_run: Path) -> NoiseModel:
+    """As `planted_model`, at speed 2."""
+    return NoiseModel.fit(planted_run, tracker="oracle", speed=2)
 
 
 @pytest.fixture(scope="session")

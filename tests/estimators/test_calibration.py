@@ -21,9 +21,9 @@ OWN = ("quality_cov_uu", "quality_cov_uv", "quality_cov_vv")
 
 
 @pytest.fixture(scope="module")
-def model(planted_run: Path) -> tn.NoiseModel:
+def model(planted_model: tn.NoiseModel) -> tn.NoiseModel:
     """Of white noise, which is as large at all ages."""
-    return tn.NoiseModel.fit(planted_run, tracker="oracle")
+    return planted_model
 
 
 @pytest.fixture(scope="module")

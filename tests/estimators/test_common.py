@@ -21,15 +21,15 @@ def test_a_planted_common_share_comes_back(common_run) -> None:
     assert "All features of a frame have 3" in " ".join(model_sentences(model, "filter"))
 
 
-def test_independent_noise_has_nothing_in_common(planted_run) -> None:
-    model = tn.NoiseModel.fit(planted_run, tracker="oracle")
+def test_independent_noise_has_nothing_in_common(planted_model) -> None:
+    model = planted_model
     assert model.common_share is not None
     assert model.common_share.value < 0.02
     assert model.common_share.high < 0.05
 
 
-def test_it_is_unknown_where_no_pose_error_was_fitted(planted_run) -> None:
-    assert tn.NoiseModel.fit(planted_run, tracker="oracle", speed=2).common_share is None
+def test_it_is_unknown_where_no_pose_error_was_fitted(fast_model) -> None:
+    assert fast_model.common_share is None
 
 
 def test_outliers_do_not_change_it(common_run) -> None:

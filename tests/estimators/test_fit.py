@@ -21,9 +21,9 @@ from tracknoise.tables.store import RunFolder
 MIDDLE = ((0.09 + 0.04) / 2) ** 0.5
 
 
-@pytest.fixture(scope="module")
-def model(planted_run: Path) -> tn.NoiseModel:
-    return tn.NoiseModel.fit(planted_run, tracker="oracle")
+@pytest.fixture
+def model(planted_model: tn.NoiseModel) -> tn.NoiseModel:
+    return planted_model
 
 
 def test_planted_noise_comes_back(model: tn.NoiseModel) -> None:
@@ -67,10 +67,9 @@ def test_white_noise_has_one_sigma_for_free_landmarks(model: tn.NoiseModel) -> N
     assert math.sqrt(2) * MIDDLE < exact.sigma.value < 2.02 * MIDDLE
 
 
-def test_speeds_are_fitted_apart_and_agree(planted_run: Path, model: tn.NoiseModel) -> None:
-    fast = tn.NoiseModel.fit(planted_run, tracker="oracle", speed=2)
-    assert fast.training.speed == 2
-    assert fast.white.sigma.value == pytest.approx(model.white.sigma.value, rel=0.05)
+def test_speeds_are_fitted_apart_and_agree(fast_model: tn.NoiseModel, model: tn.NoiseModel) -> None:
+    assert fast_model.training.speed == 2
+    assert fast_model.white.sigma.value == pytest.approx(model.white.sigma.value, rel=0.05)
 
 
 def test_only_the_named_scenes_are_fitted_to(planted_run: Path, model: tn.NoiseModel) -> None:
@@ -80,7 +79,9 @@ def test_only_the_named_scenes_are_fitted_to(planted_run: Path, model: tn.NoiseM
     assert some.white.sigma.low < some.white.sigma.value < some.white.sigma.high  # blocks of tracks are resampled
 
 
-def test_groups_that_the_experiment_declares_are_those_of_the_fit(planted_run: Path, tmp_path: Path) -> None:
+def test_groups_that_the_experiment_declares_are_those_of_the_fit(
+    planted_run: Path, model: tn.NoiseModel, tmp_path: Path
+) -> None:
     folder = RunFolder(shutil.copytree(planted_run, tmp_path / "run"))
     text = folder.experiment_toml().replace("[dataset]", "[dataset]\ngroups = {}", 1)
     manifest = folder.manifest()
@@ -89,7 +90,7 @@ def test_groups_that_the_experiment_declares_are_those_of_the_fit(planted_run: P
     known, found = (training_tables(one, tracker="oracle", speed=1).groups for one in (RunFolder(planted_run), folder))
     assert set(known.names.values()) == {"sideways", "forward"}
     assert found.names == {}
-    wide, narrow = (tn.NoiseModel.fit(one, tracker="oracle").white.sigma for one in (planted_run, folder.path))
+    wide, narrow = model.white.sigma, tn.NoiseModel.fit(folder.path, tracker="oracle").white.sigma
     assert wide.value == narrow.value
     assert wide.low != narrow.low
 
@@ -117,8 +118,10 @@ def test_runs_of_earlier_versions_say_what_is_missing(planted_run: Path, tmp_pat
         tn.NoiseModel.fit(folder.path, tracker="oracle")
 
 
-def test_models_of_runs_without_sampled_tracks_have_no_scale_of_tracks(planted_run: Path, tmp_path: Path) -> None:
-    assert tn.NoiseModel.fit(planted_run, tracker="oracle").track_scale is not None
+def test_models_of_runs_without_sampled_tracks_have_no_scale_of_tracks(
+    planted_run: Path, model: tn.NoiseModel, tmp_path: Path
+) -> None:
+    assert model.track_scale is not None
     folder = RunFolder(shutil.copytree(planted_run, tmp_path / "run"))
     manifest = folder.manifest()
     del next(iter(manifest.sequences.values())).sha256["track_errors"]

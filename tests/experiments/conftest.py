@@ -1,12 +1,13 @@
 """Small scenes on disk that are measured in a moment, and what a run of them left."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from tests.lean import measured_only
 
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
@@ -63,6 +64,13 @@ class Told:
 @pytest.fixture
 def told() -> Callable[[], Told]:
     return Told
+
+
+@pytest.fixture
+def lean() -> Iterator[None]:
+    """Runs are measured, and nothing is computed of them. Not for tests of a `finished` run, which is whole."""
+    with measured_only():
+        yield
 
 
 @pytest.fixture

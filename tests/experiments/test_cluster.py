@@ -26,7 +26,7 @@ from tracknoise.experiments.run_lock import hold
 from tracknoise.experiments.task import Job, attempt
 from tracknoise.tables.store import RunFolder
 
-pytestmark = pytest.mark.usefixtures("pipes_are_files")
+pytestmark = pytest.mark.usefixtures("pipes_are_files", "lean")
 
 CLI = "from distributed.cli.dask_{0} import main; main()"
 

@@ -265,17 +265,20 @@ def test_wrong_arguments_are_refused(make, tmp_path):
 
 
 def test_runs_that_are_swapped_by_chance_are_seldom_worse_or_better(make):
-    """What is left of their differences is chance, as large as the differences that they have."""
+    """What is left of their differences is chance, as large as the differences that they have.
+
+    `python -m benchmarks.validity compare` does this to more pairs, and more often.
+    """
     paths = make("base"), make("worse", seed=1, sigma_px=0.3, loss=0.2)
     opened = [OpenedRun.of(RunFolder(path), path.name) for path in paths]
     asked = questions(*opened, None).asked
     rng = np.random.default_rng(0)
     wrong = 0
-    for _ in range(60):
+    for _ in range(20):
         signs = dict(zip(SCENES, rng.choice([-1.0, 1.0], len(SCENES)), strict=True))
         rows = verdicts(swapped(asked, signs))
         wrong += any(row.verdict in ("worse", "better") for row in rows)
-    assert wrong <= 8
+    assert wrong <= 2
 
 
 def test_numbers_are_those_of_the_tables(make):

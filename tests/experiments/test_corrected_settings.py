@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 from tests.experiments.test_execute import Silent
+from tests.lean import measured_only
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.execute import execute
@@ -20,7 +21,7 @@ def recording(made_once):
 
         size = ["--width", "160", "--height", "120", "--supersampling", "1"]
         with pytest.raises(SystemExit):
-            main(["simulate", "--out", str(folder / "walk"), "--motion", "arvr", "--frames", "8", *size, "--quiet"])
+            main(["simulate", "--out", str(folder / "walk"), "--motion", "arvr", "--frames", "4", *size, "--quiet"])
 
     return made_once("corrected-settings", write)
 
@@ -40,6 +41,7 @@ def damaged(recording, folder):
     return folder
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_wrong_setting_can_be_corrected(recording, tmp_path):
     run = RunFolder(tmp_path / "run")
     bad = damaged(recording, tmp_path / "bad")
@@ -53,11 +55,13 @@ def finished(recording, made_once):
     """A run of the recording, which no test changes."""
 
     def write(folder):
-        execute(experiment(recording), RunFolder(folder), listener=Silent())
+        with measured_only():
+            execute(experiment(recording), RunFolder(folder), listener=Silent())
 
     return RunFolder(made_once("corrected-settings-run", write))
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_wrong_folder_of_data_can_be_corrected_and_nothing_of_the_failed_run_is_left(recording, finished, tmp_path):
     run = RunFolder(tmp_path / "run")
     first = execute(experiment(damaged(recording, tmp_path / "bad")), run, listener=Silent())

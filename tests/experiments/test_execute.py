@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import polars as pl
 import pytest
+from tests.lean import with_models
 
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import Experiment, parse_experiment
@@ -74,7 +75,8 @@ def finished(experiment, made_once) -> RunFolder:
     def write(path: Path) -> None:
         before = cv2.getNumThreads()
         cv2.setNumThreads(1)
-        outcome = execute(experiment, RunFolder(path), listener=Silent())
+        with with_models():
+            outcome = execute(experiment, RunFolder(path), listener=Silent())
         cv2.setNumThreads(before)
         assert outcome.measured == ["arvr-00@default", "sideways-00@default"]
 
@@ -162,7 +164,8 @@ def test_a_run_that_lost_a_sequence_is_completed_by_workers_with_the_settings_th
     del manifest.sequences["arvr-00@default"]
     run.write_manifest(manifest)
     listener = Silent()
-    execute(recorded, run, listener=listener, workers=2)
+    with with_models():
+        execute(recorded, run, listener=listener, workers=2)
     assert listener.keys == ["arvr-00@default"]
     assert run.manifest().settings_hash == finished.manifest().settings_hash
     assert tables(run) == tables(finished)

@@ -159,6 +159,7 @@ def limited(command, limit_bytes):
     return subprocess.run(arguments, preexec_fn=limit, capture_output=True, text=True)
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_full_disk_ends_the_run_with_one_line_and_keeps_what_was_whole(experiment_file, tmp_path, told, files):
     path, run = experiment_file(3, 16), RunFolder(tmp_path / "run")
     for name in ("seq-02", "seq-03"):
@@ -181,6 +182,7 @@ def test_a_full_disk_ends_the_run_with_one_line_and_keeps_what_was_whole(experim
     assert all(files(run)[name] == content for name, content in before.items() if not name.startswith("statistics"))
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_folder_that_cannot_be_written_ends_the_run_at_once(scenes, tmp_path, told):
     run = RunFolder(tmp_path / "run")
     run.path.mkdir()

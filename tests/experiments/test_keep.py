@@ -63,8 +63,7 @@ def test_what_is_kept_cannot_change_within_a_run(finished, told, first, other):
         execute(wanted, run, listener=told())
 
 
-@pytest.mark.parametrize("most", [2, None])
-@pytest.mark.parametrize("keep", ["observations", "statistics"])
+@pytest.mark.parametrize(("keep", "most"), [("observations", None), ("statistics", 2)])
 def test_more_scenes_are_added_to_a_run_as_if_they_had_always_been_there(finished, told, files, read, keep, most):
     _, run = finished(2, keep=keep, most=1)
     wanted, whole = finished(2, keep=keep, most=most)

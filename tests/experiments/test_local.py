@@ -103,13 +103,12 @@ def spawned() -> list[psutil.Process]:
     return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
 
 
-@pytest.mark.parametrize("number", signals.ENDING)
-def test_workers_leave_signals_to_the_program(number):
-    ((_, (handler, blocked)),) = measure_locally(status_of, [number], workers=1)
-    assert (handler, blocked) == (signal.SIG_IGN, False)
+def test_workers_leave_signals_to_the_program():
+    found = dict(measure_locally(status_of, signals.ENDING, workers=1))
+    assert found == dict.fromkeys(signals.ENDING, (signal.SIG_IGN, False))
 
 
-@pytest.mark.parametrize("number", signals.ENDING)
+@pytest.mark.parametrize("number", signals.ENDING[:2])
 def test_a_signal_during_the_start_of_a_worker_is_honoured(number, monkeypatch):
     """A signal in the middle of the start has its effect when the worker has started, and not before."""
     seen = []
@@ -161,6 +160,7 @@ def test_a_worker_that_died_is_an_error_of_the_call():
     worker.close()
 
 
+@pytest.mark.usefixtures("lean")
 def test_no_socket_of_a_run_accepts_a_stranger(scenes, tmp_path, told):
     """Neither this process nor a worker listens anywhere, so that no other user can send them work."""
     experiment = scenes(2)

@@ -4,6 +4,7 @@ import cv2
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
+from tests.lean import measured_only
 
 from tracknoise.experiments.execute import execute, remake
 from tracknoise.experiments.load import load_experiment, resolve
@@ -40,7 +41,8 @@ def joined(recording, made_once):
     from tests.experiments.conftest import Told
 
     def measure(path):
-        assert not execute(in_parts(recording), RunFolder(path), listener=Told()).failures
+        with measured_only():
+            assert not execute(in_parts(recording), RunFolder(path), listener=Told()).failures
 
     return RunFolder(made_once("joined-30", measure))
 
@@ -125,6 +127,7 @@ def test_sums_are_those_of_all_observations_together(joined, name):
     assert_frame_equal(found, expected, rel_tol=1e-9, abs_tol=1e-9)
 
 
+@pytest.mark.usefixtures("lean")
 def test_survival_is_that_of_one_piece_as_far_as_parts_show_it(recording, joined, tmp_path):
     from tests.experiments.conftest import Told
 
@@ -138,12 +141,14 @@ def test_survival_is_that_of_one_piece_as_far_as_parts_show_it(recording, joined
     assert (early["survival"] - early["survival_right"]).abs().max() < 0.15
 
 
+@pytest.mark.usefixtures("lean")
 def test_the_same_bytes_for_any_number_of_workers(recording, joined, files, tmp_path, told):
     two = RunFolder(tmp_path / "two")
     execute(in_parts(recording), two, listener=told(), workers=2)
     assert files(two) == files(joined)
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_start_that_was_ended_loses_the_part_it_was_measuring(recording, joined, files, tmp_path, told):
     class Ends(told):
         def frame(self, key, done, total, first):
@@ -169,6 +174,7 @@ def test_a_start_that_was_ended_loses_the_part_it_was_measuring(recording, joine
     assert files(run) == files(joined)
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_damaged_part_is_named_and_the_others_are_kept(experiment_file, told, tmp_path):
     file = experiment_file(1, 30)
     image = tmp_path / "data" / "seq-01" / "frame-000014.color.png"
@@ -195,6 +201,7 @@ def test_a_part_without_depth_shows_nothing_and_fails_nothing(experiment_file, t
     assert observed.filter(pl.col("frame") >= 20).height
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_changed_image_makes_the_recording_outdated(experiment_file, told, tmp_path):
     file = experiment_file(1, 30)
     run = RunFolder(tmp_path / "run")
@@ -218,6 +225,7 @@ def test_conditions_are_in_the_order_of_one_piece(joined):
     assert observed["tracker"].rle().len() == 2
 
 
+@pytest.mark.usefixtures("lean")
 def test_another_trimming_is_that_of_measuring_again(recording, joined, tmp_path, told):
     """From the observations that are kept, of each part on its own."""
     statistics = in_parts(recording).statistics.model_copy(update={"trim_percentile": 80.0})
@@ -248,6 +256,7 @@ def test_parts_of_an_oracle_draw_numbers_of_their_own(joined):
     assert not set(first) & set(second)
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_part_without_poses_is_left_out_and_named(experiment_file, told, tmp_path):
     file = experiment_file(1, 30)
     for index in range(10):
@@ -258,6 +267,7 @@ def test_a_part_without_poses_is_left_out_and_named(experiment_file, told, tmp_p
     assert any("nothing could be measured in frames 0 to 9" in note for note in run.manifest().sequences[KEY].notes)
 
 
+@pytest.mark.usefixtures("lean")
 def test_parts_of_another_version_are_measured_again(recording, told, tmp_path, monkeypatch):
     class Ends(told):
         def frame(self, key, done, total, first):
@@ -282,6 +292,7 @@ def test_parts_of_another_version_are_measured_again(recording, told, tmp_path, 
     assert (10, 1) not in seen
 
 
+@pytest.mark.usefixtures("lean")
 def test_trackers_that_need_the_whole_sequence_get_it(recording, tmp_path, told):
     tracks = tmp_path / "tracks.csv"
     tracks.write_text(

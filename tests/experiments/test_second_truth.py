@@ -85,6 +85,7 @@ def test_the_disagreement_is_that_of_the_poses(experiment, tmp_path, told, secon
     assert any(str(path).startswith(str(tmp_path)) for path in option_paths(loaded))
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_change_of_the_second_poses_makes_a_measurement_outdated(experiment, tmp_path, told):
     loaded, folder = experiment('trajectory = "poses/{scene}.txt"'), RunFolder(tmp_path / "run")
     execute(loaded, folder, listener=told())

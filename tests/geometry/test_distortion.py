@@ -22,8 +22,8 @@ LENSES = pytest.mark.parametrize(
 
 
 def whole_image(camera: Camera) -> np.ndarray:
-    """Every other pixel, and the outermost border."""
-    u, v = np.linspace(-0.5, camera.width - 0.5, camera.width // 2), np.linspace(-0.5, camera.height - 0.5, 240)
+    """Every fifth pixel, and the outermost border."""
+    u, v = (np.linspace(-0.5, size - 0.5, size // 5) for size in (camera.width, camera.height))
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
@@ -45,7 +45,7 @@ def test_opencv_projects_each_ray_to_its_pixel(lens):
 @LENSES
 def test_every_camera_point_in_the_image_returns_to_itself(lens):
     """The other way round: a second solution, if it existed, would show as another ray."""
-    xy = lens.bearings(whole_image(lens)[::7])[:, :2]
+    xy = lens.bearings(whole_image(lens)[::2])[:, :2]
     np.testing.assert_allclose(undistort(distort(xy, lens.distortion), lens.distortion), xy, rtol=0, atol=1e-11)
 
 
@@ -117,11 +117,11 @@ def test_whatever_has_an_image_is_found_again(coefficients, positions):
 
 
 def test_each_position_is_solved_for_itself():
-    distorted = np.random.default_rng(0).uniform(-0.8, 0.8, (200, 2))
+    distorted = np.random.default_rng(0).uniform(-0.8, 0.8, (60, 2))
     together = undistort(distorted, BARREL.distortion)
     alone = np.concatenate([undistort(row[None], BARREL.distortion) for row in distorted])
     np.testing.assert_array_equal(together, alone)
-    assert 0 < np.isnan(together[:, 0]).sum() < 100
+    assert 0 < np.isnan(together[:, 0]).sum() < 30
 
 
 @LENSES

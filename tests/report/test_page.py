@@ -52,6 +52,12 @@ def report(whole_report: Path) -> Path:
     return whole_report / "report" / "index.html"
 
 
+@pytest.fixture
+def one_family(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages have one family of figures, and are written in a moment."""
+    monkeypatch.setattr(page_module, "FAMILIES", [family for family in FAMILIES if family.id == "feature-counts"])
+
+
 @pytest.fixture(scope="module")
 def page(report: Path) -> Page:
     return Page(report.read_text(encoding="utf-8"))
@@ -154,8 +160,8 @@ def test_the_same_run_gives_the_same_bytes(whole_report: Path, tmp_path: Path) -
     assert written(run.path / "report") == written(whole_report / "report")
 
 
-def test_a_new_report_replaces_the_old_one_whole(own_run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_module, "FAMILIES", [family for family in FAMILIES if family.id == "feature-counts"])
+@pytest.mark.usefixtures("one_family")
+def test_a_new_report_replaces_the_old_one_whole(own_run: RunFolder) -> None:
     run = own_run
     write_report(run, figure_formats=("png",))
     (run.path / "report" / "figures" / "stale.svg").write_text("of an earlier run")
@@ -165,6 +171,7 @@ def test_a_new_report_replaces_the_old_one_whole(own_run: RunFolder, monkeypatch
     assert [path.name for path in run.path.iterdir() if path.name.startswith(".")] == []
 
 
+@pytest.mark.usefixtures("one_family")
 def test_what_a_killed_process_left_of_a_report_is_removed(own_run: RunFolder) -> None:
     run = own_run
     process = subprocess.Popen(["true"])
@@ -183,6 +190,7 @@ def test_names_that_look_like_markup_are_only_names(make_run: Callable[..., RunF
     assert "&lt;script&gt;alert(1)" in text
 
 
+@pytest.mark.usefixtures("one_family")
 def test_failures_are_told(own_run: RunFolder) -> None:
     run = own_run
     manifest = run.manifest()
@@ -193,6 +201,7 @@ def test_failures_are_told(own_run: RunFolder) -> None:
     assert "gone/depth.png: truncated, expected a PNG" in text
 
 
+@pytest.mark.usefixtures("one_family")
 def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Callable[..., RunFolder]) -> None:
     small = {"scenes": ("read",), "trackers": ("one",), "speeds": (1,), "n_frames": 6, "born": 4}
     run = make_run(**small, dataset="tum", truth="birth", depth=False)
@@ -226,6 +235,7 @@ def test_an_unknown_format_is_refused(run: RunFolder) -> None:
         write_report(run, figure_formats=("gif",))
 
 
+@pytest.mark.usefixtures("one_family")
 def test_a_missing_table_is_named_and_leaves_the_old_report(own_run: RunFolder) -> None:
     run = own_run
     index = write_report(run, figure_formats=())

@@ -372,8 +372,15 @@ def test_a_changed_image_is_noticed(measured):
         measured.snapshot(ENTRY.key)
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
-@pytest.mark.parametrize(("name", "column"), [("tracks", "max_error_px"), ("cameras", "distortion")])
+@pytest.mark.parametrize(
+    ("name", "column", "value"),
+    [
+        ("tracks", "max_error_px", float("nan")),
+        ("tracks", "max_error_px", float("-inf")),
+        ("cameras", "distortion", float("nan")),
+        ("cameras", "distortion", float("inf")),
+    ],
+)
 def test_numbers_that_are_not_finite_are_written_as_null_and_not_read(name, column, value, measured, monkeypatch):
     key = ENTRY.key
     tables = {each: measured.sequence_table(each, key) for each in measured.names_of_tables(key)}

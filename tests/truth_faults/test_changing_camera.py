@@ -11,6 +11,8 @@ from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.truth_faults.check_recording import check_sequence
 from tracknoise.truth_faults.check_report import Severity
+from tracknoise.truth_faults.image_evidence import Evidence
+from tracknoise.truth_faults.motion_checks import warping
 
 N_FRAMES = 16
 
@@ -41,15 +43,11 @@ def zoomed():
     )
 
 
-def severities(sequence):
-    return {item.topic: item.severity for item in check_sequence(sequence).items}
-
-
 def test_the_camera_of_each_image_is_used(zoomed):
-    found = severities(zoomed)
+    found = {item.topic: item.severity for item in check_sequence(zoomed).items}
     assert found["warping"] is Severity.ok
     assert not {Severity.caveat, Severity.fatal} & {*found.values()}
 
 
 def test_one_camera_for_all_images_is_noticed(zoomed):
-    assert severities(replace(zoomed, cameras=None))["warping"] is Severity.fatal
+    assert warping(Evidence.measured(replace(zoomed, cameras=None))).severity is Severity.fatal

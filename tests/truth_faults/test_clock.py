@@ -42,7 +42,7 @@ def test_offsets_of_rates_come_out_to_a_hundredth_of_a_frame(offset):
 
 
 def test_the_standard_deviation_is_that_of_repeated_estimates():
-    made = [estimate_offset(noisy(seed)) for seed in range(30)]
+    made = [estimate_offset(noisy(seed)) for seed in range(15)]
     spread = np.std([one.frames for one in made])
     assert np.median([one.sd_frames for one in made]) == pytest.approx(spread, rel=0.5)
 

@@ -59,15 +59,14 @@ def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
     assert focal.visible_above[0] >= abs(beside.estimate[0]) > beside.half_widths[0]
 
 
-@pytest.mark.parametrize("parameter", ["focal_length", "clock_offset"])
-def test_errors_that_would_be_seen_are_named_and_much_smaller_ones_are_not(parameter) -> None:
-    seen, smaller = [], []
-    for seed in range(3):
-        judged = {one.parameter: one for one in judge(select(samples(seed=seed)))}[Parameter(parameter)]
-        seen.append(is_seen(WORLD, judged, seed))
-        smaller.append(is_seen(WORLD, replace(judged, visible_above=0.3 * judged.visible_above), seed))
-    assert all(seen)
-    assert not any(smaller)
+@pytest.mark.parametrize("seed", range(2))
+def test_errors_that_would_be_seen_are_named_and_much_smaller_ones_are_not(seed) -> None:
+    """`python -m benchmarks.validity audit` does this to all parameters, and more often."""
+    judged = {one.parameter: one for one in judge(select(samples(seed=seed)))}
+    for parameter in (Parameter.focal_length, Parameter.clock_offset):
+        found = judged[parameter]
+        assert is_seen(WORLD, found, seed)
+        assert not is_seen(WORLD, replace(found, visible_above=0.3 * found.visible_above), seed)
 
 
 def test_an_exact_truth_has_no_fault() -> None:

@@ -135,6 +135,6 @@ def test_half_a_kind_of_depth_is_no_fault_of_this_kind() -> None:
     assert usual_mistakes(found) == []
 
 
-@pytest.mark.parametrize("faults", [{}, {"clock_offset": 0.5}, {"clock_offset": 0.8}, {"focal_length": 0.1}])
+@pytest.mark.parametrize("faults", [{}, {"clock_offset": 0.5}, {"focal_length": 0.1}])
 def test_no_other_fault_is_a_usual_mistake(faults) -> None:
     assert usual_mistakes(audit(**faults)) == []

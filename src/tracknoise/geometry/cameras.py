@@ -315,22 +315,26 @@ def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDA
     Each position is solved for itself: its result does not depend on what else is in the array. Shapes: distorted
     (..., 2); returns (..., 2). NaN where no point has this image.
     """
-    xy = np.zeros_like(distorted)
-    residual = distorted.copy()
-    share = np.ones(distorted.shape[:-1])
-    active = np.ones(distorted.shape[:-1], np.bool_)
+    left = distorted.reshape(-1, 2)
+    found, place = np.full_like(left, np.nan), np.arange(len(left))
+    xy, residual, share = np.zeros_like(left), left, np.ones(len(left))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(_STEPS):
-            trial = xy + share[..., None] * _newton_step(_jacobian(xy, coefficients), residual)
-            remains = distorted - distort(trial, coefficients)
-            closer = active & (_size(remains) < _size(residual))
-            xy = np.where(closer[..., None], trial, xy)
-            residual = np.where(closer[..., None], remains, residual)
+            trial = xy + share[:, None] * _newton_step(_jacobian(xy, coefficients), residual)
+            remains = left - distort(trial, coefficients)
+            closer = _size(remains) < _size(residual)
+            xy = np.where(closer[:, None], trial, xy)
+            residual = np.where(closer[:, None], remains, residual)
             share = np.where(closer, np.minimum(2.0 * share, 1.0), 0.5 * share)
-            active &= closer | (_size(residual) > _SOLVED)
-            if not active.any():
+            solved = _size(residual) <= _SOLVED
+            found[place[solved]] = xy[solved]
+            active = closer | (_size(residual) > _SOLVED)
+            if not active.all():  # a few that have no solution take many steps more than all others
+                place, left, share = place[active], left[active], share[active]
+                xy, residual = xy[active], residual[active]
+            if not len(place):
                 break
-        return np.where((_size(residual) <= _SOLVED)[..., None], xy, np.nan)
+    return found.reshape(distorted.shape)
 
 
 _Symmetric = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]

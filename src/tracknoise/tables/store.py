@@ -188,6 +188,7 @@ class RunFolder:
         self.path = Path(path)
         self._last_read: _Hashes | None = None
         self._last_results: tuple[tuple[object, ...], pl.DataFrame] | None = None
+        self._views: dict[str, pl.DataFrame] = {}
 
     @property
     def lock_path(self) -> Path:
@@ -590,6 +591,7 @@ class RunFolder:
         version = known, _version_of(path)
         if self._last_results is None or self._last_results[0] != version:
             self._last_results = version, read_parquet(path, RESULTS, known)
+            self._views = {}
         return self._last_results[1]
 
     def statistics(self, name: str) -> pl.DataFrame:
@@ -603,7 +605,10 @@ class RunFolder:
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
         if name in VIEWS:
-            return view(self.results(), name)
+            results = self.results()
+            if name not in self._views:
+                self._views[name] = view(results, name)
+            return self._views[name]
         hashes = self._hashes_of_statistics()
         if name in STATISTICS_TABLES and name not in hashes:
             raise self._unfinished()

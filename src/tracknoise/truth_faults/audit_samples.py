@@ -8,7 +8,7 @@ Frames of a sequence, and the other times at which its recording has poses, in t
 The truth interpolates between all poses of a recording, such as those of frames that a run leaves out. (truth.shutter)
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import polars as pl
@@ -252,6 +252,8 @@ class AuditSamples:
         Median time between frames, seconds: the unit of time. None where it is unknown.
     z_depth_from
         What depths that are along z by construction were computed from; None where their kind is only stated.
+    rays : by cameras, (n, 3) float64
+        Of the first positions, as computed last: most corrections change no camera.
     """
 
     trackers: tuple[str, ...]
@@ -274,6 +276,7 @@ class AuditSamples:
     axis_of: NDArray[np.intp]
     interval_s: float | None
     z_depth_from: str | None = None
+    rays: dict[tuple[Intrinsics, ...], NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def n_clusters(self) -> int:

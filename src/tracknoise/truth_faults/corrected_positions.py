@@ -229,8 +229,11 @@ class WorldPoints:
 
     @cached_property
     def _sight(self) -> Sight:
-        ray = self.optics.rays(self.samples.uv_at_birth)
-        return Sight.along(ray, self.corrections.number(Parameter.ray_depth))
+        kept, cameras = self.samples.rays, self.optics.cameras
+        if cameras not in kept:
+            kept.clear()
+            kept[cameras] = self.optics.rays(self.samples.uv_at_birth)
+        return Sight.along(kept[cameras], self.corrections.number(Parameter.ray_depth))
 
     @cached_property
     def _in_line(self) -> NDArray[np.float64]:

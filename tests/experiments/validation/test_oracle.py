@@ -40,7 +40,7 @@ population = "projected"
 """
 
 
-@pytest.fixture(scope="module", params=range(2))
+@pytest.fixture(scope="module", params=range(1))
 def run(request, tmp_path_factory) -> RunFolder:
     folder = tmp_path_factory.mktemp("oracle")
     (folder / "oracle.toml").write_text(TEXT.replace("SEED", str(request.param)))

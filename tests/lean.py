@@ -1,0 +1,60 @@
+"""Runs without what takes most of their time and a test does not look at."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+
+import polars as pl
+import pytest
+
+from tracknoise.estimators.run_models import RunModels, fitted_models
+from tracknoise.experiments import execute, run_findings
+from tracknoise.tables.store import RunFolder
+from tracknoise.truth_faults.audit_tables import not_audited
+
+
+@contextmanager
+def measured_only() -> Iterator[None]:
+    """Runs keep what they measured, and no statistics and findings are made of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(execute, "_replace_results", lambda *_: None)
+        yield
+
+
+@contextmanager
+def without_models() -> Iterator[None]:
+    """Findings are made as if no tracker had enough tracks for a noise model: a fit takes longer than all others."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_findings, "fitted_models", lambda *_: RunModels())
+        yield
+
+
+@contextmanager
+def with_models() -> Iterator[None]:
+    """Findings are made as in a program."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_findings, "fitted_models", fitted_models)
+        yield
+
+
+@contextmanager
+def without_audit() -> Iterator[None]:
+    """Findings are made as if the truth could not be audited, which takes half the time of the findings of a scene."""
+
+    def audited(run: RunFolder, *_: object) -> dict[str, pl.DataFrame]:
+        found = not_audited("it is not asked for", next(iter(run.manifest().sequences.values())).sequence.dataset)
+        return {"audit": found.audit, "audit_curves": found.audit_curves}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_findings, "run_audit", audited)
+        yield
+
+
+@contextmanager
+def without_figure_files() -> Iterator[None]:
+    """Reports are pages alone."""
+    page = import_module("tracknoise.report.page")  # of which most tests have no need
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
+        yield

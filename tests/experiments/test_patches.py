@@ -8,12 +8,12 @@ import polars as pl
 import pytest
 
 from tracknoise.experiments.measure import Measurement, measure, measure_together
-from tracknoise.experiments.patches import LONGEST_STRIP, track_patches
+from tracknoise.experiments.patches import track_patches
 from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.definitions import PLACE_AGES
 from tracknoise.statistics.samples import EACH, extreme_tracks
-from tracknoise.tables.defaults import PATCH_PX
+from tracknoise.tables.defaults import LONGEST_STRIP, PATCH_PX
 from tracknoise.tables.schema import PATCHES, check
 
 SIMULATED = {"motions": ["arvr"], "frames": 12, "width": 160, "height": 120, "supersampling": 1}

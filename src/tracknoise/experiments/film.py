@@ -2,12 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-import cv2
-import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-from tracknoise.sequences.images import encode_webp
+from tracknoise.sequences.images import encode_webp, reduced
 from tracknoise.tables.schema import FILM
 
 if TYPE_CHECKING:
@@ -28,17 +25,10 @@ def film(measurement: "Measurement") -> pl.DataFrame:
     size = 0
     for frame in range(min(measurement.n_frames, MOST_FRAMES)):
         kept = measurement.images.get(frame)
-        image = encode_webp(_small(measurement.sequence.image(frame) if kept is None else kept), quality=_QUALITY)
+        whole = measurement.sequence.image(frame) if kept is None else kept
+        image = encode_webp(reduced(whole, WIDEST_PX), quality=_QUALITY)
         size += len(image)
         if size > MOST_BYTES:
             break
         rows.append((frame, image))
     return pl.DataFrame(rows, schema=dict(FILM), orient="row")
-
-
-def _small(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    height, width = image.shape
-    if width <= WIDEST_PX:
-        return image
-    size = WIDEST_PX, max(1, round(height * WIDEST_PX / width))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)

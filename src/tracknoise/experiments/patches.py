@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.sequences.images import encode_webp
 from tracknoise.statistics.samples import extreme_tracks
-from tracknoise.tables.defaults import PATCH_PX
+from tracknoise.tables.defaults import LONGEST_STRIP, PATCH_PX
 from tracknoise.tables.schema import ORIGIN, PATCHES
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 KEPT_BYTES = 64 * 2**20
 """Size of the images of a sequence that are kept while it is measured. Others are read again where they are needed."""
-LONGEST_STRIP = 32
-"""Frames of the strip of the worst track."""
 _QUALITY = 80
 
 _COLUMNS = (*ORIGIN, "track", "frame", "age", "u_px", "v_px", "truth", "du_px", "dv_px")

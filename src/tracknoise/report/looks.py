@@ -7,10 +7,9 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.experiments.patches import LONGEST_STRIP
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.samples import KINDS
-from tracknoise.tables.defaults import PATCH_PX
+from tracknoise.tables.defaults import LONGEST_STRIP, PATCH_PX
 
 MOST_BYTES = 1_300_000
 """Size of all groups in a page, as JSON. Those of further scenes are left out."""

@@ -6,20 +6,20 @@ the observed position, a circle the true one.
 """
 
 import base64
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from markupsafe import Markup
+from PIL import Image
 
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.phrases.answer_summary import Setting, Summary
 from tracknoise.report import figure_files, style
 from tracknoise.report.small_plots import round_steps
-from tracknoise.sequences.images import encode_png
 from tracknoise.text import counted, printable
 from tracknoise.words import px
 
@@ -168,8 +168,8 @@ def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
     group = max(own, key=lambda one: float(np.hypot(*one["tracks"][0]["error"])))
     track, frames, side = group["tracks"][0], group["strip_at"], seen["patch_px"]
     n = len(frames)
-    decoded = cv2.imdecode(np.frombuffer(base64.b64decode(group["strip"]), np.uint8), cv2.IMREAD_GRAYSCALE)
-    tiles = np.asarray(decoded, np.uint8).reshape(side, n, side)
+    with Image.open(io.BytesIO(base64.b64decode(group["strip"]))) as image:
+        tiles = np.asarray(image.convert("L")).reshape(side, n, side)
     chosen = sorted({round(place) for place in np.linspace(0, n - 1, min(n, _MOST_TILES))})
     path = dict(
         zip(track["path"]["frame"], zip(track["path"]["du_px"], track["path"]["dv_px"], strict=True), strict=True)
@@ -178,7 +178,9 @@ def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
     size = float(np.hypot(*track["error"]))
     frames_on = track["frame"] - track["anchor_frame"]
     caption = f"Worst track: {px(size)} off after {counted(frames_on, 'frame')}. Circle: true place."
-    return Strip(encode_png(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))), marks, caption)
+    written = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))).save(written, "png")
+    return Strip(written.getvalue(), marks, caption)
 
 
 def _marked(side: int, error: tuple[float, float] | None) -> tuple[tuple[float, float], tuple[float, float] | None]:

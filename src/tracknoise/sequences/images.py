@@ -223,6 +223,15 @@ def content_hash(image: NDArray[np.uint8]) -> str | None:
     return sha256(str(image.shape).encode() + image.tobytes()).hexdigest()
 
 
+def reduced(image: NDArray[np.uint8], widest_px: int) -> NDArray[np.uint8]:
+    """A grayscale image, (height, width) of 8 bits, that is at most so wide, of the same aspect ratio."""
+    height, width = image.shape
+    if width <= widest_px:
+        return image
+    size = widest_px, max(1, round(height * widest_px / width))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def encode_webp(image: NDArray[np.uint8], *, quality: int) -> bytes:
     """Encode a grayscale image, (height, width) of 8 bits, as the bytes of a WebP file; quality is from 1 to 100."""
     done, encoded = cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])

@@ -14,5 +14,7 @@ SCAN_RADIUS_PX = 0.25
 """How near the projection of a scan point must lie to a feature."""
 MARGIN = 0.10
 """Largest relative effect of a factor that does not matter: the threshold that the paper uses for lighting."""
+LONGEST_STRIP = 32
+"""Frames of the strip of the worst track."""
 PATCH_PX = 31
 """Side of the patches that show tracks, px."""

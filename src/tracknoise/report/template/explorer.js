@@ -204,9 +204,9 @@ function choose(event) {
 
 /** Points of the drawn curves in the order in which arrow keys move: by curve, then along it. */
 function curvesDrawn() {
-  const rows = shownView.spec.usermeta.rows;
-  const places = [...new Set(rows.map((row) => `${row.axis} ${row.series} ${row.scene}`))];
-  return places.map((place) => rows.filter((row) => `${row.axis} ${row.series} ${row.scene}` === place));
+  const points = shownView.spec.usermeta.rows;
+  const places = [...new Set(points.map((row) => `${row.axis} ${row.series} ${row.scene}`))];
+  return places.map((place) => points.filter((row) => `${row.axis} ${row.series} ${row.scene}` === place));
 }
 
 /** Say which point the arrow keys have reached. */

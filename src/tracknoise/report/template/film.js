@@ -43,7 +43,7 @@ class Film {
     context.drawImage(image, 0, 0, this.canvas.width, this.canvas.height);
     const tracks = filmed.trackers[this.form.tracker.value];
     const colour = explored.colours[this.form.tracker.value];
-    const shown = tracks.filter((track) => track.u[frame - track.frame] != null);
+    const shown = tracks.filter((track) => Number.isFinite(track.u[frame - track.frame]));
     shown.forEach((track) => this.track(context, track, frame - track.frame, scale, colour));
     const known = shown.filter((track) => track.du[frame - track.frame] !== null).length;
     this.form.querySelector("output").textContent = `frame ${frame}: ${shown.length} tracks, ${known} with a true position`;

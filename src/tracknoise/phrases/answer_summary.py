@@ -109,7 +109,7 @@ class Card:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class NoiseToSet:
     """What to set in an estimator for one tracker.
 
     Attributes
@@ -231,7 +231,7 @@ class Summary:
     experiment: str
     measured: str
     estimator: str
-    settings: tuple[Setting, ...]
+    settings: tuple[NoiseToSet, ...]
     holds: str
     accuracy: Judgement
     certainty: Judgement

@@ -6,7 +6,7 @@ from typing import Any
 
 from tracknoise.estimators.exports import estimator
 from tracknoise.phrases import bias_topic, factor_topic, growth_topic, shape_topic, size_topic, track_topics
-from tracknoise.phrases.answer_summary import FORMAT, Card, Judgement, Measure, Number, Setting, Summary
+from tracknoise.phrases.answer_summary import FORMAT, Card, Judgement, Measure, NoiseToSet, Number, Summary
 from tracknoise.phrases.measures import Subject, reported_conditions, shown_size
 from tracknoise.phrases.scene_topic import certainty, holds, measured
 from tracknoise.phrases.statements import findings
@@ -38,7 +38,7 @@ def summarise(data: ReportData) -> Summary:
     )
 
 
-def _settings(data: ReportData) -> Iterator[Setting]:
+def _settings(data: ReportData) -> Iterator[NoiseToSet]:
     """What to set in the estimator of the experiment, for each tracker in their order."""
     rows = reported_conditions(data, data.slowest).reported(data.advice)
     is_bound = not TruthVerdict.of(data.trust).is_usable
@@ -51,7 +51,7 @@ def _settings(data: ReportData) -> Iterator[Setting]:
             }
             limit = limit_text(found["sigma"]["kernel"], factors)
             window = found["sigma"]["window"]
-            yield Setting(tracker, data.colour[tracker], window, sigma, is_bound, limit, innovations)
+            yield NoiseToSet(tracker, data.colour[tracker], window, sigma, is_bound, limit, innovations)
 
 
 def _number(row: Mapping[str, Any]) -> Number:

@@ -11,15 +11,15 @@ from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.phrases import trimming_topic
 from tracknoise.phrases.answer_summary import SUMMARY, Summary, summary_json
 from tracknoise.report import (
+    answer_plot,
     estimator_exports,
     explorer,
     factor_section,
     figure_files,
-    film,
+    filmed_scene,
     findings_section,
     looks,
     measured,
-    share_picture,
     small_plots,
     table_files,
     truth_section,
@@ -73,12 +73,12 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     require_distinct(item for section in sections for item in section.items)
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     specs = {figure.id: figure_files.specification(figure) for figure in figures}
-    frames = film.film(data)
+    frames = filmed_scene.filmed_scene(data)
     arranged = layout([*_before(), *sections, *_after(data)], filmed=frames is not None)
     answered, fits, seen = summarise(data), run_models(data.run), looks.looks(data)
-    shown = share_picture.picture(fits.models, answered.settings, seen)
+    shown = answer_plot.answer_plot(fits.models, answered.settings, seen)
     files = _figure_files(specs, formats) | _table_files(data)
-    files |= {} if shown is None else {share_picture.FILE: share_picture.png(shown, answered)}
+    files |= {} if shown is None else {answer_plot.FILE: answer_plot.png(shown, answered)}
     files[CONTENTS] = contents_json(data.name, arranged.every, formats).encode()
     files[SUMMARY] = summary_json(answered).encode()
     family_of = {item.id: section.id for section in sections for item in section.items}
@@ -127,7 +127,7 @@ def _page(
     family_of: Mapping[str, str],
     specs: Mapping[str, Any],
     seen: Mapping[str, Any],
-    shown: share_picture.Picture | None,
+    shown: answer_plot.AnswerPlot | None,
     frames: Mapping[str, Any] | None,
 ) -> str:
     families = {family.id: family for family in FAMILIES}
@@ -155,13 +155,13 @@ def _page(
             fits.models, missing=fits.missing, paths=fits.paths, first=data.estimator
         ),
         specs={name: _embedded(figure_files.themed(spec)) for name, spec in specs.items()},
-        most_settings=share_picture.MOST_TRACKERS,
+        most_settings=answer_plot.MOST_TRACKERS,
         explored=_embedded(explorer.explored(data)),
         has_looks=bool(seen["groups"]),
         looked=_embedded(seen),
         filmed=frames,
         filmed_json=_embedded(frames or {}),
-        most_tracks=film.MOST_TRACKS,
+        most_tracks=filmed_scene.MOST_TRACKS,
         vega=figure_files.scripts(),
     )
 

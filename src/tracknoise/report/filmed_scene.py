@@ -13,7 +13,7 @@ MOST_TRACKS = 150
 """Tracks of each tracker that the page can draw: a third of them have the largest errors."""
 
 
-def film(data: ReportData) -> dict[str, Any] | None:
+def filmed_scene(data: ReportData) -> dict[str, Any] | None:
     """Frames and tracks as the script of the page reads them; None where the run keeps none.
 
     Returns: `scene`, `width` and `height` of the images of the recording, px; `frames`, WebP images in base64; and

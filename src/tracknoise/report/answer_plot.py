@@ -17,7 +17,7 @@ from PIL import Image
 
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.phrases.answer_summary import Setting, Summary
+from tracknoise.phrases.answer_summary import NoiseToSet, Summary
 from tracknoise.report import figure_files, style
 from tracknoise.report.small_plots import round_steps
 from tracknoise.text import counted, printable
@@ -82,7 +82,7 @@ class Strip:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class AnswerPlot:
     """What the first screen shows.
 
     Attributes
@@ -119,7 +119,9 @@ class Picture:
         return Markup("") if self.strip is None else _tiles(self.strip)
 
 
-def picture(models: Mapping[str, NoiseModel], settings: Sequence[Setting], seen: Mapping[str, Any]) -> Picture | None:
+def answer_plot(
+    models: Mapping[str, NoiseModel], settings: Sequence[NoiseToSet], seen: Mapping[str, Any]
+) -> AnswerPlot | None:
     """The picture of a run; None where nothing is known that could be set.
 
     Parameters
@@ -138,10 +140,10 @@ def picture(models: Mapping[str, NoiseModel], settings: Sequence[Setting], seen:
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
     curves = tuple(_curve(one, models[one.tracker]) for one in chosen)
     subject = f"{first.tracker} in windows of {first.window} frames"
-    return Picture(_title(first), subject, curves, _strip(seen, first.tracker))
+    return AnswerPlot(_title(first), subject, curves, _strip(seen, first.tracker))
 
 
-def _title(one: Setting) -> str:
+def _title(one: NoiseToSet) -> str:
     sigma, residuals = one.sigma.value or 0.0, one.innovations.value or 0.0
     most = "at most " if one.is_bound else ""
     if sigma < _ALIKE * residuals and residuals < _ALIKE * sigma:
@@ -149,7 +151,7 @@ def _title(one: Setting) -> str:
     return f"Your residuals say {px(residuals)}. Set {most}{px(sigma)}."
 
 
-def _curve(one: Setting, model: NoiseModel) -> Curve:
+def _curve(one: NoiseToSet, model: NoiseModel) -> Curve:
     free = [found for found in model.equivalents if found.landmark is Landmark.FREE]
     by = {
         purpose: {found.window: found.sigma.value for found in free if found.purpose is purpose}
@@ -191,7 +193,7 @@ def _marked(side: int, error: tuple[float, float] | None) -> tuple[tuple[float, 
     return (middle, middle), (middle - error[0] / side, middle - error[1] / side)
 
 
-def _plot(shown: Picture, colours: Mapping[str, str]) -> Markup:
+def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     values = [value for curve in shown.curves for value in (*curve.to_set, *curve.innovations)]
     windows = sorted({window for curve in shown.curves for window in curve.windows})
     most = 1.08 * max(values)
@@ -319,7 +321,7 @@ def _mark(left: float, observed: tuple[float, float], true: tuple[float, float] 
     )
 
 
-def png(shown: Picture, summary: Summary) -> bytes:
+def png(shown: AnswerPlot, summary: Summary) -> bytes:
     """The picture as a file of `WIDTH` times `HEIGHT` px: to share, and for readmes."""
     plot = _nested(_plot(shown, _PAPER), x=24, y=150, scale=1.4)
     tiles = Markup("") if shown.strip is None else _nested(_tiles(shown.strip), x=48, y=494, scale=1.1)

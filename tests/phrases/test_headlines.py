@@ -493,7 +493,8 @@ def test_growth_says_by_how_much_and_which_parts_are_established() -> None:
     growth = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]
     assert growth["text"] == (
         "Growth of trimmed errors of the same tracks at speed 1. Growth is from age 1 to 10. lk in u: the RMS grows "
-        "1.50 times (1.40 to 1.60). Constant part is established: 0.200 px (0.190 to 0.210). Random walk is established: 0.0900 px "
+        "1.50 times (1.40 to 1.60). Constant part is established: 0.200 px (0.190 to 0.210). Random walk is "
+        "established: 0.0900 px "
         "per sqrt(frame) (0.0800 to 0.100). lk in v: growth is undecided. How it grows is open: too few ages. Scenes "
         "count alike. Growth by less than the margin counts as none."
     )

@@ -42,7 +42,8 @@ def test_means_of_both_sides_are_stated_and_whether_most_of_the_mean_is_on_one()
         "another one beside depth edges. On the far side it is −3.000 px (−4.000 to −2.000). On the near side it is "
         "1.000 px (0.500 to 1.500). Elsewhere it is −0.100 px (−0.200 to 0). Most of the drift is features on the far "
         "side of depth edges. They are 10.0 % of the features, with 110.0 % of the mean. The mean of all features is "
-        "−0.280 px; without the far side it is 0.100 px. Without features beside depth edges, the second moment falls by 70.0 % (60.0 % to 80.0 %). A "
+        "−0.280 px; without the far side it is 0.100 px. Without features beside depth edges, the second moment "
+        "falls by 70.0 % (60.0 % to 80.0 %). A "
         "feature beside a depth edge has two surfaces in its window."
     )
 

@@ -65,7 +65,8 @@ def text(*given: Any) -> str:
 def test_a_tracker_that_drifts_has_depths_less_certain_than_its_residuals_say() -> None:
     found = text(windows(DRIFTING))
     assert found.startswith(
-        "Noise for the depths of points at speed 1, from untrimmed errors. Windows have 15 frames. lk: depths are right with"
+        "Noise for the depths of points at speed 1, from untrimmed errors. Windows have 15 frames. lk: depths are "
+        "right with"
     )
     assert "0.200 px (0.170 to 0.230). Residuals will look like 0.040 px. Tuned to them, depths are 5.0 times" in found
     assert "5.0 times (4.6 to 5.6) less certain than claimed." in found

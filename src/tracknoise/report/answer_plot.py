@@ -133,22 +133,28 @@ def answer_plot(
     seen
         Tracks with patches, as `tracknoise.report.looks.looks` returns them.
     """
-    able = [one for one in settings if one.sigma.value and one.innovations.value and one.tracker in models]
+    curves = {one.tracker: _curve(one, models[one.tracker]) for one in settings if one.tracker in models}
+    known = [one for one in settings if one.tracker in curves and curves[one.tracker].windows]
+    able = [one for one in known if one.sigma.value and one.innovations.value]
     if not able:
         return None
-    first = max(able, key=lambda one: one.sigma.value / one.innovations.value)  # type: ignore[operator]
+    first = max(able, key=lambda one: (one.sigma.value or 0.0) / (one.innovations.value or 1.0))
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
-    curves = tuple(_curve(one, models[one.tracker]) for one in chosen)
-    subject = f"{first.tracker} in windows of {first.window} frames"
-    return AnswerPlot(_title(first), subject, curves, _strip(seen, first.tracker))
+    subject = f"{first.tracker} in windows of {counted(first.window, 'frame')}"
+    shown = tuple(curves[one.tracker] for one in chosen)
+    return AnswerPlot(_title(first), subject, shown, _strip(seen, first.tracker))
 
 
 def _title(one: NoiseToSet) -> str:
     sigma, residuals = one.sigma.value or 0.0, one.innovations.value or 0.0
     most = "at most " if one.is_bound else ""
-    if sigma < _ALIKE * residuals and residuals < _ALIKE * sigma:
+    if _alike(sigma, residuals):
         return f"Your residuals are right: set {most}{px(sigma)}."
     return f"Your residuals say {px(residuals)}. Set {most}{px(sigma)}."
+
+
+def _alike(one: float, other: float) -> bool:
+    return one < _ALIKE * other and other < _ALIKE * one
 
 
 def _curve(one: NoiseToSet, model: NoiseModel) -> Curve:
@@ -265,7 +271,7 @@ def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
 def _ends(curve: Curve) -> Iterator[tuple[str, float]]:
     """What the ends of its lines are called; one name where they are alike."""
     to_set, innovations = curve.to_set[-1], curve.innovations[-1]
-    if 1.0 / _ALIKE < to_set / innovations < _ALIKE:
+    if _alike(to_set, innovations):
         yield "both alike", to_set
     else:
         yield from (("set", to_set), ("residuals", innovations))

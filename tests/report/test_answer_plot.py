@@ -1,0 +1,69 @@
+"""The picture of the first screen says what residuals look like and what to set, and shows the worst track."""
+
+import re
+
+import numpy as np
+import pytest
+
+from tracknoise.estimators.model import Landmark, Purpose
+from tracknoise.estimators.run_models import run_models
+from tracknoise.phrases.answer_summary import NoiseToSet
+from tracknoise.report.answer import number_of, summarise
+from tracknoise.report.answer_plot import AnswerPlot, Curve, answer_plot
+from tracknoise.report.looks import looks
+from tracknoise.report.report_data import ReportData
+
+NOTHING = {"groups": [], "patch_px": 31}
+
+
+@pytest.fixture(scope="module")
+def model(fitted_run):
+    return run_models(fitted_run).models["oracle"]
+
+
+def to_set(sigma, innovations, *, tracker="oracle", is_bound=False):
+    sizes = (number_of(value, None, None) for value in (sigma, innovations))
+    return NoiseToSet(tracker, "#0072B2", 11, next(sizes), is_bound, "", next(sizes))
+
+
+@pytest.mark.parametrize(
+    ("one", "title"),
+    [
+        (to_set(0.16, 0.069), "Your residuals say 0.069 px. Set 0.160 px."),
+        (to_set(0.16, 0.069, is_bound=True), "Your residuals say 0.069 px. Set at most 0.160 px."),
+        (to_set(0.5, 0.49), "Your residuals are right: set 0.500 px."),
+    ],
+)
+def test_the_title_is_the_answer(model, one, title):
+    found = answer_plot({"oracle": model}, [one], NOTHING)
+    assert found.title.replace("\N{NO-BREAK SPACE}", " ") == title
+
+
+def test_it_is_about_the_tracker_that_residuals_mislead_most(model):
+    settings = [to_set(0.5, 0.4, tracker="a"), to_set(0.5, 0.1, tracker="b"), to_set(0.5, 0.2, tracker="c")]
+    found = answer_plot(dict.fromkeys("abc", model), settings, NOTHING)
+    assert found.subject == "b in windows of 11 frames"
+    assert [curve.tracker for curve in found.curves] == ["b", "a", "c"]
+
+
+def test_curves_are_the_sigmas_of_the_model(fitted_run, model):
+    data = ReportData.of(fitted_run)
+    found = answer_plot({"oracle": model}, summarise(data).settings, looks(data))
+    (curve,) = found.curves
+    for place, window in enumerate(curve.windows):
+        for purpose, values in ((Purpose.NEWEST_POSE, curve.to_set), (Purpose.INNOVATIONS, curve.innovations)):
+            expected = model.equivalent(landmark=Landmark.FREE, window=window, purpose=purpose).sigma.value
+            assert values[place] == expected
+
+
+def test_labels_do_not_cover_each_other():
+    curves = tuple(Curve(name, "#000000", 11, 0.5, (5, 10), (0.5, 0.5), (0.4, 0.4)) for name in "abcd")
+    drawn = AnswerPlot("title", "subject", curves, None).plot()
+    places = [float(y) for y in re.findall(r'<text x="4\d\d" y="([\d.]+)" fill="var\(--ink\)"', drawn)]
+    assert len(places) == 8
+    assert np.diff(np.sort(places)).min() > 12
+
+
+def test_without_a_model_there_is_none(model):
+    assert answer_plot({}, [to_set(0.5, 0.4)], NOTHING) is None
+    assert answer_plot({"oracle": model}, [to_set(0.0, 0.0)], NOTHING) is None

@@ -19,9 +19,15 @@ def handheld(sample):
 
 
 @pytest.fixture(scope="module")
-def given(handheld):
-    """The offset of the recording itself, frames."""
-    return clock(handheld, None).values["offset_frames"]
+def as_recorded(handheld):
+    """What is said of the recording itself."""
+    return clock(handheld, None)
+
+
+@pytest.fixture
+def given(as_recorded):
+    """Its offset, frames."""
+    return as_recorded.values["offset_frames"]
 
 
 def rates(offset, *, noise=1e-4, n=90):
@@ -34,7 +40,7 @@ def rates(offset, *, noise=1e-4, n=90):
     return Rates(steps, rate(steps) + noise * rng.standard_normal((n, 3)), rate(steps - offset))
 
 
-@pytest.mark.parametrize("offset", [-2.3, -1.0, -0.4, 0.0, 0.4, 1.0, 3.0])
+@pytest.mark.parametrize("offset", [-2.3, -0.4, 0.0, 1.0, 3.0])
 def test_offsets_of_rates_come_out_to_a_hundredth_of_a_frame(offset):
     found = estimate_offset(rates(offset))
     assert found.frames == pytest.approx(offset, abs=0.02)
@@ -85,8 +91,8 @@ def test_an_offset_planted_in_a_recording_is_measured_to_a_tenth_of_a_frame(hand
     assert ("earlier" in item.text) is (frames > 0)
 
 
-def test_clocks_that_agree_are_no_caveat(handheld):
-    assert clock(handheld, None).severity is Severity.ok
+def test_clocks_that_agree_are_no_caveat(as_recorded):
+    assert as_recorded.severity is Severity.ok
 
 
 def test_without_rotation_no_offset_can_be_seen():
@@ -104,10 +110,9 @@ def test_frames_without_a_pose_are_left_out():
     assert estimate_offset(made).frames == pytest.approx(0.4, abs=0.02)
 
 
-@pytest.mark.parametrize("missing", [[0], [20, 21, 70, 119]])
-def test_frames_without_a_pose_are_left_out_where_translations_are_those_of_poses(handheld, given, missing):
+def test_frames_without_a_pose_are_left_out_where_translations_are_those_of_poses(handheld, given):
     poses = handheld.poses.copy()
-    poses[missing] = np.nan
+    poses[[0, 20, 21, 70, 119]] = np.nan
     item = clock(Evidence.of(handheld.flow, poses, handheld.camera), None)
     assert item.severity is not Severity.unknown
     assert item.values["offset_frames"] == pytest.approx(given, abs=0.05)
@@ -133,7 +138,7 @@ def test_searches_that_all_end_at_the_same_bound_have_found_no_offset(rendered, 
     assert item.severity is Severity.unknown
 
 
-@pytest.mark.parametrize("frames", [-1.0, 2.0, 3.0])
+@pytest.mark.parametrize("frames", [-1.0, 3.0])
 def test_with_depth_offsets_of_these_images_are_found(rendered, frames):
     item = clock(Evidence.of(rendered.flow, shifted(frames)(rendered.poses), rendered.camera), None)
     assert item.severity is Severity.caveat

@@ -166,19 +166,24 @@ class Identified(Mapping[str, pl.DataFrame]):
 
 
 def _rows_of(chosen: View, table: pl.DataFrame) -> list[pl.DataFrame]:
-    """Rows of results of one table: a part for each of its values."""
+    """Rows of results of one table: a part for each of its values that has any."""
     for column, names in chosen.packed.items():
         texts = [pl.col(name).cast(pl.String).fill_null("") for name in names]
         table = table.with_columns(pl.concat_str(texts, separator=_SEPARATOR).alias(f"packed {column}"))
     keys = {**chosen.keys, **{column: f"packed {column}" for column in chosen.packed}}
     if table.is_empty():
         return []
-    parts, seen, kinds = [], set(), table.schema
+    parts, kinds = [], table.schema
+    groups: dict[tuple[tuple[str, Any], ...], pl.DataFrame] = {}
     for value in chosen.values:
-        rows = table.filter(*(pl.col(name).eq_missing(pl.lit(wanted)) for name, wanted in value.rows.items()))
-        if (group := tuple(value.rows.items())) in seen and not value.always:
+        is_first = (group := tuple(value.rows.items())) not in groups
+        if is_first:
+            groups[group] = table.filter(*(pl.col(name).eq_missing(pl.lit(wanted)) for name, wanted in group))
+        rows = groups[group]
+        if not (is_first or value.always) and rows[value.column].null_count():
             rows = rows.filter(pl.col(value.column).is_not_null())
-        seen.add(group)
+        if rows.is_empty():
+            continue
         unit = QUANTITIES[value.quantity].unit
         constants = {"topic": value.topic or chosen.topic, "quantity": value.quantity, "unit": unit, **value.labels}
         own = {name: column for name, column in keys.items() if name not in value.labels}

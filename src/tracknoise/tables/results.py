@@ -115,7 +115,7 @@ def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
     `rows`: with columns of `RESULTS`, of which any but the quantity, the topic and `cut` may be missing.
     """
     kinds = {name: kind for name, kind in RESULTS.items() if name not in ("id", "caveats")} | {"cut": pl.Boolean}
-    parts = [part.select_seq(pl.col(name).cast(kinds[name]) for name in part.columns) for part in rows if part.height]
+    parts = [pl.DataFrame([own.cast(kinds[own.name]) for own in part.iter_columns()]) for part in rows if part.height]
     table = pl.concat([pl.DataFrame(schema=kinds), *parts], how="diagonal")
     table = _merged(table.insert_column(0, _ids(table)))
     return table.with_columns(caveats=_caveats()).select(list(RESULTS))

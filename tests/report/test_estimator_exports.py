@@ -74,5 +74,8 @@ def test_the_page_holds_all_exports(fits: RunModels, content: dict[str, dict[str
 def test_a_choice_is_the_name_of_the_tracker_as_it_is() -> None:
     """The text of an option loses repeated spaces, and its exports would not be found."""
     shown = Exports(trackers=("two  <words>",), missing={}, choices=(), packed="", first="filter")
-    page = template("sections/estimator.html.j2").render(noise_exports=shown, data=SimpleNamespace(slowest=1))
+    summary = SimpleNamespace(measured="", certainty=SimpleNamespace(text=""))
+    page = template("sections/estimator.html.j2").render(
+        noise_exports=shown, data=SimpleNamespace(slowest=1), summary=summary
+    )
     assert '<option value="two  &lt;words&gt;">' in page

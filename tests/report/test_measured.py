@@ -182,7 +182,7 @@ def test_the_summary_speaks_of_frames_where_there_is_a_scan(make_run: Callable[.
     run = make_run(scenes=("only",), born=40, key_frame=8, truth="scan")
     shown = measured.summary(ReportData.of(run))
     place = shown.headings.index("frame")
-    assert shown.headings[place + 1 : place + 3] == ["\N{GREEK SMALL LETTER MU} u", "\N{GREEK SMALL LETTER MU} v"]
+    assert shown.headings[place + 1 : place + 3] == ["mean u", "mean v"]
     assert shown.rows[0][place] == "16"  # the last of both trackers
 
 

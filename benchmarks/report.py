@@ -163,7 +163,7 @@ def counts(run: Path) -> dict[str, float]:
     """What a reader sees of the report of a run, in a window of 1366 times 768 px."""
     page = (run / "report" / "index.html").resolve()
     with (
-        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         chromium.browser(Path(folder)) as pipe,
         chromium.tab(pipe) as tab,
     ):

@@ -26,7 +26,7 @@ from tracknoise.words import px
 FILE = "share.png"
 WIDTH, HEIGHT = 1200, 630
 """Size of the file, px, as pages that show links expect it."""
-MOST_TRACKERS = 4
+MOST_TRACKERS = 3
 _MOST_TILES, _TILE = 8, 64
 _PLOT_WIDTH, _PLOT_HEIGHT = 560, 236
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 88, 10, 38
@@ -211,7 +211,7 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     def y(value: float) -> float:
         return _TOP + height * (1.0 - value / most)
 
-    grid = [_rule(y(value), f"{value:g}", colours) for value in round_steps(0.0, most, ticks=2)]
+    grid = [_rule(y(value), f"{value:g}", colours) for value in round_steps(0.0, most, ticks=3)]
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
     ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve)]

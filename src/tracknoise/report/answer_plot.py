@@ -7,6 +7,7 @@ the observed position, a circle the true one.
 
 import base64
 import io
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +20,6 @@ from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.phrases.answer_summary import NoiseToSet, Summary
 from tracknoise.report import figure_files, style
-from tracknoise.report.small_plots import round_steps
 from tracknoise.text import counted, printable
 from tracknoise.words import px
 
@@ -211,7 +211,7 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     def y(value: float) -> float:
         return _TOP + height * (1.0 - value / most)
 
-    grid = [_rule(y(value), f"{value:g}", colours) for value in round_steps(0.0, most, ticks=3)]
+    grid = [_rule(y(value), f"{value:g}", colours) for value in _ticks(most)]
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
     ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve)]
@@ -231,6 +231,13 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     )
 
 
+def _ticks(most: float) -> list[float]:
+    """Zero, and one or two round numbers up to the largest value."""
+    power = 10.0 ** math.floor(math.log10(most))
+    step = max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= most)
+    return [0.0, *(place * step for place in (1, 2) if place * step <= most)]
+
+
 def _rule(y: float, text: str, colours: Mapping[str, str]) -> Markup:
     return Markup(
         '<line x1="{left}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}" stroke="{line}"/>'
@@ -248,7 +255,7 @@ def _apart(places: Sequence[tuple[float, int]]) -> list[int]:
     """Those of ticks that are far enough from the one before."""
     kept: list[tuple[float, int]] = []
     for place, window in places:
-        if not kept or place - kept[-1][0] >= 6 * _LABEL_GAP:
+        if not kept or place - kept[-1][0] >= 8 * _LABEL_GAP:
             kept.append((place, window))
     return [window for _, window in kept]
 

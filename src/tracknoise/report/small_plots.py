@@ -9,16 +9,6 @@ from markupsafe import Markup, escape
 from tracknoise.phrases.answer_summary import Card, Measure, Number
 from tracknoise.text import printable
 
-
-def round_steps(low: float, high: float, *, ticks: int) -> Sequence[float]:
-    """About so many round numbers between two others."""
-    rough = (high - low) / ticks or 1.0
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough)
-    first = math.ceil(low / step)
-    return [place * step for place in range(first, math.floor(high / step) + 1)]
-
-
 INTERVAL_PLOT_WIDTH, INTERVAL_PLOT_HEIGHT = 76, 16
 _EDGE = 4.0
 _MANY_TIMES = 20.0

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.run_models import run_models
 from tracknoise.phrases.answer_summary import NoiseToSet
@@ -35,35 +36,38 @@ def to_set(sigma, innovations, *, tracker="oracle", is_bound=False):
     ],
 )
 def test_the_title_is_the_answer(model, one, title):
-    found = answer_plot({"oracle": model}, [one], NOTHING)
+    found = answer_plot({"oracle": model}, "filter", [one], NOTHING)
     assert found.title.replace("\N{NO-BREAK SPACE}", " ") == title
 
 
 def test_it_is_about_the_tracker_that_residuals_mislead_most(model):
     settings = [to_set(0.5, 0.4, tracker="a"), to_set(0.5, 0.1, tracker="b"), to_set(0.5, 0.2, tracker="c")]
-    found = answer_plot(dict.fromkeys("abc", model), settings, NOTHING)
-    assert found.subject == "b in windows of 11 frames"
+    found = answer_plot(dict.fromkeys("abc", model), "filter", settings, NOTHING)
+    assert found.subject == "b, misled most; windows of 11 frames"
     assert [curve.tracker for curve in found.curves] == ["b", "a", "c"]
 
 
-def test_curves_are_the_sigmas_of_the_model(fitted_run, model):
+@pytest.mark.parametrize("name", ["filter", "colmap", "gtsam", "xivo", "pnp"])
+def test_curves_are_what_is_set_in_windows_of_each_length(fitted_run, model, name):
     data = ReportData.of(fitted_run)
-    found = answer_plot({"oracle": model}, summarise(data).settings, looks(data))
+    found = answer_plot({"oracle": model}, name, summarise(data).settings, looks(data))
     (curve,) = found.curves
-    for place, window in enumerate(curve.windows):
-        for purpose, values in ((Purpose.NEWEST_POSE, curve.to_set), (Purpose.INNOVATIONS, curve.innovations)):
-            expected = model.equivalent(landmark=Landmark.FREE, window=window, purpose=purpose).sigma.value
-            assert values[place] == expected
+    assert curve.windows
+    for window, to_set, innovations in zip(curve.windows, curve.to_set, curve.innovations, strict=True):
+        assert to_set == estimator(name).advise(model, window=window).sigma.value
+        expected = model.equivalent(landmark=Landmark.FREE, window=window, purpose=Purpose.INNOVATIONS)
+        assert innovations == expected.sigma.value
+        assert window <= model.training.ages[1] + 1
 
 
 def test_labels_do_not_cover_each_other():
     curves = tuple(Curve(name, "#000000", 11, 0.5, (5, 10), (0.5, 0.5), (0.4, 0.4)) for name in "abcd")
     drawn = AnswerPlot("title", "subject", curves, None).plot()
     places = [float(y) for y in re.findall(r'<text x="4\d\d" y="([\d.]+)" fill="var\(--ink\)"', drawn)]
-    assert len(places) == 8
+    assert len(places) == 5
     assert np.diff(np.sort(places)).min() > 12
 
 
 def test_without_a_model_there_is_none(model):
-    assert answer_plot({}, [to_set(0.5, 0.4)], NOTHING) is None
-    assert answer_plot({"oracle": model}, [to_set(0.0, 0.0)], NOTHING) is None
+    assert answer_plot({}, "filter", [to_set(0.5, 0.4)], NOTHING) is None
+    assert answer_plot({"oracle": model}, "filter", [to_set(0.0, 0.0)], NOTHING) is None

@@ -89,7 +89,16 @@ def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[
         why = "; ".join(f"{tracker}: {reason}" for tracker, reason in found.missing.items())
         raise SettingsError(f"{run.path}: no tracker has a noise model, expected one{f' ({why})' if why else ''}")
     length = window or _asked_window(run.statistics("advice"), estimator_name(name))
-    return {tracker: _to_set(model, tracker, about, length) for tracker, model in found.models.items()}
+    advised: dict[str, SigmaToSet] = {}
+    reasons = []
+    for tracker, model in found.models.items():
+        try:
+            advised[tracker] = _to_set(model, tracker, about, length)
+        except SettingsError as error:  # no error in any direction that the estimator can see
+            reasons.append(str(error))
+    if not advised:
+        raise SettingsError(reasons[0])
+    return advised
 
 
 def _asked_window(advice: pl.DataFrame, name: str) -> int | None:

@@ -36,8 +36,10 @@ def answer_lines(data: ReportData, most: int) -> list[str]:
     shown = _fitting(told, room)
     if shown < len(told):
         shown = _fitting(told, room - 1)
+    shown = max(shown, min(1, len(told)))
     left = len(told) - shown
-    return [*_flat(told[:shown]), *([f"{left} more: --table"] if left else []), *rest]
+    answered = [*_flat(told[:shown]), *([f"{left} more: --table"] if left else [])]
+    return [*answered, *rest[max(0, len(answered) + len(rest) - most) :]]
 
 
 def _fitting(told: Sequence[Sequence[str]], room: int) -> int:

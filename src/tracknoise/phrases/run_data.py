@@ -125,6 +125,12 @@ class RunData:
         return str(self.settings.get("estimator", {}).get("name", "filter"))
 
     @property
+    def window(self) -> int | None:
+        """Length of the window of this estimator, frames; None as shipped."""
+        asked: int | None = self.settings.get("estimator", {}).get("window")
+        return asked
+
+    @property
     def margin(self) -> float:
         """Relative effect above which a factor counts."""
         found = self.effects["margin"].drop_nulls()

@@ -65,7 +65,7 @@ def number_of(value: float, low: float | None, high: float | None) -> Number:
 
 
 def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
-    """A robust loss with its knee in sigmas, or the factor on chi-square gates; empty where there is neither.
+    """A robust loss with its knee in sigmas, or the factor on a chi-square gate; empty where there is neither.
 
     Parameters
     ----------
@@ -76,8 +76,11 @@ def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
     """
     if kernel is not None and "knee" in factors:
         return f"{kernel.title()} loss, knee {number(factors['knee'])} sigma"
-    gate = factors.get("track_gate", factors.get("observation_gate"))
-    return "" if gate is None else f"gate {TIMES} {number(gate)}"
+    gates = [f"{name} gate {TIMES} {number(factors[key])}" for name, key in _GATES.items() if key in factors]
+    return next(iter(gates), "")
+
+
+_GATES = {"track": "track_gate", "observation": "observation_gate"}
 
 
 def conclusions(summary: Summary) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """The picture of the first screen, and ``share.png``: what residuals say, what to set, and the worst track.
 
-Sigma is that of the noise model for points that are solved for, by the number of frames in a window: what makes the
-newest pose right, and what innovations look like. Below are frames of the track with the largest error: a cross marks
+Sigma is that of the noise model, by the number of frames in a window of the estimator: what to set, and what
+innovations look like. Below are frames of the track with the largest error: a cross marks
 the observed position, a circle the true one.
 """
 
@@ -9,15 +9,17 @@ import base64
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
+from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.exceptions import SettingsError
 from tracknoise.phrases.answer_summary import NoiseToSet, Summary
 from tracknoise.report import figure_files, style
 from tracknoise.text import counted, printable
@@ -29,8 +31,10 @@ WIDTH, HEIGHT = 1200, 630
 MOST_TRACKERS = 3
 _MOST_TILES, _TILE = 8, 64
 _PLOT_WIDTH, _PLOT_HEIGHT = 560, 236
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 88, 10, 38
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 100, 22, 38
 _LABEL_GAP = 14.0
+_LONGEST_NAME = 14
+"""Characters of a name beside a line."""
 _ALIKE = 1.1
 """Sigma and residuals that differ by less than this factor are alike."""
 _PAGE = {"ink": "var(--ink)", "quiet": "var(--quiet)", "line": "var(--grid)"}
@@ -120,7 +124,7 @@ class AnswerPlot:
 
 
 def answer_plot(
-    models: Mapping[str, NoiseModel], settings: Sequence[NoiseToSet], seen: Mapping[str, Any]
+    models: Mapping[str, NoiseModel], name: str, settings: Sequence[NoiseToSet], seen: Mapping[str, Any]
 ) -> AnswerPlot | None:
     """The picture of a run; None where nothing is known that could be set.
 
@@ -128,20 +132,23 @@ def answer_plot(
     ----------
     models
         Noise models, by tracker.
+    name
+        Of the estimator of the experiment.
     settings
-        What to set in the estimator of the experiment.
+        What to set in it.
     seen
         Tracks with patches, as `tracknoise.report.looks.looks` returns them.
     """
-    curves = {one.tracker: _curve(one, models[one.tracker]) for one in settings if one.tracker in models}
+    curves = {one.tracker: _curve(one, models[one.tracker], name) for one in settings if one.tracker in models}
     known = [one for one in settings if one.tracker in curves and curves[one.tracker].windows]
     able = [one for one in known if one.sigma.value and one.innovations.value]
     if not able:
         return None
     first = max(able, key=lambda one: (one.sigma.value or 0.0) / (one.innovations.value or 1.0))
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
-    subject = f"{first.tracker} in windows of {counted(first.window, 'frame')}"
-    shown = tuple(curves[one.tracker] for one in chosen)
+    most = ", misled most" if len(chosen) > 1 else ""
+    subject = f"{first.tracker}{most}; windows of {counted(first.window, 'frame')}"
+    shown = tuple(_alike_long([curves[one.tracker] for one in chosen]))
     return AnswerPlot(_title(first), subject, shown, _strip(seen, first.tracker))
 
 
@@ -157,15 +164,39 @@ def _alike(one: float, other: float) -> bool:
     return one < _ALIKE * other and other < _ALIKE * one
 
 
-def _curve(one: NoiseToSet, model: NoiseModel) -> Curve:
-    free = [found for found in model.equivalents if found.landmark is Landmark.FREE]
-    by = {
-        purpose: {found.window: found.sigma.value for found in free if found.purpose is purpose}
-        for purpose in (Purpose.NEWEST_POSE, Purpose.INNOVATIONS)
-    }
-    windows = tuple(sorted(by[Purpose.NEWEST_POSE].keys() & by[Purpose.INNOVATIONS].keys()))
-    to_set, innovations = (tuple(values[window] for window in windows) for values in by.values())
-    return Curve(one.tracker, one.colour, one.window, one.sigma.value or 0.0, windows, to_set, innovations)
+def _alike_long(curves: Sequence[Curve]) -> Iterator[Curve]:
+    """Curves up to the longest window that all have."""
+    longest = min(curve.windows[-1] for curve in curves)
+    for curve in curves:
+        n = max(1, sum(window <= longest for window in curve.windows))
+        yield replace(curve, windows=curve.windows[:n], to_set=curve.to_set[:n], innovations=curve.innovations[:n])
+
+
+def _curve(one: NoiseToSet, model: NoiseModel, name: str) -> Curve:
+    """For windows that the tracks of the model can fill, and the shortest one where they fill none."""
+    longest = model.training.ages[1] + 1
+    known = sorted({found.window for found in model.equivalents if found.landmark is Landmark.FREE})
+    able = [(window, sizes) for window in known if (sizes := _sizes(model, name, window)) is not None]
+    chosen = [pair for pair in able if pair[0] <= longest] or able[:1]
+    return Curve(
+        one.tracker,
+        one.colour,
+        one.window,
+        one.sigma.value or 0.0,
+        tuple(window for window, _ in chosen),
+        tuple(sizes[0] for _, sizes in chosen),
+        tuple(sizes[1] for _, sizes in chosen),
+    )
+
+
+def _sizes(model: NoiseModel, name: str, window: int) -> tuple[float, float] | None:
+    """What to set in an estimator with such windows, and what innovations look like; None where this is unknown."""
+    try:
+        sigma = estimator(name).advise(model, window=window).sigma.value
+        innovations = model.equivalent(landmark=Landmark.FREE, window=window, purpose=Purpose.INNOVATIONS).sigma.value
+    except SettingsError:
+        return None
+    return sigma, innovations
 
 
 def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
@@ -185,7 +216,7 @@ def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
     marks = tuple(_marked(side, path.get(frames[place])) for place in chosen)
     size = float(np.hypot(*track["error"]))
     frames_on = track["frame"] - track["anchor_frame"]
-    caption = f"Worst track: {px(size)} off after {counted(frames_on, 'frame')}. Circle: true place."
+    caption = f"Worst track: {px(size)} off after {counted(frames_on, 'frame')}. Circle or line: true place."
     written = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))).save(written, "png")
     return Strip(written.getvalue(), marks, caption)
@@ -200,8 +231,8 @@ def _marked(side: int, error: tuple[float, float] | None) -> tuple[tuple[float, 
 
 
 def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
-    values = [value for curve in shown.curves for value in (*curve.to_set, *curve.innovations)]
-    windows = sorted({window for curve in shown.curves for window in curve.windows})
+    values = [value for curve in shown.curves for value in (*curve.to_set, *curve.innovations, curve.sigma)]
+    windows = sorted({window for curve in shown.curves for window in (*curve.windows, curve.window)})
     most = 1.08 * max(values)
     width, height = _PLOT_WIDTH - _LEFT - _RIGHT, _PLOT_HEIGHT - _TOP - _BOTTOM
 
@@ -214,13 +245,13 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     grid = [_rule(y(value), f"{value:g}", colours) for value in _ticks(most)]
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
-    ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve)]
+    ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve, shown.curves[0])]
     dots = [_dot(x(curve.window), y(curve.sigma), curve.colour) for curve in shown.curves]
     labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
     axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">frames in a window</text>').format(
         x=_LEFT + width / 2, y=_PLOT_HEIGHT - 4, **colours
     )
-    unit = Markup('<text x="{x}" y="{y}" fill="{quiet}">sigma, px</text>').format(x=_LEFT + 4, y=_TOP + 10, **colours)
+    unit = Markup('<text x="{x}" y="{y}" fill="{quiet}">sigma, px</text>').format(x=4, y=_TOP - 10, **colours)
     return Markup(
         '<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width} {height}" font-size="12">{parts}</svg>'
     ).format(
@@ -275,9 +306,12 @@ def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
     ]
 
 
-def _ends(curve: Curve) -> Iterator[tuple[str, float]]:
-    """What the ends of its lines are called; one name where they are alike."""
+def _ends(curve: Curve, first: Curve) -> Iterator[tuple[str, float]]:
+    """What the ends of its lines are called; one name where they are alike, and for all trackers but the first."""
     to_set, innovations = curve.to_set[-1], curve.innovations[-1]
+    if curve is not first:
+        yield _short(printable(curve.tracker), _LONGEST_NAME), to_set
+        return
     if _alike(to_set, innovations):
         yield "both alike", to_set
     else:
@@ -321,17 +355,23 @@ def _mark(left: float, observed: tuple[float, float], true: tuple[float, float] 
     """A cross and a circle, white on dark so that they are seen on any image."""
     x, y = left + observed[0] * _TILE, observed[1] * _TILE
     shapes = Markup('<path d="M{a:.1f},{y:.1f}h12M{x:.1f},{b:.1f}v12"/>').format(a=x - 6, x=x, y=y, b=y - 6)
-    inside = true is not None and all(0.0 <= share <= 1.0 for share in true)
-    if true is not None and inside:
-        shapes += Markup('<circle cx="{x:.1f}" cy="{y:.1f}" r="6"/>').format(
-            x=left + true[0] * _TILE, y=true[1] * _TILE
-        )
+    if true is not None:
+        shapes += _true_mark(left, x, y, left + true[0] * _TILE, true[1] * _TILE)
     border = Markup('<path d="M{x},0v{tile}" stroke="#000000" stroke-width="1"/>').format(x=left, tile=_TILE)
     style_of = '<g fill="none" stroke="{stroke}" stroke-width="{width}">{shapes}</g>'
     return border + Markup("").join(
         Markup(style_of).format(stroke=stroke, width=width, shapes=shapes)
         for stroke, width in (("#000000", 3.2), ("#ffffff", 1.4))
     )
+
+
+def _true_mark(left: float, x: float, y: float, true_x: float, true_y: float) -> Markup:
+    """A circle at the true place; where it is outside the tile, a line from the observed place to the border."""
+    if left <= true_x <= left + _TILE and 0.0 <= true_y <= _TILE:
+        return Markup('<circle cx="{x:.1f}" cy="{y:.1f}" r="6"/>').format(x=true_x, y=true_y)
+    du, dv = true_x - x, true_y - y
+    reach = _TILE / 2 / max(abs(du), abs(dv))
+    return Markup('<path d="M{x:.1f},{y:.1f}l{du:.1f},{dv:.1f}"/>').format(x=x, y=y, du=reach * du, dv=reach * dv)
 
 
 def png(shown: AnswerPlot, summary: Summary) -> bytes:

@@ -31,12 +31,15 @@ class Section:
         Its figures, and those that could not be drawn.
     tables
         Names, titles and kinds of the table files that it links to.
+    has_cells
+        Whether tables stand below its figures.
     """
 
     id: str
     title: str
     items: Sequence[Figure | Absence] = ()
     tables: Sequence[tuple[str, str, Sequence[str]]] = ()
+    has_cells: bool = False
 
 
 def contents_json(experiment: str, sections: Sequence[Section], formats: Sequence[str]) -> str:
@@ -184,7 +187,7 @@ def _folded(sections: Sequence[Section], opened: Collection[str], shown: Collect
     """What the open sections leave. A section of which a part is open has another id: its own is that of the part."""
     for section in sections:
         rest = [item for item in section.items if item.id not in shown]
-        if rest or not (section.items or section.id in opened):
+        if rest or section.has_cells or not (section.items or section.id in opened):
             is_parted = section.id in opened or len(rest) < len(section.items)
             name = f"more-{section.id}" if is_parted else section.id
-            yield Section(name, section.title, rest, section.tables)
+            yield Section(name, section.title, rest, section.tables, section.has_cells)

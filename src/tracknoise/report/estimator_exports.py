@@ -5,10 +5,11 @@ import json
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from tracknoise.estimators.export_render import export
-from tracknoise.estimators.exports import FAMILIES, estimators, refused
+from tracknoise.estimators.exports import FAMILIES, Target, estimators, refused
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
@@ -56,10 +57,19 @@ class Exports:
 
 
 def exports(
-    models: Mapping[str, NoiseModel], *, missing: Mapping[str, str], paths: Mapping[str, str], first: str
+    models: Mapping[str, NoiseModel],
+    *,
+    missing: Mapping[str, str],
+    paths: Mapping[str, str],
+    first: str,
+    window: int | None = None,
 ) -> Exports:
-    """Exports of all models of a run, for every estimator; `first`: the one that is shown at first."""
-    content = {tracker: exported(model, paths[tracker]) for tracker, model in models.items()}
+    """Exports of all models of a run, for every estimator.
+
+    `first`: the one that is shown at first, with windows of `window` frames; None as shipped.
+    """
+    windows = {} if window is None else {first: window}
+    content = {tracker: exported(model, paths[tracker], windows) for tracker, model in models.items()}
     return Exports(
         trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content), first=first
     )
@@ -71,20 +81,25 @@ def _choices() -> Iterator[Choice]:
     yield Choice("No export", {name: about.title for name, about in refused().items()})
 
 
-def exported(model: NoiseModel, path: str) -> dict[str, dict[str, Any]]:
-    """What is written for each estimator.
+def exported(
+    model: NoiseModel, path: str, windows: Mapping[str, int] = MappingProxyType({})
+) -> dict[str, dict[str, Any]]:
+    """What is written for each estimator; `windows`: frames in a window, of those whose is not that as shipped.
 
     Returns by estimator: where it takes one sigma, `set`, which has texts: sigma, its interval, what belongs to it, and
     what innovations look like; `files`, pairs of names and contents, the patch last; `text`, what they are; or, where
     nothing can be written, `why` and, if options of the command line can state what is missing, `command`.
     """
-    known = {name: _to_set(model, name) | _export(model, name, path) for name in estimators()}
+    known = {
+        name: _to_set(model, name, windows.get(name)) | _export(model, name, path, windows.get(name))
+        for name in estimators()
+    }
     return known | {name: {"why": about.why} for name, about in refused().items()}
 
 
-def _to_set(model: NoiseModel, name: str) -> dict[str, Any]:
+def _to_set(model: NoiseModel, name: str, window: int | None) -> dict[str, Any]:
     try:
-        found = estimators()[name].advise(model)
+        found = estimators()[name].advise(model, window=window)
     except SettingsError:
         return {}
     innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
@@ -95,9 +110,9 @@ def _to_set(model: NoiseModel, name: str) -> dict[str, Any]:
     return {"set": [sigma.text, sigma.interval, limit, number_of(innovations.value, None, None).text]}
 
 
-def _export(model: NoiseModel, name: str, path: str) -> dict[str, Any]:
+def _export(model: NoiseModel, name: str, path: str, window: int | None) -> dict[str, Any]:
     try:
-        found = export(model, name, source=path.rpartition("/")[2])
+        found = export(model, name, target=Target(window=window), source=path.rpartition("/")[2])
     except SettingsError as error:
         unknown = _unknown(model, estimators()[name].needs)
         command = " ".join([f"tracknoise noise export {path} --to {name}", *(_OPTIONS[need] for need in unknown)])

@@ -1,11 +1,7 @@
-"""Figures as Vega-Lite specifications, and as image files.
+"""Figures as Vega-Lite specifications, in the colours of a page, and as SVG and PNG files.
 
-- Figures as Vega-Lite specifications, and as SVG and PNG.
-
-PNG files of figures.
-
-They are drawn by way of a PDF. That takes half the time of drawing them from the SVG (`vl_convert.svg_to_png`), and the
-files are less than half as large.
+PNG files are drawn by way of a PDF. That takes half the time of drawing them from the SVG (`vl_convert.svg_to_png`),
+and the files are less than half as large.
 """
 
 import io
@@ -137,7 +133,7 @@ def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes
     """
     if not formats:
         return {}
-    still = {**spec, "params": [param for param in spec["params"] if param["bind"] != "scales"]}
+    still = {**spec, "params": [param for param in spec["params"] if param.get("bind") != "scales"]}
     svg = _renumbered_clips(vlc.vegalite_to_svg(json.dumps(still), vl_version=_version()))
     files = {"svg": svg.encode()}
     if "png" in formats:

@@ -9,8 +9,8 @@ import polars as pl
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
 
-MOST_TRACKS = 150
-"""Tracks of each tracker that the page can draw: a third of them have the largest errors."""
+MOST_TRACKS, FEWEST_TRACKS, OF_ALL = 150, 20, 600
+"""Tracks of each tracker that the page can draw, at least, and of all trackers. A third have the largest errors."""
 
 
 def filmed_scene(data: ReportData) -> dict[str, Any] | None:
@@ -20,13 +20,14 @@ def filmed_scene(data: ReportData) -> dict[str, Any] | None:
     `trackers`, by name lists of tracks. A track has its first `frame` and, for each frame from there on, `u`, `v`, and
     `du`, `dv`, which are null where the true position is unknown, in px.
     """
-    for key, entry in sorted(data.sequences.items()):
-        if "film" in entry.sha256 and data.keeps_observations:
+    for key, entry in sorted(data.manifest.sequences.items()):
+        if "film" in entry.sha256 and data.keeps_observations and data.trackers:
             return _film(data, key, entry)
     return None
 
 
 def _film(data: ReportData, key: str, entry: SequenceEntry) -> dict[str, Any]:
+    most = max(FEWEST_TRACKS, min(MOST_TRACKS, OF_ALL // len(data.trackers)))
     images = data.run.sequence_table("film", key).sort("frame")
     seen = data.run.rows("observations", key, pl.col("frame") < images.height, pl.col("speed") == data.slowest)
     return {
@@ -34,16 +35,16 @@ def _film(data: ReportData, key: str, entry: SequenceEntry) -> dict[str, Any]:
         "width": entry.width,
         "height": entry.height,
         "frames": [base64.b64encode(image).decode() for image in images["image"]],
-        "trackers": {tracker: list(_tracks(seen.filter(tracker=tracker))) for tracker in data.trackers},
+        "trackers": {tracker: list(_tracks(seen.filter(tracker=tracker), most)) for tracker in data.trackers},
     }
 
 
-def _tracks(seen: pl.DataFrame) -> Iterator[dict[str, Any]]:
+def _tracks(seen: pl.DataFrame, most: int) -> Iterator[dict[str, Any]]:
     """Those with the largest errors, and others that are evenly spread over their numbers."""
     size = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).max().sqrt().alias("largest")
     tracks = seen.group_by("track").agg(size).sort("largest", "track", descending=[True, False], nulls_last=True)
-    worst, others = tracks.head(MOST_TRACKS // 3), tracks.slice(MOST_TRACKS // 3).sort("track")
-    step = max(1, -(-others.height // (MOST_TRACKS - MOST_TRACKS // 3)))
+    worst, others = tracks.head(most // 3), tracks.slice(most // 3).sort("track")
+    step = max(1, -(-others.height // (most - most // 3)))
     chosen = pl.concat([worst, others.gather_every(step)]).select("track")
     for _, rows in (
         seen.join(chosen, on="track", how="semi").sort("track", "frame").group_by("track", maintain_order=True)

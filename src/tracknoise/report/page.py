@@ -9,7 +9,7 @@ from tracknoise.atomic import replaced_folder
 from tracknoise.estimators.run_models import RunModels, run_models
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.phrases import trimming_topic
-from tracknoise.phrases.answer_summary import SUMMARY, Summary, summary_json
+from tracknoise.phrases.answer_summary import SUMMARY, NoiseToSet, Summary, summary_json
 from tracknoise.report import (
     answer_plot,
     estimator_exports,
@@ -26,6 +26,7 @@ from tracknoise.report import (
 )
 from tracknoise.report.annotated_frame import annotated_frame
 from tracknoise.report.answer import conclusions, summarise
+from tracknoise.report.cells import Cells
 from tracknoise.report.contents import CONTENTS, Layout, Section, contents_json, layout
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure, require_distinct
@@ -69,20 +70,25 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
 
 def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     """Content of every file of the report, by its path within it."""
-    sections = [Section(family.id, family.title, items) for family in FAMILIES if (items := family.figures(data))]
+    below = {family.id: family.tables(data) for family in FAMILIES}
+    sections = [
+        Section(family.id, family.title, items, has_cells=bool(below[family.id]))
+        for family in FAMILIES
+        if (items := family.figures(data))
+    ]
     require_distinct(item for section in sections for item in section.items)
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     specs = {figure.id: figure_files.specification(figure) for figure in figures}
     frames = filmed_scene.filmed_scene(data)
     arranged = layout([*_before(), *sections, *_after(data)], filmed=frames is not None)
     answered, fits, seen = summarise(data), run_models(data.run), looks.looks(data)
-    shown = answer_plot.answer_plot(fits.models, answered.settings, seen)
+    shown = answer_plot.answer_plot(fits.models, data.estimator, _shown_settings(answered), seen)
     files = _figure_files(specs, formats) | _table_files(data)
     files |= {} if shown is None else {answer_plot.FILE: answer_plot.png(shown, answered)}
     files[CONTENTS] = contents_json(data.name, arranged.every, formats).encode()
     files[SUMMARY] = summary_json(answered).encode()
     family_of = {item.id: section.id for section in sections for item in section.items}
-    files["index.html"] = _page(data, answered, fits, arranged, family_of, specs, seen, shown, frames).encode()
+    files["index.html"] = _page(data, answered, fits, arranged, family_of, below, specs, seen, shown, frames).encode()
     return files
 
 
@@ -125,6 +131,7 @@ def _page(
     fits: RunModels,
     arranged: Layout,
     family_of: Mapping[str, str],
+    below: Mapping[str, Sequence[Cells]],
     specs: Mapping[str, Any],
     seen: Mapping[str, Any],
     shown: answer_plot.AnswerPlot | None,
@@ -143,7 +150,7 @@ def _page(
         anchors=_anchors(arranged, family_of),
         families=families,
         conclusions=conclusions(answered),
-        below={name: family.tables(data) for name, family in families.items()},
+        below=below,
         heights={name: figure_files.height_px(spec) for name, spec in specs.items()},
         measured=measured,
         factor_effects=factor_section,
@@ -152,18 +159,25 @@ def _page(
         truth_section=truth_section,
         exports=table_files.EXPORTS,
         noise_exports=estimator_exports.exports(
-            fits.models, missing=fits.missing, paths=fits.paths, first=data.estimator
+            fits.models, missing=fits.missing, paths=fits.paths, first=data.estimator, window=data.window
         ),
         specs={name: _embedded(figure_files.themed(spec)) for name, spec in specs.items()},
         most_settings=answer_plot.MOST_TRACKERS,
+        shown_settings=_shown_settings(answered),
         explored=_embedded(explorer.explored(data)),
         has_looks=bool(seen["groups"]),
         looked=_embedded(seen),
         filmed=frames,
         filmed_json=_embedded(frames or {}),
-        most_tracks=filmed_scene.MOST_TRACKS,
         vega=figure_files.scripts(),
     )
+
+
+def _shown_settings(answered: Summary) -> Sequence[NoiseToSet]:
+    """What to set for the trackers of the first screen: all in their order, or those with the smallest sigma."""
+    if len(answered.settings) <= answer_plot.MOST_TRACKERS:
+        return answered.settings
+    return sorted(answered.settings, key=lambda one: one.sigma.value or 0.0)[: answer_plot.MOST_TRACKERS]
 
 
 def _anchors(arranged: Layout, family_of: Mapping[str, str]) -> set[str]:

@@ -5,6 +5,7 @@ import re
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
+from tracknoise.phrases.sentences import sentences_of
 from tracknoise.report.figures.figure import Figure
 from tracknoise.text import printable
 
@@ -31,7 +32,7 @@ def template(name: str) -> Template:
     environment.finalize = _shown
     environment.tests["figure"] = lambda item: isinstance(item, Figure)
     environment.filters["code"] = _code
-    environment.filters["first_sentence"] = _first_sentence
+    environment.filters["first_sentence"] = lambda text: next(iter(sentences_of(text)), "")
     environment.globals |= {key: loader.get_source(environment, file)[0] for key, file in _RAW.items()}
     return environment.get_template(name)
 
@@ -39,11 +40,6 @@ def template(name: str) -> Template:
 def _shown(value: object) -> object:
     """A value of a template as it is inserted: control characters are escaped, but line breaks are kept."""
     return value if isinstance(value, Markup) or not isinstance(value, str) else printable(value, keep="\n\t")
-
-
-def _first_sentence(text: str) -> str:
-    """The first sentence of a text; the next one begins with a capital letter."""
-    return re.split(r"(?<=\.)\s+(?=[A-Z])", text, maxsplit=1)[0]
 
 
 def _code(text: str) -> Markup:

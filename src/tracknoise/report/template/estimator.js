@@ -102,15 +102,22 @@ const firstRows = new Map([...document.querySelectorAll("[data-set]")].map((row)
 
 /** Show what to set in an estimator on the first screen. */
 async function showSettings(name, ofExperiment) {
-  unpacked ??= await unpack();
+  try {
+    unpacked ??= await unpack();
+  } catch {
+    document.querySelectorAll("[data-copy]").forEach((one) => { one.disabled = true; });
+    chooser.estimator.value = ofExperiment;
+    chooser.estimator.disabled = true;
+    return;
+  }
   for (const row of document.querySelectorAll("[data-set]")) {
     const found = unpacked[row.dataset.set]?.[name];
     row.innerHTML = firstRows.get(row.dataset.set);
     const [, sigma, limit, innovations] = row.cells;
     if (name !== ofExperiment) {
-      const [value, interval, more, residuals] = found?.set ?? ["", "", "no single sigma", ""];
+      const [value, interval, more, residuals] = found?.set ?? ["", "", found?.why ? "no export" : "no single sigma", ""];
       const most = row.querySelector(".most");
-      sigma.replaceChildren(...(found?.set && most ? [most] : []), written("b", value), " ", written("span", interval, "ends"));
+      sigma.replaceChildren(...(found?.set && most ? [most] : []), written("b", value), " ", written("span", most ? "" : interval, "ends"));
       limit.textContent = more;
       innovations.textContent = residuals;
     }

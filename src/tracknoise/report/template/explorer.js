@@ -118,7 +118,9 @@ function ends(table) {
 function panel(pooled, scenes, domain, title) {
   const x = { field: "at", type: "quantitative", title: explored.title, scale: { nice: false } };
   const y = { field: "value", type: "quantitative", title: null, scale: { domain, nice: false } };
-  const hue = { field: "colour", type: "nominal", scale: null };
+  const named = [...new Map(pooled.concat(scenes).map((row) => [row.series, row.colour]))];
+  const scale = { domain: named.map(([name]) => name), range: named.map(([, colour]) => colour) };
+  const hue = { field: "series", type: "nominal", scale, legend: null };
   const tooltip = [
     ...["series", "scene"].map((field) => ({ field, type: "nominal" })),
     ...["at", "value", "low", "high", "n"].map((field) => ({ field, type: "quantitative", format: ".4~g" })),
@@ -240,7 +242,10 @@ function steer(event) {
 function saveExplored(kind) {
   const name = chosen.statistic;
   if (kind !== "csv") {
-    return savePicture(name, shownView.spec, kind);
+    const [first, ...others] = shownView.spec.hconcat;
+    const layer = first.layer.map((one, place) =>
+      place === 2 ? { ...one, encoding: { ...one.encoding, color: { ...one.encoding.color, legend: { title: null } } } } : one);
+    return savePicture(name, { ...shownView.spec, title: statistic().title, hconcat: [{ ...first, layer }, ...others] }, kind);
   }
   const columns = ["series", "scene", "axis", "at", "value", "low", "high", "n"];
   const quoted = (value) => (typeof value === "string" ? `"${value.replaceAll('"', '""')}"` : (value ?? ""));

@@ -46,7 +46,7 @@ class Film {
     const shown = tracks.filter((track) => Number.isFinite(track.u[frame - track.frame]));
     shown.forEach((track) => this.track(context, track, frame - track.frame, scale, colour));
     const known = shown.filter((track) => track.du[frame - track.frame] !== null).length;
-    this.form.querySelector("output").textContent = `frame ${frame}: ${shown.length} tracks, ${known} with a true position`;
+    this.form.querySelector("output").textContent = `frame ${frame}: ${shown.length} tracks are shown, ${known} with a true position`;
     this.canvas.dataset.shown = `${this.form.tracker.value} ${frame}`;
   }
 

@@ -98,6 +98,10 @@ async function arrive() {
   if (!target) {
     return;
   }
+  if (target.closest("[hidden]")) {
+    document.querySelector("#search [name=words]").value = "";
+    search("");
+  }
   let moved = false;
   const note = () => { moved = true; };
   ["wheel", "touchmove", "keydown"].forEach((name) => addEventListener(name, note, { once: true, passive: true }));

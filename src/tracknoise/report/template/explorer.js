@@ -242,10 +242,8 @@ function steer(event) {
 function saveExplored(kind) {
   const name = chosen.statistic;
   if (kind !== "csv") {
-    const [first, ...others] = shownView.spec.hconcat;
-    const layer = first.layer.map((one, place) =>
-      place === 2 ? { ...one, encoding: { ...one.encoding, color: { ...one.encoding.color, legend: { title: null } } } } : one);
-    return savePicture(name, { ...shownView.spec, title: statistic().title, hconcat: [{ ...first, layer }, ...others] }, kind);
+    const keyed = JSON.stringify({ ...shownView.spec, title: statistic().title }).replaceAll('"legend":null', '"legend":{"title":null,"symbolOpacity":1}');
+    return savePicture(name, JSON.parse(keyed), kind);
   }
   const columns = ["series", "scene", "axis", "at", "value", "low", "high", "n"];
   const quoted = (value) => (typeof value === "string" ? `"${value.replaceAll('"', '""')}"` : (value ?? ""));

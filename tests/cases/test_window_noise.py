@@ -61,7 +61,7 @@ def test_depth_intervals_of_other_scenes_hold_what_they_claim(run):
         assert shares[name]["value"] == pytest.approx(0.93, abs=0.05)
         assert shares[name]["n_scenes"] == 6
     (headline,) = run.findings().filter(topic="depth")["text"].to_list()
-    assert "windows of 10 frames hold" in headline
+    assert "Windows have 10 frames" in headline
 
 
 Pairs = Mapping[str, tuple[float, float]]

@@ -509,7 +509,7 @@ def _occlusion_panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]
     order = [f"{tracker}, speed {speed}" for tracker in data.trackers for speed in data.speeds]
     first = key == _PANELS[0]
     y = alt.Y(
-        "condition:N", sort=order, title=None, axis=alt.Axis(labels=first, ticks=False, domain=False, labelLimit=220)
+        "condition:N", sort=order, title=None, axis=alt.Axis(labels=first, ticks=False, domain=False, labelLimit=180)
     )
     tips = [alt.Tooltip("condition:N"), alt.Tooltip("since:Q", title=f"frames from {data.axis.zero}")]
     tips += [alt.Tooltip(f"{coordinate}_{side}:Q", title=f"{side} (px)") for side in ("visible", "projected")]

@@ -12,6 +12,7 @@ from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
 from tracknoise.phrases.measures import answer
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import joined
+from tracknoise.phrases.truth_topic import without_truth
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.results import ENOUGH_SCENES
 from tracknoise.text import counted, counted_of
@@ -113,7 +114,7 @@ def holds(data: RunData) -> str:
     names = listing(sorted({entry.sequence.dataset for entry in entries}))
     scenes = count(len({entry.sequence.scene for entry in entries}), "scene")
     hold = _NO_INTERVALS if row is None else f"Intervals {_hold(row)}"
-    return f"Measured on {scenes} ({names}).{_missing(data)} {hold}" if entries else measured(data)
+    return f"Measured on {scenes} ({names}).{_missing(data)}{without_truth(data)} {hold}" if entries else measured(data)
 
 
 def _interval_kind(data: RunData) -> dict[str, Any] | None:

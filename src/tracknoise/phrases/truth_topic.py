@@ -222,10 +222,10 @@ def truth(data: RunData) -> Judgement:
     found = TruthVerdict.of(data.trust)
     step = f" Next: {found.step}" if found.step else ""
     asked = Answer("truth", found.verdict, _IS_GOOD.get(found.verdict))
-    return Judgement(asked, f"{found.text}{_unknown(data)}{step}", "truth")
+    return Judgement(asked, f"{found.text}{without_truth(data)}{step}", "truth")
 
 
-def _unknown(data: RunData) -> str:
+def without_truth(data: RunData) -> str:
     """How many observations have no true position, where these are most; begins with a space."""
     statuses = data.nominal(data.counts).filter(kind="truth")
     total = int(statuses["n"].sum())

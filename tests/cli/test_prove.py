@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.estimators.models import TRAINING, made
-from tests.lean import measured_only
+from tests.lean import measured_only, without_models
 
 from tracknoise.estimators.proof import prove
 from tracknoise.estimators.proof_windows import Cut, errors_of, recorded_problems
@@ -42,7 +42,7 @@ class _Silent:
 
 def _run(out: Path, **options: object) -> Path:
     text = TOML.format(**options)
-    with measured_only():
+    with without_models():
         execute(parse_experiment(text, place="small.toml"), RunFolder(out), workers=1, listener=_Silent())
     return out
 
@@ -79,8 +79,8 @@ def test_windows_hold_no_more_tracks_than_asked_for(run: Path) -> None:
 def test_prints_the_answer_and_writes_it_beside_the_model(run: Path, tmp_path: Path, tracknoise) -> None:
     file = tmp_path / "lk.noise.json"
     _model("sideways-00", "forward-00").write(file)
-    code, printed, _ = tracknoise("prove", str(run), str(file), "--window", "6", "--tracks", "30")
-    assert code == 0
+    code, printed, told = tracknoise("prove", str(run), str(file), "--window", "6", "--tracks", "30")
+    assert code == 0, told
     assert "Whole tracks: position errors are" in printed
     assert "one sigma, tuned for the newest pose" in printed
     document = json.loads((tmp_path / "lk.noise.proof.json").read_text())

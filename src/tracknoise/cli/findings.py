@@ -65,7 +65,7 @@ def _print_sentences(terminal: "Terminal", data: "ReportData", *, every: bool) -
         marker = f"{rank:>2}. "
         terminal.result(textwrap.fill(text, WIDTH, initial_indent=marker, subsequent_indent=" " * len(marker)))
     if not every:
-        terminal.say(f"All {len(whole)} findings: --all; verdicts with their intervals: --table")
+        terminal.result(f"All {len(whole)} findings: --all; verdicts with their intervals: --table")
 
 
 def _print_tables(terminal: "Terminal", data: "ReportData") -> None:

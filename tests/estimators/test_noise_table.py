@@ -112,7 +112,7 @@ def test_json_holds_rows_reasons_and_gains(table):
 def test_the_command_prints_the_answer_first_and_writes_both_files(tracknoise, planted_run, tmp_path):
     code, out, err = tracknoise("noise", "table", planted_run, "-o", tmp_path)
     assert (code, err) == (0, "")
-    assert out.startswith("No gain is established of second moments of errors about the first position")
+    assert out.startswith("No gain is established of separate noise by speed and motion over one for all")
     assert "Noise in px" in out
     assert "sideways" in out
     assert {path.name for path in tmp_path.iterdir()} == {"noise-table.csv", "noise-table.json"}

@@ -31,7 +31,7 @@ def lean(experiment):
 def test_to_keep_statistics_alone_changes_no_other_file(finished, tmp_path, told, files):
     (experiment, run), small = finished(2), RunFolder(tmp_path / "small")
     execute(lean(experiment), small, listener=told())
-    left_out = (*OBSERVED, "patches")
+    left_out = (*OBSERVED, "patches", "film")
     expected = {name: content for name, content in files(run).items() if name.split("/")[0] not in left_out}
     expected["experiment.toml"] = expected["experiment.toml"].replace(b'"observations"', b'"statistics"')
     assert files(small) == expected

@@ -10,7 +10,7 @@ from tracknoise.tables.schema import FILM
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
 
-MOST_FRAMES, MOST_BYTES = 120, 6_000_000
+MOST_FRAMES, MOST_BYTES = 120, 2_000_000
 """Frames of a film, and its size."""
 WIDEST_PX = 480
 _QUALITY = 60

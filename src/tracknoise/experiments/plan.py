@@ -40,8 +40,6 @@ class Task:
         Which of these to measure. None: join all of them.
     shares
         Whether the sequence is read together with others of the experiment.
-    has_film
-        Whether its first frames are kept as images.
     """
 
     experiment: Experiment
@@ -50,7 +48,6 @@ class Task:
     parts: tuple[range, ...] = ()
     part: int | None = None
     shares: bool = False
-    has_film: bool = False
 
     @property
     def key(self) -> str:
@@ -93,7 +90,7 @@ def plan(experiment: Experiment) -> list[Task]:
         if way.lightings is None or item.lighting in way.lightings
     )
     shared = {task.key for batch in batches(tasks) if len(batch) > 1 for task in batch}
-    return [replace(task, shares=task.key in shared, has_film=place == 0) for place, task in enumerate(tasks)]
+    return [replace(task, shares=task.key in shared) for task in tasks]
 
 
 def _distinct(tasks: Iterable[Task]) -> list[Task]:

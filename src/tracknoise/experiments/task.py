@@ -196,7 +196,7 @@ def _measure_batch(
             tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
             if _has_patches(task.experiment, sequences):
                 tables["patches"] = track_patches(measurement, speed=min(task.speeds))
-                if task.has_film and not task.part:
+                if not task.part:  # of the first part of a sequence
                     tables["film"] = film(measurement)
             snapshot = encode_png(measurement.snapshot)
             release_memory()

@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+from tests.lean import with_models
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.execute import execute
@@ -66,7 +67,9 @@ while True:
 def test_killed_before_any_change_on_disk_and_started_again(
     over, scenes, step, finished, shared_file, tmp_path, told, files
 ):
-    (experiment, whole), there = finished(scenes), RunFolder(tmp_path / "there")
+    experiment, whole, there = finished(scenes)[0], RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "there")
+    with with_models():  # as in the processes that are killed
+        execute(experiment, whole, listener=told())
     if over == "another run":
         execute(experiment.with_limits(scenes=None, frames=3), there, listener=told())
     command = [sys.executable, "-c", KILLER, shared_file(scenes), tmp_path / "killed", there.path, str(step)]

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from tracknoise.estimators.advice import Advice, Gate
+from tracknoise.estimators.advice import Advice, Gate, innovations_of
 from tracknoise.estimators.exports import PURPOSES, Estimator, estimator, estimator_name
-from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import SettingsError
@@ -109,7 +108,7 @@ def _asked_window(advice: pl.DataFrame, name: str) -> int | None:
 
 def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | None) -> SigmaToSet:
     found = about.advise(model, window=window)
-    innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+    innovations = innovations_of(model, found)
     return SigmaToSet(
         tracker=tracker,
         estimator=about.title,

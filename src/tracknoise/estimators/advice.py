@@ -221,6 +221,24 @@ def advise(
     )
 
 
+def innovations_of(model: ExportedModel, found: Advice) -> Interval:
+    """What innovations and residuals look like in the windows of an advice, px.
+
+    Parameters
+    ----------
+    model
+        That the advice is from.
+    found
+        Whatever its landmark is, points are solved for.
+
+    Raises
+    ------
+    SettingsError
+        If the model has no such sigma.
+    """
+    return model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+
+
 def _positive(model: ExportedModel, landmark: Landmark, purpose: Purpose, window: int) -> Equivalent:
     found = model.equivalent(landmark=landmark, window=window, purpose=purpose)
     if not 0.0 < found.sigma.value < math.inf:

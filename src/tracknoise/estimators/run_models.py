@@ -7,8 +7,9 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.exports import estimator
-from tracknoise.estimators.model import Interval, Landmark, Purpose
+from tracknoise.estimators.model import Interval
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.training import RunTruth, all_training_tables, conditions
 from tracknoise.exceptions import DataError, SettingsError, StoreError
@@ -105,7 +106,7 @@ def advice_table(models: RunModels, name: str, window: int | None, condition: Ma
             found = estimator(name).advise(model, window=window)
         except SettingsError:  # no error in any direction that the estimator can see
             continue
-        innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+        innovations = innovations_of(model, found)
         numbers = {"sigma": found.sigma, "innovations": innovations}
         numbers |= {f"{gate}_gate": Interval(value=factor) for gate, factor in found.gates.items()}
         numbers |= {} if found.knee is None else {"knee": Interval(value=found.knee)}

@@ -16,8 +16,9 @@ import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
+from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.exports import estimator
-from tracknoise.estimators.model import Landmark, Purpose
+from tracknoise.estimators.model import Landmark
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
 from tracknoise.phrases.answer_summary import NoiseToSet, Summary
@@ -192,11 +193,10 @@ def _curve(one: NoiseToSet, model: NoiseModel, name: str) -> Curve:
 def _sizes(model: NoiseModel, name: str, window: int) -> tuple[float, float] | None:
     """What to set in an estimator with such windows, and what innovations look like; None where this is unknown."""
     try:
-        sigma = estimator(name).advise(model, window=window).sigma.value
-        innovations = model.equivalent(landmark=Landmark.FREE, window=window, purpose=Purpose.INNOVATIONS).sigma.value
+        found = estimator(name).advise(model, window=window)
+        return found.sigma.value, innovations_of(model, found).value
     except SettingsError:
         return None
-    return sigma, innovations
 
 
 def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:

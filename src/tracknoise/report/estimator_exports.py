@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.export_render import export
 from tracknoise.estimators.exports import FAMILIES, Target, estimators, refused
-from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
 from tracknoise.report.answer import limit_text, number_of
@@ -102,7 +102,7 @@ def _to_set(model: NoiseModel, name: str, window: int | None) -> dict[str, Any]:
         found = estimators()[name].advise(model, window=window)
     except SettingsError:
         return {}
-    innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+    innovations = innovations_of(model, found)
     factors = {f"{gate}_gate": factor for gate, factor in found.gates.items()}
     factors |= {} if found.knee is None else {"knee": found.knee}
     sigma = number_of(found.sigma.value, found.sigma.low, found.sigma.high)

@@ -8,6 +8,7 @@
 import math
 from typing import Any
 
+from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.calibration import Calibration
 from tracknoise.estimators.exports import estimator, in_words
 from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
@@ -97,7 +98,7 @@ def _advice(model: NoiseModel, name: str) -> list[str]:
         found = about.advise(model)
     except SettingsError as error:
         return [f"What to set in {about.title} is unknown: {error}."]
-    innovations = model.equivalent(landmark=Landmark.FREE, window=found.window, purpose=Purpose.INNOVATIONS).sigma
+    innovations = innovations_of(model, found)
     return [f"In {about.title}, set {in_words(found)}.", f"Innovations look like {number(innovations.value)} px."]
 
 

@@ -219,65 +219,94 @@ class TrackLaw:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Filtered:
-    """A Kalman filter over tracks. Lists have one item for each observation but the first, (tracks, ...)."""
+    """A Kalman filter over tracks, longest first, so that step k concerns the first `alive[k]` of them.
+
+    Attributes
+    ----------
+    tracks
+        Longest first.
+    order : (tracks,) intp
+        Where each was before.
+    white, walk, gain, total, right, down : (steps, tracks) float64
+        The variances of w_k / M_k and q_k / M_k; the gain, the variance of the innovation, and the innovation along u
+        and v. Of steps that a track does not have: 1 in `total`, 0 in others.
+    squares, logs : (tracks,) float64
+        S and L, in the former order.
+    """
 
     law: TrackLaw
     tracks: TrackErrors
+    order: NDArray[np.intp]
+    alive: list[int]
     factor: Array
     white: Array
     walk: Array
-    gains: list[Array]
-    totals: list[Array]
-    innovations: list[Array]
+    gain: Array
+    total: Array
+    right: Array
+    down: Array
     squares: Array
     logs: Array
 
     @classmethod
     def of(cls, law: TrackLaw, tracks: TrackErrors) -> "_Filtered":
+        order = np.argsort(-tracks.size, kind="stable")
+        tracks = tracks.chosen(order)
         factor = np.ones(tracks.covariates.shape[:2])
         if law.powers:
             factor = np.exp(tracks.covariates @ np.array(law.powers))
         inverse = factor[:, 1:] / tracks.magnification**2
-        white, walk = law.white**2 * inverse, law.walk**2 * inverse * tracks.frames
+        white = _by_step(law.white**2 * inverse)
+        walk = _by_step(law.walk**2 * inverse * tracks.frames)
+        seen_u, seen_v = (_by_step(tracks.error[:, :, axis] / tracks.magnification) for axis in (0, 1))
         variance = np.where(tracks.born, law.first**2, law.white**2 * factor[:, 0])
-        place, seen = np.zeros((len(variance), 2)), tracks.error / tracks.magnification[:, :, None]
-        squares, logs = np.zeros(len(variance)), np.zeros(len(variance))
-        found = cls(law, tracks, factor, white, walk, [], [], [], squares, logs)
-        for k, here in enumerate(tracks.known.T):
-            variance = variance + walk[:, k]
-            total = variance + white[:, k]
-            gain, innovation = variance / total, seen[:, k] - place
-            squares += np.where(here, np.square(innovation).sum(axis=1) / total, 0.0)
-            logs += np.where(here, 2.0 * np.log(total), 0.0)
-            place = place + gain[:, None] * innovation
+        gains, right, down = (np.zeros_like(white) for _ in range(3))
+        totals = np.ones_like(white)
+        u, v = np.zeros(len(variance)), np.zeros(len(variance))
+        alive = tracks.known.sum(axis=0).tolist()
+        for k, n in enumerate(alive):
+            variance = variance[:n] + walk[k, :n]
+            total = np.add(variance, white[k, :n], out=totals[k, :n])
+            gain = np.divide(variance, total, out=gains[k, :n])
+            u = u[:n] + gain * np.subtract(seen_u[k, :n], u[:n], out=right[k, :n])
+            v = v[:n] + gain * np.subtract(seen_v[k, :n], v[:n], out=down[k, :n])
             variance = variance * (1.0 - gain)
-            found.gains.append(gain)
-            found.totals.append(total)
-            found.innovations.append(innovation)
-        logs += 4.0 * np.log(tracks.magnification).sum(axis=1)
-        return found
+        squares, logs = np.empty(len(order)), np.empty(len(order))
+        squares[order] = ((right**2 + down**2) / totals).sum(axis=0)
+        logs[order] = 2.0 * np.log(totals).sum(axis=0) + 4.0 * np.log(tracks.magnification).sum(axis=1)
+        return cls(law, tracks, order, alive, factor, white, walk, gains, totals, right, down, squares, logs)
 
     def slopes(self, weight: Array) -> Array:
         """Derivatives of -(weight S + L) / 2 by the logarithms of the standard deviations and by the powers."""
         law, tracks = self.law, self.tracks
-        of_place, of_variance = np.zeros((len(weight), 2)), np.zeros(len(weight))
+        of_u, of_v, of_variance = (np.zeros(len(weight)) for _ in range(3))
         of_white, of_walk = np.zeros_like(self.white), np.zeros_like(self.walk)
-        for k in reversed(range(tracks.known.shape[1])):
-            gain, total, innovation = self.gains[k], self.totals[k], self.innovations[k]
-            here = np.where(tracks.known[:, k], weight, 0.0)
-            of_total = 2.0 * tracks.known[:, k] / total - here * np.square(innovation).sum(axis=1) / total**2
-            of_gain = (of_place * innovation).sum(axis=1)
-            of_white[:, k] = of_variance * gain**2 - of_gain * gain / total + of_total
-            of_variance = of_variance * (1.0 - gain) ** 2 + of_gain * (1.0 - gain) / total + of_total
-            of_walk[:, k] = of_variance
-            of_place = of_place * (1.0 - gain)[:, None] - (2.0 * here / total)[:, None] * innovation
+        pull = weight[self.order] / self.total
+        of_total = (2.0 - pull * (self.right**2 + self.down**2)) / self.total
+        rest, share = 1.0 - self.gain, self.gain / self.total
+        pull_u, pull_v = 2.0 * pull * self.right, 2.0 * pull * self.down
+        for k, n in reversed(list(enumerate(self.alive))):
+            kept, before, total = rest[k, :n], of_variance[:n], of_total[k, :n]
+            of_gain = of_u[:n] * self.right[k, :n] + of_v[:n] * self.down[k, :n]
+            of_white[k, :n] = before * self.gain[k, :n] ** 2 - of_gain * share[k, :n] + total
+            of_variance[:n] = before * kept**2 + of_gain * kept / self.total[k, :n] + total
+            of_walk[k, :n] = of_variance[:n]
+            of_u[:n] = of_u[:n] * kept - pull_u[k, :n]
+            of_v[:n] = of_v[:n] * kept - pull_v[k, :n]
         of_white, of_walk = of_white * self.white, of_walk * self.walk
         begun = np.where(tracks.born, 0.0, of_variance * law.white**2 * self.factor[:, 0])
         first = np.where(tracks.born, of_variance * law.first**2, 0.0)
-        white, walk = of_white.sum(axis=1) + begun, of_walk.sum(axis=1)
-        both = np.concatenate([begun[:, None], of_white + of_walk], axis=1)
-        powers = np.einsum("tk,tkc->tc", both, tracks.covariates[:, :, : len(law.powers)])
-        return np.asarray(-0.5 * np.hstack([2.0 * np.stack([first, white, walk], axis=1), powers]))
+        white, walk = of_white.sum(axis=0) + begun, of_walk.sum(axis=0)
+        both = np.concatenate([begun[None], of_white + of_walk])
+        powers = np.einsum("kt,tkc->tc", both, tracks.covariates[:, :, : len(law.powers)])
+        found = np.hstack([2.0 * np.stack([first, white, walk], axis=1), powers])
+        slopes = np.empty_like(found)
+        slopes[self.order] = -0.5 * found
+        return slopes
+
+
+def _by_step(values: Array) -> Array:
+    return np.ascontiguousarray(values.T)
 
 
 Bounds = tuple[float, float]

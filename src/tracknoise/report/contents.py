@@ -119,10 +119,13 @@ class Opening:
     figures: tuple[str, ...] = ()
 
 
+ALONE = "How accurate it is"
+"""Heading of the section about accuracy where there is a single tracker."""
+_ACCURACY = "error-by-tracker"
 _EXAMPLES = "example-frames-"
 OPENINGS: Mapping[str, Opening] = {
     "estimator": Opening("Files for your estimator"),
-    "error-by-tracker": Opening("Which is better", ("error-by-age",)),
+    _ACCURACY: Opening("Which is better", ("error-by-age",)),
     "lifetimes": Opening("How long tracks live", ("lifetimes", "outlier-ratio")),
     "time-structure": Opening("How errors grow, and how heavy their tails are", ("time-structure", "gaussianity")),
     "error-by-place": Opening("Where errors are", ("image-map-", "surroundings-")),
@@ -153,7 +156,7 @@ class Layout:
         return [*self.open, *self.folded]
 
 
-def layout(sections: Sequence[Section], *, filmed: bool = False) -> Layout:
+def layout(sections: Sequence[Section], *, filmed: bool = False, compared: bool = True) -> Layout:
     """Divide sections into those that are open and those that are folded.
 
     Of the figures that a section of the page may show for each of its beginnings, it shows the first one that states a
@@ -165,6 +168,8 @@ def layout(sections: Sequence[Section], *, filmed: bool = False) -> Layout:
         All sections, each under an id of its own.
     filmed
         Whether the page shows the frames of a scene, in place of its example.
+    compared
+        Whether there are several trackers.
     """
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     known = {section.id: section for section in sections}
@@ -174,7 +179,8 @@ def layout(sections: Sequence[Section], *, filmed: bool = False) -> Layout:
         chosen = [found for start in starts if (found := _chosen(figures, start)) is not None]
         shown |= {one.id for one in chosen}
         if chosen or name in known:
-            opened.append(Section(name, opening.title, chosen))
+            title = ALONE if name == _ACCURACY and not compared else opening.title
+            opened.append(Section(name, title, chosen))
     return Layout(opened, [*_folded(sections, {one.id for one in opened}, shown)])
 
 

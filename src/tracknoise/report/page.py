@@ -27,7 +27,7 @@ from tracknoise.report import (
 from tracknoise.report.annotated_frame import annotated_frame
 from tracknoise.report.answer import conclusions, summarise
 from tracknoise.report.cells import Cells
-from tracknoise.report.contents import CONTENTS, Layout, Section, contents_json, layout
+from tracknoise.report.contents import ALONE, CONTENTS, Layout, Section, contents_json, layout
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure, require_distinct
 from tracknoise.report.report_data import ReportData
@@ -80,8 +80,9 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
     specs = {figure.id: figure_files.specification(figure) for figure in figures}
     frames = filmed_scene.filmed_scene(data)
-    arranged = layout([*_before(), *sections, *_after(data)], filmed=frames is not None)
     answered, fits, seen = summarise(data), run_models(data.run), looks.looks(data)
+    parts = [*_before(), *sections, *_after(data)]
+    arranged = layout(parts, filmed=frames is not None, compared=len(answered.cards) > 1)
     shown = answer_plot.answer_plot(fits.models, data.estimator, _shown_settings(answered), seen)
     files = _figure_files(specs, formats) | _table_files(data)
     files |= {} if shown is None else {answer_plot.FILE: answer_plot.png(shown, answered)}
@@ -146,6 +147,7 @@ def _page(
         picture=shown,
         frame=annotated_frame(data) if shown is None else None,
         layout=arranged,
+        alone=ALONE,
         family_of=family_of,
         anchors=_anchors(arranged, family_of),
         families=families,

@@ -13,8 +13,9 @@ from benchmarks.planted_windows import (
     with_permuted_covariates,
     with_permuted_errors,
 )
+from scipy import stats
 
-from tracknoise.estimators.bundle import Assumption, Loss, LossKind, adjust, expected_nees
+from tracknoise.estimators.bundle import Assumption, Loss, LossKind, adjust, expected_nees, gate_ratios
 from tracknoise.estimators.learning import fit_noise, learn, mean_drift, student_of_errors
 from tracknoise.estimators.linear_window import Motion
 from tracknoise.estimators.model import log_factor
@@ -23,8 +24,10 @@ from tracknoise.estimators.proof_windows import Problem, errors_of
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import (
     ARMS,
+    GATED,
     TEXTURE,
     Beliefs,
+    Gated,
     PlantedNoise,
     one_sigma,
     perturbed,
@@ -195,6 +198,42 @@ def test_a_correction_of_a_real_drift_helps_and_its_opposite_hurts() -> None:
     hurt = _mean_log_ratio(try_arms(windows, with_drift_reversed(beliefs), arms=["1", "7b"]), "7b")
     assert helped < -0.1
     assert hurt > 0.1
+
+
+def test_a_gate_at_true_poses_is_that_of_chi_square() -> None:
+    ratios = []
+    for window in _windows(WHITE, 40, 0):
+        covariances = one_sigma(window, 0.3)
+        found = adjust(window, perturbed(window), Assumption(covariances))
+        true = replace(found, poses=window.world_from_camera, points=tuple(group.points for group in window.groups))
+        ratios += gate_ratios(window, true, covariances)
+    every = np.concatenate(ratios)
+    assert np.mean(every <= 1.0) == pytest.approx(0.95, abs=0.02)
+    assert np.mean(every <= 0.5) == pytest.approx(stats.chi2.cdf(0.5 * stats.chi2.ppf(0.95, 9), 9), abs=0.04)
+
+
+def test_a_gate_leaves_out_tracks_that_jumped() -> None:
+    beliefs = replace(_learned(WHITE), gated=Gated(sigma_px=0.3, factor=1.0), tuned_px=0.3)
+    jumped = [_with_jumps(window, 4.0) for window in _windows(WHITE, 8, 0)]
+    assert _mean_log_ratio(try_arms(jumped, beliefs, arms=["1", GATED]), GATED) < -0.5
+    assert _mean_log_ratio(try_arms(_windows(WHITE, 8, 0), beliefs, arms=["1", GATED]), GATED) == pytest.approx(
+        0.0, abs=0.1
+    )
+
+
+def test_where_too_few_tracks_pass_a_gate_all_are_used() -> None:
+    beliefs = replace(_learned(WHITE), gated=Gated(sigma_px=0.3, factor=1e-6), tuned_px=0.3)
+    trial = try_arms(_windows(WHITE, 2, 0), beliefs, arms=["1", GATED])
+    (own,), (gated,) = (trial.filter(arm=arm, window=0)["position_m"] for arm in ("1", GATED))
+    assert gated == pytest.approx(own, rel=1e-6)
+
+
+def _with_jumps(problem: Problem, jump_px: float) -> Problem:
+    """Every sixth track jumps in its last observation."""
+    jump = [np.zeros_like(group.uv) for group in problem.groups]
+    for part in jump:
+        part[::6, -1] = jump_px
+    return problem.with_uv(tuple(group.uv + part for group, part in zip(problem.groups, jump, strict=True)))
 
 
 def test_every_arm_runs_and_is_described() -> None:

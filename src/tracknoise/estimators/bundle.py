@@ -25,6 +25,7 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from tracknoise.estimators.linear_window import PointTracks, linear_tracks
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, images
@@ -226,6 +227,26 @@ def adjust(problem: Problem, start: Start, assumption: Assumption) -> Adjusted:
         steps=steps,
         converged=converged,
     )
+
+
+def gate_ratios(
+    problem: Problem, found: Adjusted, covariances: Sequence[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Squared whitened residuals of tracks, over the limit that 95 % of Gaussian tracks pass: (tracks,) of each group.
+
+    As a filter tests a track at its predicted poses: the point takes three numbers from the residuals.
+    """
+    ratios = []
+    for group, points, covariance in zip(problem.groups, found.points, covariances, strict=True):
+        tracks = PointTracks(group.frames, points)
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        error = (group.uv - images(problem.camera, found.poses, tracks)).reshape(len(points), -1, 1)
+        linear = linear_tracks(problem.camera, found.poses, tracks, problem.gauge)
+        residual, span = whiten @ error, np.linalg.qr(whiten @ linear.by_point)[0]
+        left = residual - span @ (np.swapaxes(span, 1, 2) @ residual)
+        limit = stats.chi2.ppf(0.95, error.shape[1] - OF_POINT)
+        ratios.append(np.asarray(np.square(left).sum(axis=(1, 2)) / limit))
+    return ratios
 
 
 class _Work:

@@ -13,13 +13,21 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import minimize
 
-from tracknoise.estimators.linear_window import LinearTracks, PointTracks, consistent_sigma, linear_tracks
+from tracknoise.estimators.linear_window import consistent_sigma
 from tracknoise.estimators.model import Purpose
-from tracknoise.estimators.proof_windows import ROUNDING_PX, Problem, TrackGroup, errors_of, magnification_of, scenes_of
+from tracknoise.estimators.proof_windows import (
+    ROUNDING_PX,
+    Problem,
+    TrackGroup,
+    errors_of,
+    linear_window,
+    magnification_of,
+    scenes_of,
+)
 from tracknoise.estimators.track_likelihood import LEAST_NU, MOST_NU, TrackLaw
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.track_scale import ChosenLaw, Sample, choose_law, sample_of
-from tracknoise.estimators.trial import ADVISED, TUNED_ARMS, Beliefs, Knee, Law, PlantedNoise, Student, try_arms
+from tracknoise.estimators.trial import ADVISED, TUNED_ARMS, Beliefs, Gated, Knee, Law, PlantedNoise, Student, try_arms
 from tracknoise.inference.conventions import LEVEL
 
 _MOST_TRACKS = 4000
@@ -158,7 +166,8 @@ def learn(
         planted=None if planted is None else planted.law,
     )
     untried = Knee(sigma_px=innovations, knee_px=innovations)
-    return tuned(replace(draft, knees={**draft.knees, ADVISED: untried}), problems)
+    gated = Gated(sigma_px=newest, factor=1.0)
+    return tuned(replace(draft, knees={**draft.knees, ADVISED: untried}, gated=gated), problems)
 
 
 _MOST_TUNED = 60
@@ -190,11 +199,4 @@ def _tuned_knee(beliefs: Beliefs, problems: Sequence[Problem], arm: str) -> Knee
 
 
 def _equivalent(problem: Problem, noise: TrackNoise, purpose: Purpose) -> float:
-    return consistent_sigma(_linear(problem), noise, purpose=purpose)
-
-
-def _linear(problem: Problem) -> list[LinearTracks]:
-    return [
-        linear_tracks(problem.camera, problem.world_from_camera, PointTracks(group.frames, group.points, group.born))
-        for group in problem.groups
-    ]
+    return consistent_sigma(linear_window(problem), noise, purpose=purpose)

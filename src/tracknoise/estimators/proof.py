@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from tracknoise.analysis.condition_units import units_of
+from tracknoise.estimators.advice import Gate
 from tracknoise.estimators.learning import learn
 from tracknoise.estimators.linear_window import PointTracks, fit_points, linear_tracks
 from tracknoise.estimators.noise_model import NoiseModel
@@ -50,6 +51,7 @@ from tracknoise.estimators.trial import (
     REFERENCE,
     SCALARS,
     Beliefs,
+    Gated,
     Knee,
     one_sigma,
     try_arms,
@@ -396,14 +398,15 @@ def prove(
 
 
 def with_advice(beliefs: Beliefs, model: NoiseModel, length: int) -> Beliefs:
-    """The same with what a model says to set in a sliding window of so many frames, if it has sigmas for windows."""
+    """The same with what a model says to set in windows of so many frames, if it has sigmas for windows."""
     try:
-        found = model.advise("sliding_window", window=length)
+        found, filtered = (model.advise(kind, window=length) for kind in ("sliding_window", "filter"))
     except SettingsError:
         return beliefs
     assert found.knee_px is not None
     knee = Knee(sigma_px=found.sigma.value, knee_px=found.knee_px)
-    return replace(beliefs, knees={**beliefs.knees, ADVISED: knee})
+    gated = Gated(sigma_px=filtered.sigma.value, factor=filtered.gates[Gate.TRACK])
+    return replace(beliefs, knees={**beliefs.knees, ADVISED: knee}, gated=gated)
 
 
 def windows_for(

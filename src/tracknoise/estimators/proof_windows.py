@@ -27,7 +27,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import groups_of_run
-from tracknoise.estimators.linear_window import Gauge, PointTracks, determines_poses, linear_tracks
+from tracknoise.estimators.linear_window import Gauge, LinearTracks, PointTracks, determines_poses, linear_tracks
 from tracknoise.estimators.model import Training
 from tracknoise.estimators.training import reference_view
 from tracknoise.exceptions import SettingsError, StoreError
@@ -73,6 +73,11 @@ class TrackGroup:
     def ages(self) -> NDArray[np.int64]:
         """(tracks, n) integers: frames since the first observation of the window."""
         return self.frames - self.frames[:, :1]
+
+    def chosen(self, tracks: NDArray[np.bool_]) -> "TrackGroup":
+        """Some of the tracks."""
+        quality = {name: values[tracks] for name, values in self.quality.items()}
+        return TrackGroup(self.frames[tracks], self.uv[tracks], self.points[tracks], self.born[tracks], quality)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +126,14 @@ def images(
     count, length = tracks.frames.shape
     seen = transform(invert(world_from_camera)[tracks.frames.ravel()], np.repeat(tracks.points, length, axis=0))
     return camera.project(seen).reshape(count, length, 2)
+
+
+def linear_window(problem: Problem) -> list[LinearTracks]:
+    """The tracks of a window about the truth, to first order."""
+    return [
+        linear_tracks(problem.camera, problem.world_from_camera, PointTracks(group.frames, group.points, group.born))
+        for group in problem.groups
+    ]
 
 
 def errors_of(problem: Problem) -> tuple[NDArray[np.float64], ...]:

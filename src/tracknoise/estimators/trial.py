@@ -1,20 +1,21 @@
 """The noise assumptions that are tried on the same windows of tracks, and what each makes of them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.estimators.bundle import PLAIN, Adjusted, Assumption, Loss, LossKind, Start, adjust
+from tracknoise.estimators.bundle import PLAIN, Adjusted, Assumption, Loss, LossKind, Start, adjust, gate_ratios
 from tracknoise.estimators.linear_window import (
     EXACT,
+    determines_poses,
     of_full_rank,
 )
 from tracknoise.estimators.model import Factor, Interval, factor_of
-from tracknoise.estimators.proof_windows import Problem, TrackGroup, magnification_of
+from tracknoise.estimators.proof_windows import Problem, TrackGroup, linear_window, magnification_of
 from tracknoise.estimators.track_noise import TrackNoise
 
 TEXTURE = "texture"
@@ -23,6 +24,9 @@ TUNED_ARMS = ("8d", "9c")
 """Arms whose knee is tuned: with one sigma, and with a sigma by quality."""
 ADVISED = "8e"
 """The arm of what is set in a sliding window (`tracknoise.estimators.advice`); its sigma and knee are of a model."""
+GATED = "3g"
+"""The arm of what is set in a filter; its sigma and gate are of a model."""
+_GATE_OF_WHOLE_TRACKS = 0.25
 PLANTED = "U"
 """The arm that knows the planted noise."""
 REFERENCE = "1"
@@ -59,6 +63,14 @@ class Knee:
         return Loss(LossKind.CAUCHY, self.knee_px / self.sigma_px)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gated:
+    """The standard deviation of one observation, px, and the factor on the gate that 95 % of Gaussian tracks pass."""
+
+    sigma_px: float = 1.0
+    factor: float = 1.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Beliefs:
     """What was learned from training scenes.
@@ -83,6 +95,8 @@ class Beliefs:
         (2,) float64, px per frame: mean drift.
     of_errors
         Student's distribution of single errors; its squared scale is in px^2.
+    gated
+        What is set in a filter.
     planted
         The true noise, if it is known.
     """
@@ -98,6 +112,7 @@ class Beliefs:
     drift_px: NDArray[np.float64]
     of_errors: Student
     knees: Mapping[str, Knee] = field(default_factory=lambda: dict.fromkeys((*TUNED_ARMS, ADVISED), Knee()))
+    gated: Gated = field(default_factory=Gated)
     planted: Law | None = None
 
 
@@ -115,17 +130,43 @@ class Arm:
         Of the whitened residuals.
     unbiased
         Whether the mean drift is taken from the tracks first.
+    gate
+        Factor on the gate of tracks, if there is one. Tracks that fail it at the poses that a Cauchy loss of one sigma
+        gives are left out.
     """
 
     title: str
     covariances: Callable[[Problem, Beliefs], Sequence[NDArray[np.float64]]]
     loss: Callable[[Beliefs], Loss] = lambda _: PLAIN
     unbiased: bool = False
+    gate: Callable[[Beliefs], float] | None = None
 
     def apply(self, problem: Problem, beliefs: Beliefs) -> tuple[Problem, Assumption]:
         """What an estimator gets: the problem, and the noise to assume."""
         given = without_drift(problem, beliefs.drift_px) if self.unbiased else problem
         return given, Assumption(self.covariances(problem, beliefs), self.loss(beliefs))
+
+    def adjusted(self, problem: Problem, start: Start, beliefs: Beliefs) -> Adjusted:
+        """Poses and points of a window under this assumption; without a gate's tracks, if too few pass it."""
+        given, assumption = self.apply(problem, beliefs)
+        if self.gate is not None:
+            given, start, assumption = _gated(given, start, assumption, self.gate(beliefs))
+        return adjust(given, start, assumption)
+
+
+def _gated(problem: Problem, start: Start, assumption: Assumption, factor: float) -> tuple[Problem, Start, Assumption]:
+    """The same without the tracks that fail a gate; all of them where the others do not determine the poses."""
+    covariances = assumption.covariances
+    found = adjust(problem, start, Assumption(covariances, Loss(LossKind.CAUCHY, 1.0)))
+    passed = [ratio <= factor for ratio in gate_ratios(problem, found, covariances)]
+    some = [place for place, own in enumerate(passed) if own.any()]
+    groups = tuple(problem.groups[place].chosen(passed[place]) for place in some)
+    rest = replace(problem, groups=groups)
+    if not determines_poses(linear_window(rest)):
+        return problem, start, assumption
+    points = tuple(start.points[place][passed[place]] for place in some)
+    kept = [covariances[place][passed[place]] for place in some]
+    return rest, Start(start.poses, points), replace(assumption, covariances=kept)
 
 
 def without_drift(problem: Problem, drift_px: NDArray[np.float64]) -> Problem:
@@ -252,10 +293,16 @@ SCALARS: Mapping[str, tuple[str, Callable[[Beliefs], float]]] = MappingProxyType
 ARMS: Mapping[str, Arm] = MappingProxyType(
     {
         "1e": Arm("one sigma, first observation exact", _exact_first),
+        GATED: Arm(
+            "what is set in a filter: one sigma, gate",
+            lambda problem, beliefs: one_sigma(problem, beliefs.gated.sigma_px),
+            gate=lambda beliefs: beliefs.gated.factor,
+        ),
         "4": Arm("by age, independent", _by_age),
         "5": Arm("by quality, independent", _by_quality),
         "6": Arm("whole tracks", _modelled),
         "6b": Arm("whole tracks, by quality", _tracks_by_quality),
+        "6g": Arm("whole tracks, gate .25", _modelled, gate=lambda _: _GATE_OF_WHOLE_TRACKS),
         "7": Arm("whole tracks, mean drift corrected", _modelled, unbiased=True),
         "7b": Arm("one sigma, mean drift corrected", _tuned, unbiased=True),
         "8": Arm("one sigma, Huber 1.345", _tuned, _huber),
@@ -389,8 +436,7 @@ def _of_window(
         if one is not None and arm in SCALARS:
             found[arm] = _numbers(problem, one, SCALARS[arm][1](beliefs) ** 2)
         else:
-            given, assumption = ARMS[arm].apply(problem, beliefs)
-            found[arm] = _numbers(problem, adjust(given, start, assumption), 1.0)
+            found[arm] = _numbers(problem, ARMS[arm].adjusted(problem, start, beliefs), 1.0)
     return found
 
 

@@ -7,7 +7,8 @@
 With runs of the reader `simulated`, kept with `keep = "observations"` and 20 frames per second, the filter is given the
 tracks as they are, outliers included. Scenes are named `<motion>-NN`: noise models are fitted to those scenes of the
 first run, or of `--models`, whose NN is even for scenes with an odd one, and the reverse. Each sequence is filtered
-with several draws of inertial noise. A control has white noise of .5 px in place of the errors of the same tracks. The
+with several draws of inertial noise. A control has white noise of .5 px in place of the errors of the same tracks. With
+`--cut`, what is set in a filter is also tried without the last observations of tracks that were lost or rejected. The
 runs of docs/testing.md are those of `benchmarks/filter_trial_*.toml`.
 
 Prints, for each assumed noise: the root mean square error of the newest position, its ratio to that of the first row
@@ -57,6 +58,7 @@ from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import Camera
+from tracknoise.tables.schema import FAILURES
 from tracknoise.tables.store import RunFolder
 
 Arms = Mapping[str, tuple[Assumed, float]]
@@ -67,6 +69,7 @@ PLANTED: Mapping[str, TrackNoise] = {
     "walk": TrackNoise.isotropic(walk=0.1),
     "walk and white": TrackNoise.isotropic(white=0.3, walk=0.1),
 }
+SET = "what is set in a filter"
 CONTROL_PX = 0.5
 """Standard deviation of the white noise of the control."""
 _SETTLED_FRAMES = round(3.0 * FRAME_RATE_HZ)
@@ -191,7 +194,7 @@ def model_arms(model: NoiseModel) -> Arms:
         "newest pose, gate 1": (sigma, 1.0),
         "newest pose, gate of the model": (sigma, gate),
         "newest pose, gate of .8 of good tracks": (sigma, good_tracks_gate(model)),
-        "what is set in a filter": (advised.sigma.value, advised.gates[Gate.TRACK]),
+        SET: (advised.sigma.value, advised.gates[Gate.TRACK]),
         **{f"newest pose, gate {value:g}": (sigma, value) for value in (0.25, 0.1, 0.05)},
         **{
             f"newest pose x {factor:g}, same gate in px": (factor * sigma, gate / factor**2)
@@ -214,16 +217,23 @@ def good_tracks_gate(model: NoiseModel) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedSequence:
-    """A sequence of a run, without inertial readings: `control` has white noise in place of the errors."""
+    """A sequence of a run, without inertial readings.
+
+    `observations` have a column `end`: why their track ended.
+    """
 
     scene: str
     observations: pl.DataFrame
     tables: tuple[pl.DataFrame, pl.DataFrame]
 
-    def problem(self, *, seed: int, control: bool = False) -> InertialProblem:
-        """With readings of a sensor."""
+    def problem(self, *, seed: int, control: bool = False, cut: int = 0) -> InertialProblem:
+        """With readings of a sensor.
+
+        `control`: with white noise in place of the errors. `cut`: without so many last observations of failed tracks.
+        """
         cameras, poses = self.tables
-        seen = self.observations
+        from_end = pl.col("frame").rank("ordinal", descending=True).over("track")
+        seen = self.observations.filter(~pl.col("end").is_in(FAILURES) | (from_end > cut))
         if control:
             true = seen.drop_nulls("u_true_px").with_columns(u_px="u_true_px", v_px="v_true_px")
             noise = CONTROL_PX * np.random.default_rng((seed, 6)).standard_normal((2, true.height))
@@ -240,8 +250,10 @@ def tracked_sequences(run: Path, tracker: str) -> Iterator[TrackedSequence]:
     for key, entry in sorted(folder.manifest().sequences.items()):
         observations = folder.sequence_table("observations", key)
         mine = observations.filter(pl.col("tracker") == tracker, pl.col("speed") == 1)
+        ends = folder.sequence_table("tracks", key).filter(tracker=tracker, speed=1)
+        ended = mine.join(ends.select("track", pl.col("end").cast(pl.String)), on="track")
         tables = folder.sequence_table("cameras", key), folder.sequence_table("poses", key)
-        yield TrackedSequence(entry.sequence.scene, mine, tables)
+        yield TrackedSequence(entry.sequence.scene, ended, tables)
 
 
 def ended_tracks(observations: pl.DataFrame) -> EndedTracks:
@@ -274,7 +286,9 @@ def ended_tracks(observations: pl.DataFrame) -> EndedTracks:
     return EndedTracks(first, length, uv, first + length - (~lost | (length == CLONES)))
 
 
-def of_runs(runs: Sequence[Path], tracker: str, *, models: Path, seeds: int) -> Iterator[Outcome]:
+def of_runs(
+    runs: Sequence[Path], tracker: str, *, models: Path, seeds: int, cuts: Sequence[int] = ()
+) -> Iterator[Outcome]:
     """The outcomes of all sequences of some runs, with arms of models fitted to scenes of the other half of a run."""
     folder = RunFolder(models)
     scenes = [entry.sequence.scene for entry in folder.manifest().sequences.values()]
@@ -287,6 +301,9 @@ def of_runs(runs: Sequence[Path], tracker: str, *, models: Path, seeds: int) -> 
             for seed in (1000 * number + seeds * place + draw for draw in range(seeds)):
                 yield from outcomes(scene, sequence.problem(seed=seed), arms[_half(sequence.scene)], seed=seed)
                 yield from outcomes(scene, sequence.problem(seed=seed, control=True), control, seed=seed)
+                for cut in cuts:
+                    shorter = {f"what is set, last {cut} of failed tracks cut": arms[_half(sequence.scene)][SET]}
+                    yield from outcomes(scene, sequence.problem(seed=seed, cut=cut), shorter, seed=seed)
 
 
 def _half(scene: str) -> int:
@@ -299,13 +316,17 @@ def main() -> None:
     parser.add_argument("--models", type=Path, help="run folder that models are fitted to (default: the first)")
     parser.add_argument("--tracker", default="lucas-kanade", help="of the runs")
     parser.add_argument("--seeds", type=int, default=2, help="draws of inertial noise for each sequence of a run")
+    parser.add_argument(
+        "--cut", type=int, nargs="*", default=[], help="last observations of failed tracks to leave out"
+    )
     parser.add_argument("--runs", type=int, default=40, help="sequences with planted noise")
     parser.add_argument("--frames", type=int, default=60, help="frames of a sequence with planted noise")
     parser.add_argument("--tracks", type=int, default=8, help="tracks that begin in each of its frames")
     options = parser.parse_args()
     if options.run:
         models = options.models or options.run[0]
-        print(table(list(of_runs(options.run, options.tracker, models=models, seeds=options.seeds))))
+        found = of_runs(options.run, options.tracker, models=models, seeds=options.seeds, cuts=options.cut)
+        print(table(list(found)))
         return
     for case, noise in PLANTED.items():
         arms, found = _planted_arms(noise), []

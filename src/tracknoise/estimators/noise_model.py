@@ -5,11 +5,12 @@
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,8 +63,7 @@ STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 _Model = TypeVar("_Model")
 
 
-def _adapter(kind: type[_Model]) -> TypeAdapter[_Model]:
-    return TypeAdapter(kind)
+_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 def written(kind: type[_Model], model: _Model) -> str:
@@ -84,12 +84,13 @@ def parse_document(kind: type[_Model], text: str, path: Path) -> _Model:
     """A document from the text of its file."""
     fields = _fields(path, text)
     try:
-        return _adapter(kind).validate_python(fields)
+        model: _Model = _adapter(kind).validate_python(fields)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"])) or "document"
         message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
         raise DataError(path, f"{key}: found {_shown(first['input'])}", message) from error
+    return model
 
 
 def _fields(path: Path, text: str) -> dict[str, object]:
@@ -111,6 +112,12 @@ def _shown(value: object) -> str:
 
 
 _Kind = TypeVar("_Kind", bound=StrEnum)
+
+
+@lru_cache(maxsize=8)
+def _text_of(model: "NoiseModel") -> str:
+    """The document of a model. All exports of a report name its hash."""
+    return written(NoiseModel, model)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -470,7 +477,7 @@ class NoiseModel:
     @property
     def text(self) -> str:
         """The document, JSON."""
-        return written(NoiseModel, self)
+        return _text_of(self)
 
     @property
     def sha256(self) -> str:

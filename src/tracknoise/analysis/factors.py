@@ -58,6 +58,7 @@ from tracknoise.analysis.factor_values import (
     outlier_differences,
     scene_values,
 )
+from tracknoise.analysis.ranking import pairs_of_trackers
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.multiple_tests import benjamini_hochberg, hochberg, in_families, rotations
 from tracknoise.inference.paired_differences import (
@@ -499,6 +500,7 @@ def dependence(
     level: float = LEVEL,
     n_draws: int = N_DRAWS,
     seed: int = 0,
+    pairs: bool = False,
 ) -> pl.DataFrame:
     """Ratios and differences between the levels of all factors, with intervals and verdicts.
 
@@ -524,6 +526,8 @@ def dependence(
         Probability that an interval contains the true difference; q-values may be at most 1 - level.
     n_draws, seed
         Number of rotations, and their seed.
+    pairs
+        Whether every two trackers are compared, by `tracknoise.analysis.ranking.pairs_of_trackers`, and nothing else.
 
     Returns
     -------
@@ -559,7 +563,7 @@ def dependence(
     asked = _Options(groups, margin, level, n_draws, seed)
     every = list(cells(effects, sorted({key for table in tables.values() for key in table})))
     rows: list[Row] = []
-    for cell in [*every, *option_cells(every, options)]:
+    for cell in pairs_of_trackers(every) if pairs else [*every, *option_cells(every, options)]:
         names = scenes.get(cell.dataset, [])
         rows.extend(_rows(cell, tables, values, names, groups.of(cell.dataset, names), asked))
     return judged(rows, level)

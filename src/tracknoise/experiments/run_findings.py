@@ -22,6 +22,7 @@ from tracknoise.analysis.gaussianity import gaussianity
 from tracknoise.analysis.lifetime_intervals import incidence_table
 from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
 from tracknoise.analysis.point_tracking import point_tracking_metrics
+from tracknoise.analysis.ranking import ranking
 from tracknoise.analysis.ratio_intervals import ratio_intervals
 from tracknoise.analysis.seed_spread import Repeat, seed_spread, widened
 from tracknoise.analysis.time_structure import LONG_LIVED, lagged, time_structure
@@ -336,6 +337,7 @@ def _tables(
             **options,
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
+        "ranks": ranking(_dependence(read, experiment, statistics, zeros, pairs=True)),
     }
 
 
@@ -411,6 +413,8 @@ def _dependence(
     experiment: Experiment,
     statistics: Mapping[str, pl.DataFrame],
     key_frames: Mapping[str, int],
+    *,
+    pairs: bool = False,
 ) -> pl.DataFrame:
     return dependence(
         read.moments,
@@ -426,6 +430,7 @@ def _dependence(
         trimming=experiment.findings.trimming,
         margin=experiment.findings.margin,
         level=experiment.findings.level,
+        pairs=pairs,
     )
 
 

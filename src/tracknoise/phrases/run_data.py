@@ -36,7 +36,7 @@ class RunData:
         Its pooled tables.
     two_truths, pose_disagreement, rigid_share, pose_share, pose_law, tracker_differences, intervals, incidence,
     seed_spread, triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
-    advice, noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
+    ranks, advice, noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     audit, audit_curves, trust
         What is wrong with the stated truth, and the verdict on it, see `tracknoise.tables.findings_schema`.
@@ -73,6 +73,7 @@ class RunData:
     radii: pl.DataFrame
     time_structure: pl.DataFrame
     dependence: pl.DataFrame
+    ranks: pl.DataFrame
     surrounding_errors: pl.DataFrame
     image_cells: pl.DataFrame
     speed_errors: pl.DataFrame

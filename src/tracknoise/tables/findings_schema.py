@@ -533,6 +533,24 @@ truth cancels in the difference. established states whether a mean differs from 
 Bonferroni's correction for all ages and both coordinates of the two trackers; it is null for covariances.
 """
 
+RANKS: Schema = {
+    "dataset": pl.String,
+    **{name: kind for name, kind in CONDITION.items() if name != "tracker"},
+    "statistic": pl.String,
+    "axis": pl.String,
+    "tracker": pl.String,
+    "best": pl.Int32,
+    "worst": pl.Int32,
+    "n_trackers": pl.Int32,
+    "n_scenes": pl.Int32,
+    "level": pl.Float64,
+}
+"""Ranks of trackers at the lowest speed, one row per statistic and tracker, where three or more are compared.
+
+A tracker is between the ranks best and worst of n_trackers, by (ranks). n_scenes is the smallest number of scenes that
+it shares with another tracker. level is that of the comparisons.
+"""
+
 SURROUNDING_ERRORS: Schema = {
     **_POOLED,
     "surrounding": SURROUNDING,

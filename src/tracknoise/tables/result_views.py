@@ -776,6 +776,16 @@ VIEWS: Mapping[str, View] = {
     "radii": _radii(),
     "time_structure": _growth(),
     "dependence": _factors(),
+    "ranks": View(
+        Topic.ranks,
+        findings_schema.RANKS,
+        {**_CONDITION, "axis": "axis", "of": "statistic"},
+        [
+            *(Value("rank", name, {"part": name}, carried=_same("n_scenes", "level")) for name in ("best", "worst")),
+            Value("rank_count", "n_trackers"),
+        ],
+        [],
+    ),
     "surrounding_errors": View(
         Topic.surroundings,
         findings_schema.SURROUNDING_ERRORS,

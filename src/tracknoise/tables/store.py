@@ -142,6 +142,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "radii": findings_schema.RADII,
     "time_structure": findings_schema.TIME_STRUCTURE,
     "dependence": findings_schema.DEPENDENCE,
+    "ranks": findings_schema.RANKS,
     "surrounding_errors": findings_schema.SURROUNDING_ERRORS,
     "image_cells": findings_schema.IMAGE_CELLS,
     "speed_errors": findings_schema.SPEED_ERRORS,

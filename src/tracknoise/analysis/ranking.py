@@ -1,0 +1,76 @@
+"""Ranks of trackers by a statistic: which are shown to differ, and which cannot be distinguished.
+
+Every two trackers are compared like the levels of a factor of two (`tracknoise.analysis.factors`). A tracker of n is
+between the ranks
+
+    best = 1 + number of trackers that are shown to be better,  worst = n - number that are shown to be worse    (ranks)
+
+where a difference within the margin counts as none. Of all pairs that are said to differ by one statistic, at most
+1 - level are alike, on average.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import polars as pl
+
+from tracknoise.analysis.factor_values import CORE, Cell
+from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.findings_schema import DEPENDENCE, RANKS
+from tracknoise.tables.schema import CONDITION, check, empty
+
+ROLES = (CORE, "second", "lifetime", "outlier_ratio")
+"""Roles of the statistics that trackers are ranked by."""
+LEAST_TRACKERS = 3
+
+
+def pairs_of_trackers(cells: Iterable[Cell]) -> Iterator[Cell]:
+    """Every two trackers, at the lowest speed at which three or more are compared."""
+    many = [cell for cell in cells if cell.factor == "tracker" and len(cell.levels) >= LEAST_TRACKERS]
+    slowest = min((cell.held["speed"] for cell in many), key=lambda speed: int(str(speed)), default=None)
+    for cell in many:
+        if cell.held["speed"] == slowest:
+            asked = {role: name for role, name in cell.statistics.items() if role in ROLES}
+            for pair in combinations(cell.levels.items(), 2):
+                yield replace(cell, levels=dict(pair), statistics=asked)
+
+
+def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
+    """Ranks by (ranks) from comparisons of every two trackers.
+
+    Parameters
+    ----------
+    pairs
+        Schema `DEPENDENCE`, of the cells of `pairs_of_trackers`. Levels are null where no scene has both.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `RANKS`, by statistic and tracker, the best first.
+
+    Raises
+    ------
+    SchemaError
+        If the table has other columns.
+    """
+    known = check(pairs, DEPENDENCE, "pairs").drop_nulls(["level_a", "level_b"])
+    if known.is_empty():
+        return empty(RANKS)
+    held = ["dataset", *(name for name in CONDITION if name != "tracker"), "statistic", "axis"]
+    shown = (pl.col("verdict") == Verdict.yes) & pl.col("at").is_null()
+    sides = pl.concat(
+        known.select(*held, "n_scenes", "level", shown=shown, tracker=own, better=pl.col("better") == other)
+        for own, other in (("level_a", "level_b"), ("level_b", "level_a"))
+    )
+    worse = pl.col("shown") & pl.col("better").not_()
+    counted = sides.group_by(*held, "tracker", maintain_order=True).agg(
+        best=1 + (pl.col("shown") & pl.col("better")).sum(),
+        beaten=worse.sum(),
+        n_trackers=1 + pl.len(),
+        n_scenes=pl.col("n_scenes").min(),
+        level=pl.col("level").first(),
+    )
+    found = counted.with_columns(worst=pl.col("n_trackers") - pl.col("beaten"))
+    ordered = found.sort(*held, pl.col("best") + pl.col("worst"), "best", "tracker", nulls_last=True)
+    return check(ordered.select(pl.col(name).cast(kind) for name, kind in RANKS.items()), RANKS, "ranks")

@@ -60,7 +60,7 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
     held = ["dataset", *(name for name in CONDITION if name != "tracker"), "statistic", "axis"]
     shown = (pl.col("verdict") == Verdict.yes) & pl.col("at").is_null()
     sides = pl.concat(
-        known.select(*held, "n_scenes", "level", shown=shown, tracker=own, better=pl.col("better") == other)
+        known.select(*held, "n_scenes", "level", shown=shown, tracker=own, better=pl.col("better") == pl.col(other))
         for own, other in (("level_a", "level_b"), ("level_b", "level_a"))
     )
     worse = pl.col("shown") & pl.col("better").not_()

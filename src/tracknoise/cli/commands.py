@@ -10,6 +10,7 @@ from tracknoise.cli.terminal import write_result
 
 _COMMANDS = (
     "demo",
+    "tournament",
     "check",
     "init",
     "run",

@@ -20,7 +20,7 @@ _CLAIMS = ("growth", "bias", "tails")
 """Measures of a card that answer yes or no, the most important first."""
 
 
-def answer_lines(data: ReportData, most: int) -> list[str]:
+def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[str]:
     """The answer in lines.
 
     Parameters
@@ -29,9 +29,11 @@ def answer_lines(data: ReportData, most: int) -> list[str]:
         The run.
     most
         How many lines there may be; fewer trackers are shown than there are where they would not fit.
+    to_set
+        Whether they say what to set.
     """
     rest = [line for text in (_better(data), *_trust(data)) for line in wrapped(text)]
-    told = [wrapped(text) for text in to_set(data)]
+    told = [wrapped(text) for text in sentences_to_set(data)] if to_set else []
     room = most - len(rest)
     shown = _fitting(told, room)
     if shown < len(told):
@@ -57,7 +59,7 @@ def wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
-def to_set(data: ReportData) -> list[str]:
+def sentences_to_set(data: ReportData) -> list[str]:
     """What to set in an estimator, a sentence for each tracker; the size of its errors where this is unknown."""
     return [_of_tracker(data, tracker) for tracker in data.trackers]
 
@@ -96,7 +98,7 @@ def most_important(data: ReportData, most: int) -> list[str]:
     most
         How many sentences there may be in all.
     """
-    answers = [*to_set(data)[:MOST_TRACKERS], _better(data), *_trust(data)]
+    answers = [*sentences_to_set(data)[:MOST_TRACKERS], _better(data), *_trust(data)]
     chosen = list[str]()
     for text in filter(None, [*answers, *changes(data), *_shown(data)]):
         if len(sentences_of(joined([*chosen, text]))) > most:

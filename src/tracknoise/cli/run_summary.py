@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
-from tracknoise.cli.run_answer import answer_lines, to_set, wrapped
-from tracknoise.cli.text_table import aligned
+from tracknoise.cli.run_answer import answer_lines, sentences_to_set, wrapped
+from tracknoise.cli.text_table import aligned, show
 from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.names import by_statement, together
 from tracknoise.phrases.quick import quick_limits
 from tracknoise.report.answer import accuracy
+from tracknoise.report.figures.rankings import ranking_table
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
@@ -56,7 +57,14 @@ _NOISE = (
 
 
 def print_outcome(
-    terminal: "Terminal", out: Path, outcome: "Outcome", *, report: bool, table: bool, quick: bool = False
+    terminal: "Terminal",
+    out: Path,
+    outcome: "Outcome",
+    *,
+    report: bool,
+    table: bool,
+    quick: bool = False,
+    ranked: bool = False,
 ) -> int:
     """Print the answer of a run that has ended, its failures and its report.
 
@@ -70,6 +78,8 @@ def print_outcome(
         Whether tables are printed in place of the answer.
     quick
         Whether it is a quick run, whose limits are printed too.
+    ranked
+        Whether the table of ranks, where there is one, says what to set.
 
     Returns
     -------
@@ -81,7 +91,7 @@ def print_outcome(
     run = RunFolder(out)
     failed = _failed(outcome) if outcome.failures else []
     limits = wrapped(quick_limits(run)) if quick else []
-    print_results(terminal, run, report=report, table=table, failed=failed, limits=limits)
+    print_results(terminal, run, report=report, table=table, ranked=ranked, failed=failed, limits=limits)
     return 2 if outcome.failures else 0
 
 
@@ -92,6 +102,7 @@ def print_results(
     report: bool,
     figures: bool = False,
     table: bool,
+    ranked: bool = False,
     failed: Sequence[str] = (),
     limits: Sequence[str] = (),
 ) -> None:
@@ -103,7 +114,11 @@ def print_results(
         terminal.result(summary_text(run))
     else:
         others = [*failed, *limits, *(["report"] if report else []), _HINT]
-        terminal.result("\n".join(answer_lines(ReportData.of(run), MOST_LINES - len(others))))
+        data = ReportData.of(run)
+        ranks = ranking_table(data) if ranked else None
+        if ranks is not None:
+            show(terminal.result, ranks)
+        terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), to_set=ranks is None)))
         terminal.say(_HINT)
     for line in failed:
         terminal.say(line)
@@ -208,7 +223,7 @@ def _more_accurate(data: ReportData) -> list[str]:
 
 def _for_estimators(data: ReportData) -> list[str]:
     """The finding that says which noise to set in an estimator, and the trackers that it does not name."""
-    texts = [*data.findings.filter(topic="estimator")["text"], *to_set(data)[MOST_TRACKERS:]]
+    texts = [*data.findings.filter(topic="estimator")["text"], *sentences_to_set(data)[MOST_TRACKERS:]]
     return ["\n".join(wrapped(text)) for text in texts]
 
 

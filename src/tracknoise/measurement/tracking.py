@@ -146,10 +146,11 @@ class _Pass:
         kept_bytes: int,
     ) -> None:
         self._sequence = sequence
+        known = truth if isinstance(truth, OracleTruth) else None
         self._runs = [
             _Run(
                 condition.speed,
-                start_tracker(condition, sequence, truth, seed, n_frames),
+                start_tracker(condition, sequence, known, seed, n_frames),
                 Recorder(),
                 truth.start(),
                 None if second is None else second.start(),
@@ -187,8 +188,10 @@ class _Pass:
         )
 
 
-def start_tracker(condition: TrackerSetup, sequence: Sequence, truth: Truth, seed: int, n_frames: int) -> Tracker:
-    """Start the tracker of a setup on a sequence."""
+def start_tracker(
+    condition: TrackerSetup, sequence: Sequence, truth: OracleTruth | None, seed: int, n_frames: int
+) -> Tracker:
+    """Start the tracker of a setup on a sequence; `truth` for trackers that know it."""
     return condition.settings.start(
         SequenceContext(
             sequence=sequence.id,
@@ -197,7 +200,7 @@ def start_tracker(condition: TrackerSetup, sequence: Sequence, truth: Truth, see
             speed=condition.speed,
             seed=seed,
             first_frame=first_of_part(sequence),
-            truth=truth if isinstance(truth, OracleTruth) else None,
+            truth=truth,
             frames_without_pose=frozenset(np.flatnonzero(~RowPoses(sequence).known).tolist()),
             timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),

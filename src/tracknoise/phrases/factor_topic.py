@@ -159,9 +159,12 @@ def compared(data: RunData, role: str) -> dict[str, Any] | None:
 def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None:
     """Whether a tracker is the best by a statistic; None where trackers are not compared.
 
-    The comparison is of the two trackers that differ most. Of others it is not known. Nor is it where they differ at a
-    single age (or frame) only.
+    Of three and more trackers, the ranks tell. It is not known where two differ at a single age (or frame) only.
     """
+    if ranked := _ranks(data, role):
+        first = _first(ranked)
+        verdict = Verdict.no if tracker not in first else Verdict.yes if len(first) == 1 else Verdict.undecided
+        return answer(question, verdict, wished=Verdict.yes)
     row = compared(data, role)
     if row is None:
         return None
@@ -176,14 +179,47 @@ def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None
 
 def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     """Which tracker is more accurate, and by how much: by the core, and by the RMS over tracks where that differs."""
-    row = compared(data, "core")
     if len(data.trackers) < 2:
         return _alone(errors)
+    ranked = _ranks(data, "core")
+    if len(_first(ranked)) < len(ranked):
+        found = Judgement(
+            answer(_QUESTION, Verdict.yes, wished=Verdict.yes), _leaders(data, ranked), "error-by-tracker"
+        )
+        return _said_of_truth(data, found)
+    row = compared(data, "core")
     if row is None or row["effect"] is None:
         return _said_of_truth(data, _unproven(data, errors))
     verdict = Verdict(row["verdict"]) if row["at"] is None else Verdict.undecided
     text = _sentence(data, row, verdict) if row["at"] is None else _at_one_place(data, row)
     return _said_of_truth(data, Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), text, _SECTION))
+
+
+def _ranks(data: RunData, role: str) -> dict[str, int]:
+    """Best rank of each tracker at the lowest speed by a statistic; empty where fewer than three are compared."""
+    names = [name for name, of in ROLES.items() if of == role]
+    rows = data.nominal(data.ranks).filter(pl.col("statistic").is_in(names))
+    return dict(rows.select("tracker", "best").iter_rows())
+
+
+def _first(ranked: Mapping[str, int]) -> list[str]:
+    """The trackers that none is shown to be better than."""
+    return [name for name, best in ranked.items() if best == 1]
+
+
+def _leaders(data: RunData, ranked: Mapping[str, int]) -> str:
+    """Who leads by the core, and by the RMS over tracks where that differs."""
+    first, by_rms = _first(ranked), _first(_ranks(data, "second"))
+    of = f"of {len(ranked)} trackers"
+    differs = 0 < len(by_rms) <= _MOST_NAMED and set(by_rms) != set(first)
+    rest = f"; by {rms_of_tracks(data.trimming)}, {_some(by_rms)}" if differs else ""
+    alike = " They are not shown to differ." if len(first) > 1 else ""
+    return f"Smallest typical error {of}: {_some(first)}{rest}.{alike}"
+
+
+def _some(names: Sequence[str]) -> str:
+    """Names, or the first of them and how many others there are."""
+    return listing(names if len(names) <= _MOST_NAMED else [*names[:2], f"{len(names) - 2} others"])
 
 
 def _said_of_truth(data: RunData, found: Judgement) -> Judgement:

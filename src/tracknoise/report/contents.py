@@ -112,7 +112,7 @@ class Opening:
     title
         Its heading: the question that it answers.
     figures
-        Beginnings of the ids of its figures, each of which stands for one figure.
+        Beginnings of the ids of its figures, each of which stands for one figure. The first two that there are stand.
     """
 
     title: str
@@ -122,10 +122,11 @@ class Opening:
 ALONE = "How accurate it is"
 """Heading of the section about accuracy where there is a single tracker."""
 _ACCURACY = "error-by-tracker"
+_MOST_FIGURES = 2
 _EXAMPLES = "example-frames-"
 OPENINGS: Mapping[str, Opening] = {
     "estimator": Opening("Files for your estimator"),
-    _ACCURACY: Opening("Which is better", ("error-by-age",)),
+    _ACCURACY: Opening("Which is better", ("ranking", "cost-", "error-by-age")),
     "lifetimes": Opening("How long tracks live", ("lifetimes", "outlier-ratio")),
     "time-structure": Opening("How errors grow, and how heavy their tails are", ("time-structure", "gaussianity")),
     "error-by-place": Opening("Where errors are", ("image-map-", "surroundings-")),
@@ -176,7 +177,7 @@ def layout(sections: Sequence[Section], *, filmed: bool = False, compared: bool 
     opened, shown = [], set[str]()
     for name, opening in OPENINGS.items():
         starts = [start for start in opening.figures if not (filmed and start == _EXAMPLES)]
-        chosen = [found for start in starts if (found := _chosen(figures, start)) is not None]
+        chosen = [found for start in starts if (found := _chosen(figures, start)) is not None][:_MOST_FIGURES]
         shown |= {one.id for one in chosen}
         if chosen or name in known:
             title = ALONE if name == _ACCURACY and not compared else opening.title

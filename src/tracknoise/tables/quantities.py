@@ -207,9 +207,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "effect_count": Quantity("1", "Numbers of levels, pairs, ages and scenes behind an effect."),
     "effect_horizon": Quantity("frames", "Horizon to which lifetimes are restricted."),
-    "rank": Quantity(
-        "1", "Best and worst rank among trackers, by a statistic, by shown differences."
-    ),
+    "rank": Quantity("1", "Best and worst rank among trackers, by a statistic, by shown differences."),
     "rank_count": Quantity("1", "Number of trackers that were ranked."),
     "largest_difference": Quantity(None, "Largest difference between levels' pooled curves, the paper's measure."),
     "largest_difference_part": Quantity(None, "What the largest difference is made from."),

@@ -1,0 +1,65 @@
+"""``tracknoise tournament``: your tracker among those of known systems, on the same scenes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tracknoise.cli.shared_options import (
+    DebugOption,
+    FramesOption,
+    FreshOption,
+    QuietOption,
+    ScenesOption,
+    TrackersOption,
+    WorkersOption,
+    parse_frames,
+    parse_names,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("tournament")(tournament)
+
+
+def tournament(
+    context: typer.Context,
+    experiment: Annotated[
+        str, typer.Argument(help="An experiment file (TOML) with your data and trackers, or a preset.")
+    ] = "tournament",
+    data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder (default: runs/NAME).")] = None,
+    scenes: ScenesOption = None,
+    frames: FramesOption = None,
+    trackers: TrackersOption = None,
+    workers: WorkersOption = None,
+    fresh: FreshOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Rank trackers: those of an experiment, the built-in ones, and the settings of known systems.
+
+    Prints for each what to set, its ranks, and the CPU time of a step. Trackers with ranks in common are not shown to
+    differ. An interrupted tournament resumes when the same command is run again.
+
+    Examples: `tracknoise tournament`, `tracknoise tournament mine.toml --data /data/mine --trackers mine,openvins,svo`
+    """
+    from tracknoise.cli.measuring import measure
+    from tracknoise.cli.run_summary import print_outcome
+    from tracknoise.experiments.load import load_experiment
+    from tracknoise.experiments.tournament import entrants, step_costs
+    from tracknoise.tables.costs import write_costs
+    from tracknoise.tables.store import RunFolder
+
+    own = load_experiment(experiment, root=data)
+    named = entrants(own) if trackers is None else parse_names(trackers)
+    loaded = load_experiment(
+        experiment, root=data, scenes=scenes, frames=parse_frames(frames), speeds=[min(own.speeds)], trackers=named
+    )
+    out = out or Path("runs") / (loaded.name if loaded.name == "tournament" else f"{loaded.name}-tournament")
+    outcome = measure(context.obj, loaded, out, workers, fresh=fresh)
+    if outcome.measured:
+        context.obj.say("measuring the time of a step")
+        write_costs(RunFolder(out), step_costs(loaded))
+    return print_outcome(context.obj, out, outcome, report=True, table=False, ranked=True)

@@ -1,0 +1,54 @@
+"""A tournament: many trackers on the same scenes, and what a step of each costs."""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.experiments.plan import make_trackers, open_batch, plan
+from tracknoise.experiments.settings import FROM_FILES, Experiment
+from tracknoise.measurement.tracking import TrackerSetup, start_tracker
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.trackers.tracker import Frame
+from tracknoise.trackers.tracker_presets import preset_names
+
+MOST_FRAMES = 30
+_KINDS = ("lucas-kanade", "correspondence", "dense-flow")
+"""Kinds of trackers that take part with their default options, where they are not compared anyway."""
+_WITHOUT_COSTS = FROM_FILES | {"external", "oracle"}
+"""Kinds that read files, start programs or know the truth."""
+
+
+def entrants(experiment: Experiment) -> list[str]:
+    """Names of who takes part: the trackers of an experiment, other kinds with their defaults, and all presets."""
+    own = {choice.label: choice.kind for choice in experiment.trackers}
+    kinds = [kind for kind in _KINDS if kind not in own]
+    return [*own, *kinds, *(name for name in preset_names() if name not in own)]
+
+
+def step_costs(experiment: Experiment) -> dict[str, float]:
+    """Mean CPU time of a step, ms, of each tracker alone, in the first frames of the first sequence, at full rate.
+
+    At most `MOST_FRAMES` frames. Reading and decoding images do not count. Trackers that read files, start programs or
+    know the truth are left out.
+
+    Raises
+    ------
+    DataError, SettingsError
+        If the sequence cannot be read.
+    """
+    (sequence,) = open_batch(plan(experiment)[:1])
+    images = [sequence.image(index) for index in range(min(len(sequence), MOST_FRAMES))]
+    kinds = {choice.label: choice.kind for choice in experiment.trackers}
+    timed = {name: one for name, one in make_trackers(experiment).items() if kinds[name] not in _WITHOUT_COSTS}
+    setups = [TrackerSetup(name, settings, speed=1) for name, settings in timed.items()]
+    return {one.tracker: _cost_ms(one, sequence, images, experiment.seed) for one in setups}
+
+
+def _cost_ms(setup: TrackerSetup, sequence: Sequence, images: list[NDArray[np.uint8]], seed: int) -> float:
+    tracker = start_tracker(setup, sequence, None, seed, len(images))
+    frames = [Frame(index, image) for index, image in enumerate(images)]
+    started = time.process_time()
+    for frame in frames:
+        tracker.step(frame)
+    return round(1e3 * (time.process_time() - started) / len(frames), 3)

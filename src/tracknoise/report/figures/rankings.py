@@ -1,0 +1,218 @@
+"""Trackers ranked: which are shown to differ, and what accuracy costs.
+
+- Ranks by typical error, RMS, lifetime and outlier ratio, where three or more trackers are compared.
+- What to set in an estimator against the CPU time of a step, where a tournament measured it.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import altair as alt
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from tracknoise.analysis.factors import ROLES
+from tracknoise.report.cells import Cells
+from tracknoise.report.figures import marks
+from tracknoise.report.figures.figure import Absence, Figure, Sections, SectionTables
+from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.costs import read_costs
+from tracknoise.text import significant
+from tracknoise.words import count, listing, pixels
+
+_TITLES: Mapping[str, str] = {
+    "core": "typical error (core)",
+    "second": "RMS error",
+    "lifetime": "lifetime",
+    "outlier_ratio": "outlier ratio",
+}
+"""What trackers are ranked by, by the roles of the statistics, in the order of the table."""
+_RANKING, _COST = "ranking", "cost-of-trackers"
+_PANEL_WIDTH, _ROW_HEIGHT = 150, 22
+_COST_SIZE = (520, 320)
+_LETTER_PX, _LINE_PX = 7.0, 12.0
+_STEPS_PX = (0.0, 12.0, -12.0, 24.0, -24.0, 36.0, -36.0)
+"""Moves of a label that are tried."""
+
+
+def _ranks(data: ReportData) -> pl.DataFrame:
+    """Ranks at the lowest speed, with the role of each statistic; a tracker with better ranks first."""
+    rows = data.nominal(data.ranks)
+    roles = {name: role for name, role in ROLES.items() if role in _TITLES}
+    known = rows.filter(pl.col("statistic").is_in(list(roles)))
+    return known.with_columns(role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String))
+
+
+def _order(ranks: pl.DataFrame) -> list[str]:
+    """Names of trackers by the middle of their ranks by the core, then by the other statistics."""
+    middle = ranks.with_columns(middle=pl.col("best") + pl.col("worst"))
+    wide = middle.pivot("role", index="tracker", values="middle", aggregate_function="first")
+    known = [role for role in _TITLES if role in wide.columns]
+    return wide.sort(*known, "tracker", nulls_last=True)["tracker"].to_list()
+
+
+def _sigmas(data: ReportData) -> dict[str, float]:
+    """What to set for each tracker, px."""
+    rows = data.nominal(data.advice).filter(quantity="sigma").drop_nulls("value")
+    return dict(rows.select("tracker", "value").iter_rows())
+
+
+def ranking_table(data: ReportData) -> Cells | None:
+    """What to set, ranks, and the cost of a step, a row for each tracker; None where trackers have no ranks."""
+    ranks, sigmas, costs = _ranks(data), _sigmas(data), read_costs(data.run)
+    if ranks.is_empty():
+        return None
+    spans = {
+        (tracker, role): _span(best, worst)
+        for tracker, role, best, worst in ranks.select("tracker", "role", "best", "worst").iter_rows()
+    }
+    roles = [role for role in _TITLES if role in set(ranks["role"])]
+    order = _order(ranks)
+    rows = [
+        [
+            tracker,
+            f"{pixels(sigmas[tracker])} px" if tracker in sigmas else "",
+            *(spans.get((tracker, role), "") for role in roles),
+            *([f"{significant(costs[tracker], 2)} ms" if tracker in costs else ""] if costs else []),
+        ]
+        for tracker in order
+    ]
+    headings = ["tracker", "set", *(_TITLES[role] for role in roles), *(["CPU per step"] if costs else [])]
+    alike = f"Trackers with ranks in common are not shown to differ by more than {_margin(data)}."
+    caption = f"Ranks from {_scenes(ranks)}. {alike}"
+    return Cells(caption, headings, rows, [False, *([True] * (len(headings) - 1))])
+
+
+def _span(best: int, worst: int) -> str:
+    return str(best) if best == worst else f"{best} to {worst}"
+
+
+def _scenes(ranks: pl.DataFrame) -> str:
+    return count(min(ranks["n_scenes"].to_list()), "scene")
+
+
+def _margin(data: ReportData) -> str:
+    return f"a factor of {1.0 + data.margin:.3g}"
+
+
+def ranking_figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """Ranges of ranks, a panel for each statistic."""
+    ranks = _ranks(data)
+    if ranks.is_empty():
+        return []
+    order, roles = _order(ranks), [role for role in _TITLES if role in set(ranks["role"])]
+    panels = [Panel(_span_chart(ranks.filter(role=role), order, data.colour, first=role == roles[0])) for role in roles]
+    best = {role: ranks.filter(role=role, best=1)["tracker"].to_list() for role in roles}
+    told = [f"By {_TITLES[role]}: {listing(names)}." for role, names in best.items() if len(names) < len(order)]
+    return [
+        Figure(
+            _RANKING,
+            "Ranks of trackers",
+            f"A bar goes from the best to the worst rank that a tracker may have. Trackers whose bars overlap are not "
+            f"shown to differ by more than {_margin(data)}. Every two are compared within "
+            f"{_scenes(ranks)}.",
+            f"Trackers of rank 1. {' '.join(told)}" if told else "No tracker is shown to be better than another.",
+            arranged(panels, columns=len(panels)),
+            _message(best.get("core", []), len(order)),
+        )
+    ]
+
+
+def _message(best: Sequence[str], n: int) -> str:
+    """Who has the smallest typical error, where this is fewer than all."""
+    if not 0 < len(best) < n:
+        return ""
+    if len(best) == 1:
+        return f"Of {n} trackers, {best[0]} has the smallest typical error"
+    few = f"{listing(best)} have" if len(best) <= 3 else f"{len(best)} have"
+    return f"Of {n} trackers, {few} the smallest typical errors"
+
+
+def _span_chart(ranks: pl.DataFrame, order: Sequence[str], colours: Mapping[str, str], *, first: bool) -> alt.Chart:
+    title = _TITLES[ranks["role"][0]]
+    bars = ranks.select("tracker", low=pl.col("best") - 0.4, high=pl.col("worst") + 0.4, best="best", worst="worst")
+    highest = max(ranks["n_trackers"].to_list())
+    scale = alt.Scale(domain=[0.5, highest + 0.5], nice=False)
+    axis = alt.Axis(tickMinStep=1, format="d")
+    names = alt.Axis(labelLimit=160) if first else None
+    chart = alt.Chart(marks.rows(bars), title=title, width=_PANEL_WIDTH, height=_ROW_HEIGHT * len(order))
+    drawn: alt.Chart = chart.mark_bar(height=10).encode(
+        x=alt.X("low:Q", scale=scale, axis=axis, title="rank"),
+        x2="high:Q",
+        y=alt.Y("tracker:N", sort=list(order), title=None, axis=names),
+        color=alt.Color("tracker:N", scale=marks.scale(colours), legend=None),
+        tooltip=["tracker:N", "best:Q", "worst:Q"],
+    )
+    return drawn
+
+
+def cost_figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """What to set against the cost of a step."""
+    sigmas, costs = _sigmas(data), read_costs(data.run)
+    both = [name for name in data.trackers if name in sigmas and name in costs]
+    if not both:
+        return []
+    points = pl.DataFrame(
+        {"tracker": both, "ms": [costs[name] for name in both], "px": [sigmas[name] for name in both]},
+        schema={"tracker": pl.String, "ms": pl.Float64, "px": pl.Float64},
+    ).sort("ms", "px")
+    front = points.filter(pl.col("px") < pl.col("px").cum_min().shift(1).fill_null(float("inf")))
+    names = front["tracker"].to_list()
+    return [
+        Figure(
+            _COST,
+            "Accuracy against cost",
+            "What to set in an estimator against the CPU time of a step on this machine, of each tracker alone, in the "
+            "first frames of one sequence. The line joins trackers that no other one beats in both.",
+            f"No tracker is both cheaper and more accurate than {listing(names)}.",
+            arranged([Panel(_cost_chart(points, front, data.colour))], columns=1),
+            f"No tracker is cheaper and more accurate than {listing(names)}" if len(names) <= 3 else "",
+        )
+    ]
+
+
+def _cost_chart(points: pl.DataFrame, front: pl.DataFrame, colours: Mapping[str, str]) -> alt.LayerChart:
+    width, height = _COST_SIZE
+    ms, px = points["ms"].to_numpy(), points["px"].to_numpy()
+    (left, most), (low, high) = (0.8 * ms.min(), 2.5 * ms.max()), (0.85 * px.min(), 1.2 * px.max())
+    across, upward = (alt.Scale(type="log", domain=ends, nice=False) for ends in ([left, most], [low, high]))
+    right, up = width * np.log(ms / left) / np.log(most / left), height * np.log(px / low) / np.log(high / low)
+    label = up + _apart(right, up, points["tracker"].to_list())
+    points = points.with_columns(label=pl.Series(low * (high / low) ** (label / height)))
+    x = alt.X("ms:Q", title="CPU time of a step, ms", scale=across)
+    y = alt.Y("px:Q", title="sigma to set, px", scale=upward)
+    colour = alt.Color("tracker:N", scale=marks.scale(colours), legend=None)
+    base = alt.Chart(marks.rows(points), width=width, height=height)
+    line = alt.Chart(marks.rows(front)).mark_line(interpolate="step-after", color="gray", strokeDash=[4, 3])
+    return layered(
+        line.encode(x=x, y=y),
+        base.mark_circle(size=70).encode(x=x, y=y, color=colour, tooltip=["tracker:N", "ms:Q", "px:Q"]),
+        base.mark_text(align="left", dx=8, fontSize=12).encode(x=x, y=alt.Y("label:Q", scale=upward), text="tracker:N"),
+    )
+
+
+def _apart(right: NDArray[np.float64], up: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:
+    """How far labels (n,) beside points are moved up, px, so that they do not cover each other or points."""
+    moved, taken = np.zeros(len(names)), [(x - 5.0, x + 5.0, y) for x, y in zip(right, up, strict=True)]
+    for place, name in enumerate(names):
+        start, end = right[place] + 8.0, right[place] + 8.0 + _LETTER_PX * len(name)
+        free = (
+            step
+            for step in _STEPS_PX
+            if not any(a < end and start < b and abs(y - up[place] - step) < _LINE_PX for a, b, y in taken)
+        )
+        moved[place] = next(free, 0.0)
+        taken.append((start, end, up[place] + moved[place]))
+    return moved
+
+
+def _tables(data: ReportData) -> Sequence[Cells]:
+    found = ranking_table(data)
+    return [] if found is None else [found]
+
+
+FIGURES: Sections = {"error-by-tracker": (ranking_figures, cost_figures)}
+"""What this module draws, by the section of the report."""
+TABLES: SectionTables = {"error-by-tracker": _tables}
+"""What stands below."""

@@ -211,7 +211,7 @@ def _leaders(data: RunData, ranked: Mapping[str, int]) -> str:
     """Who leads by the core, and by the RMS over tracks where that differs."""
     first, by_rms = _first(ranked), _first(_ranks(data, "second"))
     of = f"of {len(ranked)} trackers"
-    differs = 0 < len(by_rms) <= _MOST_NAMED and set(by_rms) != set(first)
+    differs = 0 < len(by_rms) < min(len(ranked), _MOST_NAMED + 1) and set(by_rms) != set(first)
     rest = f"; by {rms_of_tracks(data.trimming)}, {_some(by_rms)}" if differs else ""
     alike = " They are not shown to differ." if len(first) > 1 else ""
     return f"Smallest typical error {of}: {_some(first)}{rest}.{alike}"

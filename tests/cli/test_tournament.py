@@ -1,0 +1,71 @@
+"""Trackers of one's own among those of known systems."""
+
+import json
+
+import pytest
+
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.tournament import entrants, step_costs
+from tracknoise.trackers.tracker_presets import preset_names
+
+EXPERIMENT = """
+name = "mine"
+speeds = [2, 1]
+[dataset]
+reader = "simulated"
+options = { motions = ["forward"], worlds = 1, frames = 4, width = 160, height = 120 }
+[[trackers]]
+kind = "lucas-kanade"
+name = "my-tracker"
+options = { min_features = 20, max_features = 30 }
+[[trackers]]
+kind = "oracle"
+"""
+
+
+@pytest.fixture
+def experiment(tmp_path):
+    (tmp_path / "x.toml").write_text(EXPERIMENT)
+    return tmp_path / "x.toml"
+
+
+def test_the_own_trackers_come_first_and_every_preset_takes_part_once(experiment):
+    names = entrants(load_experiment(experiment))
+    assert names[:2] == ["my-tracker", "oracle"]
+    assert set(preset_names()) | {"lucas-kanade", "correspondence", "dense-flow"} <= set(names)
+    assert len(names) == len(set(names))
+
+
+def test_the_built_in_tournament_has_every_preset():
+    assert set(preset_names()) < set(entrants(load_experiment("tournament")))
+
+
+def test_a_tournament_is_measured_at_full_rate_and_resumes(tracknoise, experiment):
+    run = experiment.parent / "run"
+    named = "my-tracker,oracle,openvins"
+    command = ["tournament", str(experiment), "--out", str(run), "--trackers", named, "-w", "1"]
+    code, out, _ = tracknoise(*command)
+    assert code == 0
+    assert f"report: {run / 'report' / 'index.html'}" in out
+    settings = load_experiment(run / "experiment.toml")
+    assert settings.speeds == [1]
+    costs = json.loads((run / "statistics" / "costs.json").read_text())
+    assert list(costs) == ["my-tracker", "openvins"]  # the oracle knows the truth
+    assert all(cost > 0 for cost in costs.values())
+    code, _, err = tracknoise(*command)
+    assert code == 0
+    assert "resuming: 1 of 1 sequence already measured" in err
+
+
+def test_a_tracker_that_is_not_known_is_named_in_one_line(tracknoise, experiment):
+    code, out, err = tracknoise("tournament", str(experiment), "--trackers", "nobody", "--quiet")
+    assert (code, out) == (1, "")
+    assert err.count("\n") == 1
+    assert "nobody" in err
+
+
+def test_a_step_of_a_tracker_with_more_to_do_costs_more(experiment):
+    text = experiment.read_text().replace('kind = "oracle"', 'kind = "correspondence"')
+    experiment.write_text(text.replace("width = 160, height = 120", "width = 480, height = 360"))
+    costs = step_costs(load_experiment(experiment))
+    assert costs["correspondence"] > 2 * costs["my-tracker"]

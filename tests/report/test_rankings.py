@@ -1,0 +1,82 @@
+"""Ranks of trackers on the page and in the terminal."""
+
+import dataclasses
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.phrases.factor_topic import accuracy
+from tracknoise.report.figures.rankings import _apart, ranking_figures, ranking_table
+from tracknoise.report.report_data import ReportData
+from tracknoise.tables.costs import read_costs, write_costs
+from tracknoise.tables.findings_schema import RANKS
+from tracknoise.tables.store import RunFolder
+
+SPANS = {"best": (1, 1), "alike": (2, 3), "other": (2, 3)}
+
+
+def ranked(run: RunFolder, spans: dict[str, tuple[int, int]] = SPANS) -> ReportData:
+    """A run with ranks by the core, and by the RMS that tells nothing."""
+    data = ReportData.of(run)
+    held = data.nominal(data.summary).row(0, named=True)
+    every = {name: (1, len(spans)) for name in spans}
+    rows = [
+        {name: held.get(name) for name in RANKS}
+        | {"statistic": statistic, "axis": "age", "tracker": name, "best": best, "worst": worst}
+        | {"n_trackers": len(spans), "n_scenes": 8, "level": 0.95}
+        for statistic, found in (("core", spans), ("Phi", every))
+        for name, (best, worst) in found.items()
+    ]
+    return dataclasses.replace(data, ranks=pl.DataFrame(rows, schema=dict(RANKS)))
+
+
+def test_the_table_has_the_best_first_with_ranges_of_ranks(run: RunFolder) -> None:
+    found = ranking_table(ranked(run))
+    assert found is not None
+    place = found.headings.index("typical error (core)")
+    assert [(row[0], row[place]) for row in found.rows] == [("best", "1"), ("alike", "2 to 3"), ("other", "2 to 3")]
+    assert {row[place + 1] for row in found.rows} == {"1 to 3"}
+    assert "Ranks from 8 scenes" in found.caption
+
+
+def test_without_ranks_there_is_no_table_and_no_figure(run: RunFolder) -> None:
+    data = ReportData.of(run)
+    assert ranking_table(data) is None
+    assert ranking_figures(data) == []
+
+
+@pytest.mark.parametrize(
+    ("spans", "text"),
+    [
+        (SPANS, "Smallest typical error of 3 trackers: best."),
+        (
+            {"a": (1, 2), "b": (1, 2), "c": (3, 3)},
+            "Smallest typical error of 3 trackers: a and b. They are not shown to differ.",
+        ),
+        (
+            {**dict.fromkeys("abcd", (1, 4)), "e": (5, 5)},
+            "Smallest typical error of 5 trackers: a, b and 2 others. They are not shown to differ.",
+        ),
+    ],
+)
+def test_the_first_screen_names_who_leads(run: RunFolder, spans: dict[str, tuple[int, int]], text: str) -> None:
+    assert accuracy(ranked(run, spans), {}).text.startswith(text)
+
+
+def test_where_nothing_is_shown_nobody_leads(run: RunFolder) -> None:
+    assert not accuracy(ranked(run, dict.fromkeys("abc", (1, 3))), {}).text.startswith("Smallest")
+
+
+def test_costs_are_kept_and_read(own_run: RunFolder) -> None:
+    assert read_costs(own_run) == {}
+    write_costs(own_run, {"a": 1.5})
+    assert read_costs(own_run) == {"a": 1.5}
+
+
+def test_labels_do_not_cover_each_other() -> None:
+    right, up = np.array([10.0, 20.0, 30.0, 300.0]), np.array([50.0, 51.0, 52.0, 50.0])
+    moved = _apart(right, up, ["vins-mono", "openvins", "kimera", "far"])
+    heights = np.sort((up + moved)[:3])
+    assert np.diff(heights).min() >= 12.0 - 1e-9
+    assert moved[3] == 0.0

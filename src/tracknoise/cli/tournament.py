@@ -48,7 +48,7 @@ def tournament(
     from tracknoise.cli.measuring import measure
     from tracknoise.cli.run_summary import print_outcome
     from tracknoise.experiments.load import load_experiment
-    from tracknoise.experiments.tournament import entrants, step_costs
+    from tracknoise.experiments.entrants import entrants, step_costs
     from tracknoise.tables.costs import write_costs
     from tracknoise.tables.store import RunFolder
 

@@ -37,6 +37,7 @@ def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
     options: dict[str, dict[str, object]] = {
         "lucas-kanade": {"min_features": 80, "max_features": 100},
         "correspondence": {"max_features": 100, "max_missed_frames": 1},
+        "patch": {"min_features": 80, "max_features": 100, "min_ncc": 0.5},
         "oracle": {"outlier_rate": 0.1, "loss_rate": 0.1},
         "external": {"command": (sys.executable,), "script": FOLLOW_POINTS, "every": 3},
         "imported": {"path": _track_file(tmp_path / "tracks.csv")},
@@ -110,6 +111,7 @@ def test_quality_is_one_number_per_observation_and_finite_where_known(settings):
         "lucas-kanade": {"lk_residual", "lk_min_eigenvalue"},
         "correspondence": {"descriptor_distance", "descriptor_ratio"},
         "imported": {"sure"},
+        "patch": {"patch_residual", "patch_ncc"},
     }
     steps = run(settings)
     for step in steps:
@@ -174,9 +176,9 @@ def test_tiny_and_black_images_do_no_harm(settings, size, black):
     for index in range(3):
         noise = np.random.default_rng(index).integers(0, 255, shape).astype(np.uint8)
         report = step(Frame(index, np.zeros(shape, np.uint8) if black else noise))
-        if settings.kind in ("lucas-kanade", "correspondence") and black:
+        if settings.kind in ("lucas-kanade", "correspondence", "patch") and black:
             assert report.alive == report.offered == 0
-        if settings.kind in ("lucas-kanade", "oracle") and min(size) <= 16:
+        if settings.kind in ("lucas-kanade", "oracle", "patch") and min(size) <= 16:
             assert report.alive == 0
 
 

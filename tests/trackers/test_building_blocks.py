@@ -13,11 +13,13 @@ from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.dense_flow import DenseFlow, Method
 from tracknoise.trackers.detection import Detection, Detector, Spacing
+from tracknoise.trackers.grid_statistics import supported
 from tracknoise.trackers.lucas_kanade import BackwardStart, LucasKanade
 from tracknoise.trackers.patch_samples import Shape, correlation, offsets, sampled
 from tracknoise.trackers.preprocessing import Equalisation, Preprocessing
 from tracknoise.trackers.rejection import Coordinates, Model, Rejection
 from tracknoise.trackers.search_start import Start
+from tracknoise.trackers.spacing import suppression_radii
 from tracknoise.trackers.template_choice import Renewal, Template
 from tracknoise.trackers.tracker import Frame, Step, TrackerSettings
 
@@ -241,6 +243,37 @@ def test_circles_keep_features_apart(sideways, setting):
             assert len(step.uv) > 40
 
 
+def test_adaptive_suppression_spreads_features_over_the_image(setting):
+    """A texture whose contrast falls from left to right: the strongest corners are all on one side."""
+    rng = np.random.default_rng(0)
+    noise = cv2.GaussianBlur(rng.normal(size=(240, 320)), (0, 0), 1.5)
+    image = np.clip(128 + 500 * noise / np.ptp(noise) * np.linspace(1, 0.25, 320), 0, 255).astype(np.uint8)
+    used = {}
+    for spacing in (Spacing.circles, Spacing.anms):
+        detection = Detection(spacing=spacing, distance_px=5, margin_px=8)
+        settings = LucasKanade(detection=detection, min_features=1, max_features=60, rejection=FREE)
+        uv = run(settings, [Frame(0, image)], setting)[0].uv
+        used[spacing] = len(np.unique(np.floor(uv / 40).astype(int), axis=0))
+        assert len(uv) == 60
+    assert used[Spacing.anms] > 1.4 * used[Spacing.circles]
+    assert used[Spacing.anms] > 40
+
+
+def test_suppression_radii_are_distances_to_clearly_stronger_keypoints():
+    rng = np.random.default_rng(1)
+    uv, response = rng.uniform(0, 300, (700, 2)), rng.uniform(1, 9, 700).astype(np.float32)
+    live = rng.uniform(0, 300, (3, 2))
+    for old in (live, live[:0]):
+        expected = np.full(700, np.inf)
+        for i, (position, own) in enumerate(zip(uv, response, strict=True)):
+            others = np.concatenate([uv[own < np.float32(0.9) * response], old])
+            if len(others):
+                expected[i] = np.hypot(*(others - position).T).min()
+        found = suppression_radii(uv, response, old)
+        assert np.mean(np.isclose(found, expected)) > 0.99  # ties at nine tenths round either way
+        assert np.isinf(found).any() == (len(old) == 0)
+
+
 def test_each_cell_of_a_grid_gives_its_share(sideways, setting):
     detection = Detection(detector=Detector.fast, grid=(4, 3), per_cell=5, refill_below=3, square_px=1, margin_px=0)
     settings = LucasKanade(detection=detection, min_features=1000, rejection=FREE)
@@ -318,6 +351,38 @@ def test_ambiguous_and_distant_matches_are_dropped(sideways, setting):
         assert np.nanmax(plain.quality[quality]) > bound
         assert np.nanmax(strict.quality[quality]) <= bound
         assert 0 < strict.matched < plain.matched
+
+
+@pytest.mark.parametrize("turn_deg", [0, 5])
+def test_supported_matches_are_those_of_opencv(texture, turn_deg):
+    motion = cv2.getRotationMatrix2D((280, 210), turn_deg, 1.02)
+    moved = cv2.warpAffine(texture, motion, texture.shape[::-1])
+    orb = cv2.ORB.create(3000, fastThreshold=0)
+    (first, query), (second, train) = (orb.detectAndCompute(image, None) for image in (texture, moved))
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING).match(query, train)
+    size = texture.shape[::-1]
+    theirs = cv2.xfeatures2d.matchGMS(size, size, first, second, matches)
+    source, target = (
+        np.array([keypoints[getattr(match, name)].pt for match in matches])
+        for keypoints, name in ((first, "queryIdx"), (second, "trainIdx"))
+    )
+    ours = supported(source, target, size)
+    kept = {match.queryIdx for match in theirs}
+    agreement = np.array([match.queryIdx in kept for match in matches]) == ours  # but at borders of cells, by rounding
+    assert agreement.mean() > 0.99
+    right = np.hypot(*(source @ motion[:, :2].T + motion[:, 2] - target).T) < 3
+    assert right[ours].mean() > right.mean()
+    assert ours[right].mean() > 0.9
+
+
+def test_matches_without_support_are_dropped(sideways, setting):
+    mixed = sideways[1].image.copy()
+    mixed[80:160, 100:220] = mixed[80:160, 100:220][::-1, ::-1]  # that part turns by itself
+    plain, supported_only = (
+        run(Correspondence(grid_statistics=on, rejection=FREE), [sideways[0], Frame(1, mixed)], setting)[1]
+        for on in (False, True)
+    )
+    assert 0 < supported_only.matched < plain.matched
 
 
 CAMERA = Camera(width=640, height=480, fx=400.0, fy=420.0, cx=330.0, cy=235.0, distortion=(-0.25, 0.05, 0.0, 0.0))

@@ -11,10 +11,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.geometry.cameras import Camera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import QUALITY_NAME, TrackEnd, TruthStatus
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, TrackerSettings
-from tracknoise.trackers.tracker_registry import TRACKERS
+from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker
 
 FOLLOW_POINTS = Path(__file__).parents[1] / "foreign" / "follow_points.py"
 SIZE = (200, 160)
@@ -31,7 +32,25 @@ class Still:
         return points_world[:, :2].copy()
 
 
-@pytest.fixture(params=TRACKERS.names())
+VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
+    "lucas-kanade of key frames": ("lucas-kanade", {"template": "keyframe", "min_ncc": 0.5, "backward_px": 1.0}),
+    "lucas-kanade along rays": ("lucas-kanade", {"start_at": "rotation", "rejection": {"model": "two-point"}}),
+    "patch of the previous frame": ("patch", {"template": "previous", "warp": "se2", "brightness": "gain"}),
+    "patch of few matches": ("patch", {"detection": {"spacing": "anms"}, "rejection": {"model": "five-point"}}),
+    "correspondence of akaze": (
+        "correspondence",
+        {
+            "detection": {"detector": "akaze"},
+            "descriptor": "akaze",
+            "grid_statistics": True,
+            "rejection": {"model": "seven-point"},
+        },
+    ),
+}
+"""Trackers whose options take other ways through the code than the defaults do."""
+
+
+@pytest.fixture(params=[*TRACKERS.names(), *VARIANTS])
 def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
     """Each tracker with settings under which tracks end early."""
     options: dict[str, dict[str, object]] = {
@@ -42,7 +61,10 @@ def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
         "external": {"command": (sys.executable,), "script": FOLLOW_POINTS, "every": 3},
         "imported": {"path": _track_file(tmp_path / "tracks.csv")},
     }
-    return TRACKERS.load(request.param)(**options.get(request.param, {}))
+    kind, others = VARIANTS.get(request.param, (request.param, {}))
+    return (
+        make_tracker(kind, options.get(kind, {}) | others) if others else TRACKERS.load(kind)(**options.get(kind, {}))
+    )
 
 
 def _track_file(path: Path) -> str:
@@ -60,6 +82,8 @@ def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 
     shown = images() if size == SIZE else [np.zeros(size[::-1], np.uint8)] * FRAMES
     sequence = SequenceId("data", "scene")
     ahead = {"images": lambda: iter(shown[::speed])}
+    camera = Camera(width=size[0], height=size[1], fx=150.0, fy=150.0, cx=(size[0] - 1) / 2, cy=(size[1] - 1) / 2)
+    ahead |= {"camera_at": lambda index: camera, "rotation_at": lambda index: np.eye(3)}
     return settings.start(SequenceContext(sequence, size, FRAMES, speed, 0, Still(), **ahead)).step
 
 

@@ -72,7 +72,7 @@ class AlignedPatches:
     rejection: Rejection = field(default_factory=Rejection)
     window_px: Annotated[int, Ge(3), Le(99)] = 15
     shape: Shape = Shape.square
-    warp: Warp = Warp.affine
+    warp: Warp = Warp.se2
     brightness: Brightness = Brightness.both
     template: Template = Template.first
     keyframe_share: Between0And1 = 0.5

@@ -31,7 +31,7 @@ _LEAST_AREA = 0.01
 class Warp(StrEnum):
     """What may happen to a patch.
 
-    shift: nothing else. se2: a shift and a turn. affine: an affine map, which patches below about 12 px leave open.
+    shift: nothing else. se2: a shift and a turn. affine: an affine map, which small or plain patches hardly determine.
     """
 
     shift = "shift"

@@ -19,10 +19,15 @@ from numpy.typing import NDArray
 from tracknoise.checks import Between0And1, Positive, require, require_bounds, settle_members
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import CameraModel
+from tracknoise.trackers.marginal_support import marginal_support
 from tracknoise.trackers.minimal_solvers import through_five, through_seven
 from tracknoise.trackers.tracker import SequenceContext
 
 Floats = NDArray[np.float64]
+Support = Callable[[Floats], Floats]
+"""How much matches support models: squared errors in units of the squared threshold, (b, n), to (b, n)."""
+Judge = Callable[[Floats], tuple[NDArray[np.bool_], Floats]]
+"""Which matches (b, n) agree with models (b, 3, 3), and the scores (b,) of these."""
 
 _FIRST_DRAW, _LARGEST_DRAW = 16, 128
 _MAX_BARREN_DRAWS = 100
@@ -42,6 +47,10 @@ class Geometry(Protocol):
 
     def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
         """Which matches (n, 2) each model (b, 3, 3) explains to within the threshold: (b, n)."""
+        ...
+
+    def squared_errors(self, models: Floats, source: Floats, target: Floats) -> Floats:
+        """Squared errors of matches (n, 2) by each model (b, 3, 3): (b, n)."""
         ...
 
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
@@ -67,44 +76,54 @@ def best_hypothesis(
     max_hypotheses: int,
     rng: np.random.Generator,
     max_refits: int = 0,
+    support: Support | None = None,
 ) -> Hypothesis | None:
     """The first hypothesis with the most inliers, among those of as many samples as `confidence` requires.
+
+    With a `support`, that with the largest sum of it, of all matches.
 
     Hypotheses are evaluated one after the other. Each that has more inliers than all before reduces the number needed
     (`hypotheses_needed`). They are computed in batches, which only affects the time: the samples depend on the
     generator only, and surplus hypotheses of a batch are ignored. Shapes: source, target (n, 2). Returns: None if all
     samples are degenerate.
     """
+
+    def judge(models: Floats) -> tuple[NDArray[np.bool_], Floats]:
+        agreement = geometry.agrees(models, source, target, threshold)
+        if support is None:
+            return agreement, agreement.sum(axis=1, dtype=np.float64)
+        squared = geometry.squared_errors(models, source, target) / threshold**2
+        return agreement, np.asarray(support(squared).sum(axis=1), dtype=np.float64)
+
     best: Hypothesis | None = None
-    most, judged, needed = geometry.sample_size - 1, 0, max_hypotheses
+    most, judged, needed = float(geometry.sample_size - 1), 0, max_hypotheses
     for models, samples in _drawn(geometry, source, target, rng):
-        agreement = geometry.agrees(models[samples < needed], source, target, threshold)
-        for index, count in enumerate(np.count_nonzero(agreement, axis=1).tolist()):
+        agreement, scores = judge(models[samples < needed])
+        for index, score in enumerate(scores.tolist()):
             if samples[index] >= needed:
                 return best
             judged = int(samples[index]) + 1
-            if count > most:
-                best = _refitted(
-                    geometry, Hypothesis(models[index], agreement[index]), source, target, threshold, max_refits
-                )
-                most = int(np.count_nonzero(best.inliers))
-                needed = hypotheses_needed(most / len(source), geometry.sample_size, confidence, needed)
+            if score > most:
+                found = Hypothesis(models[index], agreement[index])
+                best, most = _refitted(geometry, found, score, source, target, judge, max_refits)
+                share = np.count_nonzero(best.inliers) / len(source)
+                needed = hypotheses_needed(share, geometry.sample_size, confidence, needed)
         if judged >= needed:
             return best
     return best
 
 
 def _refitted(
-    geometry: Geometry, found: Hypothesis, source: Floats, target: Floats, threshold: float, max_refits: int
-) -> Hypothesis:
-    """The hypothesis after refits to its inliers, as long as each has more inliers than the one before."""
+    geometry: Geometry, found: Hypothesis, score: float, source: Floats, target: Floats, judge: Judge, max_refits: int
+) -> tuple[Hypothesis, float]:
+    """The hypothesis after refits to its inliers, as long as each scores better than the one before, and its score."""
     for _ in range(max_refits):
         model = geometry.refine(found.model, source[found.inliers], target[found.inliers])
-        inliers = geometry.agrees(model[None], source, target, threshold)[0]
-        if np.count_nonzero(inliers) <= np.count_nonzero(found.inliers):
+        (inliers,), (better,) = judge(model[None])
+        if better <= score:
             break
-        found = Hypothesis(model, inliers)
-    return found
+        found, score = Hypothesis(model, inliers), float(better)
+    return found, score
 
 
 def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
@@ -177,6 +196,12 @@ class Homography:
         w *= threshold
         within: NDArray[np.bool_] = x * x + y * y <= w * w
         return within
+
+    def squared_errors(self, models: Floats, source: Floats, target: Floats) -> Floats:
+        """Squared errors; shapes as in `agrees`."""
+        x, y, w = _map(models, source)
+        w = np.where(np.abs(w) > np.finfo(np.float64).eps, w, np.nan)
+        return np.nan_to_num((x / w - target[:, 0]) ** 2 + (y / w - target[:, 1]) ** 2, nan=np.inf)
 
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The homography with the least sum of squared errors, by Levenberg-Marquardt from `model`.
@@ -289,6 +314,11 @@ class Fundamental:
         algebraic, slope = _sampson(models, source, target)
         return algebraic * algebraic <= threshold * threshold * slope
 
+    def squared_errors(self, models: Floats, source: Floats, target: Floats) -> Floats:
+        """Squared errors; shapes as in `agrees`."""
+        algebraic, slope = _sampson(models, source, target)
+        return algebraic**2 / np.maximum(slope, np.finfo(np.float64).tiny)
+
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The eight-point solution on all matches; `model` is only needed where these leave it open.
 
@@ -308,12 +338,6 @@ def _sampson(models: Floats, source: Floats, target: Floats) -> tuple[Floats, Fl
     a_back, b_back, _ = _epipolar_lines(np.swapaxes(models, 1, 2), target)
     algebraic = a * target[:, 0] + b * target[:, 1] + c
     return algebraic, a * a + b * b + a_back * a_back + b_back * b_back
-
-
-def _squared_distances(model: Floats, source: Floats, target: Floats) -> Floats:
-    """Squared Sampson's distances (n,) of matches from a model."""
-    algebraic, slope = _sampson(model[None], source, target)
-    return np.asarray(algebraic[0] ** 2 / np.maximum(slope[0], np.finfo(np.float64).tiny))
 
 
 def _equations(source: Floats, target: Floats) -> Floats:
@@ -383,7 +407,7 @@ class FivePoint(Essential):
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The eight-point solution, where it fits better than the model: on a plane it does not."""
         refined = super().refine(model, source, target)
-        return min((refined, model), key=lambda one: float(_squared_distances(one, source, target).sum()))
+        return min((refined, model), key=lambda one: float(self.squared_errors(one[None], source, target).sum()))
 
 
 class KnownRotation(Fundamental):
@@ -454,15 +478,17 @@ class Coordinates(StrEnum):
 
 
 class Consensus(StrEnum):
-    """Whose inliers stay: those of the best minimal hypothesis, or of a model refined on inliers.
+    """Which model is the best, and whether it is refined on its inliers. Its inliers stay.
 
     hypothesis: as in the paper's software. Which of many similar hypotheses wins depends on the random seed. refined:
     every hypothesis that is better than all before is fitted to its inliers again, and so is the best (LO-RANSAC). The
-    result depends far less on the seed.
+    result depends far less on the seed. magsac: as refined, but models are compared by the support of all matches,
+    which falls with their errors, not by how many lie within the threshold: see `tracknoise.trackers.marginal_support`.
     """
 
     hypothesis = "hypothesis"
     refined = "refined"
+    magsac = "magsac"
 
 
 class ReferencePosition(StrEnum):
@@ -492,7 +518,7 @@ class Rejection:
 
     Outlier ratio and lifetimes are results, so their definition must not change with a library. Up to OpenCV 4.11 the
     mask of ``findHomography`` was that of the best minimal hypothesis; since 4.12 it is that of the refined model.
-    `consensus` selects one of the two. The paper's software used the former, and so do the presets of the paper. With
+    `consensus` selects. The paper's software used the former, and so do the presets of the paper. With
     `refined`, local optimisation finds nearly the same model with any seed. A step has no outliers if it has fewer
     matches than determine a model, or if all samples are degenerate.
 
@@ -599,7 +625,8 @@ class Rejection:
             confidence=self.confidence,
             max_hypotheses=self.max_hypotheses,
             rng=np.random.default_rng([self.seed, frame]),
-            max_refits=_MAX_REFITS if self.consensus is Consensus.refined else 0,
+            max_refits=0 if self.consensus is Consensus.hypothesis else _MAX_REFITS,
+            support=marginal_support if self.consensus is Consensus.magsac else None,
         )
         if best is None:
             return everything

@@ -116,8 +116,8 @@ class LucasKanadeTracker(FollowingTracker):
     The quality of an observation is the mean absolute difference between the feature's patch and that around it in the
     current image (``lk_residual``, gray values), and the smallest eigenvalue of the mean structure tensor of its patch,
     from Scharr derivatives (``lk_min_eigenvalue``, (gray values / px)^2). The patch is that of the template. Both are
-    OpenCV's; the eigenvalue is scaled so that a derivative has its unit. After an equalisation,
-    gray values are those of the equalised image.
+    OpenCV's; the eigenvalue is scaled so that a derivative has its unit. After an equalisation, gray values are those
+    of the equalised image.
     """
 
     def __init__(self, settings: LucasKanade, inliers: Inliers, guess: Guess = at_last) -> None:

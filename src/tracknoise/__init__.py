@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tracknoise.statistics.summarise import summarise_sequence
     from tracknoise.statistics.summary import summary
     from tracknoise.statistics.track_counts import outlier_ratios
+    from tracknoise.trackers.aligned_patches import AlignedPatches
     from tracknoise.trackers.correspondence import Correspondence
     from tracknoise.trackers.dense_flow import DenseFlow
     from tracknoise.trackers.detection import Detection
@@ -39,6 +40,7 @@ __version__ = "0.2.0"
 
 __all__ = [
     "AccuracyRule",
+    "AlignedPatches",
     "Corrections",
     "Correspondence",
     "DenseFlow",
@@ -72,6 +74,7 @@ __all__ = [
 _HOMES = {
     "Corrections": "geometry.corrections",
     "AccuracyRule": "truth.accuracies",
+    "AlignedPatches": "trackers.aligned_patches",
     "Correspondence": "trackers.correspondence",
     "DenseFlow": "trackers.dense_flow",
     "Detection": "trackers.detection",

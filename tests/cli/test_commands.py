@@ -162,6 +162,7 @@ def test_trackers_lists_the_trackers(tracknoise):
         "imported",
         "lucas-kanade",
         "oracle",
+        "patch",
         *tracker_presets.preset_names(),
     ]
     assert "preset of OpenVINS: FAST corners of a 5 x 5 grid" in out

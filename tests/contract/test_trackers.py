@@ -11,10 +11,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.geometry.cameras import Camera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import QUALITY_NAME, TrackEnd, TruthStatus
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, TrackerSettings
-from tracknoise.trackers.tracker_registry import TRACKERS
+from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker
 
 FOLLOW_POINTS = Path(__file__).parents[1] / "foreign" / "follow_points.py"
 SIZE = (200, 160)
@@ -31,17 +32,39 @@ class Still:
         return points_world[:, :2].copy()
 
 
-@pytest.fixture(params=TRACKERS.names())
+VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
+    "lucas-kanade of key frames": ("lucas-kanade", {"template": "keyframe", "min_ncc": 0.5, "backward_px": 1.0}),
+    "lucas-kanade along rays": ("lucas-kanade", {"start_at": "rotation", "rejection": {"model": "two-point"}}),
+    "patch of the previous frame": ("patch", {"template": "previous", "warp": "se2", "brightness": "gain"}),
+    "patch of few matches": ("patch", {"detection": {"spacing": "anms"}, "rejection": {"model": "five-point"}}),
+    "correspondence of akaze": (
+        "correspondence",
+        {
+            "detection": {"detector": "akaze"},
+            "descriptor": "akaze",
+            "grid_statistics": True,
+            "rejection": {"model": "seven-point"},
+        },
+    ),
+}
+"""Trackers whose options take other ways through the code than the defaults do."""
+
+
+@pytest.fixture(params=[*TRACKERS.names(), *VARIANTS])
 def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
     """Each tracker with settings under which tracks end early."""
     options: dict[str, dict[str, object]] = {
         "lucas-kanade": {"min_features": 80, "max_features": 100},
         "correspondence": {"max_features": 100, "max_missed_frames": 1},
+        "patch": {"min_features": 80, "max_features": 100, "min_ncc": 0.5},
         "oracle": {"outlier_rate": 0.1, "loss_rate": 0.1},
         "external": {"command": (sys.executable,), "script": FOLLOW_POINTS, "every": 3},
         "imported": {"path": _track_file(tmp_path / "tracks.csv")},
     }
-    return TRACKERS.load(request.param)(**options.get(request.param, {}))
+    kind, others = VARIANTS.get(request.param, (request.param, {}))
+    return (
+        make_tracker(kind, options.get(kind, {}) | others) if others else TRACKERS.load(kind)(**options.get(kind, {}))
+    )
 
 
 def _track_file(path: Path) -> str:
@@ -59,6 +82,8 @@ def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 
     shown = images() if size == SIZE else [np.zeros(size[::-1], np.uint8)] * FRAMES
     sequence = SequenceId("data", "scene")
     ahead = {"images": lambda: iter(shown[::speed])}
+    camera = Camera(width=size[0], height=size[1], fx=150.0, fy=150.0, cx=(size[0] - 1) / 2, cy=(size[1] - 1) / 2)
+    ahead |= {"camera_at": lambda index: camera, "rotation_at": lambda index: np.eye(3)}
     return settings.start(SequenceContext(sequence, size, FRAMES, speed, 0, Still(), **ahead)).step
 
 
@@ -110,6 +135,7 @@ def test_quality_is_one_number_per_observation_and_finite_where_known(settings):
         "lucas-kanade": {"lk_residual", "lk_min_eigenvalue"},
         "correspondence": {"descriptor_distance", "descriptor_ratio"},
         "imported": {"sure"},
+        "patch": {"patch_residual", "patch_ncc"},
     }
     steps = run(settings)
     for step in steps:
@@ -174,9 +200,9 @@ def test_tiny_and_black_images_do_no_harm(settings, size, black):
     for index in range(3):
         noise = np.random.default_rng(index).integers(0, 255, shape).astype(np.uint8)
         report = step(Frame(index, np.zeros(shape, np.uint8) if black else noise))
-        if settings.kind in ("lucas-kanade", "correspondence") and black:
+        if settings.kind in ("lucas-kanade", "correspondence", "patch") and black:
             assert report.alive == report.offered == 0
-        if settings.kind in ("lucas-kanade", "oracle") and min(size) <= 16:
+        if settings.kind in ("lucas-kanade", "oracle", "patch") and min(size) <= 16:
             assert report.alive == 0
 
 

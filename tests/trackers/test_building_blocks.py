@@ -13,9 +13,14 @@ from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.dense_flow import DenseFlow, Method
 from tracknoise.trackers.detection import Detection, Detector, Spacing
-from tracknoise.trackers.lucas_kanade import BackwardStart, LucasKanade, Start, Template
+from tracknoise.trackers.grid_statistics import supported
+from tracknoise.trackers.lucas_kanade import BackwardStart, LucasKanade
+from tracknoise.trackers.patch_samples import Shape, correlation, offsets, sampled
 from tracknoise.trackers.preprocessing import Equalisation, Preprocessing
 from tracknoise.trackers.rejection import Coordinates, Model, Rejection
+from tracknoise.trackers.search_start import Start
+from tracknoise.trackers.spacing import suppression_radii
+from tracknoise.trackers.template_choice import Renewal, Template
 from tracknoise.trackers.tracker import Frame, Step, TrackerSettings
 
 FEW = {"min_features": 100, "max_features": 120}
@@ -73,7 +78,7 @@ def test_a_motion_that_grows_is_found_from_where_the_last_step_leads(texture, se
     way = [np.array([1.5 * k * (k + 1), 0]) for k in range(6)]
     frames = [Frame(k, sliding(texture, offset, 2)[1].image) for k, offset in enumerate(way)]
     right = {}
-    for start_at in Start:
+    for start_at in (Start.last, Start.velocity):
         settings = LucasKanade(start_at=start_at, extra_levels=0, rejection=FREE, **FEW)
         first, *_, last = run(settings, frames, setting)
         start = dict(zip(first.ids.tolist(), first.uv, strict=True))
@@ -113,6 +118,114 @@ def test_the_first_patch_is_aligned_from_the_last_position(texture, setting):
     assert [end[i].tolist() for i in old] == expected.tolist()
 
 
+def turning(texture: np.ndarray, camera: Camera, angles: Sequence[float]) -> tuple[list[Frame], list[np.ndarray]]:
+    """A texture at infinity, seen by a camera that turns about its vertical axis, and the rotations of the camera."""
+    turns = [cv2.Rodrigues(np.array([0.0, angle, 0.0]))[0] for angle in angles]
+    v, u = np.indices((camera.height, camera.width)).reshape(2, -1).astype(float)
+    frames = []
+    for k, turn in enumerate(turns):
+        rays = camera.bearings(np.column_stack([u, v])) @ turn.T
+        place = (rays[:, :2] / rays[:, 2:] * 300 + [280, 210]).astype(np.float32).reshape(camera.height, -1, 2)
+        frames.append(Frame(k, cv2.remap(texture, place, None, cv2.INTER_LINEAR)))
+    return frames, turns
+
+
+def test_a_turn_of_the_camera_is_found_from_its_known_rotation(texture, setting):
+    camera = Camera(width=320, height=240, fx=300.0, fy=300.0, cx=159.5, cy=119.5)
+    frames, turns = turning(texture, camera, [0.0, 0.05, -0.05, 0.05])
+    context = replace(setting(), camera_at=lambda index: camera, rotation_at=lambda index: turns[index])
+    found = {}
+    for start_at in Start:
+        tracker = LucasKanade(start_at=start_at, extra_levels=0, rejection=FREE, **FEW).start(context)
+        before, count = {}, 0
+        for k, step in enumerate(map(tracker.step, frames)):
+            present = dict(zip(step.ids.tolist(), step.uv, strict=True))
+            old = [i for i in present if i in before]
+            if old:
+                rays = camera.bearings(np.array([before[i] for i in old])) @ turns[k - 1].T @ turns[k]
+                off = np.hypot(*(camera.project(rays) - [present[i] for i in old]).T)
+                count += np.count_nonzero(off < 0.3)
+            before = present
+        found[start_at] = count
+    assert found[Start.rotation] > 150
+    assert found[Start.rotation] > 5 * max(found[Start.last], found[Start.velocity])
+
+
+def test_a_known_rotation_needs_poses_and_goes_on_without_one(sideways, setting):
+    with pytest.raises(SettingsError, match=r"start_at is 'rotation' in .*: no camera or poses, expected both"):
+        LucasKanade(start_at=Start.rotation).start(setting())
+    camera = Camera(width=320, height=240, fx=300.0, fy=300.0, cx=159.5, cy=119.5)
+    context = replace(setting(), camera_at=lambda index: camera, rotation_at=lambda index: np.full((3, 3), np.nan))
+    steps = []
+    for start_at in (Start.rotation, Start.last):
+        tracker = LucasKanade(start_at=start_at, **FEW).start(context)
+        steps.append([tracker.step(frame).uv.tolist() for frame in sideways])
+    assert steps[0] == steps[1]
+
+
+def test_the_patch_is_that_of_the_first_frame_until_half_of_its_features_are_gone(texture, setting):
+    frames = sliding(texture, np.array([17.3, -4.6]), 12, noise=4.0)
+    seen = {}
+    for template in Template:
+        settings = LucasKanade(template=template, keyframe_share=0.5, min_features=1, max_features=120, rejection=FREE)
+        seen[template] = [step.uv.tolist() for step in run(settings, frames, setting)]
+    renewed = next(k for k, uv in enumerate(seen[Template.keyframe]) if len(uv) < 60)
+    assert 3 < renewed < 11
+    assert seen[Template.keyframe][: renewed + 1] == seen[Template.first][: renewed + 1]
+    assert seen[Template.keyframe][renewed + 1] != seen[Template.first][renewed + 1]
+    assert seen[Template.keyframe][2] != seen[Template.previous][2]
+
+
+def test_a_key_frame_renews_all_templates_once_few_of_the_last_are_left():
+    renewal = Renewal(Template.keyframe, keyframe_share=0.5)
+    assert renewal.rows(np.arange(4)).tolist() == [-1, -1, -1, -1]
+    assert renewal.rows(np.array([1, 2, 3, 4])).tolist() == [1, 2, 3, -1]
+    assert renewal.rows(np.array([2, 3, 4, 5])).tolist() == [1, 2, 3, -1]
+    assert renewal.rows(np.array([3, 4, 5, 6])).tolist() == [-1, -1, -1, -1]
+    assert renewal.rows(np.array([4, 6])).tolist() == [1, 3]
+    first = Renewal(Template.first)
+    assert [first.rows(ids).tolist() for ids in (np.array([2, 5]), np.array([5, 7]))] == [[-1, -1], [1, -1]]
+
+
+def test_what_no_longer_looks_like_its_first_patch_is_lost(sideways, setting):
+    frames = [frame.image.copy() for frame in sideways[:3]]
+    for k in (1, 2):  # half of the texture fades to another one
+        other = np.random.default_rng(8).integers(0, 255, (240, 160)).astype(np.uint8)
+        frames[k][:, 160:] = cv2.addWeighted(
+            frames[k][:, 160:], 1 - 0.4 * k, cv2.GaussianBlur(other, (0, 0), 1.2), 0.4 * k, 0
+        )
+    shown = [Frame(k, image) for k, image in enumerate(frames)]
+    faded = {}
+    for least in (None, 0.8):
+        steps = run(LucasKanade(min_ncc=least, rejection=FREE, min_features=1, max_features=300), shown, setting)
+        right = steps[-1].uv[:, 0] > 170
+        faded[least] = np.count_nonzero(right), np.count_nonzero(~right)
+    assert faded[0.8][0] < 0.3 * faded[None][0]
+    assert faded[0.8][1] > 0.9 * faded[None][1]
+
+
+def test_correlation_is_that_of_the_gray_values_and_needs_texture():
+    rng = np.random.default_rng(0)
+    first, second = rng.normal(100, 20, (2, 5, 49)).astype(np.float32)
+    expected = [np.corrcoef(a, b)[0, 1] for a, b in zip(first, second, strict=True)]
+    np.testing.assert_allclose(correlation(first, second), expected, atol=1e-6)
+    np.testing.assert_allclose(correlation(first, 3 * first - 40), 1.0, atol=1e-6)
+    assert np.isnan(correlation(first, np.full_like(first, 7))).all()
+
+
+def test_samples_are_bilinear_and_missing_beyond_the_image():
+    image = np.random.default_rng(0).uniform(0, 255, (20, 30)).astype(np.float32)
+    uv = np.random.default_rng(1).uniform(0, [28.9, 18.9], (4, 7, 2)).astype(np.float32)
+    column, row = np.floor(uv).astype(int).transpose(2, 0, 1)
+    right, down = (uv - np.floor(uv)).transpose(2, 0, 1)
+    above = (1 - right) * image[row, column] + right * image[row, column + 1]
+    below = (1 - right) * image[row + 1, column] + right * image[row + 1, column + 1]
+    np.testing.assert_allclose(sampled(image, uv), (1 - down) * above + down * below, atol=1e-3)
+    assert np.isnan(sampled(image, np.float32([[[-0.1, 3], [29.1, 3], [3, 19.5], [np.nan, 3]]]))).all()
+    assert sampled(image, np.full((40_000, 2, 2), 3, np.float32)).shape == (40_000, 2)
+    assert len(offsets(8, Shape.disc)) == 52
+
+
 def test_features_end_when_they_are_too_old(sideways, setting):
     steps = run(LucasKanade(max_age=2, **FEW), sideways, setting)
     seen = np.bincount(np.concatenate([step.ids for step in steps]))
@@ -128,6 +241,37 @@ def test_circles_keep_features_apart(sideways, setting):
             assert apart.min() > 19
             assert (np.rint(step.uv) >= 5).all()
             assert len(step.uv) > 40
+
+
+def test_adaptive_suppression_spreads_features_over_the_image(setting):
+    """A texture whose contrast falls from left to right: the strongest corners are all on one side."""
+    rng = np.random.default_rng(0)
+    noise = cv2.GaussianBlur(rng.normal(size=(240, 320)), (0, 0), 1.5)
+    image = np.clip(128 + 500 * noise / np.ptp(noise) * np.linspace(1, 0.25, 320), 0, 255).astype(np.uint8)
+    used = {}
+    for spacing in (Spacing.circles, Spacing.anms):
+        detection = Detection(spacing=spacing, distance_px=5, margin_px=8)
+        settings = LucasKanade(detection=detection, min_features=1, max_features=60, rejection=FREE)
+        uv = run(settings, [Frame(0, image)], setting)[0].uv
+        used[spacing] = len(np.unique(np.floor(uv / 40).astype(int), axis=0))
+        assert len(uv) == 60
+    assert used[Spacing.anms] > 1.4 * used[Spacing.circles]
+    assert used[Spacing.anms] > 40
+
+
+def test_suppression_radii_are_distances_to_clearly_stronger_keypoints():
+    rng = np.random.default_rng(1)
+    uv, response = rng.uniform(0, 300, (700, 2)), rng.uniform(1, 9, 700).astype(np.float32)
+    live = rng.uniform(0, 300, (3, 2))
+    for old in (live, live[:0]):
+        expected = np.full(700, np.inf)
+        for i, (position, own) in enumerate(zip(uv, response, strict=True)):
+            others = np.concatenate([uv[own < np.float32(0.9) * response], old])
+            if len(others):
+                expected[i] = np.hypot(*(others - position).T).min()
+        found = suppression_radii(uv, response, old)
+        assert np.mean(np.isclose(found, expected)) > 0.99  # ties at nine tenths round either way
+        assert np.isinf(found).any() == (len(old) == 0)
 
 
 def test_each_cell_of_a_grid_gives_its_share(sideways, setting):
@@ -207,6 +351,38 @@ def test_ambiguous_and_distant_matches_are_dropped(sideways, setting):
         assert np.nanmax(plain.quality[quality]) > bound
         assert np.nanmax(strict.quality[quality]) <= bound
         assert 0 < strict.matched < plain.matched
+
+
+@pytest.mark.parametrize("turn_deg", [0, 5])
+def test_supported_matches_are_those_of_opencv(texture, turn_deg):
+    motion = cv2.getRotationMatrix2D((280, 210), turn_deg, 1.02)
+    moved = cv2.warpAffine(texture, motion, texture.shape[::-1])
+    orb = cv2.ORB.create(3000, fastThreshold=0)
+    (first, query), (second, train) = (orb.detectAndCompute(image, None) for image in (texture, moved))
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING).match(query, train)
+    size = texture.shape[::-1]
+    theirs = cv2.xfeatures2d.matchGMS(size, size, first, second, matches)
+    source, target = (
+        np.array([keypoints[getattr(match, name)].pt for match in matches])
+        for keypoints, name in ((first, "queryIdx"), (second, "trainIdx"))
+    )
+    ours = supported(source, target, size)
+    kept = {match.queryIdx for match in theirs}
+    agreement = np.array([match.queryIdx in kept for match in matches]) == ours  # but at borders of cells, by rounding
+    assert agreement.mean() > 0.99
+    right = np.hypot(*(source @ motion[:, :2].T + motion[:, 2] - target).T) < 3
+    assert right[ours].mean() > right.mean()
+    assert ours[right].mean() > 0.9
+
+
+def test_matches_without_support_are_dropped(sideways, setting):
+    mixed = sideways[1].image.copy()
+    mixed[80:160, 100:220] = mixed[80:160, 100:220][::-1, ::-1]  # that part turns by itself
+    plain, supported_only = (
+        run(Correspondence(grid_statistics=on, rejection=FREE), [sideways[0], Frame(1, mixed)], setting)[1]
+        for on in (False, True)
+    )
+    assert 0 < supported_only.matched < plain.matched
 
 
 CAMERA = Camera(width=640, height=480, fx=400.0, fy=420.0, cx=330.0, cy=235.0, distortion=(-0.25, 0.05, 0.0, 0.0))

@@ -10,7 +10,15 @@ from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker, tracker
 
 
 def test_the_built_in_trackers_are_known_by_name():
-    assert TRACKERS.names() == ["correspondence", "dense-flow", "external", "imported", "lucas-kanade", "oracle"]
+    assert TRACKERS.names() == [
+        "correspondence",
+        "dense-flow",
+        "external",
+        "imported",
+        "lucas-kanade",
+        "oracle",
+        "patch",
+    ]
     assert all(TRACKERS.load(kind).kind == kind for kind in TRACKERS.names())
     assert all(TRACKERS.load(kind).description for kind in TRACKERS.names())
 
@@ -80,7 +88,7 @@ def test_bounds_hold_without_a_file_too():
 
 
 def test_an_unknown_tracker_is_refused_with_the_known_ones():
-    with pytest.raises(UnknownNameError, match=r"'lucas-kanade'.*known: basalt, correspondence, dense-flow"):
+    with pytest.raises(UnknownNameError, match=r"'lucas-kanade'.*known: basalt, correspondence, cuvslam, dense-flow"):
         make_tracker("lucas-kanda")
 
 

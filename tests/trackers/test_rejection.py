@@ -2,8 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
+from tracknoise.trackers.marginal_support import marginal_support
 from tracknoise.trackers.rejection import (
     Consensus,
+    Fundamental,
     Homography,
     Model,
     ReferencePosition,
@@ -114,8 +116,9 @@ def test_the_fundamental_matrix_tells_what_moves_by_itself():
 
 
 @pytest.mark.parametrize("model", list(Model))
-@pytest.mark.parametrize("n", [0, 1, 3, 4])
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 4])
 def test_too_few_matches_have_no_outliers(model, n):
+    n = min(n, 2) if model is Model.two_point else n
     source, target, _ = matches(n, 1.0, 1.0)
     assert Rejection(model=model).inliers(source, target, 0).tolist() == [True] * n
 
@@ -155,6 +158,41 @@ def test_local_optimisation_makes_the_seed_matter_far_less(model):
     assert spread[Consensus.refined] < 0.5 * spread[Consensus.hypothesis]
 
 
+def test_with_a_loose_threshold_magsac_depends_less_on_the_seed_and_keeps_fewer_outliers():
+    """At 12 px, noise of 0.5 px: models that explain few matches well have as many inliers as the right one."""
+    source, target = two_views(noise_px=0.5)
+    spread, wrong = {}, {}
+    for consensus in (Consensus.refined, Consensus.magsac):
+        options = {"model": Model.fundamental, "consensus": consensus, "threshold_px": 12.0}
+        kept = [Rejection(**options, seed=seed).inliers(source, target, 0) for seed in range(10)]
+        spread[consensus], wrong[consensus] = np.mean(np.std(kept, axis=0)), np.mean(kept, axis=0)[:60].mean()
+        assert np.mean(kept, axis=0)[60:].mean() > 0.98
+    assert spread[Consensus.magsac] < 0.3 * spread[Consensus.refined]
+    assert wrong[Consensus.magsac] < wrong[Consensus.refined]
+
+
+def test_support_is_one_less_the_loss_that_is_averaged_over_all_scales():
+    """By integrals: the density of an error in four dimensions, then r w(r)."""
+    cut, errors = 3.64, np.linspace(1e-4, 1, 2001)
+    weight = np.zeros_like(errors)
+    for sigma in np.linspace(1e-4, 1 / cut, 4001):
+        within = errors < cut * sigma
+        weight[within] += errors[within] ** 3 / sigma**4 * np.exp(-(errors[within] ** 2) / (2 * sigma**2))
+    loss = np.cumsum(errors * weight)
+    found = marginal_support(errors[None] ** 2)[0]
+    np.testing.assert_allclose(found, 1 - loss / loss[-1], atol=0.005)
+    assert marginal_support(np.array([[0.0, 1.0, 4.0, np.inf]])).tolist() == [[1.0, 0.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize("geometry", [Homography(), Fundamental()])
+def test_what_agrees_has_an_error_below_the_threshold(geometry):
+    source, target, _ = matches(200, 0.3, 1.0)
+    size = geometry.sample_size
+    models, usable = geometry.hypotheses(*(points[:160].reshape(-1, size, 2) for points in (source, target)))
+    squared = geometry.squared_errors(models[usable], source, target)
+    assert (geometry.agrees(models[usable], source, target, 3.0) == (squared <= 9.0)).all()
+
+
 def test_a_refit_that_loses_inliers_is_not_kept():
     class Shrinking(Homography):
         def refine(self, model, source, target):
@@ -186,5 +224,5 @@ def test_names_do_for_members_and_unknown_ones_are_refused():
     assert Rejection(consensus="hypothesis", reference="first", model="none") == Rejection(
         consensus=Consensus.hypothesis, reference=ReferencePosition.first, model=Model.none
     )
-    with pytest.raises(ValueError, match=r"consensus is 'best', expected one of hypothesis, refined"):
+    with pytest.raises(ValueError, match=r"consensus is 'best', expected one of hypothesis, refined, magsac"):
         Rejection(consensus="best")

@@ -205,6 +205,7 @@ def start_tracker(
             timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),
             camera_at=partial(camera_at, sequence),
+            rotation_at=lambda index: sequence.world_from_camera[index, :3, :3],
             images=lambda: map(sequence.image, range(0, n_frames, condition.speed)),
         )
     )

@@ -4,6 +4,7 @@
 - Mutual nearest neighbours among descriptors, by one matrix product.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any, ClassVar
@@ -18,6 +19,7 @@ from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, network_keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
+from tracknoise.trackers.grid_statistics import supported
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
 from tracknoise.trackers.spacing import spread_keypoints
@@ -25,24 +27,31 @@ from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 
 _CORNER_SIZE_PX = 7.0
 """Size of the keypoints of AGAST and FAST."""
+_BEBLID_SCALE = 5.0
+"""OpenCV's, for keypoints of that size: the window is so many times as wide."""
 
 
 class Descriptor(StrEnum):
     """What a keypoint is recognised by.
 
-    sift: 128 gradients. orb and brisk: 256 and 512 comparisons of gray values. network: what the network that finds the
-    keypoints states.
+    sift: 128 gradients. orb, brisk and freak: 256, 512 and 512 comparisons of gray values. beblid: 512 learned
+    comparisons of means. akaze: 486 comparisons of means and derivatives in a nonlinear scale space. network: what the
+    network that finds the keypoints states.
     """
 
     sift = "sift"
     orb = "orb"
     brisk = "brisk"
+    freak = "freak"
+    beblid = "beblid"
+    akaze = "akaze"
     network = "network"
 
     @property
     def size(self) -> int:
         """Length of a descriptor; 0 for that of a network, which is known once it has run."""
-        return {Descriptor.sift: 128, Descriptor.orb: 256, Descriptor.brisk: 512}.get(self, 0)
+        bits = {Descriptor.orb: 256, Descriptor.akaze: 488, Descriptor.network: 0}  # 486 of AKAZE fill bytes
+        return 128 if self is Descriptor.sift else bits.get(self, 512)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +80,10 @@ def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descri
     With a grid, they are those of its cells. With circles or cells to keep them apart, margin and distance apply to
     them; squares and their margin do not.
 
-    Keypoints of `sift` and `orb` are described with their own size and direction if the descriptor is of the same kind.
-    All others are described as AGAST's are: with a size of 7 px, and upright or, by `brisk`, along a direction that it
-    finds itself. A descriptor may drop keypoints, such as those near the border; only those that it returns are used.
+    Keypoints of `sift`, `orb` and `akaze` are described with their own size and direction if the descriptor is of the
+    same kind. All others are described as AGAST's are: with a size of 7 px, and upright or, by `brisk`, `freak` and
+    `akaze`, along a direction that they find themselves. A descriptor may drop keypoints, such as those near the
+    border; only those that it returns are used.
     """
 
     def compute(image: NDArray[np.uint8]) -> Described:
@@ -103,13 +113,24 @@ def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
     raw = [points.raw[index] for index in points.order.tolist()]
     if own:
         return raw
-    return [cv2.KeyPoint(one.pt[0], one.pt[1], _CORNER_SIZE_PX, response=one.response) for one in raw]
+    return [  # AKAZE's descriptor reads the level of its scale space from the class: the finest
+        cv2.KeyPoint(one.pt[0], one.pt[1], _CORNER_SIZE_PX, response=one.response, class_id=0) for one in raw
+    ]
 
 
 def _extractor(descriptor: Descriptor) -> cv2.Feature2D:
     if descriptor is Descriptor.sift:  # as `tracknoise.trackers.detection` finds its keypoints: where it looks at them
         return cv2.SIFT.create(enable_precise_upscale=True)
-    return cv2.ORB.create() if descriptor is Descriptor.orb else cv2.xfeatures2d.BRISK.create()
+    return _EXTRACTORS[descriptor]()
+
+
+_EXTRACTORS: dict[Descriptor, Callable[[], cv2.Feature2D]] = {
+    Descriptor.orb: lambda: cv2.ORB.create(),
+    Descriptor.brisk: lambda: cv2.xfeatures2d.BRISK.create(),
+    Descriptor.freak: lambda: cv2.xfeatures2d.FREAK.create(),
+    Descriptor.beblid: lambda: cv2.xfeatures2d.BEBLID.create(_BEBLID_SCALE),
+    Descriptor.akaze: lambda: cv2.xfeatures2d.AKAZE.create(),
+}
 
 
 def _as_numbers(descriptors: NDArray[Any] | None, descriptor: Descriptor) -> NDArray[np.float32]:
@@ -211,6 +232,8 @@ class Correspondence:
         `tracknoise.trackers.correspondence.Matches`. None: any.
     max_distance
         Largest distance of a match; of bits, the root of how many differ. None: any.
+    grid_statistics
+        Whether matches need the support of those around them: see `tracknoise.trackers.grid_statistics.supported`.
     """
 
     kind: ClassVar[str] = "correspondence"
@@ -226,6 +249,7 @@ class Correspondence:
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     max_ratio: Annotated[float, Gt(0), Le(1)] | None = None
     max_distance: Positive | None = None
+    grid_statistics: bool = False
 
     def __post_init__(self) -> None:
         settle_members(self, descriptor=Descriptor)
@@ -244,8 +268,9 @@ class CorrespondenceTracker:
 
     A step applies these tests to the live features, in the order of XIVO's matching tracker:
 
-    1. Feature and keypoint are mutual nearest neighbours by descriptor, near and unambiguous enough. A feature without
-       a match is kept for up to `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
+    1. Feature and keypoint are mutual nearest neighbours by descriptor, near, unambiguous and supported enough. A
+       feature without a match is kept for up to `max_missed_frames` frames in a row (else ``lost``). `Step.matched`
+       counts the matches.
     2. The keypoint is closer to the feature's last position than the largest displacement (else ``displaced``).
     3. The outlier rejection keeps the match (else ``outlier``).
     4. The strongest keypoints that belong to no feature begin new ones, up to `max_features` alive. Keypoints whose
@@ -274,6 +299,9 @@ class CorrespondenceTracker:
         if not len(self._descriptors):
             self._descriptors = points.descriptors[:0]
         matches = self._good(mutual_nearest(self._descriptors, points.descriptors))
+        if settings.grid_statistics:
+            ends = before.uv[matches.query_rows], points.uv[matches.train_rows]
+            matches = matches.chosen(supported(*ends, frame.size))
         rows, columns = matches.query_rows, matches.train_rows
         end, seen = self._judge(rows, points.uv[columns], frame.index)
         alive = end == ALIVE

@@ -35,14 +35,16 @@ class Detector(StrEnum):
     agast: AGAST corners (OAST_9_16), on whole pixels. fast: FAST corners (9 of 16), on whole pixels. gftt: corners of
     Shi and Tomasi, by the smaller eigenvalue of the structure tensor of a block, on whole pixels. orb: FAST corners of
     an image pyramid, ranked by Harris' response, with a direction; those of its coarser levels are too far up and left,
-    by up to about 1.5 px, as OpenCV scales positions without half a pixel. sift: extrema of the difference of
-    Gaussians, between pixels, with size and direction.
+    by up to about 1.5 px, as OpenCV scales positions without half a pixel. akaze: maxima of the Hessian's determinant
+    in a nonlinear scale space, between pixels, with size and direction. sift: extrema of the difference of Gaussians,
+    between pixels, with size and direction.
     """
 
     agast = "agast"
     fast = "fast"
     gftt = "gftt"
     orb = "orb"
+    akaze = "akaze"
     sift = "sift"
 
 
@@ -83,11 +85,16 @@ def _sift(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]
     return cv2.SIFT.create(contrastThreshold=least.contrast, enable_precise_upscale=True).detect(image)
 
 
+def _akaze(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]:
+    return cv2.xfeatures2d.AKAZE.create().detect(image)
+
+
 DETECTORS: Mapping[Detector, Detect] = {
     Detector.agast: _agast,
     Detector.fast: _fast,
     Detector.gftt: _gftt,
     Detector.orb: _orb,
+    Detector.akaze: _akaze,
     Detector.sift: _sift,
 }
 """Keypoints of an image, by each detector."""
@@ -103,13 +110,15 @@ class Spacing(StrEnum):
     """How features are kept apart.
 
     squares: no feature in the square around another. circles: no feature in the circle around another. cells: at most
-    one feature in each cell of a fine grid, and no new one in the square around an older one. See
-    `tracknoise.trackers.spacing`.
+    one feature in each cell of a fine grid, and no new one in the square around an older one. anms: circles, and new
+    features are those farthest from stronger ones (adaptive non-maximal suppression), so that they spread over the
+    image. See `tracknoise.trackers.spacing`.
     """
 
     squares = "squares"
     circles = "circles"
     cells = "cells"
+    anms = "anms"
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +145,8 @@ class Detection:
     block_px
         For gftt: side of the block whose structure tensor counts, px.
     spacing
-        How features are kept apart: by squares of `square_px`, or by circles or cells of `distance_px`.
+        How features are kept apart: by squares of `square_px`, by circles or cells of `distance_px`, or by anms: see
+        `tracknoise.trackers.detection.Spacing`.
     distance_px
         Radius of the circles, or side of the cells, px.
     grid

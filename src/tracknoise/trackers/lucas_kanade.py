@@ -10,12 +10,15 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, settle_members
+from tracknoise.checks import Between0And1, Positive, settle_members
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
+from tracknoise.trackers.patch_samples import correlation, offsets, sampled
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, Rejection
+from tracknoise.trackers.search_start import Guess, Start, at_last, guess_from
+from tracknoise.trackers.template_choice import Renewal, Template
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
 _EIGENVALUE_UNIT = np.float32(1024)  # OpenCV's derivatives are 32 times too large, its structure tensor 2^20 too small
@@ -24,23 +27,6 @@ _LARGEST_WINDOW_PX, _MOST_LEVELS = 999, 16
 """Beyond them OpenCV takes all memory; no image is as large."""
 
 Positions = NDArray[np.float32]
-
-
-class Start(StrEnum):
-    """Where the search for a feature starts.
-
-    last: where it was. velocity: as far from there as it moved in the step before.
-    """
-
-    last = "last"
-    velocity = "velocity"
-
-
-class Template(StrEnum):
-    """Which patch is aligned: that of the previous frame, or that of the frame in which the feature began."""
-
-    previous = "previous"
-    first = "first"
 
 
 class BackwardStart(StrEnum):
@@ -74,9 +60,14 @@ class LucasKanade:
         In which order distances are kept, outliers rejected and new features detected: see
         `tracknoise.trackers.following.Order`.
     start_at
-        Where the search for a feature starts.
+        Where the search for a feature starts: see `tracknoise.trackers.search_start.Start`.
     template
-        Which patch is aligned: that of the previous frame, or that of the first.
+        Which patch is aligned: see `tracknoise.trackers.template_choice.Template`.
+    keyframe_share
+        For keyframe: the share of the features of the last key frame below which there is a new one.
+    min_ncc
+        A feature whose window has a lower normalised cross-correlation with that of its first frame is dropped. None:
+        any stays. It does not allow for a turn or a change of size.
     backward_px
         Each feature is followed back, and dropped if that ends farther than this from where it began, px. None: it is
         not followed back.
@@ -103,6 +94,8 @@ class LucasKanade:
     order: Order = Order.spacing_first
     start_at: Start = Start.last
     template: Template = Template.previous
+    keyframe_share: Between0And1 = 0.5
+    min_ncc: Between0And1 | None = None
     backward_px: Positive | None = None
     backward_levels: Annotated[int, Ge(0), Le(_MOST_LEVELS)] | None = None
     backward_start: BackwardStart = BackwardStart.present
@@ -114,7 +107,7 @@ class LucasKanade:
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""
-        return LucasKanadeTracker(self, started(self, context))
+        return LucasKanadeTracker(self, started(self, context), guess_from(self.start_at, context))
 
 
 class LucasKanadeTracker(FollowingTracker):
@@ -122,13 +115,13 @@ class LucasKanadeTracker(FollowingTracker):
 
     The quality of an observation is the mean absolute difference between the feature's patch and that around it in the
     current image (``lk_residual``, gray values), and the smallest eigenvalue of the mean structure tensor of its patch,
-    from Scharr derivatives (``lk_min_eigenvalue``, (gray values / px)^2). The patch is that of the previous image, or
-    of the first. Both are OpenCV's; the eigenvalue is scaled so that a derivative has its unit. After an equalisation,
-    gray values are those of the equalised image.
+    from Scharr derivatives (``lk_min_eigenvalue``, (gray values / px)^2). The patch is that of the template. Both are
+    OpenCV's; the eigenvalue is scaled so that a derivative has its unit. After an equalisation, gray values are those
+    of the equalised image.
     """
 
-    def __init__(self, settings: LucasKanade, inliers: Inliers) -> None:
-        super().__init__(settings, _Patches(settings), inliers)
+    def __init__(self, settings: LucasKanade, inliers: Inliers, guess: Guess = at_last) -> None:
+        super().__init__(settings, _Patches(settings, guess), inliers)
 
 
 class _Patches:
@@ -136,17 +129,20 @@ class _Patches:
 
     quality_names = ("lk_residual", "lk_min_eigenvalue")
 
-    def __init__(self, settings: LucasKanade) -> None:
+    def __init__(self, settings: LucasKanade, guess: Guess) -> None:
         self._settings = settings
-        self._firsts: dict[int, NDArray[np.uint8]] = {}
+        self._guess = guess
+        self._renewal = Renewal(settings.template, settings.keyframe_share)
+        self._images: dict[int, NDArray[np.uint8]] = {}
+        self._index, self._uv = np.empty(0, dtype=np.int64), np.empty((0, 2))  # of the templates
+        self._agreement = None if settings.min_ncc is None else _Agreement(settings.window_px, settings.min_ncc)
 
     def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
         """Where features of one image are in the next."""
         n, settings = len(features), self._settings
         uv, found = np.empty((n, 2)), np.zeros(n, dtype=np.bool_)
         quality = {name: np.empty(n, dtype=np.float32) for name in self.quality_names}
-        last = features.uv
-        guess = (2 * last - features.before_uv if settings.start_at is Start.velocity else last).astype(np.float32)
+        guess = self._guess(before, after, features).astype(np.float32)
         for image, patch, rows in self._templates(before, features):
             target, reached, quality["lk_residual"][rows] = self._aligned(
                 image, after.image, patch, guess[rows], settings.extra_levels
@@ -156,20 +152,23 @@ class _Patches:
                 reached &= self._gap_px(image, after.image, patch, target) <= settings.backward_px
             found[rows] = reached
             quality["lk_min_eigenvalue"][rows] = self._min_eigenvalue(image, patch)
-        return Flow(uv, found & np.isfinite(uv).all(axis=1), quality)
+        found &= np.isfinite(uv).all(axis=1)
+        if self._agreement is not None:
+            found &= self._agreement.holds(before, after, features, np.where(found[:, None], uv, 0.0))
+        return Flow(uv, found, quality)
 
     def _templates(
         self, before: Frame, features: Features
-    ) -> Iterator[tuple[NDArray[np.uint8], Positions, NDArray[np.intp] | slice]]:
+    ) -> Iterator[tuple[NDArray[np.uint8], Positions, NDArray[np.intp]]]:
         """Images with patches, the positions of these (m, 2), and the rows of their features."""
-        if self._settings.template is Template.previous:
-            yield before.image, features.uv.astype(np.float32), slice(None)
-            return
-        self._firsts[before.index] = before.image
-        self._firsts = {index: self._firsts[index] for index in np.unique(features.born).tolist()}
-        for index, image in self._firsts.items():
-            rows = np.flatnonzero(features.born == index)
-            yield image, features.first_uv[rows].astype(np.float32), rows
+        row = self._renewal.rows(features.ids)
+        self._index = np.where(row < 0, before.index, np.append(self._index, before.index)[row])
+        self._uv = np.where(row[:, None] < 0, features.uv, np.append(self._uv, [[0.0, 0.0]], axis=0)[row])
+        self._images[before.index] = before.image
+        self._images = {index: self._images[index] for index in np.unique(self._index).tolist()}
+        for index, image in self._images.items():
+            rows = np.flatnonzero(self._index == index)
+            yield image, self._uv[rows].astype(np.float32), rows
 
     def _aligned(
         self, image: NDArray[np.uint8], after: NDArray[np.uint8], patch: Positions, guess: Positions, levels: int
@@ -214,3 +213,25 @@ class _Patches:
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,
         )
         return np.asarray(eigenvalue[:, 0], dtype=np.float32) * _EIGENVALUE_UNIT
+
+
+class _Agreement:
+    """Whether features still look as they did in their first frame."""
+
+    def __init__(self, window_px: int, min_ncc: float) -> None:
+        self._offsets = offsets(window_px)
+        self._least = min_ncc
+        self._renewal = Renewal(Template.first)
+        self._first = np.empty((0, len(self._offsets)), dtype=np.float32)
+
+    def holds(self, before: Frame, after: Frame, features: Features, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which features (n,) agree with their first window at (n, 2) positions in the next image."""
+        row = self._renewal.rows(features.ids)
+        first = np.empty((len(row), len(self._offsets)), dtype=np.float32)
+        first[row >= 0] = self._first[row[row >= 0]]
+        first[row < 0] = self._windows(before, features.uv[row < 0])
+        self._first = first
+        return np.asarray(correlation(first, self._windows(after, uv)) >= self._least, dtype=np.bool_)
+
+    def _windows(self, frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float32]:
+        return sampled(frame.image.astype(np.float32), uv.astype(np.float32)[:, None] + self._offsets)

@@ -3,7 +3,7 @@
 - Random sample consensus: the hypothesis from a minimal sample that most matches agree with.
 - Homographies between two images: through four matches in closed form, and refined on many.
 - Fundamental matrices between two images: through eight matches or more.
-- Essential matrices between two cameras whose intrinsics are known.
+- Essential matrices between two cameras whose intrinsics are known, and whose rotation may be.
 """
 
 import math
@@ -16,12 +16,18 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from tracknoise.checks import Between0And1, Positive, require_bounds, settle_members
+from tracknoise.checks import Between0And1, Positive, require, require_bounds, settle_members
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import CameraModel
+from tracknoise.trackers.marginal_support import marginal_support
+from tracknoise.trackers.minimal_solvers import through_five, through_seven
 from tracknoise.trackers.tracker import SequenceContext
 
 Floats = NDArray[np.float64]
+Support = Callable[[Floats], Floats]
+"""How much matches support models: squared errors in units of the squared threshold, (b, n), to (b, n)."""
+Judge = Callable[[Floats], tuple[NDArray[np.bool_], Floats]]
+"""Which matches (b, n) agree with models (b, 3, 3), and the scores (b,) of these."""
 
 _FIRST_DRAW, _LARGEST_DRAW = 16, 128
 _MAX_BARREN_DRAWS = 100
@@ -36,11 +42,15 @@ class Geometry(Protocol):
         ...
 
     def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Models (b, 3, 3) through samples (b, sample_size, 2), and which samples were not degenerate."""
+        """Models (b k, 3, 3) through samples (b, sample_size, 2), k for each in a row, and which of them exist."""
         ...
 
     def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
         """Which matches (n, 2) each model (b, 3, 3) explains to within the threshold: (b, n)."""
+        ...
+
+    def squared_errors(self, models: Floats, source: Floats, target: Floats) -> Floats:
+        """Squared errors of matches (n, 2) by each model (b, 3, 3): (b, n)."""
         ...
 
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
@@ -66,42 +76,54 @@ def best_hypothesis(
     max_hypotheses: int,
     rng: np.random.Generator,
     max_refits: int = 0,
+    support: Support | None = None,
 ) -> Hypothesis | None:
-    """The first hypothesis with the most inliers, among as many as `confidence` requires.
+    """The first hypothesis with the most inliers, among those of as many samples as `confidence` requires.
+
+    With a `support`, that with the largest sum of it, of all matches.
 
     Hypotheses are evaluated one after the other. Each that has more inliers than all before reduces the number needed
     (`hypotheses_needed`). They are computed in batches, which only affects the time: the samples depend on the
     generator only, and surplus hypotheses of a batch are ignored. Shapes: source, target (n, 2). Returns: None if all
     samples are degenerate.
     """
+
+    def judge(models: Floats) -> tuple[NDArray[np.bool_], Floats]:
+        agreement = geometry.agrees(models, source, target, threshold)
+        if support is None:
+            return agreement, agreement.sum(axis=1, dtype=np.float64)
+        squared = geometry.squared_errors(models, source, target) / threshold**2
+        return agreement, np.asarray(support(squared).sum(axis=1), dtype=np.float64)
+
     best: Hypothesis | None = None
-    most, judged, needed = geometry.sample_size - 1, 0, max_hypotheses
-    for models in _drawn(geometry, source, target, rng):
-        agreement = geometry.agrees(models[: needed - judged], source, target, threshold)
-        for index, count in enumerate(np.count_nonzero(agreement, axis=1).tolist()):
-            if count > most:
-                best = _refitted(
-                    geometry, Hypothesis(models[index], agreement[index]), source, target, threshold, max_refits
-                )
-                most = int(np.count_nonzero(best.inliers))
-                needed = hypotheses_needed(most / len(source), geometry.sample_size, confidence, needed)
-            judged += 1
-            if judged >= needed:
+    most, judged, needed = float(geometry.sample_size - 1), 0, max_hypotheses
+    for models, samples in _drawn(geometry, source, target, rng):
+        agreement, scores = judge(models[samples < needed])
+        for index, score in enumerate(scores.tolist()):
+            if samples[index] >= needed:
                 return best
+            judged = int(samples[index]) + 1
+            if score > most:
+                found = Hypothesis(models[index], agreement[index])
+                best, most = _refitted(geometry, found, score, source, target, judge, max_refits)
+                share = np.count_nonzero(best.inliers) / len(source)
+                needed = hypotheses_needed(share, geometry.sample_size, confidence, needed)
+        if judged >= needed:
+            return best
     return best
 
 
 def _refitted(
-    geometry: Geometry, found: Hypothesis, source: Floats, target: Floats, threshold: float, max_refits: int
-) -> Hypothesis:
-    """The hypothesis after refits to its inliers, as long as each has more inliers than the one before."""
+    geometry: Geometry, found: Hypothesis, score: float, source: Floats, target: Floats, judge: Judge, max_refits: int
+) -> tuple[Hypothesis, float]:
+    """The hypothesis after refits to its inliers, as long as each scores better than the one before, and its score."""
     for _ in range(max_refits):
         model = geometry.refine(found.model, source[found.inliers], target[found.inliers])
-        inliers = geometry.agrees(model[None], source, target, threshold)[0]
-        if np.count_nonzero(inliers) <= np.count_nonzero(found.inliers):
+        (inliers,), (better,) = judge(model[None])
+        if better <= score:
             break
-        found = Hypothesis(model, inliers)
-    return found
+        found, score = Hypothesis(model, inliers), float(better)
+    return found, score
 
 
 def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
@@ -116,19 +138,26 @@ def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, 
     return most if needed >= most else round(needed)
 
 
-def _drawn(geometry: Geometry, source: Floats, target: Floats, rng: np.random.Generator) -> Iterator[Floats]:
-    """Models through random samples of distinct matches, without degenerate ones, in growing batches.
+def _drawn(
+    geometry: Geometry, source: Floats, target: Floats, rng: np.random.Generator
+) -> Iterator[tuple[Floats, NDArray[np.intp]]]:
+    """Models through random samples of distinct matches, and the number of the sample of each, in growing batches.
 
-    Ends when no usable sample is found any more.
+    Degenerate samples have neither models nor numbers. Ends when no usable sample is found any more.
     """
-    size, barren = _FIRST_DRAW, 0
+    size, barren, numbered = _FIRST_DRAW, 0, 0
     while barren < _MAX_BARREN_DRAWS:
         rows = rng.integers(len(source), size=(size, geometry.sample_size))
         ordered = np.sort(rows, axis=1)
         distinct = np.all(ordered[:, 1:] != ordered[:, :-1], axis=1)
         models, usable = geometry.hypotheses(source[rows], target[rows])
-        models = models[usable & distinct]
-        yield from (models[: size // 2], models[size // 2 :])  # one half is often enough
+        of_each = len(models) // size
+        usable = usable & np.repeat(distinct, of_each)
+        models = models[usable]
+        kept, samples = np.unique(np.flatnonzero(usable) // of_each, return_inverse=True)
+        samples, half = samples + numbered, len(models) // 2  # one half is often enough
+        yield from ((models[part], samples[part]) for part in (slice(half), slice(half, None)))
+        numbered += len(kept)
         barren = 0 if len(models) else barren + 1
         size = min(2 * size, _LARGEST_DRAW)
 
@@ -167,6 +196,12 @@ class Homography:
         w *= threshold
         within: NDArray[np.bool_] = x * x + y * y <= w * w
         return within
+
+    def squared_errors(self, models: Floats, source: Floats, target: Floats) -> Floats:
+        """Squared errors; shapes as in `agrees`."""
+        x, y, w = _map(models, source)
+        w = np.where(np.abs(w) > np.finfo(np.float64).eps, w, np.nan)
+        return np.nan_to_num((x / w - target[:, 0]) ** 2 + (y / w - target[:, 1]) ** 2, nan=np.inf)
 
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The homography with the least sum of squared errors, by Levenberg-Marquardt from `model`.
@@ -276,11 +311,13 @@ class Fundamental:
 
         Shapes: models (b, 3, 3), source, target (n, 2); returns (b, n).
         """
-        a, b, c = _epipolar_lines(models, source)
-        a_back, b_back, _ = _epipolar_lines(np.swapaxes(models, 1, 2), target)
-        algebraic = a * target[:, 0] + b * target[:, 1] + c
-        slope = a * a + b * b + a_back * a_back + b_back * b_back
+        algebraic, slope = _sampson(models, source, target)
         return algebraic * algebraic <= threshold * threshold * slope
+
+    def squared_errors(self, models: Floats, source: Floats, target: Floats) -> Floats:
+        """Squared errors; shapes as in `agrees`."""
+        algebraic, slope = _sampson(models, source, target)
+        return algebraic**2 / np.maximum(slope, np.finfo(np.float64).tiny)
 
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The eight-point solution on all matches; `model` is only needed where these leave it open.
@@ -293,6 +330,14 @@ class Fundamental:
             return model
         closest: Floats = _rank_two(vectors[:, 0].reshape(1, 3, 3))[0]
         return closest
+
+
+def _sampson(models: Floats, source: Floats, target: Floats) -> tuple[Floats, Floats]:
+    """What x'^T F x is for each model and match, and the squared length of its gradient: (b, n) each."""
+    a, b, c = _epipolar_lines(models, source)
+    a_back, b_back, _ = _epipolar_lines(np.swapaxes(models, 1, 2), target)
+    algebraic = a * target[:, 0] + b * target[:, 1] + c
+    return algebraic, a * a + b * b + a_back * a_back + b_back * b_back
 
 
 def _equations(source: Floats, target: Floats) -> Floats:
@@ -338,16 +383,86 @@ def _equal_two(models: Floats) -> Floats:
     return np.asarray(left[:, :, :2] @ right[:, :2], dtype=np.float64)
 
 
+class SevenPoint(Fundamental):
+    """As `Fundamental`, with samples of seven matches."""
+
+    sample_size = 7
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """The fundamental matrices through seven matches each: see `through_seven`."""
+        models, exists = through_seven(_equations(source, target))
+        return models.reshape(-1, 3, 3), exists.ravel()
+
+
+class FivePoint(Essential):
+    """As `Essential`, with samples of five matches, which determine it on a plane too."""
+
+    sample_size = 5
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """The essential matrices through five matches each: see `through_five`."""
+        models, exists = through_five(_equations(source, target))
+        return models.reshape(-1, 3, 3), exists.ravel()
+
+    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
+        """The eight-point solution, where it fits better than the model: on a plane it does not."""
+        refined = super().refine(model, source, target)
+        return min((refined, model), key=lambda one: float(self.squared_errors(one[None], source, target).sum()))
+
+
+class KnownRotation(Fundamental):
+    """The relation x'^T [t] x = 0 of two views of a rigid scene that differ by a translation t, along rays of depth 1.
+
+    With a known rotation, two views are those once the rays of the first are turned.
+    """
+
+    sample_size = 2
+
+    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Translations through two matches each: each match has one in the plane of its two rays."""
+        planes = _ray_planes(source, target)
+        direction = np.cross(planes[:, 0], planes[:, 1])
+        size = np.linalg.norm(direction, axis=1)
+        usable = size > _RANK_DEFICIENT * np.linalg.norm(planes, axis=2).prod(axis=1)
+        return _crossing(direction / np.where(size > 0, size, 1)[:, None]), usable
+
+    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
+        """The translation that is nearest to the planes of all matches."""
+        planes = _ray_planes(source, target)
+        _, vectors = np.linalg.eigh(np.einsum("ni,nj->ij", planes, planes))
+        closest: Floats = _crossing(vectors[None, :, 0])[0]
+        return closest
+
+
+def _ray_planes(source: Floats, target: Floats) -> Floats:
+    """Normals (..., 3) of the planes that both rays of matches (..., 2) span."""
+    ahead = np.ones_like(source[..., :1])
+    return np.cross(np.concatenate([source, ahead], axis=-1), np.concatenate([target, ahead], axis=-1))
+
+
+def _crossing(vectors: Floats) -> Floats:
+    """Matrices (b, 3, 3) that take the cross product of vectors (b, 3) with others."""
+    return np.cross(vectors[:, None], np.eye(3)).swapaxes(1, 2)
+
+
 Inliers = Callable[[Floats, Floats, int], NDArray[np.bool_]]
 """Decides which matches stay: source (n, 2) px, target (n, 2) px and the frame's index, to (n,) bool."""
 
 
 class Model(StrEnum):
-    """What relates the two images: a homography, a fundamental or essential matrix, or nothing (no rejection)."""
+    """What relates the two images.
+
+    homography: 4 matches determine it. fundamental, essential: matrices, through samples of 8 matches. seven-point:
+    fundamental matrix through 7. five-point: essential matrix through 5, on a plane too. two-point: translation through
+    2, with the rotation of the sequence's poses, which stands for that of a gyroscope. none: nothing is rejected.
+    """
 
     homography = "homography"
     fundamental = "fundamental"
     essential = "essential"
+    seven_point = "seven-point"
+    five_point = "five-point"
+    two_point = "two-point"
     none = "none"
 
 
@@ -363,15 +478,17 @@ class Coordinates(StrEnum):
 
 
 class Consensus(StrEnum):
-    """Whose inliers stay: those of the best minimal hypothesis, or of a model refined on inliers.
+    """Which model is the best, and whether it is refined on its inliers. Its inliers stay.
 
     hypothesis: as in the paper's software. Which of many similar hypotheses wins depends on the random seed. refined:
     every hypothesis that is better than all before is fitted to its inliers again, and so is the best (LO-RANSAC). The
-    result depends far less on the seed.
+    result depends far less on the seed. magsac: as refined, but models are compared by the support of all matches,
+    which falls with their errors, not by how many lie within the threshold: see `tracknoise.trackers.marginal_support`.
     """
 
     hypothesis = "hypothesis"
     refined = "refined"
+    magsac = "magsac"
 
 
 class ReferencePosition(StrEnum):
@@ -387,7 +504,12 @@ _GEOMETRIES: dict[Model, Geometry] = {
     Model.homography: Homography(),
     Model.fundamental: Fundamental(),
     Model.essential: Essential(),
+    Model.seven_point: SevenPoint(),
+    Model.five_point: FivePoint(),
+    Model.two_point: KnownRotation(),
 }
+_OF_RAYS = (Model.essential, Model.five_point, Model.two_point)
+"""Models that relate rays, not positions in images."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,15 +518,15 @@ class Rejection:
 
     Outlier ratio and lifetimes are results, so their definition must not change with a library. Up to OpenCV 4.11 the
     mask of ``findHomography`` was that of the best minimal hypothesis; since 4.12 it is that of the refined model.
-    `consensus` selects one of the two. The paper's software used the former, and so do the presets of the paper. With
+    `consensus` selects. The paper's software used the former, and so do the presets of the paper. With
     `refined`, local optimisation finds nearly the same model with any seed. A step has no outliers if it has fewer
     matches than determine a model, or if all samples are degenerate.
 
     Parameters
     ----------
     model
-        Homography (4 matches; error: forward reprojection), fundamental or essential matrix (8 matches; error:
-        Sampson's), or none.
+        What relates the images: see `tracknoise.trackers.rejection.Model`. Errors are those of the reprojection into
+        the second image for a homography, and Sampson's for all others.
     consensus
         The inliers of the best hypothesis, or of the locally optimised and refined model.
     reference
@@ -418,8 +540,8 @@ class Rejection:
     seed
         Random seed of the samples, combined with the index of the frame.
     coordinates
-        Where outliers are looked for: in the image, or along rays of the stated camera. An essential matrix is always
-        one of rays. Matches without a ray are outliers.
+        Where outliers are looked for: in the image, or along rays of the stated camera. An essential matrix and a
+        translation are always those of rays. Matches without a ray are outliers.
     focal_px
         Focal length of the image without distortion, in whose pixels `threshold_px` is. None: the larger one of the
         camera.
@@ -442,6 +564,8 @@ class Rejection:
     def __post_init__(self) -> None:
         settle_members(self, model=Model, consensus=Consensus, reference=ReferencePosition, coordinates=Coordinates)
         require_bounds(self)
+        previous = self.model is not Model.two_point or self.reference is ReferencePosition.previous
+        require(previous, "reference", str(self.reference), "previous, whose rotation is known, for two-point")
 
     def repeated(self, repeat: int) -> "Rejection":
         """The same rejection with another random seed, for each repetition of a measurement; 0 changes nothing."""
@@ -453,13 +577,18 @@ class Rejection:
         Raises
         ------
         SettingsError
-            If the camera is needed and unknown, or no focal length is known.
+            If the camera or poses are needed and unknown, or no focal length is known.
         """
-        if self.model is Model.none or (self.coordinates is Coordinates.image and self.model is not Model.essential):
+        if self.model is Model.none or (self.coordinates is Coordinates.image and self.model not in _OF_RAYS):
             return self.inliers
         if context.camera_at is None:
             raise SettingsError(f"rejection along rays in {context.sequence}: no camera, expected intrinsics")
-        return _AlongRays(self, context.camera_at, self.focal_px or _focal_px(context.camera_at(0)))
+        focal_px, turn_to = self.focal_px or _focal_px(context.camera_at(0)), None
+        if self.model is Model.two_point:
+            if context.rotation_at is None:
+                raise SettingsError(f"two-point rejection in {context.sequence}: no poses, expected their rotations")
+            turn_to = _Turns(context.rotation_at, context.speed)
+        return _AlongRays(self, context.camera_at, focal_px, turn_to)
 
     def inliers(self, source: Floats, target: Floats, frame: int) -> NDArray[np.bool_]:
         """Which matches stay.
@@ -467,8 +596,8 @@ class Rejection:
         Parameters
         ----------
         source, target
-            (n, 2) float64, px: where the features were, and are. With an essential matrix, relative to the principal
-            point, in an image without distortion whose focal length is `focal_px`.
+            (n, 2) float64, px: where the features were, and are. With a model of rays, relative to the principal point,
+            in an image without distortion whose focal length is `focal_px`; with two-point, of the same rotation.
         frame
             Index of the present frame.
 
@@ -482,7 +611,7 @@ class Rejection:
         geometry = _GEOMETRIES[self.model]
         if len(source) <= geometry.sample_size:
             return everything
-        if self.model is Model.essential:
+        if self.model in _OF_RAYS:
             scale = 1.0 / (self.focal_px or 1.0)
             source, target = source * scale, target * scale
         else:
@@ -496,7 +625,8 @@ class Rejection:
             confidence=self.confidence,
             max_hypotheses=self.max_hypotheses,
             rng=np.random.default_rng([self.seed, frame]),
-            max_refits=_MAX_REFITS if self.consensus is Consensus.refined else 0,
+            max_refits=0 if self.consensus is Consensus.hypothesis else _MAX_REFITS,
+            support=marginal_support if self.consensus is Consensus.magsac else None,
         )
         if best is None:
             return everything
@@ -516,17 +646,37 @@ def _conditioned(source: Floats, target: Floats) -> tuple[Floats, Floats, float]
 
 
 @dataclass(frozen=True, slots=True)
+class _Turns:
+    """Rotations of the camera from the frame that a tracker saw before."""
+
+    rotation_at: Callable[[int], Floats]
+    speed: int
+
+    def __call__(self, frame: int) -> Floats:
+        """(3, 3) camera_from_camera, from the frame before to this one; NaN where a pose is unknown."""
+        return self.rotation_at(frame).T @ self.rotation_at(frame - self.speed)
+
+
+@dataclass(frozen=True, slots=True)
 class _AlongRays:
     """Decides which matches stay, in an image without distortion of one focal length."""
 
     rejection: Rejection
     camera_at: Callable[[int], CameraModel]
     focal_px: float
+    turn_to: _Turns | None
 
     def __call__(self, source: Floats, target: Floats, frame: int) -> NDArray[np.bool_]:
         """Which matches (n, 2) stay; both positions are seen by the camera of the present frame."""
         camera = self.camera_at(frame)
-        ideal = [self.focal_px * camera.bearings(uv)[:, :2] for uv in (source, target)]
+        before, after = camera.bearings(source), camera.bearings(target)
+        if self.turn_to is not None and len(source):
+            turn = self.turn_to(frame)
+            if not np.isfinite(turn).all():
+                return np.ones(len(source), dtype=np.bool_)
+            before = before @ turn.T
+            before = before / np.where(before[:, 2:] > 0, before[:, 2:], np.nan)
+        ideal = [self.focal_px * rays[:, :2] for rays in (before, after)]
         inlier = np.asarray(np.isfinite(np.hstack(ideal)).all(axis=1), dtype=np.bool_)
         rejection = replace(self.rejection, focal_px=self.focal_px)
         inlier[inlier] = rejection.inliers(ideal[0][inlier], ideal[1][inlier], frame)

@@ -3,6 +3,7 @@
 - Squares around features, in the way of XIVO.
 - Circles around features, in the way of VINS-Mono.
 - Cells of a fine grid, in the way of OpenVINS.
+- Adaptive non-maximal suppression: how far each keypoint is from stronger ones.
 - Keypoints of a whole image, spread in these ways, for trackers that match them.
 """
 
@@ -49,7 +50,7 @@ def places_in(size: tuple[int, int], detection: Detection) -> Places:
     """All places of an image (width, height), as far apart as the settings say."""
     if detection.spacing is Spacing.squares:
         return Mask(size, detection)
-    return CircleMask(size, detection) if detection.spacing is Spacing.circles else CellMask(size, detection)
+    return CellMask(size, detection) if detection.spacing is Spacing.cells else CircleMask(size, detection)
 
 
 def _candidates(frame: Frame, detection: Detection, live: Floats) -> Births:
@@ -146,7 +147,8 @@ class CircleMask:
     A feature lies on the pixel nearest to it, halves to the even one. That pixel must be outside the border margin and
     outside the circles of the features that were accepted before. Its own circle is the disc that OpenCV draws around
     it. New corners of `gftt` without a grid are detected outside the circles only, so that `quality` is a share of the
-    strongest free one, and are at least `distance_px` apart from each other.
+    strongest free one, and are at least `distance_px` apart from each other. With `Spacing.anms`, new features have the
+    largest `suppression_radii`.
     """
 
     __slots__ = ("_detection", "_free", "_live", "_size")
@@ -179,11 +181,21 @@ class CircleMask:
     def births(self, frame: Frame, limit: int) -> Births:
         """The strongest keypoints in free places."""
         detection = self._detection
-        if detection.detector is Detector.gftt and detection.grid is None and detection.network is None:
+        adaptive = detection.spacing is Spacing.anms
+        if (
+            detection.detector is Detector.gftt
+            and detection.grid is None
+            and detection.network is None
+            and not adaptive
+        ):
             uv, response = self._strongest_free(frame, limit)
             return refined(frame, uv, detection), response
-        uv, response = _candidates(frame, detection, np.concatenate(self._live))
+        live = np.concatenate(self._live)
+        uv, response = _candidates(frame, detection, live)
         uv = refined(frame, uv, detection)
+        if adaptive:
+            order = np.argsort(-suppression_radii(uv, response, live), kind="stable")
+            uv, response = uv[order], response[order]
         rows = self.claim(uv, limit=limit)
         return uv[rows], response[rows]
 
@@ -200,6 +212,53 @@ class CircleMask:
         if corners is None:
             return np.empty((0, 2)), np.empty(0, dtype=np.float32)
         return np.asarray(corners, dtype=np.float64)[:, 0], np.asarray(response, dtype=np.float32)[:, 0]
+
+
+_BLOCK = 256
+_ROBUSTNESS = 0.9
+"""A keypoint suppresses those whose response is smaller than this share of its own."""
+_MOST_SUPPRESSED = 3000
+"""Of more keypoints, only the strongest have a radius: time grows with the square."""
+
+
+def suppression_radii(uv: Floats, response: NDArray[np.float32], live: Floats) -> Floats:
+    """How far keypoints are from what suppresses them: live features and clearly stronger keypoints.
+
+    The keypoints with the largest radii are as many as wanted that are spread over the image. A response is clearly
+    smaller below 0.9 of another.
+
+    Parameters
+    ----------
+    uv, response
+        (n, 2) float64, px, and (n,): keypoints.
+    live
+        (m, 2) float64, px: features that suppress all keypoints.
+
+    Returns
+    -------
+    (n,) float64
+        px; infinite for the strongest without live features, 0 beyond the 3000 strongest.
+
+    References
+    ----------
+    M. Brown, R. Szeliski, S. Winder, Multi-Image Matching using Multi-Scale Oriented Patches, CVPR 2005.
+    """
+    radii = np.zeros(len(uv))
+    strongest = np.argsort(-response, kind="stable")[:_MOST_SUPPRESSED]
+    at, strength = uv[strongest], response[strongest]
+    stronger = np.searchsorted(-strength, -strength / _ROBUSTNESS)  # how many are clearly stronger than each
+    for start in range(0, len(at), _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        others = np.concatenate([at[: stronger[rows].max()], live])
+        if not len(others):
+            radii[strongest[rows]] = np.inf
+            continue
+        squared = (at[rows, :1] - others[:, 0]) ** 2 + (at[rows, 1:] - others[:, 1]) ** 2
+        weaker = np.arange(len(others)) >= stronger[rows, None]
+        weaker[:, len(others) - len(live) :] = False
+        squared[weaker] = np.inf
+        radii[strongest[rows]] = np.sqrt(squared.min(axis=1))
+    return radii
 
 
 class CellMask:
@@ -261,7 +320,8 @@ class CellMask:
 def spread_keypoints(frame: Frame, detection: Detection) -> Keypoints:
     """Keypoints of the whole image to be matched: of the cells of a grid, kept apart, and refined, by the settings.
 
-    Squares do not keep them apart, and their margin does not apply: circles, or the cells of `Spacing.cells`, do.
+    Squares do not keep them apart, and their margin does not apply: circles, or the cells of `Spacing.cells`, do. With
+    `Spacing.anms` circles do as well: all keypoints are matched, so that none is farthest.
     """
     found = keypoints(frame, detection) if detection.grid is None else cell_keypoints(frame, detection, detection.grid)
     if detection.spacing is not Spacing.squares:

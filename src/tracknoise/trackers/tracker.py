@@ -248,6 +248,9 @@ class SequenceContext:
         Frames of the recording that are those of the sequence, where a part of it was chosen; None otherwise.
     camera_at
         Intrinsics of each frame, for trackers whose positions are rays; None where they are unknown.
+    rotation_at
+        (3, 3) float64: world_from_camera of each frame without its translation, NaN where unknown, for trackers that
+        start from a known rotation; None where there are no poses.
     images
         All images that the tracker will see, in order, each (height, width) uint8, for trackers that need them before
         the first step; None where images come one by one only.
@@ -265,6 +268,7 @@ class SequenceContext:
     timestamps_s: NDArray[np.float64] | None = field(default=None, compare=False)
     source_frames: range | None = None
     camera_at: Callable[[int], CameraModel] | None = field(default=None, compare=False)
+    rotation_at: Callable[[int], NDArray[np.float64]] | None = field(default=None, compare=False)
     images: Callable[[], Iterator[NDArray[np.uint8]]] | None = field(default=None, compare=False)
 
 

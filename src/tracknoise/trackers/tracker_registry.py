@@ -17,6 +17,7 @@ TRACKERS: Plugins[TrackerSettings] = Plugins(
         "imported": "tracknoise.trackers.imported:Imported",
         "lucas-kanade": "tracknoise.trackers.lucas_kanade:LucasKanade",
         "oracle": "tracknoise.trackers.oracle:Oracle",
+        "patch": "tracknoise.trackers.aligned_patches:AlignedPatches",
     },
 )
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.entrants import entrants, step_costs
+from tracknoise.experiments.load import load_experiment
 from tracknoise.trackers.tracker_presets import preset_names
 
 EXPERIMENT = """

@@ -23,7 +23,7 @@ from tracknoise.cli.shared_options import (
 from tracknoise.cli.terminal import write_result
 from tracknoise.sequences.frame_range import parse_numbers
 
-_PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti"
+_PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti, tournament"
 
 
 def register(app: typer.Typer) -> None:

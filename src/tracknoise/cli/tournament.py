@@ -47,8 +47,8 @@ def tournament(
     """
     from tracknoise.cli.measuring import measure
     from tracknoise.cli.run_summary import print_outcome
-    from tracknoise.experiments.load import load_experiment
     from tracknoise.experiments.entrants import entrants, step_costs
+    from tracknoise.experiments.load import load_experiment
     from tracknoise.tables.costs import write_costs
     from tracknoise.tables.store import RunFolder
 

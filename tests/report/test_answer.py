@@ -187,7 +187,7 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
     [
         (
             "yes",
-            "Typical error: {a} is better than {b} by 1.50 times (1.20 to 1.90) in the core; large errors make its ",
+            "Typical error: {a} is better than {b} by 1.50 times (1.20 to 1.90) in the core; large errors make the ",
         ),
         ("undecided", "Undecided: the core error of {b} is 1.50 times that of {a} (1.20 to 1.90), but its "),
         ("no", "Typical error: {x} and {y} are equal within a factor of 1.10; large errors make the "),
@@ -479,7 +479,7 @@ def test_what_to_set_is_that_of_the_advice(data: ReportData) -> None:
         assert one.sigma.value == rows.filter(quantity="sigma")["value"][0]
         assert one.innovations.value == rows.filter(quantity="innovations")["value"][0]
         assert one.sigma.text == f"0.200{SPACE}px"
-        assert one.limit == f"track gate {TIMES} 0.300"
+        assert one.limit == f"chi-square gate of tracks {TIMES} 0.300"
         assert one.window == rows["window"][0]
         assert not one.is_bound
     untrusted = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})

@@ -49,14 +49,14 @@ def test_without_ranks_there_is_no_table_and_no_figure(run: RunFolder) -> None:
 @pytest.mark.parametrize(
     ("spans", "text"),
     [
-        (SPANS, "Smallest typical error of 3 trackers: best."),
+        (SPANS, "best has the smallest typical error of 3 trackers."),
         (
             {"a": (1, 2), "b": (1, 2), "c": (3, 3)},
-            "Smallest typical error of 3 trackers: a and b. They are not shown to differ.",
+            "2 of 3 trackers tie for the smallest typical error: a and b.",
         ),
         (
             {**dict.fromkeys("abcd", (1, 4)), "e": (5, 5)},
-            "Smallest typical error of 5 trackers: a, b and 2 others. They are not shown to differ.",
+            "4 of 5 trackers tie for the smallest typical error: a, b and 2 others.",
         ),
     ],
 )
@@ -65,7 +65,7 @@ def test_the_first_screen_names_who_leads(run: RunFolder, spans: dict[str, tuple
 
 
 def test_where_nothing_is_shown_nobody_leads(run: RunFolder) -> None:
-    assert not accuracy(ranked(run, dict.fromkeys("abc", (1, 3))), {}).text.startswith("Smallest")
+    assert "smallest typical error" not in accuracy(ranked(run, dict.fromkeys("abc", (1, 3))), {}).text
 
 
 def test_costs_are_kept_and_read(own_run: RunFolder) -> None:

@@ -210,11 +210,11 @@ def _first(ranked: Mapping[str, int]) -> list[str]:
 def _leaders(data: RunData, ranked: Mapping[str, int]) -> str:
     """Who leads by the core, and by the RMS over tracks where that differs."""
     first, by_rms = _first(ranked), _first(_ranks(data, "second"))
-    of = f"of {len(ranked)} trackers"
     differs = 0 < len(by_rms) < min(len(ranked), _MOST_NAMED + 1) and set(by_rms) != set(first)
     rest = f"; by {rms_of_tracks(data.trimming)}, {_some(by_rms)}" if differs else ""
-    alike = " They are not shown to differ." if len(first) > 1 else ""
-    return f"Smallest typical error {of}: {_some(first)}{rest}.{alike}"
+    if len(first) == 1:
+        return f"{first[0]} has the smallest typical error of {len(ranked)} trackers{rest}."
+    return f"{len(first)} of {len(ranked)} trackers tie for the smallest typical error: {_some(first)}{rest}."
 
 
 def _some(names: Sequence[str]) -> str:
@@ -259,7 +259,7 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
         better, worse = row["better"], pair[1 - pair.index(row["better"])]
         if _rms_ratio(data, better, worse) > 1.0:
             core = f"{better} is better than {worse} by {size}{bounds} in the core"
-            return f"Typical error: {core}; large errors make its {rms} larger."
+            return f"Typical error: {core}; large errors make the {rms} of {better} larger."
         than = f" than {worse}" if row["n_levels"] > len(pair) else ""
         core = f"the core error of {worse} is {size} as large{bounds}"
         return f"{better} is more accurate{than}: {core} {everywhere}."

@@ -147,18 +147,20 @@ def answer_plot(
         return None
     first = max(able, key=lambda one: (one.sigma.value or 0.0) / (one.innovations.value or 1.0))
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
-    most = ", misled most" if len(chosen) > 1 else ""
-    subject = f"{first.tracker}{most}; windows of {counted(first.window, 'frame')}"
+    compared = len(chosen) > 1
+    which = "misled most; solid lines: what to set, dashed: residuals" if compared else first.tracker
+    subject = f"{which}; windows of {counted(first.window, 'frame')}"
     shown = tuple(_alike_long([curves[one.tracker] for one in chosen]))
-    return AnswerPlot(_title(first), subject, shown, _strip(seen, first.tracker))
+    return AnswerPlot(_title(first, compared=compared), subject, shown, _strip(seen, first.tracker))
 
 
-def _title(one: NoiseToSet) -> str:
+def _title(one: NoiseToSet, *, compared: bool) -> str:
     sigma, residuals = one.sigma.value or 0.0, one.innovations.value or 0.0
     most = "at most " if one.is_bound else ""
+    whose = f"With {one.tracker}, your residuals" if compared else "Your residuals"
     if _alike(sigma, residuals):
-        return f"Your residuals are right: set {most}{px(sigma)}."
-    return f"Your residuals say {px(residuals)}. Set {most}{px(sigma)}."
+        return f"{whose} are right: set {most}{px(sigma)}."
+    return f"{whose} say {px(residuals)}. Set {most}{px(sigma)}."
 
 
 def _alike(one: float, other: float) -> bool:
@@ -245,7 +247,7 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     grid = [_rule(y(value), f"{value:g}", colours) for value in _ticks(most)]
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
-    ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve, shown.curves[0])]
+    ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve, shown.curves)]
     dots = [_dot(x(curve.window), y(curve.sigma), curve.colour) for curve in shown.curves]
     labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
     axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">frames in a window</text>').format(
@@ -306,13 +308,12 @@ def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
     ]
 
 
-def _ends(curve: Curve, first: Curve) -> Iterator[tuple[str, float]]:
-    """What the ends of its lines are called; one name where they are alike, and for all trackers but the first."""
+def _ends(curve: Curve, every: Sequence[Curve]) -> Iterator[tuple[str, float]]:
+    """What the ends of its lines are called: of several trackers their names, of one what the lines are."""
     to_set, innovations = curve.to_set[-1], curve.innovations[-1]
-    if curve is not first:
+    if len(every) > 1:
         yield _short(printable(curve.tracker), _LONGEST_NAME), to_set
-        return
-    if _alike(to_set, innovations):
+    elif _alike(to_set, innovations):
         yield "both alike", to_set
     else:
         yield from (("set", to_set), ("residuals", innovations))

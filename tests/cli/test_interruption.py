@@ -14,6 +14,7 @@ import numpy as np
 import polars as pl
 import psutil
 import pytest
+from tests.lean import measured_by_command
 
 from tracknoise import processes
 from tracknoise.cli.app import Interruption, main
@@ -139,7 +140,8 @@ def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stall
     for pipe in pipes:
         pipe.unlink()
         pipe.write_bytes(content)
-    resumed, _, errors = tracknoise(*arguments(tmp_path), "--workers", "1")
+    with measured_by_command():
+        resumed, _, errors = tracknoise(*arguments(tmp_path), "--workers", "1")
     assert (resumed, errors) == (0, "")
 
 

@@ -23,6 +23,15 @@ def measured_only() -> Iterator[None]:
 
 
 @contextmanager
+def measured_by_command() -> Iterator[None]:
+    """As `measured_only`, of runs that the command line starts: there is no answer to print."""
+    summary = import_module("tracknoise.cli.run_summary")  # of which most tests have no need
+    with measured_only(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(summary, "print_results", lambda *_, **__: None)
+        yield
+
+
+@contextmanager
 def without_models() -> Iterator[None]:
     """Findings are made as if no tracker had enough tracks for a noise model: a fit takes longer than all others."""
     with pytest.MonkeyPatch.context() as patch:

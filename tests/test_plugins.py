@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 import polars as pl
 import pytest
+from tests.lean import measured_by_command
 
 import tracknoise as tn
 from tracknoise.cli.app import main
@@ -200,6 +201,13 @@ def test_defaults_are_shown_without_what_is_no_option(learned):
 
 
 @pytest.fixture
+def lean() -> Iterator[None]:
+    """Runs are measured, and nothing is computed of them."""
+    with measured_by_command():
+        yield
+
+
+@pytest.fixture
 def installed(tmp_path, monkeypatch) -> Iterator[None]:
     """The package of `tests/foreign` is installed: its module, and a ``dist-info`` with its entry points."""
     info = tmp_path / "site" / "tapes-1.0.dist-info"
@@ -253,6 +261,7 @@ def test_a_foreign_reader_is_listed_and_opened(experiment):
     assert "most" not in plugin_defaults(TRACKERS, "fixed")
 
 
+@pytest.mark.usefixtures("lean")
 def test_files_of_foreign_options_readers_and_code_are_inputs(experiment, restored):
     """Options are named relative to the experiment file."""
     folder = experiment.parent
@@ -357,6 +366,7 @@ Tape.open = _compiled
 STATES = "found = Stating(**{each.name: getattr(found, each.name) for each in fields(found)})"
 
 
+@pytest.mark.usefixtures("lean")
 @pytest.mark.parametrize("listed", ["sorted((reader.root / 'a').iterdir())", "pass", STATES])
 def test_files_that_only_compiled_code_opens_are_inputs_too(experiment, restored, listed):
     """Python does not see what `cv2.imread` opens. A sequence that states its files depends on no other image."""
@@ -372,6 +382,7 @@ def test_files_that_only_compiled_code_opens_are_inputs_too(experiment, restored
     assert measured_again(experiment) == [f"a@default is measured again: {image} changed"]
 
 
+@pytest.mark.usefixtures("lean")
 def test_code_that_changed_after_it_was_loaded_is_refused(experiment, capsys):
     """As in a worker that runs for days: its results would pass for those of the new code."""
     assert run(experiment)[0] == 0

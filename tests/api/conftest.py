@@ -1,5 +1,6 @@
 """One small finished run for all tests of the API, and the same sequences measured in memory."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -49,11 +50,10 @@ class Silent:
 
 
 @pytest.fixture(scope="session")
-def place(tmp_path_factory) -> Path:
-    """A folder with ``runs/demo``."""
-    folder = tmp_path_factory.mktemp("place")
-    _execute(EXPERIMENT, folder / "runs" / "demo")
-    return folder
+def place(made_once, tmp_path_factory) -> Path:
+    """A folder with ``runs/demo``, measured once: a copy for every process."""
+    original = made_once("api-demo", lambda path: _execute(EXPERIMENT, path / "runs" / "demo"))
+    return Path(shutil.copytree(original, tmp_path_factory.mktemp("place") / "copy"))
 
 
 @pytest.fixture(scope="session")

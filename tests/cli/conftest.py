@@ -3,6 +3,7 @@
 import shutil
 
 import pytest
+from tests.lean import measured_by_command
 from tests.writers.wall import write_wall
 
 from tracknoise.cli.app import main
@@ -58,6 +59,13 @@ def measured_scene(_measured, tmp_path):
     shutil.copytree(_measured, tmp_path, dirs_exist_ok=True)
     (tmp_path / "moved").rename(tmp_path / "data")
     return tmp_path / "data" / "seq-01"
+
+
+@pytest.fixture
+def lean():
+    """Runs are measured, and nothing is computed of them. Not for the run of a `measured_scene`, which is whole."""
+    with measured_by_command():
+        yield
 
 
 def _written(folder):

@@ -94,6 +94,7 @@ def test_image_of_another_size(run, scene):
     assert_one_line(run(), "frame-000001.color.png", "64x48", "expected", "128x96")
 
 
+@pytest.mark.usefixtures("lean")
 def test_nan_in_a_pose_is_a_frame_without_a_pose(run, scene):
     (scene / "frame-000001.pose.txt").write_text("1 0 0 nan\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
     code, _, out = run()
@@ -163,6 +164,7 @@ def test_no_such_data_folder(run):
     assert_one_line(run(('"data"', '"nowhere"')), "nowhere", "no such directory", "expected")
 
 
+@pytest.mark.usefixtures("lean")
 def test_one_bad_scene_of_two_leaves_the_other_and_exits_2(run, scene):
     other = scene.parent / "seq-02"
     other.mkdir()
@@ -179,6 +181,7 @@ def test_one_bad_scene_of_two_leaves_the_other_and_exits_2(run, scene):
     assert (out / "failures.jsonl").read_text().count("\n") == 1
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_failed_scene_is_measured_after_repair(run, scene):
     path = scene / "frame-000001.color.png"
     content = path.read_bytes()
@@ -197,6 +200,7 @@ def test_another_experiment_is_not_mixed_into_a_run(again):
     assert stderr.count("\n") == 1
 
 
+@pytest.mark.usefixtures("lean")
 def test_other_data_are_not_mixed_into_a_run(run, scene):
     assert run()[0] == 0
     (scene.parents[1] / "other").mkdir()
@@ -217,6 +221,7 @@ def test_depth_that_is_nowhere_valid(run, scene):
     assert_one_line(run(), "seq-01", "no depth for any feature", "expected depth")
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_sequence_whose_table_was_deleted_is_measured_again(again, tmp_path):
     for name in ("observations", "moments", "tracks"):
         table = tmp_path / "run" / name / "seq-01@default.parquet"
@@ -226,6 +231,7 @@ def test_a_sequence_whose_table_was_deleted_is_measured_again(again, tmp_path):
         assert table.read_bytes() == content
 
 
+@pytest.mark.usefixtures("lean")
 def test_imported_tracks_that_changed_are_measured_again(run, tmp_path):
     rows = [f"{track},{frame},{60 - 2 * frame},{20 + 10 * track}" for track in range(5) for frame in range(N_FRAMES)]
     (tmp_path / "tracks.csv").write_text("\n".join(["track,frame,u_px,v_px", *rows]))

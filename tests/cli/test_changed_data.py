@@ -10,6 +10,8 @@ import pytest
 from tracknoise.cli.app import main
 from tracknoise.tables.store import RunFolder
 
+pytestmark = pytest.mark.usefixtures("lean")
+
 
 @pytest.fixture
 def start(tmp_path, capsys):

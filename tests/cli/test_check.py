@@ -64,6 +64,7 @@ def test_one_image_is_not_usable(tracknoise, tmp_path):
     assert "1 image of 200x150 px, with a pose. At least 2 poses are needed." in out
 
 
+@pytest.mark.usefixtures("without_clock")
 def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recording, tmp_path):
     wrong = inverted(recording, tmp_path)
     page, document = tmp_path / "check.html", tmp_path / "check.json"
@@ -220,6 +221,7 @@ def test_init_replaces_no_file_unless_it_is_told_to(tracknoise, recording, tmp_p
     assert tracknoise("init", str(recording), "--out", str(file), "--force")[0] == 0
 
 
+@pytest.mark.usefixtures("without_clock")
 @pytest.mark.usefixtures("without_clock")
 def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, recording, tmp_path):
     document = tmp_path / "check.json"

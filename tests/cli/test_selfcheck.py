@@ -5,10 +5,18 @@ from dataclasses import replace
 import polars as pl
 import pytest
 
+from tracknoise.experiments.validation import exact_worlds
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.anchored import BirthSession
 
 SMALL = ("selfcheck", "--scenes", "1", "--quiet")
+
+
+@pytest.fixture(autouse=True)
+def one_scene(monkeypatch):
+    """The whole self-test is in `tests/experiments/validation`."""
+    monkeypatch.setattr(exact_worlds, "_SCENES", exact_worlds._SCENES[:1])
+    monkeypatch.setattr(exact_worlds, "_WAYS", dict(list(exact_worlds._WAYS.items())[:2]))
 
 
 @pytest.fixture

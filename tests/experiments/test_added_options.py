@@ -7,6 +7,7 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.tables.store import RunFolder
 
+pytestmark = pytest.mark.usefixtures("lean")
 DETECTOR = 'detector = "agast"\n'
 
 

@@ -20,7 +20,7 @@ KINDS = {"lucas-kanade": "lucas-kanade", "correspondence": "correspondence"}
 SEEN_IN_THE_ERRORS_OF_ALL = ("ray depth", "one frame late", "one frame early")
 """Mistakes that move points by less than the noise of a track in the slow world. The audit of the run names them."""
 SEEN_IN_SLOW_TRACKS = ("inverted", "ned", "wxyz read as xyzw", "poses in mm", "half the size", "two frames late")
-"""One of each kind; all are planted in a real recording."""
+"""One of each kind; the others are planted in a real recording. `tests/truth_faults/test_mistakes.py` plants all."""
 FEW_FRAMES = 17
 """Recordings are cut to this length."""
 
@@ -28,7 +28,7 @@ FEW_FRAMES = 17
 @cache
 def simulated():
     """A simulated sequence in memory, so that its images are rendered once."""
-    made = open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240)
+    made = open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240, supersampling=1)
     maps = [made.depth(index) for index in range(len(made))]
     return Sequence.from_arrays(
         [made.image(index) for index in range(len(made))],
@@ -110,7 +110,7 @@ def test_poses_of_the_wrong_frame_are_named_in_a_slow_recording(name, slow):
     assert any(words in sentence for sentence in sentences(found)), found
 
 
-@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize("name", [name for name in MISTAKES if name not in SEEN_IN_SLOW_TRACKS])
 def test_a_mistake_in_a_real_recording_is_named(name, sample):
     plant, _, words = MISTAKES[name]
     found = doubts(measured(plant(open_sequence("tartanair", sample("tartanair_v2"))), most=24), KINDS)
@@ -140,7 +140,8 @@ def test_nothing_is_said_about_simulated_motions(motion):
 
 def test_errors_that_all_features_share_are_said_to_be_of_the_truth(sample):
     sequence = open_sequence("tum", sample("tum_rgbd"))
-    found = tracknoise.analyse(measure(sequence, [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES))
+    trackers = [LucasKanade(), Correspondence(max_features=300)]
+    found = tracknoise.analyse(measure(sequence, trackers, max_frames=FEW_FRAMES))
     assert found.truth.verdict == "not trusted"
 
 

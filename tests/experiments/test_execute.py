@@ -36,6 +36,7 @@ supersampling = 1
 kind = "lucas-kanade"
 [[trackers]]
 kind = "correspondence"
+options = { max_features = 80 }
 [statistics]
 min_features = 5
 """

@@ -50,8 +50,8 @@ def test_a_fault_that_two_of_eight_scenes_show_is_named(parameter, size) -> None
 
 
 def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
-    many = replace(WORLD, per_scene=1000)
-    found = select(samples(many, seed=1, focal_length=0.0016))
+    many = replace(WORLD, per_scene=300)
+    found = select(samples(many, seed=1, focal_length=0.002))
     judged = {one.parameter: one for one in judge(found)}
     assert not found.named
     focal, beside = judged[Parameter.focal_length], found.last.assessed[Parameter.focal_length]
@@ -59,9 +59,9 @@ def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
     assert focal.visible_above[0] >= abs(beside.estimate[0]) > beside.half_widths[0]
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_errors_that_would_be_seen_are_named_and_much_smaller_ones_are_not(seed) -> None:
+def test_errors_that_would_be_seen_are_named_and_much_smaller_ones_are_not() -> None:
     """`python -m benchmarks.validity audit` does this to all parameters, and more often."""
+    seed = 0
     judged = {one.parameter: one for one in judge(select(samples(seed=seed)))}
     for parameter in (Parameter.focal_length, Parameter.clock_offset):
         found = judged[parameter]

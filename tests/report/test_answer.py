@@ -200,7 +200,8 @@ def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: s
     turned = with_rms(compared(data, verdict), **{names["a"]: 2.0, names["b"]: 1.0})
     text = summarise(turned).accuracy.text
     assert text.startswith(expected.format(**names))
-    end = {"yes": "larger", "undecided": "is smaller", "no": f"of {names['a']} 2.0 times as large"}[verdict]
+    ends = {"yes": "of {a} larger", "undecided": "is smaller", "no": "of {a} 2.0 times as large"}
+    end = ends[verdict].format(**names)
     assert text.endswith(f"RMS over the kept tracks {end}.")
 
 
@@ -488,7 +489,7 @@ def test_what_to_set_is_that_of_the_advice(data: ReportData) -> None:
 
 def test_a_robust_loss_is_named_with_its_knee() -> None:
     assert limit_text("cauchy", {"knee": 1.25}) == "Cauchy loss, knee 1.25 sigma"
-    assert limit_text(None, {"observation_gate": 0.5}) == f"observation gate {TIMES} 0.500"
+    assert limit_text(None, {"observation_gate": 0.5}) == f"chi-square gate of observations {TIMES} 0.500"
     assert limit_text(None, {}) == ""
 
 

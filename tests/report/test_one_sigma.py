@@ -40,7 +40,7 @@ def test_what_to_set_is_one_number(fitted_run: RunFolder) -> None:
     assert set_px(summary_text(fitted_run)) == expected
     (to_set,) = open_run(fitted_run.path).sigma("filter").values()
     assert {f"{to_set.sigma_px:.3f}"} == expected
-    assert (to_set.low_px, to_set.high_px) == (row["low"], row["high"])
+    assert (to_set.low_px, to_set.high_px) == pytest.approx((row["low"], row["high"]), rel=1e-12)
     assert stated(summarise(data)) == expected
     assert {f"{float(one):.3f}" for one in set_px(" ".join(model_sentences(model, "filter")))} == expected
     written = export(model, "filter").files["filter_noise.yaml"]

@@ -2,7 +2,8 @@
 
     python -m benchmarks.documents.gallery FOLDER
 
-The folder holds the runs and pages that the gallery names: `runs/demo`, `runs/7scenes` and `compare.html`.
+The folder holds the runs and pages that the gallery names: `runs/demo`, `runs/7scenes`, `runs/tournament` and
+`compare.html`.
 """
 
 import argparse
@@ -51,6 +52,7 @@ SHOTS = (
     Shot("demo-tracks", DEMO, "#looks", before="look('lucas-kanade', 'forward-00', 10)"),
     Shot("7scenes-first-screen", SEVEN),
     Shot("7scenes-audit", SEVEN, "#truth"),
+    Shot("tournament", "runs/tournament/report/index.html", "#figure-ranking", height=1000),
     Shot("compare", "compare.html", "details"),
 )
 

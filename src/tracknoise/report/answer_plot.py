@@ -119,6 +119,18 @@ class AnswerPlot:
         """The curves, as a part of a page."""
         return _plot(self, _PAGE)
 
+    @property
+    def heading(self) -> str:
+        """The title on the page, with the tracker that it is about where there are several."""
+        if len(self.curves) < 2:
+            return self.title
+        return f"With {printable(self.curves[0].tracker)}, {self.title[0].lower()}{self.title[1:]}"
+
+    @property
+    def key(self) -> str:
+        """What the lines are, where their ends are called by trackers; empty elsewhere."""
+        return " Solid lines: what to set; dashed: residuals." if len(self.curves) > 1 else ""
+
     def frames(self) -> Markup:
         """The strip, as a part of a page; empty where there is none."""
         return Markup("") if self.strip is None else _tiles(self.strip)
@@ -147,20 +159,18 @@ def answer_plot(
         return None
     first = max(able, key=lambda one: (one.sigma.value or 0.0) / (one.innovations.value or 1.0))
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
-    compared = len(chosen) > 1
-    which = "misled most; solid lines: what to set, dashed: residuals" if compared else first.tracker
-    subject = f"{which}; windows of {counted(first.window, 'frame')}"
+    most = ", misled most" if len(chosen) > 1 else ""
+    subject = f"{first.tracker}{most}; windows of {counted(first.window, 'frame')}"
     shown = tuple(_alike_long([curves[one.tracker] for one in chosen]))
-    return AnswerPlot(_title(first, compared=compared), subject, shown, _strip(seen, first.tracker))
+    return AnswerPlot(_title(first), subject, shown, _strip(seen, first.tracker))
 
 
-def _title(one: NoiseToSet, *, compared: bool) -> str:
+def _title(one: NoiseToSet) -> str:
     sigma, residuals = one.sigma.value or 0.0, one.innovations.value or 0.0
     most = "at most " if one.is_bound else ""
-    whose = f"With {one.tracker}, your residuals" if compared else "Your residuals"
     if _alike(sigma, residuals):
-        return f"{whose} are right: set {most}{px(sigma)}."
-    return f"{whose} say {px(residuals)}. Set {most}{px(sigma)}."
+        return f"Your residuals are right: set {most}{px(sigma)}."
+    return f"Your residuals say {px(residuals)}. Set {most}{px(sigma)}."
 
 
 def _alike(one: float, other: float) -> bool:

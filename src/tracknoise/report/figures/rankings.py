@@ -31,6 +31,8 @@ _TITLES: Mapping[str, str] = {
 _RANKING, _COST = "ranking", "cost-of-trackers"
 _PANEL_WIDTH, _ROW_HEIGHT = 150, 22
 _COST_SIZE = (520, 320)
+_MOST_NAMED = 4
+"""Trackers that the title of the plot names."""
 _LETTER_PX, _LINE_PX = 7.0, 12.0
 _STEPS_PX = (0.0, 12.0, -12.0, 24.0, -24.0, 36.0, -36.0)
 """Moves of a label that are tried."""
@@ -167,7 +169,7 @@ def cost_figures(data: ReportData) -> Sequence[Figure | Absence]:
             "first frames of one sequence. The line joins trackers that no other one beats in both.",
             f"No tracker is both cheaper and more accurate than {listing(names)}.",
             arranged([Panel(_cost_chart(points, front, data.colour))], columns=1),
-            f"No tracker is cheaper and more accurate than {listing(names)}" if len(names) <= 3 else "",
+            f"No tracker is cheaper and more accurate than {listing(names)}" if len(names) <= _MOST_NAMED else "",
         )
     ]
 

@@ -251,7 +251,7 @@ def tracked_sequences(run: Path, tracker: str) -> Iterator[TrackedSequence]:
         observations = folder.sequence_table("observations", key)
         mine = observations.filter(pl.col("tracker") == tracker, pl.col("speed") == 1)
         ends = folder.sequence_table("tracks", key).filter(tracker=tracker, speed=1)
-        ended = mine.join(ends.select("track", pl.col("end").cast(pl.String)), on="track")
+        ended = mine.join(ends.select("track", pl.col("end").cast(pl.String)), on="track", maintain_order="left")
         tables = folder.sequence_table("cameras", key), folder.sequence_table("poses", key)
         yield TrackedSequence(entry.sequence.scene, ended, tables)
 

@@ -35,6 +35,24 @@ def test_trackers_that_are_alike_share_ranks() -> None:
     assert found == {"a": (1, 2), "b": (1, 2), "c": (3, 4), "d": (3, 4), "e": (5, 5)}
 
 
+def test_of_many_trackers_those_that_differ_are_told_apart() -> None:
+    """A correction over all pairs together, and not over those of one statistic, would show none of these."""
+    sizes = {**{f"small {n}": 1.0 for n in range(5)}, **{f"large {n}": 1.5 for n in range(5)}}
+    found = ranks(sizes, own=0.12, scenes=8)
+    assert {found[f"small {n}"] for n in range(5)} == {(1, 5)}
+    assert {found[f"large {n}"] for n in range(5)} == {(6, 10)}
+
+
+def test_trackers_that_share_no_scenes_are_not_shown_to_differ() -> None:
+    every = played({"a": 1.0, "b": 2.0, "c": 4.0, "d": 8.0}, scenes=16)
+    early = pl.col("scene") < "s08"
+    apart = every.filter(~((pl.col("tracker") == "a") & early), ~((pl.col("tracker") == "b") & ~early))
+    found = ranking(asked(apart, pairs=True)).filter(statistic="core")
+    spans = {row["tracker"]: (row["best"], row["worst"]) for row in found.to_dicts()}
+    assert spans == {"a": (1, 2), "b": (1, 2), "c": (3, 3), "d": (4, 4)}
+    assert found["n_trackers"].unique().to_list() == [4]
+
+
 def test_where_scenes_scatter_too_much_all_ranks_are_possible() -> None:
     assert set(ranks({"a": 1.0, "b": 1.1, "c": 1.2}, own=0.3, scenes=7).values()) == {(1, 3)}
 

@@ -6,6 +6,7 @@ import pytest
 
 from tracknoise.experiments.entrants import entrants, step_costs
 from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.plan import plan
 from tracknoise.trackers.tracker_presets import preset_names
 
 EXPERIMENT = """
@@ -32,7 +33,7 @@ def experiment(tmp_path):
 def test_the_own_trackers_come_first_and_every_preset_takes_part_once(experiment):
     names = entrants(load_experiment(experiment))
     assert names[:2] == ["my-tracker", "oracle"]
-    assert set(preset_names()) | {"lucas-kanade", "correspondence", "dense-flow"} <= set(names)
+    assert set(preset_names()) | {"lucas-kanade", "correspondence", "dense-flow", "patch"} <= set(names)
     assert len(names) == len(set(names))
 
 
@@ -57,6 +58,15 @@ def test_a_tournament_is_measured_at_full_rate_and_resumes(tracknoise, experimen
     assert "resuming: 1 of 1 sequence already measured" in err
 
 
+def test_costs_are_of_a_sequence_that_was_measured(experiment):
+    experiment.write_text(experiment.read_text().replace("worlds = 1", "worlds = 2"))
+    loaded = load_experiment(experiment, trackers=["my-tracker"])
+    first, second = (task.key for task in plan(loaded))
+    assert step_costs(loaded, [second])["my-tracker"] > 0
+    assert step_costs(loaded, []) == {}
+    assert first != second
+
+
 def test_a_tracker_that_is_not_known_is_named_in_one_line(tracknoise, experiment):
     code, out, err = tracknoise("tournament", str(experiment), "--trackers", "nobody", "--quiet")
     assert (code, out) == (1, "")
@@ -67,5 +77,6 @@ def test_a_tracker_that_is_not_known_is_named_in_one_line(tracknoise, experiment
 def test_a_step_of_a_tracker_with_more_to_do_costs_more(experiment):
     text = experiment.read_text().replace('kind = "oracle"', 'kind = "correspondence"')
     experiment.write_text(text.replace("width = 160, height = 120", "width = 480, height = 360"))
-    costs = step_costs(load_experiment(experiment))
+    loaded = load_experiment(experiment)
+    costs = step_costs(loaded, [task.key for task in plan(loaded)])
     assert costs["correspondence"] > 2 * costs["my-tracker"]

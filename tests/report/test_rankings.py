@@ -7,7 +7,8 @@ import polars as pl
 import pytest
 
 from tracknoise.phrases.factor_topic import accuracy
-from tracknoise.report.figures.rankings import _apart, ranking_figures, ranking_table
+from tracknoise.report.figures.rankings import _apart, ranking_figures
+from tracknoise.report.ranking_table import ranking_table
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import read_costs, write_costs
 from tracknoise.tables.findings_schema import RANKS
@@ -52,11 +53,11 @@ def test_without_ranks_there_is_no_table_and_no_figure(run: RunFolder) -> None:
         (SPANS, "best has the smallest typical error of 3 trackers."),
         (
             {"a": (1, 2), "b": (1, 2), "c": (3, 3)},
-            "2 of 3 trackers tie for the smallest typical error: a and b.",
+            "2 of 3 trackers share the first rank in typical error: a and b.",
         ),
         (
             {**dict.fromkeys("abcd", (1, 4)), "e": (5, 5)},
-            "4 of 5 trackers tie for the smallest typical error: a, b and 2 others.",
+            "4 of 5 trackers share the first rank in typical error: a, b and 2 others.",
         ),
     ],
 )
@@ -65,7 +66,7 @@ def test_the_first_screen_names_who_leads(run: RunFolder, spans: dict[str, tuple
 
 
 def test_where_nothing_is_shown_nobody_leads(run: RunFolder) -> None:
-    assert "smallest typical error" not in accuracy(ranked(run, dict.fromkeys("abc", (1, 3))), {}).text
+    assert "typical error" not in accuracy(ranked(run, dict.fromkeys("abc", (1, 3))), {}).text
 
 
 def test_costs_are_kept_and_read(own_run: RunFolder) -> None:

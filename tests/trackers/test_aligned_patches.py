@@ -150,6 +150,18 @@ def test_patches_without_texture_are_not_found(views):
         assert not align(bare, bare, np.array([[159.0, 120.0], [60.0, 50.0]]), Warp.affine).found.any()
 
 
+def test_patches_that_shrink_to_a_point_are_not_found(views):
+    """Small affine patches in an image of something else often do."""
+    before, after = views.image(), np.rot90(views.image(), 2).copy()
+    uv = corners(before)
+    alignment = Alignment(offsets(5, Shape.square), Warp.affine, Brightness.both, iterations=30, epsilon=0.005)
+    still = np.broadcast_to(np.eye(2), (len(uv), 2, 2))
+    found = alignment.align(alignment.templates(pyramid(before, 1, 5), uv), pyramid(after, 1, 5), uv, still)
+    areas = np.linalg.det(found.matrix)
+    assert (areas <= 0.01).any()
+    assert (areas[found.found] > 0.01).all()
+
+
 @pytest.fixture(scope="module")
 def turning(views) -> list[Frame]:
     """A texture that turns by 3 degrees a frame, and slides."""

@@ -11,7 +11,7 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.trackers.minimal_solvers import through_five, through_seven
-from tracknoise.trackers.rejection import Model, Rejection
+from tracknoise.trackers.rejection import Consensus, Model, Rejection
 
 CAMERA = Camera(width=640, height=480, fx=400.0, fy=420.0, cx=330.0, cy=235.0, distortion=(-0.25, 0.05, 0.0, 0.0))
 TURN = cv2.Rodrigues(np.array([0.02, -0.05, 0.03]))[0]
@@ -142,3 +142,24 @@ def test_trackers_keep_what_moves_like_a_plane(sideways, setting, kind, model):
     steps = [tracker.step(frame) for frame in sideways[:3]]
     assert steps[-1].outliers < 0.15 * steps[-1].matched
     assert steps[-1].matched > 100
+
+
+def test_magsac_finds_outliers_among_few_matches():
+    source, target, _ = samples(25, 20)
+    kept_right, kept_wrong = [], []
+    rng = np.random.default_rng(1)
+    for one, other in zip(source, target, strict=True):
+        wrong = np.arange(25) < 7
+        moved = np.where(wrong[:, None], other + rng.uniform(0.2, 0.5, (25, 2)), other)
+        rejection = Rejection(model=Model.essential, consensus=Consensus.magsac, coordinates="rays", focal_px=400.0)
+        kept = rejection.inliers(400.0 * one, 400.0 * moved, 0)
+        kept_right.append(kept[~wrong].mean())
+        kept_wrong.append(kept[wrong].mean())
+    assert np.mean(kept_right) > 0.7
+    assert np.mean(kept_wrong) < 0.4
+
+
+def test_a_known_rotation_is_of_one_step_only():
+    rejection = Rejection(model=Model.two_point)
+    with pytest.raises(ValueError, match=r"max_missed_frames is 2, expected 0 with two-point"):
+        Correspondence(rejection=rejection, max_missed_frames=2)

@@ -417,7 +417,8 @@ def _never_compared(levels: Sequence[str], asked: Differences, found: Answer) ->
 def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
     """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided."""
     known: Mapping[str, Any] = {name: kind for name, kind in DEPENDENCE.items() if name not in ("verdict", "why")}
-    table = pl.DataFrame(rows, schema={**known, "gap": pl.String}, orient="row").with_columns_seq(
+    internal = {"gap": pl.String, "pair": pl.String}  # why no difference is shown; which levels alone are compared
+    table = pl.DataFrame(rows, schema={**known, **internal}, orient="row").with_columns_seq(
         pl.lit(level).alias("level"), kind=pl.lit(EffectIntervalKind.paired, dtype=DEPENDENCE["kind"])
     )
     table = table.with_columns_seq(_q_values(table)).with_columns_seq(verdict=_verdict(level))
@@ -432,7 +433,7 @@ def _q_values(table: pl.DataFrame) -> list[pl.Series]:
     families = table.with_columns_seq(family=pl.col("statistic").map_elements(family, return_dtype=pl.String))
     of_cell, of_statistic = (
         group_rows(families, keys).index
-        for keys in (["dataset", "factor", *CONDITION, "family"], ["dataset", "factor", "statistic"])
+        for keys in (["dataset", "factor", *CONDITION, "pair", "family"], ["dataset", "factor", "statistic"])
     )
     yes, no = (table[name].to_numpy().astype(np.float64) for name in ("p_yes", "p_no"))
     adjusted = {"q_yes": in_families(hochberg, yes, of_cell), "q_no": no}
@@ -550,6 +551,10 @@ def dependence(
             ("frames", frames, FRAME_COUNTS),
         )
     }
+    every = list(cells(effects, sorted({key for table in tables.values() for key in table})))
+    wanted = list(pairs_of_trackers(every)) if pairs else [*every, *option_cells(every, options)]
+    if not wanted:
+        return judged([], level)
     found = scenes_by_dataset(item for each in tables.values() for item in each.items())
     scenes = {dataset: sorted(names) for dataset, names in found.items()}
     values = scene_values(
@@ -561,12 +566,18 @@ def dependence(
         scenes=scenes,
     )
     asked = _Options(groups, margin, level, n_draws, seed)
-    every = list(cells(effects, sorted({key for table in tables.values() for key in table})))
     rows: list[Row] = []
-    for cell in pairs_of_trackers(every) if pairs else [*every, *option_cells(every, options)]:
+    for cell in wanted:
         names = scenes.get(cell.dataset, [])
-        rows.extend(_rows(cell, tables, values, names, groups.of(cell.dataset, names), asked))
+        made = _rows(cell, tables, values, names, groups.of(cell.dataset, names), asked)
+        rows.extend(_of_pair(cell, row) if pairs else row for row in made)
     return judged(rows, level)
+
+
+def _of_pair(cell: Cell, row: Row) -> Row:
+    """The row of a cell of two levels, which are named where they could not be compared too."""
+    first, second = map(str, cell.levels)
+    return {"level_a": first, "level_b": second, "pair": f"{first} {second}", **row}
 
 
 def _rows(

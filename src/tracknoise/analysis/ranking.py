@@ -5,8 +5,8 @@ between the ranks
 
     best = 1 + number of trackers that are shown to be better,  worst = n - number that are shown to be worse    (ranks)
 
-where a difference within the margin counts as none. Of all pairs that are said to differ by one statistic, at most
-1 - level are alike, on average.
+where a difference within the margin counts as none, and one at a single age neither. Of all pairs that are said to
+differ by one statistic, at most 1 - level are alike, on average.
 """
 
 from collections.abc import Iterable, Iterator
@@ -20,7 +20,7 @@ from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import DEPENDENCE, RANKS
 from tracknoise.tables.schema import CONDITION, check, empty
 
-ROLES = (CORE, "second", "lifetime", "outlier_ratio")
+RANKED = (CORE, "second", "lifetime", "outlier_ratio")
 """Roles of the statistics that trackers are ranked by."""
 LEAST_TRACKERS = 3
 
@@ -31,7 +31,7 @@ def pairs_of_trackers(cells: Iterable[Cell]) -> Iterator[Cell]:
     slowest = min((cell.held["speed"] for cell in many), key=lambda speed: int(str(speed)), default=None)
     for cell in many:
         if cell.held["speed"] == slowest:
-            asked = {role: name for role, name in cell.statistics.items() if role in ROLES}
+            asked = {role: name for role, name in cell.statistics.items() if role in RANKED}
             for pair in combinations(cell.levels.items(), 2):
                 yield replace(cell, levels=dict(pair), statistics=asked)
 
@@ -42,22 +42,22 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
     Parameters
     ----------
     pairs
-        Schema `DEPENDENCE`, of the cells of `pairs_of_trackers`. Levels are null where no scene has both.
+        Schema `DEPENDENCE`, of the cells of `pairs_of_trackers`: every pair has a row.
 
     Returns
     -------
     polars.DataFrame
-        Schema `RANKS`, by statistic and tracker, the best first.
+        Schema `RANKS`, by statistic and tracker, the best first. Nothing of statistics by which no pair was tested.
 
     Raises
     ------
     SchemaError
         If the table has other columns.
     """
-    known = check(pairs, DEPENDENCE, "pairs").drop_nulls(["level_a", "level_b"])
+    held = ["dataset", *(name for name in CONDITION if name != "tracker"), "statistic", "axis"]
+    known = check(pairs, DEPENDENCE, "pairs").filter(pl.col("p_yes").is_not_null().any().over(held))
     if known.is_empty():
         return empty(RANKS)
-    held = ["dataset", *(name for name in CONDITION if name != "tracker"), "statistic", "axis"]
     shown = (pl.col("verdict") == Verdict.yes) & pl.col("at").is_null()
     sides = pl.concat(
         known.select(*held, "n_scenes", "level", shown=shown, tracker=own, better=pl.col("better") == pl.col(other))

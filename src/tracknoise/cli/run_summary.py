@@ -12,8 +12,8 @@ from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.names import by_statement, together
 from tracknoise.phrases.quick import quick_limits
 from tracknoise.report.answer import accuracy
-from tracknoise.report.figures.rankings import ranking_table
 from tracknoise.report.measured import mixed_kernels
+from tracknoise.report.ranking_table import ranking_table
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import FittedMeasure, Trimming

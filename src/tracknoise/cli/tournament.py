@@ -40,13 +40,14 @@ def tournament(
 ) -> int:
     """Rank trackers: those of an experiment, the built-in ones, and the settings of known systems.
 
-    Prints for each what to set, its ranks, and the CPU time of a step. Trackers with ranks in common are not shown to
-    differ. An interrupted tournament resumes when the same command is run again.
+    Prints for each what to set, its ranks, and the CPU time of a step. A tracker of rank 2 to 5 is shown to be worse
+    than one other. An interrupted tournament resumes when the same command is run again.
 
     Examples: `tracknoise tournament`, `tracknoise tournament mine.toml --data /data/mine --trackers mine,openvins,svo`
     """
     from tracknoise.cli.measuring import measure
     from tracknoise.cli.run_summary import print_outcome
+    from tracknoise.exceptions import TracknoiseError
     from tracknoise.experiments.entrants import entrants, step_costs
     from tracknoise.experiments.load import load_experiment
     from tracknoise.tables.costs import write_costs
@@ -61,5 +62,8 @@ def tournament(
     outcome = measure(context.obj, loaded, out, workers, fresh=fresh)
     if outcome.measured:
         context.obj.say("measuring the time of a step")
-        write_costs(RunFolder(out), step_costs(loaded))
+        try:
+            write_costs(RunFolder(out), step_costs(loaded, RunFolder(out).manifest().sequences))
+        except TracknoiseError as error:
+            context.obj.say(f"note: no times of steps: {error}")
     return print_outcome(context.obj, out, outcome, report=True, table=False, ranked=True)

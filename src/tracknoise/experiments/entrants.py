@@ -1,6 +1,7 @@
 """A tournament: many trackers on the same scenes, and what a step of each costs."""
 
 import time
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from tracknoise.trackers.tracker import Frame
 from tracknoise.trackers.tracker_presets import preset_names
 
 MOST_FRAMES = 30
-_KINDS = ("lucas-kanade", "correspondence", "dense-flow")
+_KINDS = ("lucas-kanade", "correspondence", "dense-flow", "patch")
 """Kinds of trackers that take part with their default options, where they are not compared anyway."""
 _WITHOUT_COSTS = FROM_FILES | {"external", "oracle"}
 """Kinds that read files, start programs or know the truth."""
@@ -26,18 +27,29 @@ def entrants(experiment: Experiment) -> list[str]:
     return [*own, *kinds, *(name for name in preset_names() if name not in own)]
 
 
-def step_costs(experiment: Experiment) -> dict[str, float]:
-    """Mean CPU time of a step, ms, of each tracker alone, in the first frames of the first sequence, at full rate.
+def step_costs(experiment: Experiment, measured: Collection[str]) -> dict[str, float]:
+    """Mean CPU time of a step, ms, of each tracker alone, in the first frames of a sequence, at full rate.
 
-    At most `MOST_FRAMES` frames. Reading and decoding images do not count. Trackers that read files, start programs or
-    know the truth are left out.
+    What a tracker does before its first step counts; reading and decoding images do not. Trackers that read files,
+    start programs or know the truth are left out.
+
+    Parameters
+    ----------
+    experiment
+        The trackers, and the data.
+    measured
+        Keys of sequences that were measured. The first of them in the order of the experiment is taken, and at most
+        `MOST_FRAMES` frames.
 
     Raises
     ------
-    DataError, SettingsError
-        If the sequence cannot be read.
+    TracknoiseError
+        If the sequence cannot be read any more, or a tracker fails.
     """
-    (sequence,) = open_batch(plan(experiment)[:1])
+    task = next((task for task in plan(experiment) if task.key in measured), None)
+    if task is None:
+        return {}
+    (sequence,) = open_batch([task])
     images = [sequence.image(index) for index in range(min(len(sequence), MOST_FRAMES))]
     kinds = {choice.label: choice.kind for choice in experiment.trackers}
     timed = {name: one for name, one in make_trackers(experiment).items() if kinds[name] not in _WITHOUT_COSTS}
@@ -46,9 +58,9 @@ def step_costs(experiment: Experiment) -> dict[str, float]:
 
 
 def _cost_ms(setup: TrackerSetup, sequence: Sequence, images: list[NDArray[np.uint8]], seed: int) -> float:
-    tracker = start_tracker(setup, sequence, None, seed, len(images))
     frames = [Frame(index, image) for index, image in enumerate(images)]
     started = time.process_time()
+    tracker = start_tracker(setup, sequence, None, seed, len(images))
     for frame in frames:
         tracker.step(frame)
     return round(1e3 * (time.process_time() - started) / len(frames), 3)

@@ -192,6 +192,7 @@ def start_tracker(
     condition: TrackerSetup, sequence: Sequence, truth: OracleTruth | None, seed: int, n_frames: int
 ) -> Tracker:
     """Start the tracker of a setup on a sequence; `truth` for trackers that know it."""
+    posed = RowPoses(sequence).known
     return condition.settings.start(
         SequenceContext(
             sequence=sequence.id,
@@ -201,11 +202,11 @@ def start_tracker(
             seed=seed,
             first_frame=first_of_part(sequence),
             truth=truth,
-            frames_without_pose=frozenset(np.flatnonzero(~RowPoses(sequence).known).tolist()),
+            frames_without_pose=frozenset(np.flatnonzero(~posed).tolist()),
             timestamps_s=times_of(sequence),
             source_frames=source_frames(sequence),
             camera_at=partial(camera_at, sequence),
-            rotation_at=lambda index: sequence.world_from_camera[index, :3, :3],
+            rotation_at=(lambda index: sequence.world_from_camera[index, :3, :3]) if posed.any() else None,
             images=lambda: map(sequence.image, range(0, n_frames, condition.speed)),
         )
     )

@@ -161,9 +161,10 @@ def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None
 
     Of three and more trackers, the ranks tell. It is not known where two differ at a single age (or frame) only.
     """
-    if ranked := _ranks(data, role):
+    if ranked := _best_ranks(data, role):
         first = _first(ranked)
-        verdict = Verdict.no if tracker not in first else Verdict.yes if len(first) == 1 else Verdict.undecided
+        is_worse = tracker in ranked and tracker not in first
+        verdict = Verdict.no if is_worse else Verdict.yes if first == [tracker] else Verdict.undecided
         return answer(question, verdict, wished=Verdict.yes)
     row = compared(data, role)
     if row is None:
@@ -181,8 +182,8 @@ def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     """Which tracker is more accurate, and by how much: by the core, and by the RMS over tracks where that differs."""
     if len(data.trackers) < 2:
         return _alone(errors)
-    ranked = _ranks(data, "core")
-    if len(_first(ranked)) < len(ranked):
+    ranked = _best_ranks(data, "core")
+    if 0 < len(_first(ranked)) < len(ranked):
         found = Judgement(
             answer(_QUESTION, Verdict.yes, wished=Verdict.yes), _leaders(data, ranked), "error-by-tracker"
         )
@@ -195,11 +196,15 @@ def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     return _said_of_truth(data, Judgement(answer(_QUESTION, verdict, wished=Verdict.yes), text, _SECTION))
 
 
-def _ranks(data: RunData, role: str) -> dict[str, int]:
-    """Best rank of each tracker at the lowest speed by a statistic; empty where fewer than three are compared."""
-    names = [name for name, of in ROLES.items() if of == role]
-    rows = data.nominal(data.ranks).filter(pl.col("statistic").is_in(names))
-    return dict(rows.select("tracker", "best").iter_rows())
+def ranks_by_role(data: RunData) -> pl.DataFrame:
+    """Ranks at the lowest speed, with the role of each statistic; none where fewer than three trackers are compared."""
+    roles = pl.col("statistic").replace_strict(dict(ROLES), default=None, return_dtype=pl.String)
+    return data.nominal(data.ranks).with_columns(role=roles)
+
+
+def _best_ranks(data: RunData, role: str) -> dict[str, int]:
+    """Best rank of each tracker by a statistic."""
+    return dict(ranks_by_role(data).filter(role=role).select("tracker", "best").iter_rows())
 
 
 def _first(ranked: Mapping[str, int]) -> list[str]:
@@ -209,12 +214,12 @@ def _first(ranked: Mapping[str, int]) -> list[str]:
 
 def _leaders(data: RunData, ranked: Mapping[str, int]) -> str:
     """Who leads by the core, and by the RMS over tracks where that differs."""
-    first, by_rms = _first(ranked), _first(_ranks(data, "second"))
+    first, by_rms = _first(ranked), _first(_best_ranks(data, "second"))
     differs = 0 < len(by_rms) < min(len(ranked), _MOST_NAMED + 1) and set(by_rms) != set(first)
     rest = f"; by {rms_of_tracks(data.trimming)}, {_some(by_rms)}" if differs else ""
     if len(first) == 1:
         return f"{first[0]} has the smallest typical error of {len(ranked)} trackers{rest}."
-    return f"{len(first)} of {len(ranked)} trackers tie for the smallest typical error: {_some(first)}{rest}."
+    return f"{len(first)} of {len(ranked)} trackers share the first rank in typical error: {_some(first)}{rest}."
 
 
 def _some(names: Sequence[str]) -> str:

@@ -28,7 +28,7 @@ def summarise(data: ReportData) -> Summary:
         data.name,
         measured(data),
         estimator(data.estimator).title,
-        tuple(_settings(data)),
+        tuple(noise_to_set(data)),
         holds(data),
         accuracy,
         certainty(data),
@@ -38,7 +38,7 @@ def summarise(data: ReportData) -> Summary:
     )
 
 
-def _settings(data: ReportData) -> Iterator[NoiseToSet]:
+def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     """What to set in the estimator of the experiment, for each tracker in their order."""
     rows = reported_conditions(data, data.slowest).reported(data.advice)
     is_bound = not TruthVerdict.of(data.trust).is_usable

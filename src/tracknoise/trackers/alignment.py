@@ -185,7 +185,7 @@ class Aligned:
     matrix : (n, 2, 2) float64
         What the warp does to offsets from the centre.
     found : (n,) bool
-        They have texture, and enough of each lies in the image.
+        They have texture, have not shrunk to a point, and enough of each lies in the image.
     residual : (n,) float32
         Mean absolute difference of gray values, after that of brightness; NaN if nothing is in the image.
     ncc : (n,) float32
@@ -254,7 +254,8 @@ class Alignment:
         count = there.sum(axis=1)
         residual = np.full(len(uv), np.nan)
         np.divide(np.where(there, difference, 0).sum(axis=1, dtype=np.float64), count, out=residual, where=count > 0)
-        found = (count >= _LEAST_SHARE * len(self.offsets)) & _textured(finest)
+        area = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0]
+        found = (count >= _LEAST_SHARE * len(self.offsets)) & _textured(finest) & (area > _LEAST_AREA)
         ncc = correlation(finest.values, seen)
         return Aligned(uv, matrix, found, residual.astype(np.float32), ncc)
 

@@ -21,7 +21,7 @@ from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, n
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.grid_statistics import supported
 from tracknoise.trackers.preprocessing import Preprocessing
-from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
+from tracknoise.trackers.rejection import Inliers, Model, ReferencePosition, Rejection
 from tracknoise.trackers.spacing import spread_keypoints
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 
@@ -255,6 +255,8 @@ class Correspondence:
         settle_members(self, descriptor=Descriptor)
         known = self.descriptor is not Descriptor.network or self.detection.network is not None
         require(known, "descriptor", str(self.descriptor), "another one, or detection.network")
+        one_step = self.rejection.model is not Model.two_point or not self.max_missed_frames
+        require(one_step, "max_missed_frames", self.max_missed_frames, "0 with two-point, which knows one rotation")
         require_bounds(self)
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":

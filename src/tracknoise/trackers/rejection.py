@@ -96,14 +96,15 @@ def best_hypothesis(
         return agreement, np.asarray(support(squared).sum(axis=1), dtype=np.float64)
 
     best: Hypothesis | None = None
-    most, judged, needed = float(geometry.sample_size - 1), 0, max_hypotheses
+    least = geometry.sample_size
+    most, judged, needed = float(least - 1) if support is None else 0.0, 0, max_hypotheses
     for models, samples in _drawn(geometry, source, target, rng):
         agreement, scores = judge(models[samples < needed])
         for index, score in enumerate(scores.tolist()):
             if samples[index] >= needed:
                 return best
             judged = int(samples[index]) + 1
-            if score > most:
+            if score > most and np.count_nonzero(agreement[index]) >= least:
                 found = Hypothesis(models[index], agreement[index])
                 best, most = _refitted(geometry, found, score, source, target, judge, max_refits)
                 share = np.count_nonzero(best.inliers) / len(source)
@@ -120,7 +121,7 @@ def _refitted(
     for _ in range(max_refits):
         model = geometry.refine(found.model, source[found.inliers], target[found.inliers])
         (inliers,), (better,) = judge(model[None])
-        if better <= score:
+        if better <= score or np.count_nonzero(inliers) < geometry.sample_size:
             break
         found, score = Hypothesis(model, inliers), float(better)
     return found, score

@@ -11,23 +11,18 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.analysis.factors import ROLES
+from tracknoise.phrases.answer_summary import NoiseToSet
+from tracknoise.phrases.factor_topic import ranks_by_role
+from tracknoise.report.answer import noise_to_set
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections, SectionTables
 from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.ranking_table import TITLES, how_to_read, order_of, ranking_table, roles_of
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import read_costs
-from tracknoise.text import significant
-from tracknoise.words import count, listing, pixels
+from tracknoise.words import listing
 
-_TITLES: Mapping[str, str] = {
-    "core": "typical error (core)",
-    "second": "RMS error",
-    "lifetime": "lifetime",
-    "outlier_ratio": "outlier ratio",
-}
-"""What trackers are ranked by, by the roles of the statistics, in the order of the table."""
 _RANKING, _COST = "ranking", "cost-of-trackers"
 _PANEL_WIDTH, _ROW_HEIGHT = 150, 22
 _COST_SIZE = (520, 320)
@@ -38,82 +33,21 @@ _STEPS_PX = (0.0, 12.0, -12.0, 24.0, -24.0, 36.0, -36.0)
 """Moves of a label that are tried."""
 
 
-def _ranks(data: ReportData) -> pl.DataFrame:
-    """Ranks at the lowest speed, with the role of each statistic; a tracker with better ranks first."""
-    rows = data.nominal(data.ranks)
-    roles = {name: role for name, role in ROLES.items() if role in _TITLES}
-    known = rows.filter(pl.col("statistic").is_in(list(roles)))
-    return known.with_columns(role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String))
-
-
-def _order(ranks: pl.DataFrame) -> list[str]:
-    """Names of trackers by the middle of their ranks by the core, then by the other statistics."""
-    middle = ranks.with_columns(middle=pl.col("best") + pl.col("worst"))
-    wide = middle.pivot("role", index="tracker", values="middle", aggregate_function="first")
-    known = [role for role in _TITLES if role in wide.columns]
-    return wide.sort(*known, "tracker", nulls_last=True)["tracker"].to_list()
-
-
-def _sigmas(data: ReportData) -> dict[str, float]:
-    """What to set for each tracker, px."""
-    rows = data.nominal(data.advice).filter(quantity="sigma").drop_nulls("value")
-    return dict(rows.select("tracker", "value").iter_rows())
-
-
-def ranking_table(data: ReportData) -> Cells | None:
-    """What to set, ranks, and the cost of a step, a row for each tracker; None where trackers have no ranks."""
-    ranks, sigmas, costs = _ranks(data), _sigmas(data), read_costs(data.run)
-    if ranks.is_empty():
-        return None
-    spans = {
-        (tracker, role): _span(best, worst)
-        for tracker, role, best, worst in ranks.select("tracker", "role", "best", "worst").iter_rows()
-    }
-    roles = [role for role in _TITLES if role in set(ranks["role"])]
-    order = _order(ranks)
-    rows = [
-        [
-            tracker,
-            f"{pixels(sigmas[tracker])} px" if tracker in sigmas else "",
-            *(spans.get((tracker, role), "") for role in roles),
-            *([f"{significant(costs[tracker], 2)} ms" if tracker in costs else ""] if costs else []),
-        ]
-        for tracker in order
-    ]
-    headings = ["tracker", "set", *(_TITLES[role] for role in roles), *(["CPU per step"] if costs else [])]
-    alike = f"Trackers with ranks in common are not shown to differ by more than {_margin(data)}."
-    caption = f"Ranks from {_scenes(ranks)}. {alike}"
-    return Cells(caption, headings, rows, [False, *([True] * (len(headings) - 1))])
-
-
-def _span(best: int, worst: int) -> str:
-    return str(best) if best == worst else f"{best} to {worst}"
-
-
-def _scenes(ranks: pl.DataFrame) -> str:
-    return count(min(ranks["n_scenes"].to_list()), "scene")
-
-
-def _margin(data: ReportData) -> str:
-    return f"a factor of {1.0 + data.margin:.3g}"
-
-
 def ranking_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """Ranges of ranks, a panel for each statistic."""
-    ranks = _ranks(data)
+    ranks = ranks_by_role(data)
     if ranks.is_empty():
         return []
-    order, roles = _order(ranks), [role for role in _TITLES if role in set(ranks["role"])]
+    order, roles = order_of(ranks), roles_of(ranks)
     panels = [Panel(_span_chart(ranks.filter(role=role), order, data.colour, first=role == roles[0])) for role in roles]
     best = {role: ranks.filter(role=role, best=1)["tracker"].to_list() for role in roles}
-    told = [f"By {_TITLES[role]}: {listing(names)}." for role, names in best.items() if len(names) < len(order)]
+    told = [f"By {TITLES[role]}: {listing(names)}." for role, names in best.items() if len(names) < len(order)]
     return [
         Figure(
             _RANKING,
             "Ranks of trackers",
-            f"A bar goes from the best to the worst rank that a tracker may have. Trackers whose bars overlap are not "
-            f"shown to differ by more than {_margin(data)}. Every two are compared within "
-            f"{_scenes(ranks)}.",
+            f"A bar goes from the best to the worst rank that a tracker may have. {how_to_read(data, ranks)} Every two "
+            "are compared within scenes.",
             f"Trackers of rank 1. {' '.join(told)}" if told else "No tracker is shown to be better than another.",
             arranged(panels, columns=len(panels)),
             _message(best.get("core", []), len(order)),
@@ -132,7 +66,7 @@ def _message(best: Sequence[str], n: int) -> str:
 
 
 def _span_chart(ranks: pl.DataFrame, order: Sequence[str], colours: Mapping[str, str], *, first: bool) -> alt.Chart:
-    title = _TITLES[ranks["role"][0]]
+    title = TITLES[ranks["role"][0]]
     bars = ranks.select("tracker", low=pl.col("best") - 0.4, high=pl.col("worst") + 0.4, best="best", worst="worst")
     highest = max(ranks["n_trackers"].to_list())
     scale = alt.Scale(domain=[0.5, highest + 0.5], nice=False)
@@ -151,7 +85,9 @@ def _span_chart(ranks: pl.DataFrame, order: Sequence[str], colours: Mapping[str,
 
 def cost_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """What to set against the cost of a step."""
-    sigmas, costs = _sigmas(data), read_costs(data.run)
+    settings = list(noise_to_set(data))
+    sigmas = {one.tracker: one.sigma.value for one in settings if one.sigma.value}
+    costs = {name: cost for name, cost in read_costs(data.run).items() if cost > 0.0}
     both = [name for name in data.trackers if name in sigmas and name in costs]
     if not both:
         return []
@@ -166,12 +102,16 @@ def cost_figures(data: ReportData) -> Sequence[Figure | Absence]:
             _COST,
             "Accuracy against cost",
             "What to set in an estimator against the CPU time of a step on this machine, of each tracker alone, in the "
-            "first frames of one sequence. The line joins trackers that no other one beats in both.",
+            f"first frames of one sequence. The line joins trackers that no other one beats in both.{_bound(settings)}",
             f"No tracker is both cheaper and more accurate than {listing(names)}.",
             arranged([Panel(_cost_chart(points, front, data.colour))], columns=1),
             f"No tracker is cheaper and more accurate than {listing(names)}" if len(names) <= _MOST_NAMED else "",
         )
     ]
+
+
+def _bound(settings: Sequence[NoiseToSet]) -> str:
+    return " The truth is not trusted: each sigma is an upper bound." if any(one.is_bound for one in settings) else ""
 
 
 def _cost_chart(points: pl.DataFrame, front: pl.DataFrame, colours: Mapping[str, str]) -> alt.LayerChart:

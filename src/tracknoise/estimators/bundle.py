@@ -25,7 +25,7 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import gammaincinv
 
 from tracknoise.estimators.linear_window import PointTracks, linear_tracks
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, images
@@ -244,7 +244,7 @@ def gate_ratios(
         linear = linear_tracks(problem.camera, found.poses, tracks, problem.gauge)
         residual, span = whiten @ error, np.linalg.qr(whiten @ linear.by_point)[0]
         left = residual - span @ (np.swapaxes(span, 1, 2) @ residual)
-        limit = stats.chi2.ppf(0.95, error.shape[1] - OF_POINT)
+        limit = 2.0 * gammaincinv(0.5 * (error.shape[1] - OF_POINT), 0.95)  # quantile of chi square
         ratios.append(np.asarray(np.square(left).sum(axis=(1, 2)) / limit))
     return ratios
 

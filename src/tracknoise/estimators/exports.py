@@ -451,7 +451,8 @@ def makes_right(noise: Noise) -> str:
     if noise.purpose is None:
         parts = {"first position": noise.model.first, "each frame": noise.model.white, "walk": noise.model.walk}
         return "components of the model: " + ", ".join(f"{name} {_px(one.sigma)}" for name, one in parts.items())
-    return in_words(noise.advice())
+    bound = "" if noise.model.truth.is_usable else "; errors of the truth are in it: the tracker alone has less"
+    return f"{in_words(noise.advice())}{bound}"
 
 
 def in_words(advice: Advice) -> str:

@@ -427,6 +427,43 @@ def test_python_runs_with_the_library(name):
     assert eval(RUNS[name], names)
 
 
+def test_colmap_adjusts_with_what_is_exported():
+    colmap = pytest.importorskip("pycolmap")
+    names: dict = {}
+    exec(made("colmap").files["colmap_noise.py"], names)
+    adjusted = _reconstruction(colmap)
+    options = colmap.BundleAdjustmentOptions()
+    names["set_loss"](options)
+    assert options.ceres.loss_function_type == colmap.LossFunctionType.CAUCHY
+    chosen = colmap.BundleAdjustmentConfig()
+    for image in adjusted.reg_image_ids():
+        chosen.add_image(image)
+    chosen.fix_gauge(colmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    work = colmap.create_default_ceres_bundle_adjuster(options, chosen, adjusted)
+    work.solve()
+    found = colmap.estimate_ba_covariance(colmap.BACovarianceOptions(), adjusted, work)
+    last = max(adjusted.reg_image_ids())
+    assert np.allclose(names["pose_covariance"](found, last), 0.149**2 * found.get_cam_cov_from_world(last))
+
+
+def test_ceres_takes_observations_with_what_is_exported():
+    ceres, colmap = pytest.importorskip("pyceres"), pytest.importorskip("pycolmap")
+    names: dict = {}
+    exec(made("pyceres").files["pyceres_noise.py"], names)
+    seen = _reconstruction(colmap)
+    image = seen.images[max(seen.reg_image_ids())]
+    problem, points = ceres.Problem(), [point for point in image.points2D if point.has_point3D()]
+    for point in points:
+        names["add_observation"](problem, point.xy - 0.5, seen.points3D[point.point3D_id], image, image.camera)
+    assert problem.num_residual_blocks() == len(points) > 50
+
+
+def _reconstruction(colmap):
+    options = colmap.SyntheticDatasetOptions()
+    options.num_frames_per_rig, options.num_points3D = 6, 200
+    return colmap.synthesize_dataset(options)
+
+
 def test_a_sigma_of_zero_is_refused():
     exact = lucas_kanade(equivalents=equivalents(0.0, 0.5))
     with pytest.raises(SettingsError, match="newest_pose, windows of 11 frames, is 0 px, expected a number above 0"):

@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     folder: Path = parser.parse_args(arguments).folder
     IMAGES.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as profile, browser(Path(profile)) as pipe:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, browser(Path(profile)) as pipe:
         for shot in SHOTS:
             with tab(pipe) as page:
                 (IMAGES / f"{shot.name}.webp").write_bytes(take(page, shot, folder))

@@ -147,8 +147,8 @@ def test_every_other_preset_asks_for_its_data(name):
     assert load_experiment(name, root=Path("/data")).paper == name
 
 
-def test_the_presets_are_the_demo_and_the_papers_four_experiments():
-    assert preset_names() == ["demo", "dtu", "gazebo-arvr", "gazebo-linear", "kitti"]
+def test_the_presets_are_the_demo_the_papers_four_experiments_and_the_tournament():
+    assert preset_names() == ["demo", "dtu", "gazebo-arvr", "gazebo-linear", "kitti", "tournament"]
 
 
 @pytest.mark.parametrize(

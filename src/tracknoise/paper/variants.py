@@ -21,12 +21,13 @@ from tracknoise.trackers.rejection import Consensus, ReferencePosition
 
 RECORDED, SIMULATED = ("dtu", "kitti"), ("gazebo-linear", "gazebo-arvr")
 """Presets that repeat experiments of the paper: those that need data, and those that are simulated."""
+_CONSENSUS = (Consensus.hypothesis, Consensus.refined)
 _VARIED: dict[str, dict[str, tuple[str, ...]]] = {
     "correspondence": {
         "reference": (ReferencePosition.first, ReferencePosition.previous),
-        "consensus": tuple(Consensus),
+        "consensus": _CONSENSUS,
     },
-    "lucas-kanade": {"consensus": tuple(Consensus)},
+    "lucas-kanade": {"consensus": _CONSENSUS},
 }
 """Outlier rejections that are compared, for each kind of tracker."""
 _AMONG: dict[Reading, dict[str, TrimAmong]] = {

@@ -121,6 +121,7 @@ def wait_until(true):
     [
         ("1", signal.SIGINT, "interrupted"),
         ("2", signal.SIGTERM, "ended by SIGTERM"),
+        ("2", signal.SIGHUP, "ended by SIGHUP"),
     ],
 )
 def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stalled, tmp_path, tracknoise):

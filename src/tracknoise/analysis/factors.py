@@ -553,7 +553,7 @@ def dependence(
     }
     every = list(cells(effects, sorted({key for table in tables.values() for key in table})))
     wanted = list(pairs_of_trackers(every)) if pairs else [*every, *option_cells(every, options)]
-    if not wanted:
+    if pairs and not wanted:
         return judged([], level)
     found = scenes_by_dataset(item for each in tables.values() for item in each.items())
     scenes = {dataset: sorted(names) for dataset, names in found.items()}

@@ -44,6 +44,10 @@ class Plugins(Generic[T]):
         """All names, sorted."""
         return sorted({*self.built_in, *(point.name for point in entry_points(group=self.group))})
 
+    def __contains__(self, name: str) -> bool:
+        """Whether there is such a name; those of other packages take longer, and are looked at last."""
+        return name in self.built_in or name in self.names()
+
     def load(self, name: str) -> type[T]:
         """The class of that name.
 

@@ -9,7 +9,7 @@ import pytest
 import tracknoise
 from tracknoise.exceptions import StoreError
 from tracknoise.phrases.answer_summary import SUMMARY
-from tracknoise.report.contents import ALONE, CONTENTS, FORMAT, Section, contents_json, layout, read_contents
+from tracknoise.report.contents import CONTENTS, FORMAT, Section, contents_json, layout, read_contents
 from tracknoise.report.figures.figure import Absence, Figure
 
 FIGURE, ABSENCE = Figure("one", "One", "It shows.", "Look.", {}), Absence("two", "Two", "Nothing was found.")
@@ -51,7 +51,7 @@ def test_sections_figures_tables_and_absences_are_listed() -> None:
     }
 
 
-@pytest.mark.parametrize(("compared", "title"), [(True, "Which is better"), (False, ALONE)])
+@pytest.mark.parametrize(("compared", "title"), [(True, "Which is better"), (False, "How accurate it is")])
 def test_a_single_tracker_is_not_asked_whether_it_is_better(compared: bool, title: str) -> None:
     curve = Figure("error-by-age-lucas-kanade", "Error by age", "It shows.", "Look.", {})
     (opened,) = layout([Section("error-by-tracker", "By tracker", [curve])], compared=compared).open

@@ -56,7 +56,7 @@ def _is_path(word: str) -> bool:
     """Whether a word names a file or folder. Names of readers come first."""
     from tracknoise.sequences.reader_registry import READERS
 
-    return word not in READERS.names() and (Path(word).exists() or len(Path(word).parts) > 1)
+    return word not in READERS and (Path(word).exists() or len(Path(word).parts) > 1)
 
 
 def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:

@@ -64,7 +64,7 @@ def named_recording(words: Sequence[str]) -> tuple[str, Path | None]:
     if len(words) == 2:
         return words[0], Path(words[1])
     (word,) = words
-    if word in READERS.names() and not READERS.load(word).needs_root:
+    if word in READERS and not READERS.load(word).needs_root:
         return word, None
     return recognise(Path(word)), Path(word)
 

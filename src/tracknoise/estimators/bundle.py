@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from tracknoise.estimators.linear_window import PointTracks, linear_tracks
+from tracknoise.estimators.linear_window import PointTracks, linear_tracks, without
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, images
 from tracknoise.geometry.pose import invert, transform
 
@@ -243,7 +243,7 @@ def gate_ratios(
         error = (group.uv - images(problem.camera, found.poses, tracks)).reshape(len(points), -1, 1)
         linear = linear_tracks(problem.camera, found.poses, tracks, problem.gauge)
         residual, span = whiten @ error, np.linalg.qr(whiten @ linear.by_point)[0]
-        left = residual - span @ (np.swapaxes(span, 1, 2) @ residual)
+        left = without(residual, span)
         limit = 2.0 * gammaincinv(0.5 * (error.shape[1] - OF_POINT), 0.95)  # quantile of chi square
         ratios.append(np.asarray(np.square(left).sum(axis=(1, 2)) / limit))
     return ratios
@@ -324,7 +324,7 @@ class _Work:
         whiten = root[:, :, None] * self._whiten[place]
         by_pose, weighted = whiten @ linear.by_pose, root * residual
         span, triangle = np.linalg.qr(whiten @ linear.by_point @ chart.derivative(coordinates))
-        left = by_pose - span @ (np.swapaxes(span, 1, 2) @ by_pose)
+        left = without(by_pose, span)
         rows = left.reshape(-1, left.shape[2])
         found.information[:] += rows.T @ rows
         found.gradient[:] += rows.T @ weighted.ravel()

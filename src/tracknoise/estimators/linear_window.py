@@ -338,7 +338,7 @@ def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assu
     information, middle = np.zeros((size, size)), np.zeros((len(actual), size, size))
     squares, freedom = np.zeros(len(actual)), 0
     for place, (tracks, one) in enumerate(zip(window, whitened, strict=True)):
-        by_pose = _without(one.whitening @ tracks.by_pose, one.span)
+        by_pose = without(one.whitening @ tracks.by_pose, one.span)
         rows = by_pose.reshape(-1, size)
         information += rows.T @ rows
         freedom += by_pose.shape[0] * (by_pose.shape[1] - 3)
@@ -383,11 +383,11 @@ def _innovations(
     whitening: NDArray[np.float64], span: NDArray[np.float64], true: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Covariances of whitened innovations, without what the points absorb."""
-    half = _without(whitening @ true, span)
-    return _without(whitening @ np.swapaxes(half, 1, 2), span)
+    half = without(whitening @ true, span)
+    return without(whitening @ np.swapaxes(half, 1, 2), span)
 
 
-def _without(values: NDArray[np.float64], span: NDArray[np.float64]) -> NDArray[np.float64]:
+def without(values: NDArray[np.float64], span: NDArray[np.float64]) -> NDArray[np.float64]:
     """Columns without their parts in the span of orthonormal ones."""
     return np.asarray(values - span @ (np.swapaxes(span, 1, 2) @ values))
 

@@ -22,7 +22,7 @@ from tracknoise.analysis.gaussianity import gaussianity
 from tracknoise.analysis.lifetime_intervals import incidence_table
 from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
 from tracknoise.analysis.point_tracking import point_tracking_metrics
-from tracknoise.analysis.ranking import ranking
+from tracknoise.analysis.ranking import LEAST_TRACKERS, ranking
 from tracknoise.analysis.ratio_intervals import ratio_intervals
 from tracknoise.analysis.seed_spread import Repeat, seed_spread, widened
 from tracknoise.analysis.time_structure import LONG_LIVED, lagged, time_structure
@@ -60,11 +60,12 @@ from tracknoise.statistics.grouping import (
 from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Population
+from tracknoise.tables.findings_schema import RANKS
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.quantities import Topic
 from tracknoise.tables.result_views import Identified, results_of
-from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW
+from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
@@ -337,7 +338,9 @@ def _tables(
             **options,
         ),
         "dependence": _dependence(read, experiment, statistics, zeros),
-        "ranks": ranking(_dependence(read, experiment, statistics, zeros, pairs=True)),
+        "ranks": empty(RANKS)
+        if len(experiment.trackers) < LEAST_TRACKERS
+        else ranking(_dependence(read, experiment, statistics, zeros, pairs=True)),
     }
 
 

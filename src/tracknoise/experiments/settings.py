@@ -1,11 +1,8 @@
 """The sections of an experiment file, and their checks."""
 
-import ast
 import hashlib
 import json
 from collections.abc import Iterator
-from inspect import cleandoc
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -48,7 +45,7 @@ Keep = Literal["observations", "statistics"]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
 
 
 def _frames_of_text(given: object) -> object:
@@ -513,29 +510,10 @@ def experiment_schema() -> str:
     from tracknoise.trackers.tracker_registry import TRACKERS
 
     schema = Experiment.model_json_schema()
-    _add_descriptions({Experiment.__name__: schema, **schema["$defs"]})
     _add_options(schema["$defs"], "DatasetSettings", "reader", READERS)
     _add_options(schema["$defs"], "TrackerChoice", "kind", TRACKERS)
     _offer_presets(schema["$defs"]["TrackerChoice"])
     return json.dumps(schema, indent=2) + "\n"
-
-
-def _add_descriptions(sections: dict[str, dict[str, Any]]) -> None:
-    """Say of every key what the string below it in this file says.
-
-    Pydantic would read the file for each of its classes, which takes a tenth of the start of every program.
-    """
-    classes = [
-        node for node in ast.parse(Path(__file__).read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
-    ]
-    for found in classes:
-        keys = sections.get(found.name, {}).get("properties", {})
-        for field, below in pairwise(found.body):
-            match field, below:
-                case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(value=ast.Constant(value=str(text))) if (
-                    key in keys
-                ):
-                    keys[key] = dict(sorted({**keys[key], "description": cleandoc(text)}.items()))
 
 
 def _add_options(definitions: dict[str, Any], section: str, key: str, plugins: Plugins[Any]) -> None:

@@ -119,14 +119,17 @@ class Opening:
     figures: tuple[str, ...] = ()
 
 
-ALONE = "How accurate it is"
-"""Heading of the section about accuracy where there is a single tracker."""
+def accuracy_title(*, compared: bool) -> str:
+    """Heading about accuracy; `compared`: whether there are several trackers."""
+    return "Which is better" if compared else "How accurate it is"
+
+
 _ACCURACY = "error-by-tracker"
 _MOST_FIGURES = 2
 _EXAMPLES = "example-frames-"
 OPENINGS: Mapping[str, Opening] = {
     "estimator": Opening("Files for your estimator"),
-    _ACCURACY: Opening("Which is better", ("ranking", "cost-", "error-by-age")),
+    _ACCURACY: Opening(accuracy_title(compared=True), ("ranking", "cost-", "error-by-age")),
     "lifetimes": Opening("How long tracks live", ("lifetimes", "outlier-ratio")),
     "time-structure": Opening("How errors grow, and how heavy their tails are", ("time-structure", "gaussianity")),
     "error-by-place": Opening("Where errors are", ("image-map-", "surroundings-")),
@@ -180,7 +183,7 @@ def layout(sections: Sequence[Section], *, filmed: bool = False, compared: bool 
         chosen = [found for start in starts if (found := _chosen(figures, start)) is not None][:_MOST_FIGURES]
         shown |= {one.id for one in chosen}
         if chosen or name in known:
-            title = ALONE if name == _ACCURACY and not compared else opening.title
+            title = accuracy_title(compared=compared) if name == _ACCURACY else opening.title
             opened.append(Section(name, title, chosen))
     return Layout(opened, [*_folded(sections, {one.id for one in opened}, shown)])
 

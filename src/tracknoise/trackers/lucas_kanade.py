@@ -234,4 +234,5 @@ class _Agreement:
         return np.asarray(correlation(first, self._windows(after, uv)) >= self._least, dtype=np.bool_)
 
     def _windows(self, frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float32]:
-        return sampled(frame.image.astype(np.float32), uv.astype(np.float32)[:, None] + self._offsets)
+        image = frame.memo("float32", lambda image: image.astype(np.float32))
+        return sampled(image, uv.astype(np.float32)[:, None] + self._offsets)

@@ -89,11 +89,11 @@ def best_hypothesis(
     """
 
     def judge(models: Floats) -> tuple[NDArray[np.bool_], Floats]:
-        agreement = geometry.agrees(models, source, target, threshold)
         if support is None:
+            agreement = geometry.agrees(models, source, target, threshold)
             return agreement, agreement.sum(axis=1, dtype=np.float64)
         squared = geometry.squared_errors(models, source, target) / threshold**2
-        return agreement, np.asarray(support(squared).sum(axis=1), dtype=np.float64)
+        return squared <= 1.0, np.asarray(support(squared).sum(axis=1), dtype=np.float64)
 
     best: Hypothesis | None = None
     least = geometry.sample_size

@@ -39,7 +39,7 @@ def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> Trac
     if is_preset(kind):
         preset = load_preset(kind)
         return TRACKERS.make(preset.tracker, preset.merged(options or {}))
-    if kind not in TRACKERS.built_in and kind not in TRACKERS.names():  # those of other packages take longer
+    if kind not in TRACKERS:
         raise UnknownNameError("tracker", kind, tracker_names())
     return TRACKERS.make(kind, options)
 
@@ -51,7 +51,7 @@ def tracker_names() -> list[str]:
 
 def is_preset(name: str) -> bool:
     """Whether a name is that of a preset, and of no tracker."""
-    return name in preset_names() and name not in TRACKERS.names()
+    return name in preset_names() and name not in TRACKERS
 
 
 def descriptions() -> tuple[dict[str, str], dict[str, str]]:
@@ -71,6 +71,6 @@ def tracker_defaults(kind: str) -> str:
     """
     if is_preset(kind):
         return preset_text(kind).rstrip()
-    if kind not in TRACKERS.built_in and kind not in TRACKERS.names():  # those of other packages take longer
+    if kind not in TRACKERS:
         raise UnknownNameError("tracker", kind, tracker_names())
     return plugin_defaults(TRACKERS, kind)

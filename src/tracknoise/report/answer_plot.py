@@ -159,7 +159,8 @@ def answer_plot(
         return None
     first = max(able, key=lambda one: (one.sigma.value or 0.0) / (one.innovations.value or 1.0))
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
-    most = ", misled most" if len(chosen) > 1 else ""
+    is_misled = not _alike(first.sigma.value or 0.0, first.innovations.value or 0.0)
+    most = ", misled most" if len(chosen) > 1 and is_misled else ""
     subject = f"{first.tracker}{most}; windows of {counted(first.window, 'frame')}"
     shown = tuple(_alike_long([curves[one.tracker] for one in chosen]))
     return AnswerPlot(_title(first), subject, shown, _strip(seen, first.tracker))

@@ -9,7 +9,7 @@ from tests.estimators.simulated_tracks import error_tracks, errors_of, sums_of
 
 from tracknoise.estimators.model import Interval, TrackScale, log_factor
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.track_likelihood import TrackErrors, TrackLaw
+from tracknoise.estimators.track_likelihood import LEAST_NU, TrackErrors, TrackLaw
 from tracknoise.estimators.track_scale import fit_track_scale
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.units import NO_GROUPS
@@ -57,6 +57,13 @@ def test_a_planted_scale_of_each_track_comes_back() -> None:
     assert found.why_refused is None
     assert found.gain.low > 0.5
     assert_components_are_planted(found)
+
+
+def test_fewer_degrees_of_freedom_than_are_fitted_have_no_interval() -> None:
+    found = world(nu=1.0)
+    assert found.nu == Interval(value=pytest.approx(LEAST_NU))
+    said = " ".join(model_sentences(made(0.3, track_scale=found), "filter"))
+    assert "Student's distribution with at most 2.05 degrees of freedom" in said
 
 
 def test_a_planted_quality_comes_back_and_another_one_does_not() -> None:

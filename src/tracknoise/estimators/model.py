@@ -332,7 +332,8 @@ class TrackScale:
     Parameters
     ----------
     nu
-        Degrees of freedom, with their interval over scenes; None where all tracks have the same scale.
+        Degrees of freedom, with their interval over scenes; None where all tracks have the same scale. Fewer than 2.05
+        are not fitted: 2.05 without bounds is at most that.
     why_one_scale
         A sentence, where all tracks have the same scale.
     first, white, walk

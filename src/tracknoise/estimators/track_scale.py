@@ -56,6 +56,8 @@ _RANGE = (0.01, 0.99)
 """Shares of the observations within which factors change."""
 _NEGLIGIBLE = 1e-3
 """A component with a variance below this share of the largest one is 0."""
+_AT_LIMIT = 1e-6
+"""Logarithms this close to that of a limit are at it."""
 _POWERS = {Trend.RISING: (0.0, STEEPEST), Trend.FALLING: (-STEEPEST, 0.0), Trend.ANY: (-STEEPEST, STEEPEST)}
 
 
@@ -416,7 +418,12 @@ def law_intervals(
 
 
 def _exponential(value: float, low: float, high: float, least: float, most: float) -> Interval:
-    """The exponential of an estimate, with bounds that contain it and are within limits; None where they are NaN."""
+    """The exponential of an estimate, with bounds that contain it and are within limits.
+
+    Bounds are None where they are NaN, or the estimate is a limit: its error is then unknown.
+    """
+    if not np.log(least) + _AT_LIMIT < value < np.log(most) - _AT_LIMIT:
+        return Interval(value=float(np.exp(value)))
     ends = [None if np.isnan(end) else float(np.exp(end)) for end in (min(low, value), max(high, value))]
     lower, upper = (None if end is None else min(max(end, least), most) for end in ends)
     return Interval(value=float(np.exp(value)), low=lower, high=upper)

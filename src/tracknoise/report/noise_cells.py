@@ -14,6 +14,7 @@ from tracknoise.estimators.exports import estimator, in_words
 from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
 from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.track_likelihood import LEAST_NU
 from tracknoise.exceptions import SettingsError
 from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
@@ -145,9 +146,14 @@ def _track_scale(model: NoiseModel) -> list[str]:
     if scale.nu is None:
         return [f"By the likelihood of whole tracks, all have one scale: {parts}{by_quality}. {gain}"]
     return [
-        f"Each track has a scale of its own: whole tracks have Student's distribution with {_range(scale.nu)} degrees "
-        f"of freedom. The bulk has {parts}{by_quality}. {gain}"
+        f"Each track has a scale of its own: whole tracks have Student's distribution with {_freedom(scale.nu)} "
+        f"degrees of freedom. The bulk has {parts}{by_quality}. {gain}"
     ]
+
+
+def _freedom(nu: Interval) -> str:
+    at_limit = nu.low is None and nu.value <= LEAST_NU * (1 + 1e-6)
+    return f"at most {number(nu.value)}" if at_limit else _range(nu)
 
 
 _BULK = (("first", "A", "px"), ("white", "W", "px"), ("walk", "Q", "px per sqrt(frame)"))

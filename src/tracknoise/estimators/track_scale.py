@@ -1,8 +1,9 @@
 """Whether each track has a scale of its own, and whether noise depends on reported quality, by whole tracks.
 
 The likelihood is that of all errors of a track together (`tracknoise.estimators.track_likelihood`). Parts are added one
-at a time: a scale of each track, then the covariate that gains most, then a second one. Each is kept if it gains more
-than 0.05 nat per track on what was left out, scenes or groups of them, and the interval of the gain does not reach 0.
+at a time: a scale of each track, then the covariate that makes all tracks most likely, then a second one. Each is kept
+if it gains more than 0.05 nat per track on what was left out, scenes or groups of them, and the interval of the gain
+does not reach 0.
 What remains is compared in the same way with the components that second moments give
 (`tracknoise.estimators.components`).
 
@@ -191,25 +192,24 @@ def choose_law(sample: Sample, *, level: float, scales: bool = True) -> ChosenLa
         gain = sample.gain(held_out, chosen.held_out, level)
         scaled = ChosenLaw(student, (), (), held_out, student, gain)
         chosen = scaled if is_gain(gain) else replace(chosen, scale_gain=gain)
-    while len(chosen.places) < _MOST_FACTORS:
-        more = [_with(sample, chosen, place, level) for place in range(len(sample.covariates))]
-        better = [one for one in more if one is not None and is_gain(one.gains[-1])]
-        if not better:
+    while len(chosen.places) < min(_MOST_FACTORS, len(sample.covariates)):
+        more = _with_one_more(sample, chosen, level)
+        if not is_gain(more.gains[-1]):
             break
-        chosen = max(better, key=_last_gain)
+        chosen = more
     return chosen
 
 
-def _last_gain(chosen: ChosenLaw) -> float:
-    return chosen.gains[-1].value
-
-
-def _with(sample: Sample, before: ChosenLaw, place: int, level: float) -> ChosenLaw | None:
-    """One more covariate; None if it is there."""
-    if place in before.places:
-        return None
-    places = (*before.places, place)
-    law = sample.fitted(replace(before.law, powers=(*before.law.powers, 0.0)), places)
+def _with_one_more(sample: Sample, before: ChosenLaw, level: float) -> ChosenLaw:
+    """With the covariate that makes all tracks most likely: the choice looks at nothing that was left out."""
+    start = replace(before.law, powers=(*before.law.powers, 0.0))
+    each = [(*before.places, place) for place in range(len(sample.covariates)) if place not in before.places]
+    laws = [sample.fitted(start, places) for places in each]
+    likely = [
+        law.log_likelihoods(sample.tracks.with_covariates(places)).sum() for law, places in zip(laws, each, strict=True)
+    ]
+    best = int(np.argmax(likely))
+    law, places = laws[best], each[best]
     held_out = sample.held_out(law, places)
     gain = sample.gain(held_out, before.held_out, level)
     return replace(before, law=law, places=places, gains=(*before.gains, gain), held_out=held_out)

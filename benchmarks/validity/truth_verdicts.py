@@ -32,7 +32,13 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from benchmarks.validity.rigid import pose_noise
-from tracknoise.experiments.geometry_tables import audit_samples, cameras_table, frame_geometry, poses_table
+from tracknoise.experiments.geometry_tables import (
+    audit_samples,
+    cameras_table,
+    depth_repeats_table,
+    frame_geometry,
+    poses_table,
+)
 from tracknoise.experiments.measure import Measurement, measure
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.cameras import CameraModel
@@ -388,7 +394,8 @@ def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:
     prepared = measured.prepared
     rigid = rigid_tables(prepared, frame_geometry(sequence, n), witnesses=trackers)["rigid"]
     samples = audit_samples(sequence, prepared, "birth").filter(pl.col("tracker").is_in(trackers))
-    tables = AuditedTables(samples, cameras_table(sequence, n), poses_table(sequence, n))
+    repeats = depth_repeats_table(sequence, prepared)
+    tables = AuditedTables(samples, cameras_table(sequence, n), poses_table(sequence, n), depth_repeats=repeats)
     found = audit_tables([tables], NO_GROUPS, dataset="simulated")
     shares = pose_share([rigid.filter(pl.col("tracker").is_in(trackers))])
     if len(trackers) == 1:

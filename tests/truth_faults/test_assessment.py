@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
+from tracknoise.inference.robust_fits import scales
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, POSE_SHARE
 from tracknoise.tables.trust import TruthVerdict, explained_share
@@ -22,11 +23,14 @@ Share = tuple[float, float, float]
 SMALL: Share = (0.01, 0.0, 0.02)
 
 
-def audit(faults: Share = SMALL, depths: Share = SMALL, named: Share | None = None) -> pl.DataFrame:
+def audit(
+    faults: Share = SMALL, depths: Share = SMALL, named: Share | None = None, maps: Share | None = None
+) -> pl.DataFrame:
     bounds = ("gain", "gain_low", "gain_high")
     rows: list[dict[str, Any]] = [
         {"family": "at_most", "parameter": name, "component": "lk", **dict(zip(bounds, share, strict=True))}
-        for name, share in (("every_fault", faults), ("depths", depths))
+        for name, share in (("every_fault", faults), ("depths", depths), ("depth_maps", maps))
+        if share is not None
     ]
     if named is not None:
         fault = {"parameter": "focal_length", "component": "", "unit": "px", "stated": 110.0, "value": 100.0}
@@ -87,6 +91,17 @@ def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
 )  # fmt: skip
 def test_what_cannot_be_separated_from_the_trackers_is_never_yes(cause: str, share: Share, expected: str) -> None:
     assert verdict(audit=audit(**{cause: share})).verdict == expected
+
+
+def test_depths_that_maps_do_not_repeat_are_established_whatever_the_tracks_say() -> None:
+    clear, dominant = (0.3, 0.2, 0.4), (0.6, 0.5, 0.7)
+    found = verdict(audit=audit(maps=clear))
+    assert found.verdict is Trust.limited
+    assert "Random errors of depths, by which depth maps disagree, explain 30.0 %." in found.text
+    worse = verdict(audit=audit(maps=dominant))
+    assert worse.verdict is Trust.not_trusted
+    assert worse.text.startswith("Random errors of depths, by which depth maps disagree, explain 60.0 %")
+    assert "disagree" not in verdict(audit=audit(depths=dominant, maps=SMALL)).text
 
 
 def test_an_established_fault_decides_by_what_it_explains() -> None:
@@ -239,3 +254,21 @@ def test_the_bound_holds_what_random_depths_explain(relative: float) -> None:
     found = explained(replace(wrong, stated=stated), available(wrong)).depths
     assert found.high > 0.5 * planted
     assert found.low < found.value <= found.high
+
+
+@pytest.mark.parametrize("per_m", [0.003, 0.01])
+def test_depth_maps_tell_what_random_depths_explain_that_grow_with_the_square(per_m: float) -> None:
+    """Errors of stereo: they move positions alike at all depths, so that the tracks alone cannot tell."""
+    exact = make_samples(np.random.default_rng(2), WORLD, theta_of({}))
+    sd = per_m * exact.depth
+    rng = np.random.default_rng(3)
+    wrong = replace(exact, depth=exact.depth * np.exp(sd * rng.standard_normal(len(sd))))
+    stated = predict(wrong, np.zeros(COUNT)).uv
+    shift, error = stated - exact.stated, exact.observed - stated
+    scale = scales(exact.group, error)
+    weight = (np.hypot(*error.T) < 3.0 * scale) / scale**2
+    planted = weight @ np.sum(shift**2, axis=1) / (weight @ np.sum(error**2, axis=1))
+    found = explained(replace(wrong, stated=stated, depth_sd=sd), available(wrong)).depth_maps
+    assert found is not None
+    assert found.value == pytest.approx(planted, rel=0.35)
+    assert explained(wrong, available(wrong)).depth_maps is None

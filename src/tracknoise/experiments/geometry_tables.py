@@ -21,15 +21,16 @@ from tracknoise.geometry.pose import invert, position_rows, transform
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.processes import release_memory
 from tracknoise.sequences.other_poses import path_between_frames
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, camera_at, shutter_of, times_of
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, camera_at, shutter_of, times_of
 from tracknoise.statistics.noise_sums import noise_tables
 from tracknoise.statistics.places import image_map
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import audited_observations
 from tracknoise.statistics.windows import noise_tracks, window_noise
-from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, PATH
+from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, DEPTH_REPEATS, PATH
 from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import POSES, SEQUENCE, Schema, check, empty
+from tracknoise.truth_faults.depth_repeats import depth_repeats
 from tracknoise.truth_faults.pose_errors import rigid_tables
 
 
@@ -88,6 +89,18 @@ def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) ->
     return check(table, AUDIT_SAMPLES, "audit_samples")
 
 
+def depth_repeats_table(sequence: Sequence, prepared: PreparedSequence) -> pl.DataFrame:
+    """Table `DEPTH_REPEATS` of a sequence, by the features of all trackers."""
+    key = ["tracker", "speed", "track"]
+    born = prepared.observations.filter(pl.col("age") == 0).select(*key, "frame", "u_true_px", "v_true_px")
+    births = born.join(prepared.tracks.select(*key, "depth_m"), on=key, maintain_order="left").drop_nulls()
+    uv, depth_m = births.select("u_true_px", "v_true_px").to_numpy(), births["depth_m"].to_numpy()
+    found = depth_repeats(sequence, births["frame"].to_numpy().astype(np.intp), uv, depth_m)
+    labels = {column: [getattr(sequence.id, column)] * len(found.depth_m) for column in SEQUENCE}
+    columns = {**labels, "depth_m": found.depth_m, "relative_sd": found.relative}
+    return pl.DataFrame(columns, schema=dict(DEPTH_REPEATS))
+
+
 def _times(sequence: Sequence, frames: pl.Series) -> pl.Series:
     """Times of frames, seconds; null where they are unknown."""
     times = times_of(sequence)
@@ -143,6 +156,7 @@ def geometry_tables(
         **rigid_tables(prepared, geometry, witnesses=of_images),
         **window_noise(prepared, geometry, population=population, with_depth=with_depth),
         **(_of_depth(prepared, geometry, population) if with_depth else {}),
+        **({"depth_repeats": depth_repeats_table(sequence, prepared)} if truth == TruthKind.birth else {}),
     }
 
 

@@ -35,8 +35,8 @@ def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dic
 
 
 def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
-    """What a sequence keeps for the audit; poses at other times only where it has them."""
-    names = ("audit_samples", "cameras", "poses", *(("path",) if "path" in entry.sha256 else ()))
+    """What a sequence keeps for the audit; poses at other times, and repeats of depths, only where it has them."""
+    names = "audit_samples", "cameras", "poses", *(name for name in ("path", "depth_repeats") if name in entry.sha256)
     found = {name.removeprefix("audit_"): run.sequence_table(name, key) for name in names}
     return AuditedTables(**found, z_depth_from=entry.z_depth_from)
 

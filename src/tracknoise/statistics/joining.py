@@ -265,6 +265,11 @@ def _patches(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     return ordered.unique(keys, keep="first", maintain_order=True).drop("largest").sort(keys)
 
 
+def _depth_repeats(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """Cells of all parts, in the order of their depths."""
+    return table.sort("depth_m")
+
+
 def _film(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     """Images of frames, in their order."""
     return table.sort("frame")
@@ -286,5 +291,6 @@ _JOINS: Mapping[str, Callable[[pl.DataFrame, Schema], pl.DataFrame]] = MappingPr
         "point_tracking": _metrics,
         "patches": _patches,
         "film": _film,
+        "depth_repeats": _depth_repeats,
     }
 )

@@ -738,6 +738,12 @@ birth is the frame in which the feature got its true position: the first of its 
 u_birth and depth are its position and its depth there, age the number of frames between the two.
 """
 
+DEPTH_REPEATS: Schema = {**SEQUENCE, "depth_m": pl.Float64, "relative_sd": pl.Float64}
+"""Standard deviation of single depths, relative to them, at a few depths: `tracknoise.truth_faults.depth_repeats`.
+
+It has no rows where depth is not that of a map, or too few points are in two maps.
+"""
+
 AUDIT: Schema = {
     "dataset": pl.String,
     "rank": pl.Int32,

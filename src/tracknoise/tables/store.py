@@ -96,7 +96,10 @@ _ASKED_FOR: Mapping[str, schema.Schema] = {
     "film": schema.FILM,
 }
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
-_OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {"ratio_sums": schema.RATIOS}
+_OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {
+    "ratio_sums": schema.RATIOS,
+    "depth_repeats": findings_schema.DEPTH_REPEATS,
+}
 """Tables that sequences of earlier versions do not have."""
 _OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": findings_schema.PATH}
 """Tables of a sequence whose recording has poses beside those of its frames, such as that of every n-th frame."""

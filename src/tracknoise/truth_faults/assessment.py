@@ -2,8 +2,9 @@
 
 Three causes are measured from the errors themselves, whatever is stated of the truth: a motion of the camera that the
 poses lack (`tracknoise.truth_faults.pose_errors`), constant faults, and random errors of depths
-(`tracknoise.truth_faults.explained`). What cannot be determined because it moves no true position is in none of them,
-and does no harm. What looks like a bias of the trackers is in the bound. With shares s and upper bounds h,
+(`tracknoise.truth_faults.explained`). The last are established where depth maps of different frames disagree. What
+cannot be determined because it moves no true position is in none of them, and does no harm. What looks like a bias of
+the trackers is in the bound. With shares s and upper bounds h,
 
     bound = sum s + sqrt(sum (h - s)^2)    (truth.bound)
 
@@ -23,7 +24,7 @@ from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
-from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
 from tracknoise.words import SPACE, listing, percent, pixels, sentence_case
 
@@ -102,6 +103,10 @@ class _Share:
         bounds = value, 0.0 if low is None else low, 1.0 if high is None else high
         return cls(*(min(max(one, 0.0), 1.0) for one in bounds))
 
+    def at_least(self, other: "_Share") -> "_Share":
+        """The larger one of both, and of their bounds."""
+        return _Share(max(self.value, other.value), max(self.low, other.low), max(self.high, other.high))
+
 
 @dataclass(frozen=True, slots=True)
 class _Size:
@@ -141,11 +146,19 @@ class _Bounds:
     size: _Size
     causes: Mapping[TruthCause, _Share]
     high: float
+    depth_maps: _Share | None
 
     @property
     def largest(self) -> TruthCause:
         """The cause with the largest upper bound."""
         return max(self.causes, key=lambda cause: self.causes[cause].high)
+
+    @property
+    def established(self) -> TruthCause | None:
+        """The cause that surely explains more than is small, the larger one of two; None where none does."""
+        shares = {TruthCause.poses: self.causes[TruthCause.poses], TruthCause.depths: self.depth_maps}
+        sure = {cause: share.value for cause, share in shares.items() if share is not None and share.low > SMALL}
+        return max(sure, key=sure.__getitem__, default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,9 +235,10 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
         poses, others = _by_source(evidence.pose_shares, tracker)
         if poses is not None and others is not None and others.low == 0.0:
             poses = replace(poses, low=0.0)
+        depths, depth_maps = (_of_audit(evidence.audit, name, tracker) for name in (DEPTHS, DEPTH_MAPS))
         causes = {
             TruthCause.any_fault: _of_audit(evidence.audit, EVERY_FAULT, tracker),
-            TruthCause.depths: _of_audit(evidence.audit, DEPTHS, tracker),
+            TruthCause.depths: depths if depths is None or depth_maps is None else depths.at_least(depth_maps),
             TruthCause.poses: poses,
         }
         known = {cause: share for cause, share in causes.items() if share is not None}
@@ -233,7 +247,7 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
         bound, stated = _bound(known), size.stated_share
         if stated is not None and not faults and poses.low <= max(stated, MOST if others is None else SMALL):
             bound = min(bound, _with_stated(stated, known))
-        found.append(_Bounds(tracker, size, known, bound))
+        found.append(_Bounds(tracker, size, known, bound, depth_maps))
     return _common(found, evidence.curves)
 
 
@@ -298,11 +312,10 @@ def _verdict(
 
 def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[str, Any]]) -> _Found:
     """By how much the truth can explain of the errors of the tracker of which it can explain most."""
-    poses = worst.causes[TruthCause.poses]
-    if worst.high > MOST and poses.low > SMALL:
-        of = f"{percent(poses.value)} of the squared errors of {worst.tracker}"
-        text = f"Motions of the camera that the poses lack explain {of}."
-        return _Found(Trust.not_trusted, text, _of_cause(evidence, TruthCause.poses))
+    sure = worst.established
+    if worst.high > MOST and sure is not None:
+        of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
+        return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.", _of_cause(evidence, sure))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
     known = f" {_faults_text(faults)} But that explains little." if faults else _like_bias(evidence.audit)
     step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
@@ -337,7 +350,8 @@ def _of_causes(bounds: _Bounds) -> str:
     """What single causes explain, where it is not small, the largest first, in a sentence each; begins with a space."""
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
-    return "".join(f" {sentence_case(_CAUSES[cause])} {percent(shares[cause])}." for cause in causes)
+    said = {**_CAUSES, **({bounds.established: _ESTABLISHED[bounds.established]} if bounds.established else {})}
+    return "".join(f" {sentence_case(said[cause])} {percent(shares[cause])}." for cause in causes)
 
 
 def _like_bias(audit: pl.DataFrame) -> str:
@@ -406,6 +420,10 @@ _CAUSES: Mapping[TruthCause, str] = {
     TruthCause.poses: "motions of the camera that the poses lack explain",
     TruthCause.any_fault: "constant faults, as of the calibration or the clock, could explain",
     TruthCause.depths: "random errors of depths could explain",
+}
+_ESTABLISHED: Mapping[TruthCause, str] = {
+    TruthCause.poses: _CAUSES[TruthCause.poses],
+    TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
 }
 _STEPS: Mapping[TruthCause, str] = {
     TruthCause.any_fault: (

@@ -219,6 +219,37 @@ def _rotation_vectors(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(vectors)
 
 
+DEPTH_CELLS = 4
+"""Cells of like depth in which depth maps are compared."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthRepeats:
+    """Standard deviation of depths, relative to them, at some depths.
+
+    Attributes
+    ----------
+    depth_m, relative : (cells,) float64
+        Depths in order, metres, and the standard deviations there; none where too few points are in two maps.
+    """
+
+    depth_m: NDArray[np.float64]
+    relative: NDArray[np.float64]
+
+    @classmethod
+    def of_rows(cls, depth_m: NDArray[np.float64], relative: NDArray[np.float64]) -> "DepthRepeats":
+        """From cells (n,) in any order, such as those of several parts of a recording; like ones are joined."""
+        order = np.argsort(depth_m, kind="stable")
+        parts = np.array_split(order, min(DEPTH_CELLS, len(order))) if len(order) else []
+        return cls(*(np.array([np.median(values[part]) for part in parts]) for values in (depth_m, relative)))
+
+    def at(self, depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Standard deviations at depths (n,), (n,); NaN where none is known."""
+        if not len(self.depth_m):
+            return np.full(len(depth_m), np.nan)
+        return np.asarray(np.interp(np.log(depth_m), np.log(self.depth_m), self.relative), dtype=np.float64)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class AuditSamples:
     """n observations of several trackers in several sequences.
@@ -252,6 +283,8 @@ class AuditSamples:
         Median time between frames, seconds: the unit of time. None where it is unknown.
     z_depth_from
         What depths that are along z by construction were computed from; None where their kind is only stated.
+    depth_sd : (n,) float64, or None
+        Standard deviation of `depth` relative to it, as depth maps repeat it; NaN where unknown, None where all are.
     rays : by cameras, (n, 3) float64
         Of the first positions, as computed last: most corrections change no camera.
     """
@@ -276,6 +309,7 @@ class AuditSamples:
     axis_of: NDArray[np.intp]
     interval_s: float | None
     z_depth_from: str | None = None
+    depth_sd: NDArray[np.float64] | None = None
     rays: dict[tuple[Intrinsics, ...], NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -326,7 +360,8 @@ class AuditSamples:
 
     def chosen(self, rows: NDArray[np.intp]) -> "AuditSamples":
         """Some of the observations, whose clusters and blocks are numbered again without gaps."""
-        names = ("tracker", "age", "birth", "now", "uv_at_birth", "observed", "stated", "depth")
+        names = ["tracker", "age", "birth", "now", "uv_at_birth", "observed", "stated", "depth"]
+        names += ["depth_sd"] if self.depth_sd is not None else []
         some = {name: getattr(self, name)[rows] for name in names}
         cluster, block = _numbered(self.cluster[rows]), _numbered(self.block[rows])
         return replace(self, cluster=cluster, block=block, **some)

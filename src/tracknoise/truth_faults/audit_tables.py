@@ -15,11 +15,11 @@ from tracknoise.geometry.cameras import KnownCamera, make_camera
 from tracknoise.inference.bootstrap import scattered
 from tracknoise.inference.robust_fits import condition_number
 from tracknoise.inference.units import Resampled, SceneGroups, scheme
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditVerdict
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, DEPTH_REPEATS, EVERYTHING, MEASURED, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.text import counted
 from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, curves, fit, second_moments
-from tracknoise.truth_faults.audit_samples import AuditSamples, Paths, instants_of
+from tracknoise.truth_faults.audit_samples import AuditSamples, DepthRepeats, Paths, instants_of
 from tracknoise.truth_faults.audit_selection import (
     Assessment,
     Judged,
@@ -40,7 +40,7 @@ from tracknoise.truth_faults.audit_summary import (
     other_text,
 )
 from tracknoise.truth_faults.corrected_positions import predict
-from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT, explained
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, explained
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, JOINT, TIMED, Family, Fit, Parameter, Shown, shown
 from tracknoise.words import listing
 
@@ -56,7 +56,7 @@ _REPRODUCED_PX = 0.01
 
 @dataclass(frozen=True, slots=True)
 class AuditedTables:
-    """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`, and `PATH` where it has one.
+    """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`; `PATH` and `DEPTH_REPEATS` where it has them.
 
     z_depth_from is what its depths were computed from, if they are along z by construction.
     """
@@ -65,7 +65,14 @@ class AuditedTables:
     cameras: pl.DataFrame
     poses: pl.DataFrame
     path: pl.DataFrame | None = None
+    depth_repeats: pl.DataFrame | None = None
     z_depth_from: str | None = None
+
+    @property
+    def repeats(self) -> DepthRepeats:
+        """How well its depth maps agree."""
+        rows = empty(DEPTH_REPEATS) if self.depth_repeats is None else self.depth_repeats
+        return DepthRepeats.of_rows(rows["depth_m"].to_numpy(), rows["relative_sd"].to_numpy())
 
     @property
     def has_known_lens(self) -> bool:
@@ -158,6 +165,9 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
         observed=table.select("u_px", "v_px").to_numpy(),
         stated=table.select("u_true_px", "v_true_px").to_numpy(),
         depth=table["depth_m"].to_numpy(),
+        depth_sd=np.concatenate(
+            [one.repeats.at(part["depth_m"].to_numpy()) for one, part in zip(used, parts, strict=True)]
+        ),
         paths=Paths.of(
             np.concatenate(times),
             np.concatenate([one.poses for one in instants]),
@@ -289,7 +299,9 @@ def _bounds(samples: AuditSamples) -> Iterator[Row]:
         if isinstance(own, str):
             continue
         found = explained(own, available(own))
-        for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths)):
+        for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths), (DEPTH_MAPS, found.depth_maps)):
+            if share is None:
+                continue
             bounds = {"gain": share.value, "gain_low": share.low, "gain_high": share.high, **_resampled(own)}
             yield {"family": Family.at_most, "parameter": name, "component": tracker, "unit": "", **bounds}
 

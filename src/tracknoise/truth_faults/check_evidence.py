@@ -26,6 +26,7 @@ from tracknoise.tables.schema import ORIGIN, RIGID, SEQUENCE, check
 from tracknoise.truth_faults.audit_samples import AuditSamples, Paths, in_order
 from tracknoise.truth_faults.audit_tables import BLOCKS_JOINED, enough, surrounded
 from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.depth_repeats import repeats_of_pairs
 from tracknoise.truth_faults.fault_parameters import COUNT
 from tracknoise.truth_faults.image_evidence import Evidence, Pair
 from tracknoise.truth_faults.pose_errors import (
@@ -113,6 +114,7 @@ class Followed:
             observed=points.uv_second,
             stated=points.uv_second,
             depth=points.depth_m,
+            depth_sd=repeats_of_pairs(evidence, evidence.flow.wide or evidence.flow.steps).at(points.depth_m),
             paths=paths,
             cameras=(evidence.camera,),
             camera=np.zeros(len(paths.times), np.intp),

@@ -188,14 +188,14 @@ def _sums(evidence: Evidence, pair: Pair) -> tuple[float, float] | None:
     known = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
     if not known.any() or not np.isfinite(relative).all():
         return None
-    given = _differences(evidence, pair, relative, known, AS_GIVEN)
-    rays = _differences(evidence, pair, relative, known, AS_RAY_DEPTH)
+    given = depth_differences(evidence, pair, relative, known, AS_GIVEN)
+    rays = depth_differences(evidence, pair, relative, known, AS_RAY_DEPTH)
     same = (np.abs(given) < _MOST_RELATIVE) & (np.abs(rays) < _MOST_RELATIVE)
     made = (given - rays)[same]
     return float(given[same] @ made), float(made @ made)
 
 
-def _differences(
+def depth_differences(
     evidence: Evidence,
     pair: Pair,
     relative: NDArray[np.float64],

@@ -15,10 +15,12 @@ along and across g, from medians in cells of like g,
     along - across = a + s^2 g^2    (truth.depths)
 
 is fitted to the cells of each tracker and age. A tracker whose noise is larger along the motion of the image has it in
-a. The share is that of sum s^2 g^2 in the sum of both variances.
+a. The share is that of sum s^2 g^2 in the sum of both variances. Where depth maps of different frames were compared
+(`tracknoise.truth_faults.depth_repeats`), s is also known from them at each depth, whatever the trackers do: no bound,
+but the share of what the maps do not repeat.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +32,8 @@ from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
 
-EVERY_FAULT, DEPTHS = "every_fault", "depths"
-"""Names of the two bounds in the family `at_most` of an audit."""
+EVERY_FAULT, DEPTHS, DEPTH_MAPS = "every_fault", "depths", "depth_maps"
+"""Names of the shares in the family `at_most` of an audit."""
 _ROUNDS = 8
 _CELLS, _LEAST_IN_CELL = 5, 12
 """Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
@@ -47,10 +49,13 @@ class Explained:
         By all constant faults together.
     depths
         By random errors of single depths.
+    depth_maps
+        By errors of depths that their maps do not repeat; None where that is unknown.
     """
 
     faults: Gain
     depths: Gain
+    depth_maps: Gain | None
 
 
 def explained(samples: AuditSamples, parameters: Sequence[Parameter]) -> Explained:
@@ -66,9 +71,11 @@ def explained(samples: AuditSamples, parameters: Sequence[Parameter]) -> Explain
     error = samples.observed - samples.stated
     scale = scales(samples.group, error)
     stated = predict(samples, np.zeros(COUNT))
+    by_depth = stated.by([Parameter.depth_scale])[:, :, 0]
     return Explained(
         _by_faults(samples, error, scale, stated.by(parameters), 1.0 / furthest(parameters) ** 2),
-        _by_depths(samples, error, stated.by([Parameter.depth_scale])[:, :, 0]),
+        _by_depths(samples, error, by_depth, _fitted_share) or Gain(0.0, 0.0, 0.0),
+        _by_depths(samples, error, by_depth, _repeated_share),
     )
 
 
@@ -89,29 +96,37 @@ def _by_faults(
     return Gain(max(found.value, 0.0), found.low, max(found.high, 0.0))
 
 
-def _by_depths(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64]) -> Gain:
-    """(truth.depths)."""
+def _by_depths(
+    samples: AuditSamples,
+    error: NDArray[np.float64],
+    by_depth: NDArray[np.float64],
+    share: "Callable[[_Rows, NDArray[np.bool_]], float]",
+) -> Gain | None:
+    """(truth.depths), with its interval; None where nothing is known."""
     length = np.hypot(by_depth[:, 0], by_depth[:, 1])
-    used = np.flatnonzero(np.isfinite(length) & (length > 0.0) & np.isfinite(error).all(axis=1))
+    repeated = np.full(len(length), np.nan) if samples.depth_sd is None else np.square(samples.depth_sd * length)
+    there = np.isfinite(length) & (length > 0.0) & np.isfinite(error).all(axis=1)
+    used = np.flatnonzero(there & np.isfinite(repeated) if share is _repeated_share else there)
     if not len(used):
-        return Gain(0.0, 0.0, 0.0)
+        return None
     unit = by_depth[used] / length[used, None]
     across = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
     sizes = np.stack([np.abs(np.sum(error[used] * axis, axis=1)) for axis in (unit, across)])
     group, cell = _cells(samples.group[used], length[used])
-    rows = _Rows(sizes, length[used] ** 2, group, cell)
+    rows = _Rows(sizes, length[used] ** 2, repeated[used], group, cell)
     every = np.ones(len(used), np.bool_)
     clusters = np.unique(samples.cluster[used])
-    without = np.array([_depth_share(rows, samples.cluster[used] != one) for one in clusters])
-    return _interval(_depth_share(rows, every), without)
+    without = np.array([share(rows, samples.cluster[used] != one) for one in clusters])
+    return _interval(share(rows, every), without)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rows:
-    """Sizes of errors along and across (2, n), px, squared derivatives (n,), and their groups and cells (n,)."""
+    """Sizes of errors along and across (2, n), px, squared derivatives, variances by depth maps, groups, cells (n,)."""
 
     sizes: NDArray[np.float64]
     moved: NDArray[np.float64]
+    repeated: NDArray[np.float64]
     group: NDArray[np.intp]
     cell: NDArray[np.intp]
 
@@ -126,24 +141,51 @@ def _cells(group: NDArray[np.intp], length: NDArray[np.float64]) -> tuple[NDArra
     return place, place * _CELLS + rank * _CELLS // np.diff(start)[place]
 
 
-def _depth_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cells:
+    """Cells with enough errors: their groups and counts (cells,), and robust variances along and across (cells, 2)."""
+
+    members: list[NDArray[np.intp]]
+    group: NDArray[np.intp]
+    count: NDArray[np.intp]
+    variance: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, rows: _Rows, used: NDArray[np.bool_]) -> "_Cells":
+        """Of some rows, whose numbers are `members`."""
+        chosen = np.flatnonzero(used)
+        order = chosen[np.argsort(rows.cell[chosen], kind="stable")]
+        names, first, counts = np.unique(rows.cell[order], return_index=True, return_counts=True)
+        full = counts >= _LEAST_IN_CELL
+        some = [order[start : start + count] for start, count in zip(first[full], counts[full], strict=True)]
+        variance = [np.square(MEDIAN_TO_CORE * np.median(rows.sizes[:, one], axis=1)) for one in some]
+        return cls(some, names[full] // _CELLS, counts[full], np.array(variance).reshape(-1, 2))
+
+    def share(self, part: NDArray[np.float64]) -> float:
+        """Share of the variances that a part (cells,) of them is, in units of the mean variance of each group."""
+        total = self.variance.sum(axis=1)
+        sums = np.bincount(self.group, self.count * total) / np.maximum(np.bincount(self.group, self.count), 1)
+        of_part, of_all = (np.sum(self.count * values / sums[self.group]) for values in (part, total))
+        return float(of_part / of_all)
+
+
+def _fitted_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
     """Share that random errors of depths explain, of some rows; 0 where cells are too few."""
-    cell = rows.cell[used]
-    order = np.argsort(cell, kind="stable")
-    names, first, counts = np.unique(cell[order], return_index=True, return_counts=True)
-    full = counts >= _LEAST_IN_CELL
-    some = [order[start : start + count] for start, count in zip(first[full], counts[full], strict=True)]
-    if not some:
+    cells = _Cells.of(rows, used)
+    if not cells.members:
         return 0.0
-    sizes, moved = rows.sizes[:, used], rows.moved[used]
-    variance = np.array([np.square(MEDIAN_TO_CORE * np.median(sizes[:, one], axis=1)) for one in some])
-    x = np.array([np.median(moved[one]) for one in some])
-    y, total = variance[:, 0] - variance[:, 1], variance.sum(axis=1)
-    group, weight = names[full] // _CELLS, counts[full] / np.maximum(total, 1e-12) ** 2
-    slope = _slope(group, weight, x, y)
-    scale = (np.bincount(group, counts[full] * total) / np.maximum(np.bincount(group, counts[full]), 1))[group]
-    part, whole = (np.sum(counts[full] * values / scale) for values in (slope * x, total))
-    return float(part / whole)
+    x = np.array([np.median(rows.moved[one]) for one in cells.members])
+    weight = cells.count / np.maximum(cells.variance.sum(axis=1), 1e-12) ** 2
+    return cells.share(_slope(cells.group, weight, x, cells.variance[:, 0] - cells.variance[:, 1]) * x)
+
+
+def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
+    """The same of errors that depth maps do not repeat, which are at most the variance along."""
+    cells = _Cells.of(rows, used)
+    if not cells.members:
+        return 0.0
+    found = np.array([np.median(rows.repeated[one]) for one in cells.members])
+    return cells.share(np.minimum(found, cells.variance[:, 0]))
 
 
 def _slope(

@@ -96,7 +96,10 @@ _ASKED_FOR: Mapping[str, schema.Schema] = {
     "film": schema.FILM,
 }
 """Tables of a sequence that it has only where the experiment asks for them, or keeps observations."""
-_OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {"ratio_sums": schema.RATIOS}
+_OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {
+    "ratio_sums": schema.RATIOS,
+    "covariance_sums": schema.COVARIANCE_SUMS,
+}
 """Tables that sequences of earlier versions do not have."""
 _OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": findings_schema.PATH}
 """Tables of a sequence whose recording has poses beside those of its frames, such as that of every n-th frame."""
@@ -147,6 +150,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "image_cells": findings_schema.IMAGE_CELLS,
     "speed_errors": findings_schema.SPEED_ERRORS,
     "ratios": findings_schema.RATIO_VALUES,
+    "own_covariances": findings_schema.OWN_COVARIANCES,
     "rigid_share": findings_schema.RIGID_SHARE,
     "pose_share": findings_schema.POSE_SHARE,
     "pose_law": findings_schema.POSE_LAW,

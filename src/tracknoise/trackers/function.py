@@ -14,6 +14,7 @@ from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
 from tracknoise.trackers.preprocessing import Preprocessing
+from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.rejection import Model, Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
@@ -53,6 +54,9 @@ class Function:
         `tracknoise.trackers.following.Order`.
     max_age
         A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
+    refine
+        Whether positions are refined by Lucas-Kanade, from which the function then goes on: see
+        `tracknoise.trackers.refinement.Refinement`.
     """
 
     kind: ClassVar[str] = "function"
@@ -68,6 +72,7 @@ class Function:
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     order: Order = Order.spacing_first
     max_age: Annotated[int, Ge(1)] | None = None
+    refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
         require(callable(self.function), "function", self.function, "a function of two images and points")
@@ -80,7 +85,8 @@ class Function:
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
-        return FollowingTracker(self, _Called(self.function, self.name), started(self, context))
+        follower = self.refine.refining(_Called(self.function, self.name))
+        return FollowingTracker(self, follower, started(self, context))
 
 
 @dataclass(frozen=True, slots=True)

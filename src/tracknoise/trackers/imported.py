@@ -259,12 +259,16 @@ class Imported:
     max_gap_s
         With times: largest distance between a row and its frame, seconds. For events: between two rows with a frame
         between them. Default: half of the median time between frames; for events one and a half of it.
+    topic
+        Of a bag: the topic that has the tracks. Default: the only one that may have some.
     refine
         Whether positions are refined by Lucas-Kanade: see `tracknoise.trackers.refinement.Refinement`.
     """
 
     kind: ClassVar[str] = "imported"
-    description: ClassVar[str] = "tracks that another front end wrote: CSV, Parquet, XIVO, event text, TAP, COLMAP"
+    description: ClassVar[str] = (
+        "tracks that another front end wrote: CSV, Parquet, XIVO, event text, TAP, COLMAP, bags"
+    )
     reports_causes: ClassVar[bool] = False
 
     path: PathTemplate
@@ -276,6 +280,7 @@ class Imported:
     raster: tuple[Positive, Positive] | None = None
     time_offset_s: Annotated[float, Ge(-_LARGEST_OFFSET_S), Le(_LARGEST_OFFSET_S)] = 0.0
     max_gap_s: Positive | None = None
+    topic: str | None = None
     refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
@@ -325,7 +330,7 @@ class Imported:
         path = context.sequence.expand(self.path, speed=context.speed)
         kind = self.format or detected(path)
         whole = context.source_frames is None
-        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None)
+        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None, topic=self.topic)
         assignment = Assignment(
             Normalised() if self.units == Units.normalised else Raster(self.origin or origin_of(kind), self.raster),
             self.first_frame,

@@ -557,7 +557,7 @@ SUFFIXES = tuple(_BY_SUFFIX)
 
 
 def _read_bag(path: Path, topic: str | None) -> Rows:
-    from tracknoise.trackers.track_topics import read_bag  # the library of bags takes a quarter of a second
+    from tracknoise.trackers.bag_tracks import read_bag  # the library of bags takes a quarter of a second
 
     return read_bag(path, topic)
 

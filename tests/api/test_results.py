@@ -13,7 +13,15 @@ from tracknoise.tables.schema import check, empty
 from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 
 SCHEMAS = {**STATISTICS_TABLES, **FINDINGS_TABLES}
-RARE = {"seed_spread", "triangulated_noise", "point_tracking_metrics", "two_truths", "pose_disagreement", "ranks"}
+RARE = {
+    "seed_spread",
+    "triangulated_noise",
+    "point_tracking_metrics",
+    "two_truths",
+    "pose_disagreement",
+    "ranks",
+    "own_covariances",
+}
 OF_ONE_TRACKER = {"effects", "tracker_differences"}
 """Tables that compare trackers, of which this run has one."""
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from polars.testing import assert_frame_equal
 from tests.estimators.conftest import TEXT, Silent
 from tests.lean import without_audit
 
@@ -14,6 +15,7 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.report.figures.noise_models import covariance_figures
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.result_views import results_of
 from tracknoise.tables.store import RunFolder
 
 CLAIMED = {"cov_uu": 0.09 / 4.0, "cov_uv": 0.0, "cov_vv": 0.04 / 4.0}
@@ -49,6 +51,8 @@ def test_results_have_the_factor_and_the_verdict(claimed: RunFolder) -> None:
     held = found["covariance_coverage", "95 %"]
     assert held["value"] == pytest.approx(1.0 - 0.05**0.25, abs=0.02)
     assert found["covariance_gain", None]["verdict"] == "yes"  # u and v differ, which one sigma does not say
+    again = results_of({"own_covariances": claimed.statistics("own_covariances")})
+    assert_frame_equal(again.sort("id"), claimed.results().filter(topic="own covariances").sort("id"))
     by_age = claimed.results().filter(quantity="covariance_nees", axis="age", trimming="untrimmed")
     assert by_age["value"].to_list() == pytest.approx([4.0] * by_age.height, rel=0.2)
 

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from tracknoise.analysis.condition_units import USUAL, Sampling
-from tracknoise.analysis.covariance_verdicts import are_of_use, own_covariances
+from tracknoise.analysis.covariance_verdicts import are_of_use, are_right, own_covariances
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.joining import Part, join
 from tracknoise.statistics.own_covariances import covariance_sums, relative
@@ -115,3 +115,12 @@ def test_an_error_has_the_covariance_of_both_positions() -> None:
     assert found[1].tolist() == [4.0, 0.5, 3.0]
     assert found[3].tolist() == [4.0, 1.0, 4.0]  # a first position without a covariance counts as exact
     assert np.isnan(found[4]).all()  # not positive definite
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "share", "says"),
+    [(2.0, 3.0, 0.3, "no"), (2.0, 3.0, 0.6, "undecided"), (2.0, 3.0, None, "undecided"), (0.2, 0.5, None, "no"),
+     (0.95, 1.1, 0.01, "yes"), (0.95, 1.1, 0.4, "undecided"), (None, None, 0.0, "undecided")],
+)  # fmt: skip
+def test_covariances_are_not_blamed_for_errors_of_the_truth(low, high, share, says) -> None:
+    assert are_right(low, high, share) == says

@@ -1,6 +1,6 @@
 """Whether covariances that trackers predict for their own observations are right, and whether they are of use.
 
-- right: the interval of NEES excludes neither more nor less than `ALIKE` allows.
+- right: NEES is certainly as near to 1 as `ALIKE` allows, whatever share of the squared errors the truth explains.
 - of use: with one factor, they describe errors of other scenes better than one sigma for all.
 
 Of n errors of a scene, with sums of squares E, px^2, and D, of the Mahalanobis distance, the gain is
@@ -25,6 +25,7 @@ from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import OWN_COVARIANCES
 from tracknoise.tables.schema import COVARIANCE_SUMS, check
+from tracknoise.tables.trust import explained_share
 
 ALIKE = 1.1
 """Errors that are certainly not this many times as large, or as small, as predicted agree with a covariance."""
@@ -37,13 +38,17 @@ _POINT = ("trimming", "axis", "at")
 _SORTED = [*POOLED, "covariance", "trimming", "quantity", "axis", "at"]
 
 
-def are_right(low: float | None, high: float | None) -> Verdict:
-    """Whether covariances are right, by the bounds of NEES; undecided without any."""
+def are_right(low: float | None, high: float | None, of_truth: float | None = 0.0) -> Verdict:
+    """Whether covariances are right, by the bounds of NEES; undecided without any.
+
+    `of_truth`: largest share of the squared errors that are those of the truth; None where it is not bounded.
+    """
     if low is None or high is None:
         return Verdict.undecided
-    if low > ALIKE**-2 and high < ALIKE**2:
+    least = 0.0 if of_truth is None else low * (1.0 - of_truth)
+    if least > ALIKE**-2 and high < ALIKE**2:
         return Verdict.yes
-    return Verdict.no if low > 1.0 or high < 1.0 else Verdict.undecided
+    return Verdict.no if least > 1.0 or high < 1.0 else Verdict.undecided
 
 
 def are_of_use(low: float | None, high: float | None) -> Verdict:
@@ -80,6 +85,19 @@ def own_covariances(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     conditions = by_condition(sums, COVARIANCE_SUMS, "sums of covariances")
     table = condition_table(conditions, OWN_COVARIANCES, _rows, sampling)
     return check(table.sort(_SORTED), OWN_COVARIANCES, "own covariances")
+
+
+def allowing_for_truth(rows: pl.DataFrame, trust: pl.DataFrame) -> pl.DataFrame:
+    """The same table, where covariances are too small only if errors of the truth cannot make them look so.
+
+    `rows`: schema `OWN_COVARIANCES`. `trust`: schema `TRUST`.
+    """
+    judged = rows.filter(pl.col("at").is_null(), quantity="nees")
+    shares = {tracker: explained_share(trust, tracker) for tracker in judged["tracker"].unique()}
+    verdicts = [are_right(low, high, shares[of]) for low, high, of in judged.select("low", "high", "tracker").rows()]
+    kind = OWN_COVARIANCES["verdict"]
+    others = rows.join(judged, on=_SORTED, how="anti", nulls_equal=True)
+    return pl.concat([others, judged.with_columns(pl.Series("verdict", map(str, verdicts), dtype=kind))]).sort(_SORTED)
 
 
 def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:

@@ -15,7 +15,7 @@ from typing import Any, TypedDict
 import polars as pl
 
 from tracknoise.analysis.condition_units import Sampling, groups_of_scenes
-from tracknoise.analysis.covariance_verdicts import own_covariances
+from tracknoise.analysis.covariance_verdicts import allowing_for_truth, own_covariances
 from tracknoise.analysis.curve_intervals import interval_table
 from tracknoise.analysis.factor_values import option_factors
 from tracknoise.analysis.factors import dependence
@@ -236,6 +236,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     reference = reference_condition(manifest, experiment, statistics["outliers"])
     tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
     tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
+    tables["own_covariances"] = allowing_for_truth(tables["own_covariances"], tables["trust"])
     models = _models(run, experiment, tables, reference)
     tables["advice"] = advice_table(models, experiment.estimator.name, experiment.estimator.window, _place(reference))
     _write_findings(run, manifest, experiment, {**statistics, **tables}, reference, models)

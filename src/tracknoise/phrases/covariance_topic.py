@@ -5,11 +5,13 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.covariance_verdicts import ALIKE
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.phrases.run_data import RunData
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.enumerations import Trust, Verdict
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import SPACE, format_as, format_estimate, number, thousandths
 
 _LEAST = 100
@@ -24,9 +26,10 @@ def covariances(tables: RunTables, conditions: ReportedConditions) -> Headline |
     """Of every tracker that predicts covariances, whether they are right, and what would make them right."""
     rows = conditions.reported(tables["own_covariances"]).filter(pl.col("at").is_null(), trimming=conditions.trimming)
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
+    most = "" if TruthVerdict.of(tables["trust"]).verdict is Trust.trusted else "at most "
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _part(conditions.of(rows, tracker), tracker),
+        lambda tracker: _part(conditions.of(rows, tracker), tracker, most),
         opening=f"Covariances that trackers predict {conditions.where(tables['summary'])}{errors}.",
         closing=in_brackets(rows).strip(),
         topic="covariances",
@@ -35,11 +38,12 @@ def covariances(tables: RunTables, conditions: ReportedConditions) -> Headline |
     )
 
 
-def _part(own: pl.DataFrame, tracker: str) -> Part | None:
+def _part(own: pl.DataFrame, tracker: str, most: str) -> Part | None:
+    """What is said about a tracker; `most` is said before a factor that errors of the truth may have made larger."""
     judged = [(_called(tracker, name), rows) for name, rows in _by_name(own).items()]
     if not judged:
         return None
-    texts = [" ".join(_sentences(called, rows)) for called, rows in judged]
+    texts = [" ".join(_sentences(called, rows, most)) for called, rows in judged]
     estimates = [
         Estimate.of_row(rows[name], "value", "low", "high", "nat" if name == "gain" else "")
         for _, rows in judged
@@ -61,12 +65,19 @@ def _called(tracker: str, name: str) -> str:
     return f"{tracker}'s own covariances" if name == _USUAL else f"{tracker}'s covariances '{name}'"
 
 
-def _sentences(called: str, rows: Rows) -> list[str]:
+def _sentences(called: str, rows: Rows, most: str) -> list[str]:
     nees = Estimate.of_row(rows["nees"], "value", "low", "high")
     judged = f"{_judged(called, rows['nees'])}: {_held(rows, 95)}."
     is_wrong = rows["nees"]["verdict"] == Verdict.no
-    size = f"{'They would have to be multiplied by' if is_wrong else 'Their NEES is'} {format_estimate(nees)}."
-    return [judged, size, *_of_large_errors(rows), *_use(rows)]
+    size = f"{f'They would have to be multiplied by {most}' if is_wrong else 'Their NEES is '}{format_estimate(nees)}."
+    return [judged, size, *_of_truth(nees, rows), *_of_large_errors(rows), *_use(rows)]
+
+
+def _of_truth(nees: Estimate, rows: Rows) -> list[str]:
+    """Where covariances look too small, and the truth can be the reason."""
+    if rows["nees"]["verdict"] == Verdict.undecided and nees.above(ALIKE**2):
+        return ["They look too small, but errors of the truth can be the reason."]
+    return []
 
 
 def _judged(called: str, nees: Mapping[str, Any]) -> str:

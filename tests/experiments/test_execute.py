@@ -90,7 +90,9 @@ def tables(run: RunFolder) -> dict[Path, bytes]:
 
 def test_a_second_run_is_identical_to_the_byte_with_other_counts_of_threads(finished, tmp_path):
     """Of OpenCV and of BLAS, each of which reads its count when a program starts."""
-    of_sequences = 2 * len([*SEQUENCE_TABLES, *NOISE_TABLES, "patches", "film", "inputs", "ratio_sums"])
+    of_sequences = 2 * len(
+        [*SEQUENCE_TABLES, *NOISE_TABLES, "patches", "film", "inputs", "ratio_sums", "covariance_sums"]
+    )
     assert len(tables(finished)) == of_sequences + len(STORED)
     (tmp_path / "small.toml").write_text(TEXT)
     program = "import cv2; cv2.setNumThreads(3); from tracknoise.cli.app import main; main()"

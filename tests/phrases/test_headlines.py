@@ -22,6 +22,7 @@ from tracknoise.tables.findings_schema import (
     GAUSSIANITY,
     INTERVALS,
     NOISE_LOOKUP,
+    OWN_COVARIANCES,
     POSE_SHARE,
     RATIO_VALUES,
     SEED_SPREAD,
@@ -66,6 +67,7 @@ SCHEMAS: Mapping[str, Schema] = {
     "noise_lookup": NOISE_LOOKUP,
     "depth_intervals": DEPTH_INTERVALS,
     "ratios": RATIO_VALUES,
+    "own_covariances": OWN_COVARIANCES,
     "trust": TRUST,
 }
 

@@ -8,7 +8,7 @@ from tracknoise.exceptions import SchemaError, UnknownNameError
 from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.statistics.summarise import STATISTICS, statistics_of, summarise_sequence
 from tracknoise.statistics.trimming import trim
-from tracknoise.tables.schema import FRAME_COUNTS, OBSERVATIONS, RATIOS, TRACKS, check, empty
+from tracknoise.tables.schema import COVARIANCE_SUMS, FRAME_COUNTS, OBSERVATIONS, RATIOS, TRACKS, check, empty
 from tracknoise.tables.store import SEQUENCE_TABLES
 
 N_TRACKS, AGES = 30, 12
@@ -50,10 +50,11 @@ def test_every_table_of_a_sequence_is_made_that_needs_no_camera(measured) -> Non
         "window_noise",
         "window_blocks",
     }
-    assert {*found} == {*SEQUENCE_TABLES, "ratio_sums"} - measured_elsewhere
+    of_later = {"ratio_sums": RATIOS, "covariance_sums": COVARIANCE_SUMS}
+    assert {*found} == {*SEQUENCE_TABLES, *of_later} - measured_elsewhere
     for name, table in found.items():
-        needs_more = name in ("fitted_noise", "truth_differences", "between_trackers")  # other truths or trackers
-        assert check(table, {**SEQUENCE_TABLES, "ratio_sums": RATIOS}[name], name).is_empty() == needs_more
+        of_others = ("fitted_noise", "truth_differences", "between_trackers", "covariance_sums")  # truths or trackers
+        assert check(table, {**SEQUENCE_TABLES, **of_later}[name], name).is_empty() == (name in of_others)
     assert found["blocks"]["population"].unique().sort().to_list() == ["visible", "projected"]
     assert found["aspect_blocks"]["speed"].unique().to_list() == [1]
 

@@ -65,6 +65,10 @@ def test_what_is_not_finite_or_not_ok_is_lost(sideways, setting):
         ),
         ((np.zeros((60, 2)), np.ones((60, 1), bool)), r"ok bool of shape \(60, 1\), expected bool of shape \(60,\)"),
         ((np.zeros((60, 2)), np.ones(60)), r"ok float64 of shape \(60,\), expected bool"),
+        (
+            (np.zeros((60, 2)), np.ones(60, bool), np.ones((60, 2))),
+            r"covariances float64 of shape \(60, 2\), expected numbers of shape \(60, 2, 2\)",
+        ),
         ((["a"] * 60, np.ones(60, bool)), r"points <U1 of shape \(60,\), expected numbers"),
     ],
 )
@@ -76,6 +80,19 @@ def test_what_cannot_be_used_is_said_in_one_line(sideways, setting, returned, me
     tracker.step(sideways[0])
     with pytest.raises(TrackerError, match=message):
         tracker.step(sideways[1])
+
+
+def test_covariances_that_a_function_predicts_are_judged(sequence):
+    def certain(previous, image, points):
+        return *lucas_kanade(previous, image, points), np.tile([[1e-6, 0.0], [0.0, 4e-6]], (len(points), 1, 1))
+
+    measured = tn.measure(sequence, certain)
+    later = measured.observations.filter(measured.observations["age"] > 0)
+    assert later["quality_cov_vv"].to_list() == pytest.approx([4e-6] * later.height)
+    assert measured.observations.filter(age=0)["quality_cov_uu"].is_null().all()
+    tables = tn.summarise_sequence(measured.observations, measured.tracks, measured.frames)
+    of_all = tables["covariance_sums"].filter(tables["covariance_sums"]["at"].is_null(), trimming="untrimmed")
+    assert of_all["squares"].sum() > 100 * of_all["n"].sum() > 0  # far too certain
 
 
 def test_what_is_no_function_is_refused(sequence):

@@ -19,6 +19,8 @@ from tracknoise.trackers.tracker_registry import make_tracker
 
 SIZE = (160, 120)
 FREE = Rejection(model=Model.none)
+COVARIANCE = np.float32([[4.0, 1.0], [1.0, 9.0]])
+"""What networks with covariances predict, times the score."""
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +44,7 @@ def network(tmp_path_factory):
         constants = {
             "kernel": kernel, "least": np.float32([0.7]), "columns": np.int64([3, 2]), "rows": np.int64([0, 2, 3]),
             "scale": np.float32(scale), "shift": np.float32(shift), "zero": np.int64([0]), "one": np.int64([1]),
-            "two": np.int64([2]),
+            "two": np.int64([2]), "inner": np.int64([1, 2]), "matrix": COVARIANCE,
         }  # fmt: skip
         nodes = [
             helper.make_node("ReduceMax", ["image", "one"], ["gray"], keepdims=1),
@@ -59,6 +61,9 @@ def network(tmp_path_factory):
             helper.make_node("Unsqueeze", ["uv", "zero"], ["keypoints"]),
             helper.make_node("GatherND", ["gray", "places"], ["score"]),
             helper.make_node("Unsqueeze", ["score", "zero"], ["scores"]),
+            helper.make_node("Unsqueeze", ["score", "inner"], ["weight"]),
+            helper.make_node("Mul", ["weight", "matrix"], ["matrices"]),
+            helper.make_node("Unsqueeze", ["matrices", "zero"], ["covariances"]),
             helper.make_node("Conv", ["image", "kernel"], ["around"], pads=[4] * 4),
             helper.make_node("Transpose", ["around"], ["vectors"], perm=[0, 2, 3, 1]),
             helper.make_node("Gather", ["places", "rows"], ["at"], axis=1),
@@ -142,6 +147,31 @@ def test_keypoints_are_matched_by_descriptors_of_the_network(network, dots, sett
     assert len(moved) > 30
     assert np.mean((moved == (3, -2)).all(axis=1)) > 0.9
     assert np.nanmax(second.quality["descriptor_distance"]) <= 2
+
+
+@pytest.mark.parametrize(
+    ("units", "stretch"),
+    [(NetworkUnits.pixels, (1 / 3, 1 / 5)), (NetworkUnits.minus_one_to_one, (479 / 6, 599 / 10))],
+)
+def test_covariances_of_a_network_are_in_pixels_of_the_image(network, dots, units, stretch):
+    frames, _ = dots
+    path = network(size=(3 * SIZE[0], 5 * SIZE[1]), units=units, outputs=("keypoints", "scores", "covariances"))
+    found = find_keypoints(frames[0].image, path, units)
+    scaled = COVARIANCE * np.outer(stretch, stretch)
+    expected = found.score[:, None] * scaled.ravel()[[0, 1, 3]]
+    np.testing.assert_allclose(found.covariances, expected, rtol=1e-5)
+
+
+def test_matched_keypoints_keep_the_covariances_of_the_network(network, dots, setting):
+    frames, _ = dots
+    detection = Detection(network=network(outputs=("keypoints", "scores", "descriptors", "covariances")))
+    settings = Correspondence(detection=detection, descriptor=Descriptor.network, rejection=FREE)
+    tracker = settings.start(setting(SIZE))
+    for frame in frames[:3]:
+        step, known = tracker.step(frame), keypoints(frame, detection)
+        score = dict(zip(map(tuple, known.uv.tolist()), known.response.tolist(), strict=True))
+        expected = [9.0 * score[place] for place in map(tuple, step.uv.tolist())]
+        np.testing.assert_allclose(step.quality["cov_vv"], expected, rtol=1e-5)  # of new features too
 
 
 def test_an_image_without_keypoints_does_no_harm(network, dots, setting):

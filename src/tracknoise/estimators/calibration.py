@@ -18,12 +18,12 @@ With d^2 = e' C^-1 e of an error e of predicted covariance C:
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
 
 from tracknoise.analysis.condition_units import groups_of_run, units_of
 from tracknoise.estimators.components import COLUMNS, Equations
@@ -34,6 +34,7 @@ from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.inference.conventions import LEVEL, IntervalKind
 from tracknoise.inference.intervals import Method, pooled
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, Units
+from tracknoise.statistics.own_covariances import LEVELS, inside, relative
 from tracknoise.tables.enumerations import Product
 from tracknoise.tables.findings_schema import RESAMPLED
 from tracknoise.tables.manifest import SequenceEntry
@@ -91,7 +92,6 @@ def fitted_curve(
     ).sort("age")
 
 
-LEVELS = (0.5, 0.9, 0.95, 0.99)
 _CLASSES = 10
 _COLUMNS = ("n", *(f"inside_{100 * level:.0f}" for level in LEVELS), "squares", "nll")
 
@@ -192,7 +192,9 @@ def check_own(
     """Compare covariances that a front end reports itself with its errors.
 
     They are the columns ``quality_<name>_uu``, ``quality_<name>_uv`` and ``quality_<name>_vv`` of the observations,
-    px^2. Observations that fix the true position of their track do not count: their error is zero.
+    px^2. An error has the covariance of its observation plus that of the first position of its track
+    (`tracknoise.statistics.own_covariances`). Observations that fix the true position do not count: their error is
+    zero.
 
     Parameters
     ----------
@@ -217,29 +219,39 @@ def check_own(
         found = "true positions that are fitted to the tracks, and take part of their errors"
         raise SettingsError(f"{folder.path}: found {found}, expected true depths")
     columns = [f"{QUALITY_PREFIX}{name}_{entry}" for entry in ("uu", "uv", "vv")]
-    observations = _chosen(folder, "observations", tracker, speed, scenes, where=_has_error)
+    observations = _chosen(folder, "observations", tracker, speed, scenes, partial(_of_errors, columns=columns))
     if missing := [column for column in columns if column not in observations.columns]:
         expected = f"tracks with the columns {', '.join(columns)}"
         raise SettingsError(f"{folder.path}: found no column {missing[0]} of {tracker}, expected {expected}")
-    known = observations.with_columns(pl.col(columns).fill_nan(None)).drop_nulls(["du_px", *columns])
-    used = known.filter(pl.col("truth") == "valid")
-    entries = used.select(columns).to_numpy().astype(np.float64)
-    covariance = entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-    possible = (entries[:, 0] > 0.0) & (np.linalg.det(covariance) > 0.0)
+    used = observations.drop_nulls(["du_px", *columns]).filter(pl.col("truth") == "valid")
+    entries = used.select(_ENTRIES).to_numpy()
+    possible = np.isfinite(entries).all(axis=1)
     if not possible.any():
         raise SettingsError(f"{folder.path}: found no covariance of {tracker} that is positive definite, expected some")
     errors = used.select("scene", "du_px", "dv_px").filter(possible)
-    calibration = _calibration(errors, covariance[possible], folder, frozenset(), 0.0)
+    covariance = entries[possible][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    calibration = _calibration(errors, covariance, folder, frozenset(), 0.0)
     return replace(calibration, n_impossible=int(np.count_nonzero(~possible)))
 
 
-def _has_error(entry: SequenceEntry) -> pl.Expr:
-    """Observations outside of the frame that fixes the true position of their track."""
-    return pl.col("age") > 0 if entry.key_frame is None else pl.col("frame") != entry.key_frame
+_ENTRIES = ("error_uu", "error_uv", "error_vv")
+"""Covariance of the errors, px^2; NaN where it is not positive definite."""
 
 
-def _every(_: SequenceEntry) -> pl.Expr:
-    return pl.lit(True)
+def _of_errors(table: pl.DataFrame, entry: SequenceEntry, columns: Sequence[str]) -> pl.DataFrame:
+    """Observations outside of the frame that fixes the true position of their track, with the columns `_ENTRIES`."""
+    at, zero = ("age", 0) if entry.key_frame is None else ("frame", entry.key_frame)
+    if not table.height or not {*columns} <= {*table.columns}:
+        return table.filter(pl.col(at) != zero)
+    known = table.with_columns(pl.col(columns).fill_nan(None))
+    stated = known.select(pl.col(columns).cast(pl.Float64).fill_null(np.nan)).to_numpy()
+    track = known["track"].to_numpy().astype(np.intp)
+    found = relative(stated, track, (known[at] == zero).to_numpy())
+    return known.with_columns(map(pl.Series, _ENTRIES, found.T)).filter(pl.col(at) != zero)
+
+
+def _every(table: pl.DataFrame, _: SequenceEntry) -> pl.DataFrame:
+    return table
 
 
 def _chosen(
@@ -248,7 +260,7 @@ def _chosen(
     tracker: str,
     speed: int,
     scenes: Collection[str] | None,
-    where: Callable[[SequenceEntry], pl.Expr] = _every,
+    prepare: Callable[[pl.DataFrame, SequenceEntry], pl.DataFrame] = _every,
 ) -> pl.DataFrame:
     """Rows of one table of all sequences, of a tracker, a speed, and some scenes."""
     folder.statistics("summary")
@@ -259,7 +271,7 @@ def _chosen(
             raise UnknownNameError("scene", scene, known)
     mine = (pl.col("tracker") == tracker) & (pl.col("speed") == speed)
     keys = [key for key, entry in sorted(entries.items()) if scenes is None or entry.sequence.scene in scenes]
-    tables = [folder.sequence_table(name, key).filter(mine, where(entries[key])) for key in keys]
+    tables = [prepare(folder.sequence_table(name, key).filter(mine), entries[key]) for key in keys]
     found = pl.concat(tables, how="diagonal")
     if found.is_empty():
         raise SettingsError(f"{folder.path}: found no errors of {tracker} at speed {speed}, expected some")
@@ -297,8 +309,8 @@ def _estimates(
     scene: pl.Series, squared: Array, nll: Array, folder: RunFolder
 ) -> tuple[dict[float, Interval], Interval, Interval, Resampled | None]:
     """Coverage by level, NEES and negative log likelihood, with intervals, and what these are over."""
-    inside = [(squared <= 2.0 * gammaincinv(1.0, level)).astype(np.float64) for level in LEVELS]
-    values = dict(zip(_COLUMNS, [np.ones_like(squared), *inside, squared, nll], strict=True))
+    held = [within.astype(np.float64) for within in inside(squared)]
+    values = dict(zip(_COLUMNS, [np.ones_like(squared), *held, squared, nll], strict=True))
     units = _units(scene, values, folder, points=[])
     found = pooled(
         units,

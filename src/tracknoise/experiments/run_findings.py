@@ -15,6 +15,7 @@ from typing import Any, TypedDict
 import polars as pl
 
 from tracknoise.analysis.condition_units import Sampling, groups_of_scenes
+from tracknoise.analysis.covariance_verdicts import allowing_for_truth, own_covariances
 from tracknoise.analysis.curve_intervals import interval_table
 from tracknoise.analysis.factor_values import option_factors
 from tracknoise.analysis.factors import dependence
@@ -203,10 +204,11 @@ _OF_SEQUENCES: Mapping[str, tuple[str, Callable[..., pl.DataFrame]]] = {
     "image_cells": ("image_map", image_cells),
     "speed_errors": ("image_speeds", speed_errors),
     "ratios": ("ratio_sums", ratio_intervals),
+    "own_covariances": ("covariance_sums", own_covariances),
 }
 """Findings that pool one table of each sequence, and nothing else: the table, and what makes them."""
 _OF_DEPTHS = ("noise_tracks", "noise_sums", "window_noise")
-_OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors", "ratios")
+_OF_PLACES = ("surrounding_errors", "image_cells", "speed_errors", "ratios", "own_covariances")
 _ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PLACES)
 """Findings about errors since a point was fixed. They are withheld where points are fitted to whole tracks."""
 
@@ -234,6 +236,7 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     reference = reference_condition(manifest, experiment, statistics["outliers"])
     tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
     tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
+    tables["own_covariances"] = allowing_for_truth(tables["own_covariances"], tables["trust"])
     models = _models(run, experiment, tables, reference)
     tables["advice"] = advice_table(models, experiment.estimator.name, experiment.estimator.window, _place(reference))
     _write_findings(run, manifest, experiment, {**statistics, **tables}, reference, models)

@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.phrases.bias_topic import bias
+from tracknoise.phrases.covariance_topic import covariances
 from tracknoise.phrases.depth_topic import depths
 from tracknoise.phrases.edge_topic import depth_edges
 from tracknoise.phrases.factor_topic import factors
@@ -32,6 +33,7 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     estimator_noise,
     depth_noise,
     depths,
+    covariances,
     few_scenes,
     grouped_scenes,
     pose_errors,
@@ -75,7 +77,7 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     tables
         By their names: curves, floor, summary, effects, intervals, seed_spread, zero_mean, gaussianity, time_structure,
         dependence, surrounding_errors, pose_share, advice, tracker_differences, triangulated_noise, noise_lookup,
-        trust, window_sigmas and depth_intervals. One without rows has no headline.
+        trust, window_sigmas, depth_intervals and own_covariances. One without rows has no headline.
     conditions
         Which conditions the sentences are about.
 

@@ -36,7 +36,8 @@ class RunData:
         Its pooled tables.
     two_truths, pose_disagreement, rigid_share, pose_share, pose_law, tracker_differences, intervals, incidence,
     seed_spread, triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
-    ranks, advice, noise_lookup, window_sigmas, depth_intervals, surrounding_errors, image_cells, speed_errors, findings
+    ranks, advice, noise_lookup, window_sigmas, depth_intervals, own_covariances, surrounding_errors, image_cells,
+    speed_errors, findings
         Its findings. These tables have no rows where findings were not computed.
     audit, audit_curves, trust
         What is wrong with the stated truth, and the verdict on it, see `tracknoise.tables.findings_schema`.
@@ -68,6 +69,7 @@ class RunData:
     noise_lookup: pl.DataFrame
     window_sigmas: pl.DataFrame
     depth_intervals: pl.DataFrame
+    own_covariances: pl.DataFrame
     zero_mean: pl.DataFrame
     gaussianity: pl.DataFrame
     radii: pl.DataFrame

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tracknoise.phrases.answer_summary import Card, Finding, Judgement, Statement
+from tracknoise.phrases.covariance_topic import covariance_sentence
 from tracknoise.phrases.depth_topic import depth_sentence
 from tracknoise.phrases.factor_topic import changes
 from tracknoise.phrases.measures import Subject
@@ -26,7 +27,11 @@ _NUMBERS = ("ratios", "survivorship", "pose errors", "differences", "depth edges
 """Topics whose sentences are numbers of the measured scenes."""
 
 
-_OF_TRACKERS = {"depth": depth_sentence, "depth noise": depth_noise_sentence}
+_OF_TRACKERS = {
+    "covariances": covariance_sentence,
+    "depth": depth_sentence,
+    "depth noise": depth_noise_sentence,
+}
 """Topics with a sentence for each tracker."""
 
 

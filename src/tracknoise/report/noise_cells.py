@@ -8,6 +8,7 @@
 import math
 from typing import Any
 
+from tracknoise.analysis.covariance_verdicts import are_right
 from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.calibration import Calibration
 from tracknoise.estimators.exports import estimator, in_words
@@ -18,7 +19,7 @@ from tracknoise.estimators.track_likelihood import LEAST_NU
 from tracknoise.exceptions import SettingsError
 from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
-from tracknoise.tables.enumerations import Product, Trust
+from tracknoise.tables.enumerations import Product, Trust, Verdict
 from tracknoise.text import counted, significant
 from tracknoise.words import DASH, number, percent, ratio, thousandths
 
@@ -186,10 +187,6 @@ def _percent(share: float) -> str:
     return f"{significant(100.0 * share, 2)} %"
 
 
-_ALIKE = 1.1
-"""Errors that are certainly not this many times as large, or as small, as predicted agree with a covariance."""
-
-
 def calibration_sentences(found: Calibration) -> list[str]:
     """What the comparison says, the answer first."""
     return [
@@ -206,12 +203,12 @@ def _verdict(nees: Interval) -> str:
     if nees.low is None or nees.high is None:
         return f"Errors are {size} times as large as predicted. There are too few scenes for an interval."
     bounds = f"{number(nees.low**0.5)} to {number(nees.high**0.5)}"
-    if nees.low > 1.0:
-        return f"The covariance is too small: errors are {size} times as large as predicted ({bounds})."
-    if nees.high < 1.0:
-        return f"The covariance is too large: errors are {size} times as large as predicted ({bounds})."
-    if nees.low**0.5 > 1.0 / _ALIKE and nees.high**0.5 < _ALIKE:
+    right = are_right(nees.low, nees.high)
+    if right is Verdict.yes:
         return f"The size of the errors agrees with the covariance: {size} times as large as predicted ({bounds})."
+    if right is Verdict.no:
+        is_what = "small" if nees.low > 1.0 else "large"
+        return f"The covariance is too {is_what}: errors are {size} times as large as predicted ({bounds})."
     return f"Errors are {size} times as large as predicted ({bounds}): whether the covariance is right is undecided."
 
 

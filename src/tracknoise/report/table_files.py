@@ -85,6 +85,7 @@ EXPORTS: tuple[Export, ...] = (
     Export("advice", "what to set in the estimator", lambda data: data.advice),
     Export("window-sigmas", "noise for depths, by length of window", lambda data: data.window_sigmas),
     Export("depth-intervals", "intervals of depths, by assumed noise", lambda data: data.depth_intervals),
+    Export("own-covariances", "whether trackers' own covariances are right", lambda data: data.own_covariances),
     Export(
         "point-tracking-metrics",
         "metrics of TAP-Vid and expected feature age",

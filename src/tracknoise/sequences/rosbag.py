@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, Positive, require, require_bounds
 from tracknoise.geometry.cameras import CameraModel
+from tracknoise.rosbag_files import BagFile, Position, find_bags
 from tracknoise.sequences.camera_files import CameraFile, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
 from tracknoise.sequences.poses import checked_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.rosbag_files import BagFile, Position, find_bags
 from tracknoise.sequences.rosbag_frames import (
     BagDepths,
     BagImages,

@@ -18,9 +18,9 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath, interpolate_poses, invert, nearest
 from tracknoise.parsing_child import LostError, call_in_child
+from tracknoise.rosbag_files import TRANSFORMS, Bag, BagFile, Position, Topic, bag_size
 from tracknoise.sequences.images import Levels
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.rosbag_files import TRANSFORMS, Bag, BagFile, Position, Topic, bag_size
 from tracknoise.sequences.rosbag_messages import (
     CameraInfo,
     Link,

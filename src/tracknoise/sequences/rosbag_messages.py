@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MOST_PIXELS
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.rosbag_files import TRANSFORMS, Bag, Topic
 from tracknoise.sequences.camera_files import CameraFile, checked_camera
 from tracknoise.sequences.images import NO_DEPTH, Levels, decode_image, scaled
 from tracknoise.sequences.poses import quaternion_poses
-from tracknoise.sequences.rosbag_files import TRANSFORMS, Bag, Topic
 from tracknoise.sequences.scenes import with_option
 from tracknoise.text import counted
 

@@ -11,6 +11,7 @@ from tracknoise.statistics.changes import increments
 from tracknoise.statistics.histograms import error_histogram
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.moments import block_moments, scene_moments
+from tracknoise.statistics.own_covariances import covariance_sums
 from tracknoise.statistics.places import image_speeds, surroundings
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.ratios import ratio_sums
@@ -42,6 +43,7 @@ STATISTICS: Mapping[str, Callable[[PreparedSequence], pl.DataFrame]] = MappingPr
         "surroundings": surroundings,
         "image_speeds": image_speeds,
         "ratio_sums": ratio_sums,
+        "covariance_sums": covariance_sums,
         "between_trackers": between_trackers,
     }
 )

@@ -610,6 +610,25 @@ RATIO_VALUES: Schema = {
 }
 """Ratios of sums over features, by age: the quantities of `tracknoise.tables.quantities.RATIOS`, features pooled."""
 
+OWN_COVARIANCES: Schema = {
+    **_POOLED,
+    "covariance": pl.String,
+    "trimming": TRIMMING,
+    "quantity": pl.String,
+    "axis": pl.String,
+    "at": pl.Int64,
+    "n": pl.Int64,
+    "value": pl.Float64,
+    "verdict": VERDICT,
+    **_ESTIMATED,
+}
+"""Whether covariances that a tracker predicts are right: see `tracknoise.analysis.covariance_verdicts`.
+
+covariance is the name in the columns ``quality_<name>_uu`` of the observations. axis and at are null for all ages
+together. n counts errors. The verdict says of `nees` whether the covariances are right, of `gain` whether they tell
+which errors are large.
+"""
+
 SPEED_ERRORS: Schema = {
     **_POOLED,
     "axis": pl.String,

@@ -27,6 +27,7 @@ class Topic(StrEnum):
     advice = "advice"
     lookup = "lookup"
     depths = "depths"
+    own_covariances = "own covariances"
     point_tracking = "point tracking"
     fitted_noise = "fitted noise"
     second_truth = "second truth"
@@ -247,6 +248,25 @@ QUANTITIES: Mapping[str, Quantity] = {
         "share", "Metrics of TAP-Vid and expected feature age: means over sequences.", _DIFFERENCE, _LARGER
     ),
     "fitted_noise": Quantity("px", "Noise of one coordinate, corrected for the fit of the true positions."),
+    # covariances that trackers predict for their own observations
+    "covariance_coverage": Quantity(
+        "share", "Share of the errors inside the region of a level that the tracker's own covariances claim."
+    ),
+    "covariance_nees": Quantity(
+        "1",
+        "Mean of the squared Mahalanobis distance over 2. Of all ages together, the factor by which the tracker's own "
+        "covariances would have to be multiplied; the verdict says whether they are right.",
+    ),
+    "covariance_gain": Quantity(
+        "nat",
+        "Gain of the tracker's own covariances, times one factor, over one sigma for all, per error. Both are fitted "
+        "to other scenes. The verdict says whether they tell which errors are large.",
+        _DIFFERENCE,
+        _LARGER,
+    ),
+    "impossible_covariances": Quantity(
+        "share", "Share of the tracker's own covariances that are not positive definite.", _DIFFERENCE, _SMALLER
+    ),
     # truth
     "truth_difference_mean": Quantity("px", "Mean of positions by two truths, and of errors by each."),
     "truth_difference_second": Quantity("px^2", "Second moment of the same."),

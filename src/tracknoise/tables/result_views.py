@@ -621,6 +621,22 @@ def _depths() -> View:
     return View(Topic.depths, findings_schema.DEPTH_INTERVALS, keys, values, sort)
 
 
+def _own_covariances() -> View:
+    names: dict[str, tuple[str, Constants]] = {
+        **{f"coverage_{level}": ("covariance_coverage", {"of": f"{level} %"}) for level in (50, 90, 95, 99)},
+        "nees": ("covariance_nees", {"of": None}),
+        "gain": ("covariance_gain", {"of": None}),
+        "impossible": ("impossible_covariances", {"of": None}),
+    }
+    values = [
+        Value(quantity, "value", labels, {"quantity": name}, _WITH_N | _same("verdict"))
+        for name, (quantity, labels) in names.items()
+    ]
+    keys = {**_CONDITION, **_same("trimming", "axis", "at"), "part": "covariance"}
+    sort = [*_CONDITION, "covariance", "trimming", "quantity", "axis", "at"]
+    return View(Topic.own_covariances, findings_schema.OWN_COVARIANCES, keys, values, sort)
+
+
 def _advice() -> View:
     names: dict[str, tuple[str, Constants]] = {
         "sigma": ("sigma_to_set", {}),
@@ -743,6 +759,7 @@ VIEWS: Mapping[str, View] = {
     "advice": _advice(),
     "noise_lookup": _lookup(),
     "depth_intervals": _depths(),
+    "own_covariances": _own_covariances(),
     "point_tracking_metrics": _one(
         Topic.point_tracking,
         findings_schema.POINT_TRACKING_METRICS,

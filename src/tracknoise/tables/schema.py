@@ -113,6 +113,15 @@ QUALITY_NAME = "[a-z][a-z0-9_]*"
 """Regular expression of what follows `QUALITY_PREFIX`."""
 
 
+def covariances(quality: Iterable[str]) -> Iterator[tuple[str, str, str]]:
+    """Covariances among names of quality: three names ``<name>_uu``, ``<name>_uv`` and ``<name>_vv``, px^2."""
+    names = set(quality)
+    for name in sorted(key.removesuffix("_uu") for key in names if key.endswith("_uu")):
+        entries = (f"{name}_uu", f"{name}_uv", f"{name}_vv")
+        if names.issuperset(entries):
+            yield entries
+
+
 @dataclass(frozen=True, slots=True)
 class OpenSchema(Mapping[str, pl.DataType | type[pl.DataType]]):
     """Columns that every table of a kind has, and rules for further columns at its end.
@@ -606,6 +615,28 @@ RATIOS: Schema = {
     "sum": pl.Float64,
 }
 """Sums of the quantities `tracknoise.tables.quantities.RATIOS`, whose value is sum / n, by block, trimming and age."""
+
+COVARIANCE_SUMS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "covariance": pl.String,
+    "trimming": TRIMMING,
+    "axis": AXIS,
+    "at": pl.UInt32,
+    "n": pl.Float64,
+    **dict.fromkeys(("inside_50", "inside_90", "inside_95", "inside_99"), pl.Float64),
+    "squares": pl.Float64,
+    "log_det": pl.Float64,
+    "px2": pl.Float64,
+    "impossible": pl.Float64,
+}
+"""Sums of visible errors for which a tracker predicted a covariance, by block, trimming and age.
+
+at is null for all ages together. covariance is the name in its columns ``quality_<name>_uu``. inside_50 to inside_99
+count errors in the regions of these levels, %. squares are of the Mahalanobis distance, log_det of the determinant
+(px^4), px2 of the length of the error. impossible counts covariances that are not positive definite, which no other
+number holds.
+"""
 
 IMAGE_MAP: Schema = {
     **_PLACE,

@@ -99,6 +99,7 @@ _ASKED_FOR: Mapping[str, schema.Schema] = {
 _OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {
     "ratio_sums": schema.RATIOS,
     "depth_repeats": findings_schema.DEPTH_REPEATS,
+    "covariance_sums": schema.COVARIANCE_SUMS,
 }
 """Tables that sequences of earlier versions do not have."""
 _OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": findings_schema.PATH}
@@ -150,6 +151,7 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "image_cells": findings_schema.IMAGE_CELLS,
     "speed_errors": findings_schema.SPEED_ERRORS,
     "ratios": findings_schema.RATIO_VALUES,
+    "own_covariances": findings_schema.OWN_COVARIANCES,
     "rigid_share": findings_schema.RIGID_SHARE,
     "pose_share": findings_schema.POSE_SHARE,
     "pose_law": findings_schema.POSE_LAW,

@@ -67,11 +67,20 @@ class Described:
     descriptors : (n, size) float32
         Of SIFT, whole numbers from 0 to 255, of length about 512. Of the others, one bit per comparison, so that the
         squared distance of two descriptors is the number of bits that differ.
+    covariances : (n, 3) float32
+        Of the positions, px^2: uu, uv and vv; None where nothing predicts them.
     """
 
     uv: NDArray[np.float64]
     response: NDArray[np.float32]
     descriptors: NDArray[np.float32]
+    covariances: NDArray[np.float32] | None = None
+
+    def quality(self, rows: NDArray[np.intp]) -> dict[str, NDArray[np.float32]]:
+        """Quality of observations at some of the keypoints: the covariances, if there are any."""
+        if self.covariances is None:
+            return {}
+        return dict(zip(("cov_uu", "cov_uv", "cov_vv"), self.covariances[rows].T, strict=True))
 
 
 def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descriptor.sift) -> Described:
@@ -105,7 +114,8 @@ def _by_network(frame: Frame, detection: Detection) -> Described:
     if found.descriptors is None:
         raise TrackerError(f"{detection.network}: the network has no output descriptors, expected them as descriptor")
     rows = np.array([points.raw[index].class_id for index in points.order.tolist()], dtype=np.intp)
-    return Described(points.uv, points.response, found.descriptors[rows])
+    covariances = None if found.covariances is None else found.covariances[rows]
+    return Described(points.uv, points.response, found.descriptors[rows], covariances)
 
 
 def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
@@ -283,7 +293,8 @@ class CorrespondenceTracker:
 
     The quality of an observation is the distance between the descriptors of feature and keypoint
     (``descriptor_distance``; of bits, the root of how many differ), and that distance over the distance of the second
-    best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.correspondence.Matches`.
+    best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.correspondence.Matches`. Where a network
+    predicts covariances, they are ``cov_uu``, ``cov_uv`` and ``cov_vv``, px^2.
     """
 
     def __init__(self, settings: Correspondence, inliers: Inliers) -> None:
@@ -325,7 +336,11 @@ class CorrespondenceTracker:
             new=new,
             response=points.response[fresh],
             missed=int(np.count_nonzero(alive)) - int(np.count_nonzero(seen)),
-            quality={"descriptor_distance": matches.distance[seen], "descriptor_ratio": matches.ratio[seen]},
+            quality={
+                "descriptor_distance": matches.distance[seen],
+                "descriptor_ratio": matches.ratio[seen],
+                **points.quality(np.concatenate([columns[seen], fresh])),
+            },
         )
 
     def _good(self, matches: Matches) -> Matches:

@@ -28,6 +28,7 @@ from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.imported import ImportedTracker
 from tracknoise.trackers.imported_rows import Tracks
+from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.spacing import places_in
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
@@ -64,6 +65,8 @@ class External:
         Points begin in each of so many images that the tracker sees, from the first one on. None: in the first only.
     max_features
         Number of points that begin in one image, at most.
+    refine
+        Whether positions are refined by Lucas-Kanade: see `tracknoise.trackers.refinement.Refinement`.
     """
 
     kind: ClassVar[str] = "external"
@@ -77,6 +80,7 @@ class External:
     detection: Detection = field(default_factory=Detection)
     every: Annotated[int, Ge(1)] | None = 10
     max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 100
+    refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
         words = tuple(self.command)
@@ -106,7 +110,7 @@ class External:
             if len(offset):
                 _run(self, folder.path)
             tracks = folder.read(offset, uv, response, context.speed)
-        return ImportedTracker(tracks)
+        return ImportedTracker(tracks, refine=self.refine)
 
 
 @dataclass(slots=True)

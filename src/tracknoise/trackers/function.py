@@ -14,12 +14,13 @@ from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
 from tracknoise.trackers.preprocessing import Preprocessing
+from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.rejection import Model, Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
-Follow = Callable[[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float64]], tuple[Any, Any]]
+Follow = Callable[[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float64]], tuple[Any, ...]]
 """Two images (height, width) uint8 and points (n, 2) px of the first, to points (n, 2) px of the second and whether
-each was found, (n,) bool."""
+each was found, (n,) bool; and covariances (n, 2, 2) px^2 if it predicts some."""
 
 
 def _free() -> Rejection:
@@ -36,8 +37,9 @@ class Function:
         Called as ``function(previous, image, points)`` for each image that the tracker sees, if features are alive:
         `previous` and `image` are (height, width) uint8 and must not be changed, `points` (n, 2) float64, px, n at
         least 1. The centre of the first pixel is (0, 0). It returns ``points, ok``: (n, 2) positions in `image`, px,
-        and (n,) bool, whether each was found. Positions that are not finite count as not found. What it raises is
-        raised.
+        and (n,) bool, whether each was found. Positions that are not finite count as not found. A third value, (n, 2,
+        2) px^2, is the covariance of each position, NaN where unknown; the first position of a track has none. What it
+        raises is raised.
     detection
         Where features begin and may stay.
     rejection
@@ -53,6 +55,9 @@ class Function:
         `tracknoise.trackers.following.Order`.
     max_age
         A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
+    refine
+        Whether positions are refined by Lucas-Kanade, from which the function then goes on: see
+        `tracknoise.trackers.refinement.Refinement`.
     """
 
     kind: ClassVar[str] = "function"
@@ -68,6 +73,7 @@ class Function:
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     order: Order = Order.spacing_first
     max_age: Annotated[int, Ge(1)] | None = None
+    refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
         require(callable(self.function), "function", self.function, "a function of two images and points")
@@ -80,7 +86,8 @@ class Function:
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
-        return FollowingTracker(self, _Called(self.function, self.name), started(self, context))
+        follower = self.refine.refining(_Called(self.function, self.name))
+        return FollowingTracker(self, follower, started(self, context))
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,16 +101,26 @@ class _Called:
     def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
         """Where features of one image are in the next."""
         returned: object = self.function(before.image, after.image, features.uv.copy())
-        if not isinstance(returned, tuple | list) or len(returned) != 2:
+        if not isinstance(returned, tuple | list) or len(returned) not in (2, 3):
             raise TrackerError(f"{self.name} returned {_shown(returned)}, expected points and ok")
         n = len(features)
-        uv, ok = (np.asarray(value) for value in returned)
+        uv, ok, *covariance = (np.asarray(value) for value in returned)
         if uv.shape != (n, 2) or uv.dtype.kind not in "fiu":
             raise TrackerError(f"{self.name} returned points {_shown(uv)}, expected numbers of shape ({n}, 2)")
         if ok.shape != (n,) or ok.dtype.kind != "b":
             raise TrackerError(f"{self.name} returned ok {_shown(ok)}, expected bool of shape ({n},)")
         uv = uv.astype(np.float64)
-        return Flow(uv, ok & np.isfinite(uv).all(axis=1))
+        return Flow(uv, ok & np.isfinite(uv).all(axis=1), self._quality(covariance, n))
+
+    def _quality(self, covariance: list[NDArray[Any]], n: int) -> dict[str, NDArray[np.float32]]:
+        """Entries of the covariances, if there are any, by name."""
+        if not covariance:
+            return {}
+        if covariance[0].shape != (n, 2, 2) or covariance[0].dtype.kind not in "fiu":
+            found = f"covariances {_shown(covariance[0])}"
+            raise TrackerError(f"{self.name} returned {found}, expected numbers of shape ({n}, 2, 2)")
+        entries = covariance[0].astype(np.float32)
+        return {"cov_uu": entries[:, 0, 0], "cov_uv": entries[:, 0, 1], "cov_vv": entries[:, 1, 1]}
 
 
 def _shown(value: object) -> str:

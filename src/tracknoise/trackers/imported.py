@@ -5,7 +5,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -20,6 +20,7 @@ from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.imported_rows import Assignment, Normalised, PixelOrigin, Raster, Rows, Tracks, Units
+from tracknoise.trackers.refinement import SHIFT, Refinement
 from tracknoise.trackers.track_files import SUFFIXES, TrackFormat, detected, origin_of, read_rows
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, is_quality_name
 
@@ -32,6 +33,9 @@ def subsampled(context: SequenceContext, *, every_speed: bool) -> tuple[str, ...
     return (f"at speed {context.speed}, {note}",)
 
 
+_AS_REPORTED = Refinement()
+
+
 class ImportedTracker:
     """Imported tracks, reported frame by frame.
 
@@ -39,9 +43,11 @@ class ImportedTracker:
     without a row; later rows are a new track, since a lifetime counts consecutive frames.
     """
 
-    def __init__(self, tracks: Tracks, notes: tuple[str, ...] = ()) -> None:
+    def __init__(self, tracks: Tracks, notes: tuple[str, ...] = (), refine: Refinement = _AS_REPORTED) -> None:
         self.notes = notes
         self._tracks = tracks
+        self._refiner = refine.refiner()
+        self._image: Frame | None = None
         self._features = Features.begin(0, np.empty((0, 2)))
         self._names = np.empty(0, dtype=np.int64)
         self._next_id = 0
@@ -56,7 +62,8 @@ class ImportedTracker:
         end = np.full(len(before), TrackEnd.lost, dtype=np.int8)
         end[live] = ALIVE
         first = np.delete(np.arange(len(names)), row)
-        found, new = before.chosen(np.sort(live), uv[row]), Features.begin(self._next_id, uv[first])
+        at, quality = self._refined(frame, before.chosen(np.sort(live), before.uv[np.sort(live)]), uv[row], len(first))
+        found, new = before.chosen(np.sort(live), at), Features.begin(self._next_id, uv[first])
         self._features = found.joined(new)
         self._names = names[np.concatenate([row, first])]
         self._next_id += len(new)
@@ -68,8 +75,20 @@ class ImportedTracker:
             found=found,
             new=new,
             response=self._tracks.response[start:stop][first],
-            quality={name: values[shown] for name, values in self._tracks.quality.items()},
+            quality={name: values[shown] for name, values in self._tracks.quality.items()} | quality,
         )
+
+    def _refined(
+        self, frame: Frame, found: Features, uv: NDArray[np.float64], n_new: int
+    ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float32]]]:
+        """Positions of features that were found again, and the quality of these and of new ones."""
+        before, self._image = self._image, None if self._refiner is None else frame
+        if self._refiner is None:
+            return uv, {}
+        shift = np.empty(0, dtype=np.float32)
+        if before is not None:
+            uv, shift = self._refiner.refined(before, frame, found, uv)
+        return uv, {SHIFT: np.concatenate([shift, np.full(n_new, np.nan, dtype=np.float32)])}
 
 
 _PLACE = Path("imported arrays")
@@ -85,6 +104,8 @@ class ImportedArrays:
         Observations with frames.
     units
         What their positions are.
+    refine
+        Whether positions are refined by Lucas-Kanade.
     """
 
     kind: ClassVar[str] = "imported"
@@ -93,6 +114,7 @@ class ImportedArrays:
 
     rows: Rows
     units: Units = Units.pixels
+    refine: Refinement = _AS_REPORTED
 
     @classmethod
     def of(
@@ -105,6 +127,7 @@ class ImportedArrays:
         response: ArrayLike | None = None,
         quality: Mapping[str, ArrayLike] | None = None,
         units: str = Units.pixels,
+        refine: Refinement = _AS_REPORTED,
     ) -> "ImportedArrays":
         """Make settings of arrays with one element per observation, in any order.
 
@@ -121,6 +144,8 @@ class ImportedArrays:
             (n,) each, by name: what the front end states about each observation; NaN where unknown.
         units
             ``pixels`` or ``normalised``.
+        refine
+            Whether positions are refined by Lucas-Kanade.
 
         Raises
         ------
@@ -147,7 +172,7 @@ class ImportedArrays:
                 for name, values in (quality or {}).items()
             },
         )
-        return cls(rows, Units(units))
+        return cls(rows, Units(units), refine)
 
     def start(self, context: SequenceContext) -> ImportedTracker:
         """Report the tracks in one sequence at one speed.
@@ -159,7 +184,7 @@ class ImportedArrays:
         """
         raster = Normalised() if self.units is Units.normalised else Raster(PixelOrigin.centre)
         tracks, notes = Assignment(raster).tracks(self.rows, context)
-        return ImportedTracker(tracks, notes + subsampled(context, every_speed=False))
+        return ImportedTracker(tracks, notes + subsampled(context, every_speed=False), self.refine)
 
 
 def _require_named(quality: object) -> None:
@@ -234,10 +259,16 @@ class Imported:
     max_gap_s
         With times: largest distance between a row and its frame, seconds. For events: between two rows with a frame
         between them. Default: half of the median time between frames; for events one and a half of it.
+    topic
+        Of a bag: the topic that has the tracks. Default: the only one that may have some.
+    refine
+        Whether positions are refined by Lucas-Kanade: see `tracknoise.trackers.refinement.Refinement`.
     """
 
     kind: ClassVar[str] = "imported"
-    description: ClassVar[str] = "tracks that another front end wrote: CSV, Parquet, XIVO, event text, TAP, COLMAP"
+    description: ClassVar[str] = (
+        "tracks that another front end wrote: CSV, Parquet, XIVO, event text, TAP, COLMAP, bags"
+    )
     reports_causes: ClassVar[bool] = False
 
     path: PathTemplate
@@ -249,6 +280,8 @@ class Imported:
     raster: tuple[Positive, Positive] | None = None
     time_offset_s: Annotated[float, Ge(-_LARGEST_OFFSET_S), Le(_LARGEST_OFFSET_S)] = 0.0
     max_gap_s: Positive | None = None
+    topic: str | None = None
+    refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
         try:
@@ -275,9 +308,12 @@ class Imported:
         response: ArrayLike | None = None,
         quality: dict[str, ArrayLike] | None = None,
         units: str = Units.pixels,
+        refine: Refinement = _AS_REPORTED,
     ) -> ImportedArrays:
         """Tracks that are in memory: see `ImportedArrays.of`."""
-        return ImportedArrays.of(track, frame, u_px, v_px, response=response, quality=quality, units=units)
+        return ImportedArrays.of(
+            track, frame, u_px, v_px, response=response, quality=quality, units=units, refine=refine
+        )
 
     def start(self, context: SequenceContext) -> ImportedTracker:
         """Read the file of one sequence and speed.
@@ -294,7 +330,7 @@ class Imported:
         path = context.sequence.expand(self.path, speed=context.speed)
         kind = self.format or detected(path)
         whole = context.source_frames is None
-        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None)
+        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None, topic=self.topic)
         assignment = Assignment(
             Normalised() if self.units == Units.normalised else Raster(self.origin or origin_of(kind), self.raster),
             self.first_frame,
@@ -303,7 +339,7 @@ class Imported:
             asynchronous=kind is TrackFormat.events,
         )
         tracks, notes = assignment.tracks(rows, context)
-        return ImportedTracker(tracks, notes + subsampled(context, every_speed="{speed}" in self.path))
+        return ImportedTracker(tracks, notes + subsampled(context, every_speed="{speed}" in self.path), self.refine)
 
     def _require_files_of_views(self, sequence: SequenceId) -> None:
         """Refuse the file of upright, forward images for others: its positions and frames are not those of these."""

@@ -19,8 +19,9 @@ from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import nearest
 from tracknoise.geometry.projection import projection_jacobian
+from tracknoise.tables.schema import covariances
 from tracknoise.text import significant
-from tracknoise.trackers.tracker import SequenceContext, covariances
+from tracknoise.trackers.tracker import SequenceContext
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,16 +40,23 @@ class NetworkKeypoints:
         By the network; 1 where it gives none.
     descriptors : (n, d) float32
         None if the network has none.
+    covariances : (n, 3) float32
+        Of the positions, px^2: uu, uv and vv. None if the network predicts none.
     """
 
     uv: NDArray[np.float64]
     score: NDArray[np.float32]
     descriptors: NDArray[np.float32] | None
+    covariances: NDArray[np.float32] | None
+
+    def chosen(self, rows: NDArray[np.intp] | slice) -> "NetworkKeypoints":
+        """Some of them."""
+        descriptors, covariances = (None if one is None else one[rows] for one in (self.descriptors, self.covariances))
+        return NetworkKeypoints(self.uv[rows], self.score[rows], descriptors, covariances)
 
     def at_least(self, score: float) -> "NetworkKeypoints":
         """Those with this score or a higher one."""
-        n = int(np.count_nonzero(self.score >= score))
-        return NetworkKeypoints(self.uv[:n], self.score[:n], None if self.descriptors is None else self.descriptors[:n])
+        return self.chosen(slice(int(np.count_nonzero(self.score >= score))))
 
 
 def require_network(path: Path) -> None:
@@ -89,7 +96,7 @@ def find_keypoints(image: NDArray[np.uint8], path: Path, units: NetworkUnits) ->
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Network:
-    """An open network: its input, and its names of keypoints, scores and descriptors, as far as it has them."""
+    """An open network: its input, and its names of keypoints, scores, descriptors and covariances, as it has them."""
 
     session: Any
     input_name: str
@@ -122,7 +129,9 @@ def _open(path: Path, size: int, mtime_ns: int) -> _Network:
     if len(inputs) != 1 or len(shapes[0]) != 4 or inputs[0].type != "tensor(float)" or shapes[0][1] not in (1, 3):
         found = ", ".join(f"{one.name} {one.type} {shape}" for one, shape in zip(inputs, shapes, strict=True))
         raise DataError(path, f"inputs {found}", "one input of floats with the shape (1, 1 or 3, height, width)")
-    parts = ((part, name) for part in ("keypoints", "scores", "descriptors") for name in names if part in name)
+    parts = (
+        (part, name) for part in ("keypoints", "scores", "descriptors", "covariances") for name in names if part in name
+    )
     outputs = dict(parts)
     if "keypoints" not in outputs:
         raise DataError(path, f"outputs {', '.join(names)}", "one whose name contains keypoints")
@@ -141,12 +150,20 @@ def _strongest_first(
     if "descriptors" in found:
         descriptors = np.asarray(found["descriptors"], dtype=np.float32)
         descriptors = descriptors.reshape(-1, descriptors.shape[-1])
-    if len(score) != len(uv) or (descriptors is not None and len(descriptors) != len(uv)):
+    matrices = np.asarray(found["covariances"], dtype=np.float64) if "covariances" in found else None
+    lengths = {len(score), len(uv if descriptors is None else descriptors)}
+    if lengths != {len(uv)} or (matrices is not None and matrices.shape[-3:] != (len(uv), 2, 2)):
         shapes = ", ".join(f"{name} {np.shape(one)}" for name, one in found.items())
         raise TrackerError(f"{path}: the network returned {shapes}, expected one element per keypoint")
+    scale = np.array(image) / np.array(size)
     if units is NetworkUnits.minus_one_to_one:
         uv = (uv + 1) / 2 * (np.array(size) - 1)
-    uv = (uv + 0.5) * (np.array(image) / np.array(size)) - 0.5
+    uv = (uv + 0.5) * scale - 0.5
+    covariances = None
+    if matrices is not None:
+        stretch = scale * (np.array(size) - 1) / 2 if units is NetworkUnits.minus_one_to_one else scale
+        entries = (matrices * np.outer(stretch, stretch)).reshape(-1, 4)
+        covariances = entries[:, [0, 1, 3]].astype(np.float32)
     inside = np.all((uv >= 0) & (uv <= np.array(image) - 1), axis=1) & np.isfinite(score)
     rows = np.flatnonzero(inside)[np.argsort(-score[inside], kind="stable")]
-    return NetworkKeypoints(uv[rows], score[rows], None if descriptors is None else descriptors[rows])
+    return NetworkKeypoints(uv, score, descriptors, covariances).chosen(rows)

@@ -23,7 +23,7 @@ from tracknoise.trackers.tracker import Frame, SequenceContext
 
 _EIGENVALUE_UNIT = np.float32(1024)  # OpenCV's derivatives are 32 times too large, its structure tensor 2^20 too small
 
-_LARGEST_WINDOW_PX, _MOST_LEVELS = 999, 16
+LARGEST_WINDOW_PX, MOST_LEVELS = 999, 16
 """Beyond them OpenCV takes all memory; no image is as large."""
 
 Positions = NDArray[np.float32]
@@ -83,8 +83,8 @@ class LucasKanade:
 
     detection: Detection = field(default_factory=Detection)
     rejection: Rejection = field(default_factory=Rejection)
-    window_px: Annotated[int, Ge(3), Le(_LARGEST_WINDOW_PX)] = 15
-    extra_levels: Annotated[int, Ge(0), Le(_MOST_LEVELS)] = 4
+    window_px: Annotated[int, Ge(3), Le(LARGEST_WINDOW_PX)] = 15
+    extra_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] = 4
     iterations: Annotated[int, Ge(1)] = 30
     epsilon: Positive = 0.01
     max_displacement_px: Positive = 64.0
@@ -97,7 +97,7 @@ class LucasKanade:
     keyframe_share: Between0And1 = 0.5
     min_ncc: Between0And1 | None = None
     backward_px: Positive | None = None
-    backward_levels: Annotated[int, Ge(0), Le(_MOST_LEVELS)] | None = None
+    backward_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] | None = None
     backward_start: BackwardStart = BackwardStart.present
     max_age: Annotated[int, Ge(1)] | None = None
 
@@ -121,11 +121,11 @@ class LucasKanadeTracker(FollowingTracker):
     """
 
     def __init__(self, settings: LucasKanade, inliers: Inliers, guess: Guess = at_last) -> None:
-        super().__init__(settings, _Patches(settings, guess), inliers)
+        super().__init__(settings, PatchFollower(settings, guess), inliers)
 
 
-class _Patches:
-    """Alignment of the patches of features."""
+class PatchFollower:
+    """Alignment of the patches of features, each from where a guess says."""
 
     quality_names = ("lk_residual", "lk_min_eigenvalue")
 

@@ -533,7 +533,7 @@ class TrackFormat(StrEnum):
     """Formats of files of tracks.
 
     table: CSV with a header, or Parquet. xivo: the dump of XIVO's tracker. events: ``id t x y`` of event trackers. tap:
-    NumPy archive of a model that tracks any point. colmap: database of COLMAP.
+    NumPy archive of a model that tracks any point. colmap: database of COLMAP. bag: topic of a bag of ROS 1 or ROS 2.
     """
 
     table = "table"
@@ -541,6 +541,7 @@ class TrackFormat(StrEnum):
     events = "events"
     tap = "tap"
     colmap = "colmap"
+    bag = "bag"
 
 
 _BY_SUFFIX: Mapping[str, TrackFormat] = {
@@ -549,15 +550,25 @@ _BY_SUFFIX: Mapping[str, TrackFormat] = {
     ".txt": TrackFormat.events,
     ".npz": TrackFormat.tap,
     ".db": TrackFormat.colmap,
+    **dict.fromkeys((".bag", ".db3", ".mcap", ".zstd"), TrackFormat.bag),
 }
 SUFFIXES = tuple(_BY_SUFFIX)
 """Endings of file names that show a format."""
-_READERS: Mapping[TrackFormat, Callable[[Path, int | None], Rows]] = {
-    TrackFormat.table: lambda path, _: read_table(path),
-    TrackFormat.xivo: lambda path, _: read_xivo(path),
-    TrackFormat.events: lambda path, _: read_events(path),
-    TrackFormat.tap: lambda path, n_frames: read_tap(path, n_frames=n_frames),
-    TrackFormat.colmap: lambda path, n_frames: read_colmap(path, n_frames=n_frames),
+
+
+def _read_bag(path: Path, topic: str | None) -> Rows:
+    from tracknoise.trackers.bag_tracks import read_bag  # the library of bags takes a quarter of a second
+
+    return read_bag(path, topic)
+
+
+_READERS: Mapping[TrackFormat, Callable[[Path, int | None, str | None], Rows]] = {
+    TrackFormat.table: lambda path, _, __: read_table(path),
+    TrackFormat.xivo: lambda path, _, __: read_xivo(path),
+    TrackFormat.events: lambda path, _, __: read_events(path),
+    TrackFormat.tap: lambda path, n_frames, _: read_tap(path, n_frames=n_frames),
+    TrackFormat.colmap: lambda path, n_frames, _: read_colmap(path, n_frames=n_frames),
+    TrackFormat.bag: lambda path, _, topic: _read_bag(path, topic),
 }
 
 
@@ -577,7 +588,7 @@ def detected(path: Path) -> TrackFormat:
     return TrackFormat.xivo if path.suffix in (".csv", ".txt") and _is_xivo(path) else found
 
 
-def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None) -> Rows:
+def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None, topic: str | None = None) -> Rows:
     """Read a file of tracks.
 
     Parameters
@@ -588,13 +599,15 @@ def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None) -> Rows:
         Its format.
     n_frames
         Number of frames of the sequence; None if it is a part of the recording.
+    topic
+        Of a bag; None for the only one that has tracks.
 
     Raises
     ------
     DataError
         If the file is missing, damaged or of another format.
     """
-    return _READERS[kind](path, n_frames)
+    return _READERS[kind](path, n_frames, topic)
 
 
 def origin_of(kind: TrackFormat) -> PixelOrigin:

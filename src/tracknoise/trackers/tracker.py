@@ -91,14 +91,6 @@ def check_quality(quality: Mapping[str, NDArray[np.float32]], count: int) -> Non
             raise TrackerError(f"a tracker reported quality {name!r} as {found}, expected float32 of shape ({count},)")
 
 
-def covariances(quality: Mapping[str, object]) -> Iterator[tuple[str, str, str]]:
-    """Names of the covariances among quality: three numbers called ``<name>_uu``, ``<name>_uv`` and ``<name>_vv``."""
-    for name in (key.removesuffix("_uu") for key in quality if key.endswith("_uu")):
-        entries = (f"{name}_uu", f"{name}_uv", f"{name}_vv")
-        if all(entry in quality for entry in entries):
-            yield entries
-
-
 @dataclass(frozen=True, slots=True)
 class Step:
     """What a tracker reports about one frame.

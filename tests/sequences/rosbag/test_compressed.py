@@ -7,8 +7,8 @@ import pytest
 from backports import zstd
 from tests.writers.bags import BagWriter, Format
 
+from tracknoise import rosbag_files
 from tracknoise.exceptions import DataError
-from tracknoise.sequences import rosbag_files
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.recognise import recognise
 

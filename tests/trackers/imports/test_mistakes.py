@@ -312,7 +312,7 @@ def test_a_colmap_database_that_is_being_written_is_refused(tmp_path):
 def test_a_format_can_be_stated_for_a_file_with_another_ending(tmp_path):
     events(tmp_path / "tracks.log", observed())
     tap(tmp_path / "points.npz", observed())
-    with pytest.raises(ValueError, match=r"path is .*, expected a file that ends in .csv, .* or .db, or a format$"):
+    with pytest.raises(ValueError, match=r"path is .*, expected a file that ends in .csv, .* or .zstd, or a format$"):
         Imported(str(tmp_path / "tracks.log"))
     stated = Imported(str(tmp_path / "tracks.log"), format=TrackFormat.events).start(context(times=TIMES))
     native = Imported(str(tmp_path / "points.npz")).start(context())

@@ -4,6 +4,7 @@
 - Predicted and measured standard deviations of errors, by class of what was predicted.
 - The noise to give to an estimator, by the length of its windows.
 - How many claimed intervals of depths hold the true depth, by what noise is assumed.
+- Whether covariances that trackers predict are right: coverage, and NEES by age.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,8 @@ from tracknoise.estimators.calibration import Calibration, fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.inference.conventions import LEVEL
-from tracknoise.phrases.bands import describe_intervals
+from tracknoise.phrases.bands import AGE, describe_intervals
+from tracknoise.phrases.covariance_topic import covariance_message, covariance_sentence, own_covariances
 from tracknoise.phrases.depth_topic import LEVELS, depth_shares
 from tracknoise.phrases.window_topic import estimator_sentence, sigma_message
 from tracknoise.report import style
@@ -316,10 +318,78 @@ def _depth_interval_panel(table: pl.DataFrame, tracker: str) -> Panel:
     )
 
 
+_COVARIANCE_ID, _COVARIANCE_TITLE = "own-covariances", "Covariances that trackers predict"
+_COVARIANCE_ADVICE = (
+    "Below the diagonal, covariances are too small. A NEES of 1 is right, and of all ages together it is the factor "
+    "that would make them right. If it grows with age, errors add up along tracks, and the covariances do not."
+)
+
+
+def covariance_figures(data: ReportData) -> Sequence[Figure | Absence]:
+    """One figure, where a tracker predicts covariances: coverage of their regions, and NEES by age."""
+    rows = own_covariances(data).rename({"value": "u", "low": "u_low", "high": "u_high"})
+    levels = pl.col("quantity").replace_strict(LEVELS, default=None, return_dtype=pl.Int64)
+    shares = rows.filter(pl.col("quantity").is_in([*LEVELS])).with_columns(
+        pl.col("u", "u_low", "u_high") * 100, at=levels
+    )
+    nees = rows.filter(pl.col("at").is_not_null() & (pl.col("n") >= data.min_features), quantity="nees")
+    if shares.is_empty():
+        return []
+    lines = shares.select("tracker", "line").unique().sort("line").rows()
+    colours = _colours_of([name for tracker in data.trackers for of, name in lines if of == tracker])
+    bounded = pl.concat([shares, nees]).drop_nulls(["u_low", "u_high"]).rename({"n_scenes": "n_resampled"})
+    shows = (
+        f"Left: share of the errors inside the regions of a level. Right: NEES by {data.axis.name}, the mean of the "
+        f"squared Mahalanobis distance over 2. At speed {data.slowest}{data.where}, of {data.tracks_shown}. The "
+        "covariance of an error is that of its observation plus that of the first position of the track. "
+        f"{describe_intervals(bounded, of='the lines')}"
+    )
+    panels = [_coverage_panel(shares, colours), *([_nees_panel(data, nees, colours)] if nees.height else [])]
+    said = [*filter(None, (covariance_sentence(data, tracker) for tracker in data.trackers))]
+    spec = arranged(panels, columns=2, independent=["fill"])
+    look_for = " ".join([*said, _COVARIANCE_ADVICE])
+    return [Figure(_COVARIANCE_ID, _COVARIANCE_TITLE, shows, look_for, spec, covariance_message(data))]
+
+
+def _colours_of(lines: Sequence[str]) -> dict[str, str]:
+    return {name: style.PALETTE[place % len(style.PALETTE)] for place, name in enumerate(lines)}
+
+
+def _coverage_panel(shares: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
+    columns = shares.sort("line", "at").select("line", "at", "n", "u", "u_low", "u_high")
+    scale = alt.Scale(domain=[40, 100], nice=False, clamp=True)
+    x = alt.X("at:Q", title="level of the region (%)", scale=scale, axis=alt.Axis(values=[*LEVELS.values()]))
+    y = alt.Y("u:Q", title="errors inside (%)", scale=alt.Scale(domain=[0, 100], nice=False))
+    diagonal = alt.Chart(alt.InlineData(values=[{"at": 40, "u": 40}, {"at": 100, "u": 100}]))
+    right = diagonal.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
+    return _covariance_panel(columns, x, y, colours, "coverage", right)
+
+
+def _nees_panel(data: ReportData, nees: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
+    columns = nees.sort("line", "at").select("line", "at", "n", "u", "u_low", "u_high")
+    x = marks.along(columns["at"], title=data.axis.title, from_zero=data.axis is AGE)
+    ends = pl.concat([columns["u_low"], columns["u_high"], pl.Series([1.0])])
+    y = alt.Y("u:Q", title="NEES", scale=alt.Scale(domain=marks.holding(columns["u"], ends), nice=False))
+    first, last = columns["at"].min(), columns["at"].max()
+    ends_of_line = alt.Chart(alt.InlineData(values=[{"at": first, "u": 1.0}, {"at": last, "u": 1.0}]))
+    right = ends_of_line.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
+    return _covariance_panel(columns, x, y, colours, "NEES", right)
+
+
+def _covariance_panel(
+    columns: pl.DataFrame, x: alt.X, y: alt.Y, colours: Mapping[str, str], title: str, right: alt.Chart
+) -> Panel:
+    tips = [alt.Tooltip("line:N", title="tracker"), alt.Tooltip("at:Q"), alt.Tooltip("n:Q", title="errors"),
+            alt.Tooltip("u:Q", title=title)]  # fmt: skip
+    hue = marks.colour("line", colours, "tracker")
+    return lined(columns, "line", x, y, hue, colours, tips, title=title, height=230, below=[right])
+
+
 FIGURES: Sections = {
     "estimator": (
         window_sigma_figures,
         depth_interval_figures,
+        covariance_figures,
         model_fit_figures,
     ),
 }

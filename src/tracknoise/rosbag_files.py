@@ -22,7 +22,7 @@ import sys
 import tempfile
 import threading
 import weakref
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -37,7 +37,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MIB, damage_reported, is_folder, is_regular_file, require_regular
-from tracknoise.sequences.sequence import require_directory
 from tracknoise.text import counted
 
 ROS1_SUFFIX = ".bag"
@@ -61,7 +60,11 @@ def find_bags(root: Path) -> dict[str, Path]:
         return {root.resolve().name: root}
     bags: dict[str, Path] = {}
     visited: set[str] = set()
-    for name, below, files in os.walk(require_directory(root), followlinks=True):
+    if not is_folder(root):
+        raise DataError(
+            root, "not a directory" if is_regular_file(root) else "no such directory", "a data set's folder"
+        )
+    for name, below, files in os.walk(root, followlinks=True):
         real, folder = os.path.realpath(name), Path(name)
         found = [] if real in visited else _bags_in(folder, files)
         bags |= {path.relative_to(root).as_posix(): path for path in found}
@@ -344,6 +347,7 @@ def _ros2_name(written: str) -> str:
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _OLD_TRANSFORMS = "tf/msg/tfMessage"
 _OPEN_BAGS = 4
+NO_DEFINITIONS: Mapping[str, str] = {}
 
 
 class Position(NamedTuple):
@@ -381,10 +385,19 @@ class Topic:
 
 
 class Bag:
-    """An open bag. Damage is reported with the bag's name, and with the topic where it is known."""
+    """An open bag. Damage is reported with the bag's name, and with the topic where it is known.
 
-    def __init__(self, path: Path) -> None:
+    Parameters
+    ----------
+    path
+        File or folder.
+    definitions
+        Of messages that are not standard: text as in their ``.msg`` file, by type.
+    """
+
+    def __init__(self, path: Path, definitions: Mapping[str, str] = NO_DEFINITIONS) -> None:
         self.path = path
+        self._definitions = tuple(definitions.items())
         bag_size(path)
         with _damage(path), ExitStack() as opened:
             self._reader: Any = _opened_reader(opened.enter_context(plain_files(path)), opened)
@@ -415,7 +428,7 @@ class Bag:
                 previous = Position(received_ns, nth)
                 encoding = one.encoding if isinstance(one, McapConnection) else self._encoding
                 content = plain_message(data) if encoding == ROS2 else data
-                yield previous, _decoder(encoding)(content, kind)
+                yield previous, _decoder(encoding, self._definitions)(content, kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -466,13 +479,15 @@ def _reader(path: Path) -> Ros1Reader | Ros2Reader | McapReader:
 
 
 @lru_cache
-def _decoder(encoding: str) -> Any:
+def _decoder(encoding: str, definitions: tuple[tuple[str, str], ...]) -> Any:
     """What decodes the bytes of a message, given its type."""
     if encoding not in (ROS1, ROS2):
         raise ValueError(f"messages encoded as {encoding!r}, neither as {ROS1!r} nor as {ROS2!r}")
+    store = get_typestore(Stores.ROS2_HUMBLE if encoding == ROS2 else Stores.ROS1_NOETIC)
+    for kind, text in definitions:
+        store.register(get_types_from_msg(text, kind))
     if encoding == ROS2:
-        return get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
-    store = get_typestore(Stores.ROS1_NOETIC)
+        return store.deserialize_cdr
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
     return store.deserialize_ros1
 

@@ -1,0 +1,150 @@
+"""Whether covariances that trackers predict for their own observations are right, and whether they are of use."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import polars as pl
+
+from tracknoise.analysis.covariance_verdicts import ALIKE
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
+from tracknoise.phrases.run_data import RunData
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.tables.enumerations import Trust, Verdict
+from tracknoise.tables.trust import TruthVerdict
+from tracknoise.words import SPACE, format_as, format_estimate, number, thousandths
+
+_LEAST = 100
+"""With fewer errors than this, a covariance is not judged."""
+_USUAL = "cov"
+"""Name of the covariance of files of tracks, which no sentence has."""
+Rows = Mapping[str, dict[str, Any]]
+"""Rows of one covariance of a tracker at all ages together, by quantity."""
+
+
+def covariances(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Of every tracker that predicts covariances, whether they are right, and what would make them right."""
+    rows = conditions.reported(tables["own_covariances"]).filter(pl.col("at").is_null(), trimming=conditions.trimming)
+    errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
+    most = "" if TruthVerdict.of(tables["trust"]).verdict is Trust.trusted else "at most "
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _part(conditions.of(rows, tracker), tracker, most),
+        opening=f"Covariances that trackers predict {conditions.where(tables['summary'])}{errors}.",
+        closing=in_brackets(rows).strip(),
+        topic="covariances",
+        figure="estimator",
+        table="own_covariances",
+    )
+
+
+def _part(own: pl.DataFrame, tracker: str, most: str) -> Part | None:
+    """What is said about a tracker; `most` is said before a factor that errors of the truth may have made larger."""
+    judged = [(_called(tracker, name), rows) for name, rows in _by_name(own).items()]
+    if not judged:
+        return None
+    texts = [" ".join(_sentences(called, rows, most)) for called, rows in judged]
+    estimates = [
+        Estimate.of_row(rows[name], "value", "low", "high", "nat" if name == "gain" else "")
+        for _, rows in judged
+        for name in ("nees", "coverage_95", "coverage_50", "gain")
+        if name in rows
+    ]
+    return Part(" ".join(texts), estimates, _in_short(*judged[0]))
+
+
+def _by_name(own: pl.DataFrame) -> dict[str, Rows]:
+    """Rows of each covariance of a tracker that has enough errors, by its name."""
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for row in own.to_dicts():
+        found.setdefault(row["covariance"], {})[row["quantity"]] = row
+    return {name: rows for name, rows in found.items() if "nees" in rows and rows["nees"]["n"] >= _LEAST}
+
+
+def _called(tracker: str, name: str) -> str:
+    return f"{tracker}'s own covariances" if name == _USUAL else f"{tracker}'s covariances '{name}'"
+
+
+def _sentences(called: str, rows: Rows, most: str) -> list[str]:
+    nees = Estimate.of_row(rows["nees"], "value", "low", "high")
+    judged = f"{_judged(called, rows['nees'])}: {_held(rows, 95)}."
+    is_wrong = rows["nees"]["verdict"] == Verdict.no
+    size = f"{f'They would have to be multiplied by {most}' if is_wrong else 'Their NEES is '}{format_estimate(nees)}."
+    return [judged, size, *_of_truth(nees, rows), *_of_large_errors(rows), *_use(rows)]
+
+
+def _of_truth(nees: Estimate, rows: Rows) -> list[str]:
+    """Where covariances look too small, and the truth can be the reason."""
+    if rows["nees"]["verdict"] == Verdict.undecided and nees.above(ALIKE**2):
+        return ["They look too small, but errors of the truth can be the reason."]
+    return []
+
+
+def _judged(called: str, nees: Mapping[str, Any]) -> str:
+    if nees["verdict"] == Verdict.yes:
+        return f"{called} are right"
+    if nees["verdict"] == Verdict.no:
+        return f"{called} are too {'small' if nees['value'] > 1.0 else 'large'}"
+    return f"Whether {called} are right is undecided"
+
+
+def _held(rows: Rows, level: int) -> str:
+    return f"{level}{SPACE}% regions hold {100.0 * rows[f'coverage_{level}']['value']:.0f}{SPACE}%"
+
+
+def _of_large_errors(rows: Rows) -> list[str]:
+    """Where covariances are too small although at least half of the errors lie in the regions of half of them."""
+    low = rows["coverage_50"]["low"]
+    too_small = rows["nees"]["verdict"] == Verdict.no and rows["nees"]["value"] > 1.0
+    if not too_small or low is None or low < 0.5:
+        return []
+    return [f"But {_held(rows, 50)}: a few large errors make the factor, which a robust loss treats better."]
+
+
+def _use(rows: Rows) -> list[str]:
+    if "gain" not in rows:
+        return []
+    gain = Estimate.of_row(rows["gain"], "value", "low", "high")
+    if rows["gain"]["verdict"] == Verdict.yes:
+        written = format_as(gain, thousandths, unit=f"{SPACE}nat")
+        return [f"They tell which errors are large: scaled, they gain {written} per error over one sigma."]
+    if rows["gain"]["verdict"] == Verdict.no:
+        return ["They do not tell which errors are large: one sigma for all is as good."]
+    return ["Whether they tell which errors are large is undecided."]
+
+
+def _in_short(called: str, rows: Rows) -> str:
+    nees = rows["nees"]
+    factor = f", multiply by {number(nees['value'], digits=2)}" if nees["verdict"] == Verdict.no else ""
+    text = f"{_judged(called, nees)}: {_held(rows, 95)}{factor}."
+    useless = rows.get("gain", {}).get("verdict") == Verdict.no
+    return f"{text} One sigma for all is as good." if useless else text
+
+
+def own_covariances(data: RunData) -> pl.DataFrame:
+    """Rows of the reference view at the lowest speed that have enough errors, with the column `line` that names them.
+
+    Returns: columns of `tracknoise.tables.findings_schema.OWN_COVARIANCES`, and line.
+    """
+    rows = data.nominal(data.own_covariances).filter(trimming=data.trimming)
+    judged = rows.filter(pl.col("n") >= _LEAST, pl.col("at").is_null(), quantity="nees")
+    names = pl.when(covariance=_USUAL).then("tracker").otherwise(pl.format("{}: {}", "tracker", "covariance"))
+    key = [*POOLED, "covariance"]
+    return rows.join(judged.select(key), on=key, how="semi", maintain_order="left").with_columns(line=names)
+
+
+def covariance_sentence(data: RunData, tracker: str) -> str:
+    """The same in one sentence, of the first covariance of a tracker; empty where it predicts none."""
+    own = own_covariances(data).filter(pl.col("at").is_null(), tracker=tracker)
+    judged = [_in_short(_called(tracker, name), rows) for name, rows in _by_name(own).items()]
+    return judged[0] if judged else ""
+
+
+def covariance_message(data: RunData) -> str:
+    """The first verdict that is decided, in a few words; empty where none is."""
+    own = own_covariances(data).filter(pl.col("at").is_null())
+    for tracker in data.trackers:
+        for name, rows in _by_name(own.filter(tracker=tracker)).items():
+            if rows["nees"]["verdict"] != Verdict.undecided:
+                return f"{_judged(_called(tracker, name), rows['nees'])}: {_held(rows, 95)}"
+    return ""

@@ -1,0 +1,178 @@
+"""Tracks in bags of ROS 1 and ROS 2: topics on which front ends publish the features of each image.
+
+- VINS-Mono and its descendants: ``sensor_msgs/PointCloud`` with the channels id, u, v, or id, camera, u, v and more.
+- MSCKF-VIO: ``CameraMeasurement``, whose positions are normalised. The first camera counts.
+- OAK cameras: ``TrackedFeatures``.
+- DL-VINS: ``FeatureObservations``, of whose cameras the left one counts.
+
+A message has the time of its image. Definitions of messages are those of these packages; see
+`tracknoise.rosbag_files` for why those in bags are not used.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.parsing_child import LostError, call_in_child
+from tracknoise.rosbag_files import Bag, bag_size
+from tracknoise.trackers.imported_rows import Rows
+
+_DEFINITIONS: Mapping[str, str] = {
+    "msckf_vio/msg/FeatureMeasurement": "uint64 id\nfloat64 u0\nfloat64 v0\nfloat64 u1\nfloat64 v1",
+    "msckf_vio/msg/CameraMeasurement": "std_msgs/Header header\nmsckf_vio/FeatureMeasurement[] features",
+    "depthai_ros_msgs/msg/TrackedFeature": (
+        "std_msgs/Header header\ngeometry_msgs/Point position\nuint32 id\nuint32 age\nfloat32 harris_score\n"
+        "float32 tracking_error"
+    ),
+    "depthai_ros_msgs/msg/TrackedFeatures": "std_msgs/Header header\ndepthai_ros_msgs/TrackedFeature[] features",
+    "dl_vins/msg/FeatureObservations": (
+        "std_msgs/Header header\nuint32[] feature_ids\nuint32 num_features\n"
+        "float64[] points_left_x\nfloat64[] points_left_y\nfloat64[] points_right_x\nfloat64[] points_right_y\n"
+        "float64[] pixel_left_x\nfloat64[] pixel_left_y\nfloat64[] pixel_right_x\nfloat64[] pixel_right_y\n"
+        "float64[] velocities_x\nfloat64[] velocities_y"
+    ),
+}
+_NS = 10**9
+_WITH_CAMERA = 6
+"""A cloud with so many channels or more has the number of the camera in the second."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Features of one image.
+
+    Attributes
+    ----------
+    track : (n,)
+        Their numbers.
+    uv : (n, 2)
+        Positions.
+    response : (n,)
+        Of the detector; NaN where it is unknown.
+    quality : (n,) each
+        By name, the same names in all messages of a topic.
+    """
+
+    track: Sequence[float] | NDArray[Any]
+    uv: NDArray[np.float64]
+    response: NDArray[np.float32]
+    quality: Mapping[str, NDArray[np.float32]]
+
+
+def _plain(track: Any, *positions: Any) -> _Seen:
+    """Features of which nothing but positions is known. Raises ValueError if there is not one for each."""
+    lengths = [len(track), *map(len, positions)]
+    if len(set(lengths)) > 1:
+        raise ValueError(f"{lengths[0]} numbers of features, and {lengths[1]} and {lengths[2]} coordinates")
+    uv = np.column_stack([np.asarray(one, dtype=np.float64) for one in positions])
+    return _Seen(track, uv, np.full(len(uv), np.nan, dtype=np.float32), {})
+
+
+def _of_cloud(message: Any) -> _Seen:
+    channels = [channel.values for channel in message.channels]
+    if len(channels) < 3:
+        raise ValueError(f"a cloud of {len(channels)} channels, which are not id, u and v")
+    if len(channels) < _WITH_CAMERA:
+        return _plain(*channels[:3])
+    first = np.asarray(channels[1]) == 0
+    track, u, v = (np.asarray(channels[place])[first] for place in (0, 2, 3))
+    return _plain(track, u, v)
+
+
+def _of_msckf(message: Any) -> _Seen:
+    features = message.features
+    return _plain(*([getattr(one, name) for one in features] for name in ("id", "u0", "v0")))
+
+
+def _of_oak(message: Any) -> _Seen:
+    features = message.features
+    seen = _plain([one.id for one in features], *([getattr(one.position, name) for one in features] for name in "xy"))
+    scores, errors = (
+        np.array([getattr(one, name) for one in features], dtype=np.float32)
+        for name in ("harris_score", "tracking_error")
+    )
+    return _Seen(seen.track, seen.uv, scores, {"tracking_error": errors})
+
+
+def _of_dl_vins(message: Any) -> _Seen:
+    return _plain(message.feature_ids, message.pixel_left_x, message.pixel_left_y)
+
+
+_KINDS: Mapping[str, Callable[[Any], _Seen]] = {
+    "sensor_msgs/msg/PointCloud": _of_cloud,
+    "msckf_vio/msg/CameraMeasurement": _of_msckf,
+    "depthai_ros_msgs/msg/TrackedFeatures": _of_oak,
+    "dl_vins/msg/FeatureObservations": _of_dl_vins,
+}
+
+
+def read_bag(path: Path, topic: str | None) -> Rows:
+    """Read the tracks of one topic, in a process of its own, because a damaged bag may take all memory.
+
+    Parameters
+    ----------
+    path
+        File or folder of the bag.
+    topic
+        Its name. None: the only one that has tracks.
+
+    Raises
+    ------
+    DataError
+        If the bag is damaged, has no such topic or several, or the topic has no features.
+    """
+    try:
+        return call_in_child(_read, path, topic, size=bag_size(path))
+    except LostError as error:
+        raise DataError(path, f"a damaged bag ({error})", "a bag that can be read") from error
+
+
+def _read(path: Path, topic: str | None) -> Rows:
+    bag = Bag(path, _DEFINITIONS)
+    name = _chosen(bag, topic)
+    read = _KINDS[bag.topics[name].kind]
+    seen: list[_Seen] = []
+    times: list[int] = []
+    for place, (_, message) in enumerate(bag.messages(name)):
+        try:
+            seen.append(read(message))
+        except ValueError as error:
+            raise DataError(
+                f"{path} {name}: message {place + 1}", str(error), "one position for each feature"
+            ) from None
+        stamp = message.header.stamp
+        times.append(int(stamp.sec) * _NS + int(stamp.nanosec))
+    counts = [len(one.uv) for one in seen]
+    if not sum(counts):
+        raise DataError(f"{path} {name}", "no feature", "at least one")
+    uv = np.concatenate([one.uv for one in seen])
+    if not np.isfinite(uv).all():
+        found = uv[~np.isfinite(uv).all(axis=1)][0].tolist()
+        raise DataError(f"{path} {name}", f"a position {found}", "finite numbers")
+    return Rows(
+        path,
+        np.rint(np.concatenate([np.asarray(one.track, dtype=np.float64) for one in seen])).astype(np.int64),
+        uv,
+        time_ns=np.repeat(np.array(times, dtype=np.int64), counts),
+        response=np.concatenate([one.response for one in seen]),
+        quality={key: np.concatenate([one.quality[key] for one in seen]) for key in seen[0].quality},
+    )
+
+
+def _chosen(bag: Bag, topic: str | None) -> str:
+    """The topic that is asked for, or the only one that has tracks."""
+    fitting = [name for name, one in bag.topics.items() if one.kind in _KINDS]
+    if topic is None and len(fitting) == 1:
+        return fitting[0]
+    if topic in fitting:
+        return topic
+    kinds = ", ".join(sorted(kind.replace("/msg/", "/") for kind in _KINDS))
+    found = f"topics of tracks {', '.join(fitting)}" if fitting else f"no topic of the types {kinds}"
+    if topic is None:
+        raise DataError(bag.path, found, "one, or topic = ... among the options" if fitting else "one of these")
+    raise DataError(bag.path, f"no topic of tracks {topic}; {found}", "the name of one of these")

@@ -1,0 +1,126 @@
+"""Covariances that trackers predict: verdicts where they are right, too small, or say nothing, and parts by hand."""
+
+from collections.abc import Callable
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tracknoise.analysis.condition_units import USUAL, Sampling
+from tracknoise.analysis.covariance_verdicts import are_of_use, are_right, own_covariances
+from tracknoise.inference.units import SceneGroups
+from tracknoise.statistics.joining import Part, join
+from tracknoise.statistics.own_covariances import covariance_sums, relative
+from tracknoise.statistics.prepared import prepare_sequence
+from tracknoise.tables.schema import COVARIANCE_SUMS
+
+AGES, TRACKS = 6, 60
+COLUMNS = ("quality_cov_uu", "quality_cov_uv", "quality_cov_vv")
+
+
+def of_scene(observations, tracks, scene: str, seed: int, claim: Callable[[np.ndarray], np.ndarray]) -> pl.DataFrame:
+    """Sums of a scene whose errors have variances from 0.01 to 1 px^2; `claim` makes of them what the tracker says."""
+    rng = np.random.default_rng(seed)
+    track, age = np.repeat(np.arange(TRACKS), AGES), np.tile(np.arange(AGES), TRACKS)
+    variance = np.exp(rng.uniform(np.log(0.01), 0.0, size=(len(track), 2)))
+    error = np.where(age[:, None] > 0, rng.normal(size=variance.shape) * np.sqrt(variance), 0.0)
+    said = np.where(age[:, None] > 0, claim(variance), 0.0)
+    seen = observations(
+        scene=scene, track=track.tolist(), age=age.tolist(), frame=age.tolist(),
+        du_px=error[:, 0].tolist(), dv_px=error[:, 1].tolist(), truth="valid",
+    )  # fmt: skip
+    entries = (said[:, 0], 0.0 * age, said[:, 1])
+    table = seen.with_columns(pl.Series(name, part, pl.Float32) for name, part in zip(COLUMNS, entries, strict=True))
+    return covariance_sums(prepare_sequence(table, tracks(scene=scene, track=list(range(TRACKS)), lifetime=AGES)))
+
+
+def judged(observations, tracks, claim: Callable, sampling: Sampling = USUAL, scenes: int = 8) -> dict:
+    """Rows at all ages together, by quantity."""
+    made = [of_scene(observations, tracks, f"scene {place}", place, claim) for place in range(scenes)]
+    found = own_covariances(made, sampling).filter(trimming="untrimmed")
+    assert found["covariance"].unique().to_list() == ["cov"]
+    return {row["quantity"]: row for row in found.filter(pl.col("at").is_null()).to_dicts()}
+
+
+def test_right_covariances_are_right_and_of_use(observations, tracks) -> None:
+    found = judged(observations, tracks, lambda variance: variance)
+    assert found["nees"]["verdict"] == "yes"
+    assert found["gain"]["verdict"] == "yes"
+    for level in (50, 90, 95, 99):
+        assert found[f"coverage_{level}"]["low"] < level / 100 < found[f"coverage_{level}"]["high"]
+    assert found["impossible"]["value"] == 0.0
+    assert found["nees"]["n"] == 8 * TRACKS * (AGES - 1)
+
+
+def test_covariances_that_are_four_times_too_small_are_found_with_their_factor(observations, tracks) -> None:
+    found = judged(observations, tracks, lambda variance: variance / 4.0)
+    assert found["nees"]["verdict"] == "no"
+    assert found["nees"]["low"] < 4.0 < found["nees"]["high"]
+    assert found["coverage_95"]["value"] == pytest.approx(1.0 - 0.05**0.25, abs=0.02)  # chi square with two degrees
+    right = judged(observations, tracks, lambda variance: variance)
+    assert found["gain"]["value"] == pytest.approx(right["gain"]["value"], rel=1e-5)  # the factor is taken out
+
+
+def test_covariances_without_information_are_of_no_use(observations, tracks) -> None:
+    rng = np.random.default_rng(7)
+    shuffled = judged(observations, tracks, lambda variance: rng.permutation(variance))
+    assert shuffled["gain"]["verdict"] == "no"
+    assert shuffled["gain"]["high"] < 0.0
+    equal = judged(observations, tracks, lambda variance: np.full_like(variance, 0.215))
+    assert equal["gain"]["verdict"] == "no"
+    assert equal["gain"]["value"] == pytest.approx(0.0, abs=1e-6)
+    assert equal["nees"]["verdict"] == "yes"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [(None, None, "undecided"), (1e-17, 2e-17, "no"), (0.1, 0.2, "yes"), (-0.1, 0.2, "undecided"), (-0.2, -0.1, "no")],
+)
+def test_a_gain_is_of_use_where_it_is_more_than_rounding(low: float | None, high: float | None, says: str) -> None:
+    assert are_of_use(low, high) == says
+
+
+def test_groups_of_scenes_are_left_out_together(observations, tracks) -> None:
+    groups = SceneGroups({("d", f"scene {place}"): f"group {place // 2}" for place in range(12)})
+    found = judged(observations, tracks, lambda variance: variance, Sampling(groups=groups), scenes=12)
+    assert (found["gain"]["resampled"], found["gain"]["n_units"], found["gain"]["n_scenes"]) == ("groups", 6, 12)
+
+
+def test_one_scene_has_no_gain_and_nothing_is_decided_by_few(observations, tracks) -> None:
+    found = judged(observations, tracks, lambda variance: variance, scenes=1)
+    assert "gain" not in found
+    assert found["nees"]["resampled"] == "blocks"
+
+
+def test_sums_of_parts_are_those_of_the_whole(observations, tracks) -> None:
+    whole = of_scene(observations, tracks, "a", 3, lambda variance: variance)
+    parts = [(Part(place, 2, 0, {}), whole) for place in range(2)]
+    twice = join("covariance_sums", parts, COVARIANCE_SUMS)
+    sums = (table.select(pl.col(pl.Float64).sum()).row(0) for table in (twice, whole))
+    assert next(sums) == pytest.approx([2.0 * value for value in next(sums)])
+    assert twice.filter(pl.col("at").is_null())["n"].sum() == 2 * 2 * TRACKS * (AGES - 1)  # by trimming too
+
+
+def test_what_no_tracker_predicts_is_in_no_table(observations, tracks) -> None:
+    plain = observations(track=[0, 0], age=[0, 1], frame=[0, 1], du_px=[0.0, 1.0], dv_px=0.0, truth="valid")
+    sums = covariance_sums(prepare_sequence(plain, tracks(track=[0], lifetime=2)))
+    assert sums.is_empty()
+    assert own_covariances([sums]).is_empty()
+
+
+def test_an_error_has_the_covariance_of_both_positions() -> None:
+    entries = np.array([[1.0, 0.5, 2.0], [3.0, 0.0, 1.0], [np.nan] * 3, [4.0, 1.0, 4.0], [-1.0, 0.0, 1.0]])
+    track, first = np.array([0, 0, 1, 1, 1]), np.array([True, False, True, False, False])
+    found = relative(entries, track, first)
+    assert found[1].tolist() == [4.0, 0.5, 3.0]
+    assert found[3].tolist() == [4.0, 1.0, 4.0]  # a first position without a covariance counts as exact
+    assert np.isnan(found[4]).all()  # not positive definite
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "share", "says"),
+    [(2.0, 3.0, 0.3, "no"), (2.0, 3.0, 0.6, "undecided"), (2.0, 3.0, None, "undecided"), (0.2, 0.5, None, "no"),
+     (0.95, 1.1, 0.01, "yes"), (0.95, 1.1, 0.4, "undecided"), (None, None, 0.0, "undecided")],
+)  # fmt: skip
+def test_covariances_are_not_blamed_for_errors_of_the_truth(low, high, share, says) -> None:
+    assert are_right(low, high, share) == says

@@ -210,3 +210,23 @@ def test_the_residual_is_the_mean_difference_of_gray_values(sideways, setting):
     assert np.nanmax(same.quality["lk_residual"]) == 0
     assert 2.7 < np.nanmedian(brighter.quality["lk_residual"]) <= 3.0
     assert np.isnan(brighter.quality["lk_residual"][brighter.born]).all()
+
+
+@pytest.mark.parametrize("noise", [2.0, 6.0])
+def test_the_covariance_is_that_of_the_errors_that_noise_of_gray_values_makes(sideways, setting, noise):
+    rng = np.random.default_rng(5)
+    frames = [
+        Frame(one.index, np.clip(one.image + noise * rng.standard_normal(one.image.shape), 0, 255).astype(np.uint8))
+        for one in sideways[:2]
+    ]
+    tracker = LucasKanade(covariance=True).start(setting())
+    first, second = (tracker.step(frame) for frame in frames)
+    rows = np.flatnonzero(np.isin(second.ids, first.ids))
+    start = first.uv[np.searchsorted(first.ids, second.ids[rows])]
+    error = second.uv[rows] - start - np.array([3.0, -2.0])
+    uu, uv, vv = (second.quality[f"lk_cov_{name}"][rows].astype(float) for name in ("uu", "uv", "vv"))
+    near = np.hypot(*error.T) < 1.0
+    squared = (vv * error[:, 0] ** 2 - 2 * uv * error[:, 0] * error[:, 1] + uu * error[:, 1] ** 2) / (uu * vv - uv**2)
+    known = near & np.isfinite(squared)
+    assert known.sum() > 100
+    assert 0.5 * np.median(squared[known]) == pytest.approx(np.log(2.0), rel=0.5)  # chi square, two degrees of freedom

@@ -40,7 +40,7 @@ def dominant_gradient(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float
         Radians from u towards v, in (-pi/2, pi/2]. NaN where no gradient dominates, and where the window, with a
         pixel more around it for the derivatives, does not lie in the image.
     """
-    return _where_inside(frame, uv, _orientation)
+    return _where_inside(frame, uv, _orientation).astype(np.float32)
 
 
 def min_eigenvalue(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -49,14 +49,46 @@ def min_eigenvalue(frame: Frame, uv: NDArray[np.float64]) -> NDArray[np.float32]
     Shapes: uv (n, 2) px; returns (n,). (Gray values / px)^2. NaN where the window of `dominant_gradient` does not lie
     in the image.
     """
-    return _where_inside(frame, uv, _smaller_eigenvalue)
+    return _where_inside(frame, uv, _smaller_eigenvalue).astype(np.float32)
+
+
+def shift_covariance(
+    frame: Frame, uv: NDArray[np.float64], residual: NDArray[np.float32], *, window_px: int
+) -> NDArray[np.float32]:
+    """Covariance that least squares promise for the shift of a patch: s^2 (sum of g g^T over its pixels)^-1.
+
+    The sum is that of the window of `dominant_gradient`, scaled to the pixels of the patch. s is the standard deviation
+    of Gaussian differences of gray values, sqrt(pi / 2) times their mean absolute value.
+
+    Parameters
+    ----------
+    frame, uv
+        The image, and positions (n, 2) in it, px.
+    residual
+        (n,) mean absolute differences of the patches, gray values.
+    window_px
+        Side of the patches, px.
+
+    Returns
+    -------
+    (n, 3) float32
+        uu, uv and vv, px^2; NaN where gradients have one direction only, and where the window is not in the image.
+    """
+    uu, cross, vv = (
+        _where_inside(frame, uv, lambda *tensor: np.stack(tensor, axis=1), columns=3).T
+        / (_SCALE * WINDOW_PX / window_px) ** 2
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = 0.5 * np.pi * residual.astype(np.float64) ** 2 / (uu * vv - cross * cross)
+        found = np.stack([vv, -cross, uu], axis=1) * factor[:, None]
+    return np.where(np.isfinite(found), found, np.nan).astype(np.float32)
 
 
 def _where_inside(
-    frame: Frame, uv: NDArray[np.float64], of_tensor: Callable[..., NDArray[np.float64]]
-) -> NDArray[np.float32]:
-    """A function of the structure tensor at positions; NaN where the window leaves the image."""
-    values = np.full(len(uv), np.nan, dtype=np.float32)
+    frame: Frame, uv: NDArray[np.float64], of_tensor: Callable[..., NDArray[np.float64]], *, columns: int = 1
+) -> NDArray[np.float64]:
+    """A function of the structure tensor at positions, (n,) or (n, columns); NaN where the window leaves the image."""
+    values = np.full((len(uv), columns) if columns > 1 else len(uv), np.nan)
     least, most = _MARGIN_PX - 0.5, np.array(frame.size) - _MARGIN_PX - 0.5
     inside = np.all((uv >= least) & (uv < most), axis=1)
     if inside.any():

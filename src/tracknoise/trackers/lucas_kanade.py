@@ -14,6 +14,7 @@ from tracknoise.checks import Between0And1, Positive, settle_members
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
+from tracknoise.trackers.gradient import shift_covariance
 from tracknoise.trackers.patch_samples import correlation, offsets, sampled
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, Rejection
@@ -75,6 +76,8 @@ class LucasKanade:
         Of the search back: levels of the pyramid above the full resolution (None: `extra_levels`), and where it starts.
     max_age
         A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
+    covariance
+        Whether the covariance that least squares promise is reported, which every report then judges.
     """
 
     kind: ClassVar[str] = "lucas-kanade"
@@ -100,6 +103,7 @@ class LucasKanade:
     backward_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] | None = None
     backward_start: BackwardStart = BackwardStart.present
     max_age: Annotated[int, Ge(1)] | None = None
+    covariance: bool = False
 
     def __post_init__(self) -> None:
         settle_members(self, start_at=Start, template=Template, backward_start=BackwardStart)
@@ -117,17 +121,19 @@ class LucasKanadeTracker(FollowingTracker):
     current image (``lk_residual``, gray values), and the smallest eigenvalue of the mean structure tensor of its patch,
     from Scharr derivatives (``lk_min_eigenvalue``, (gray values / px)^2). The patch is that of the template. Both are
     OpenCV's; the eigenvalue is scaled so that a derivative has its unit. After an equalisation, gray values are those
-    of the equalised image.
+    of the equalised image. With `covariance`, it is also ``lk_cov_uu``, ``lk_cov_uv`` and ``lk_cov_vv``, px^2
+    (`tracknoise.trackers.gradient.shift_covariance`).
     """
 
     def __init__(self, settings: LucasKanade, inliers: Inliers, guess: Guess = at_last) -> None:
         super().__init__(settings, PatchFollower(settings, guess), inliers)
 
 
+_COVARIANCE = ("lk_cov_uu", "lk_cov_uv", "lk_cov_vv")
+
+
 class PatchFollower:
     """Alignment of the patches of features, each from where a guess says."""
-
-    quality_names = ("lk_residual", "lk_min_eigenvalue")
 
     def __init__(self, settings: LucasKanade, guess: Guess) -> None:
         self._settings = settings
@@ -136,6 +142,11 @@ class PatchFollower:
         self._images: dict[int, NDArray[np.uint8]] = {}
         self._index, self._uv = np.empty(0, dtype=np.int64), np.empty((0, 2))  # of the templates
         self._agreement = None if settings.min_ncc is None else _Agreement(settings.window_px, settings.min_ncc)
+
+    @property
+    def quality_names(self) -> tuple[str, ...]:
+        """See `LucasKanadeTracker`."""
+        return ("lk_residual", "lk_min_eigenvalue", *(_COVARIANCE if self._settings.covariance else ()))
 
     def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
         """Where features of one image are in the next."""
@@ -153,6 +164,9 @@ class PatchFollower:
             found[rows] = reached
             quality["lk_min_eigenvalue"][rows] = self._min_eigenvalue(image, patch)
         found &= np.isfinite(uv).all(axis=1)
+        if settings.covariance:
+            entries = shift_covariance(after, uv, quality["lk_residual"], window_px=settings.window_px)
+            quality |= dict(zip(_COVARIANCE, entries.T, strict=True))
         if self._agreement is not None:
             found &= self._agreement.holds(before, after, features, np.where(found[:, None], uv, 0.0))
         return Flow(uv, found, quality)

@@ -10,6 +10,7 @@ import pytest
 
 from tracknoise.estimators.run_models import RunModels, fitted_models
 from tracknoise.experiments import execute, run_findings
+from tracknoise.tables.results import RESULTS
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth_faults.audit_tables import not_audited
 
@@ -19,6 +20,18 @@ def measured_only() -> Iterator[None]:
     """Runs keep what they measured, and no statistics and findings are made of it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(execute, "_replace_results", lambda *_: None)
+        yield
+
+
+@contextmanager
+def without_findings() -> Iterator[None]:
+    """Runs are finished, with what they measured and the file of results, but nothing is found in it."""
+
+    def written(run: RunFolder, *_: object) -> None:
+        run.write_statistics({}, results=pl.DataFrame(schema=RESULTS))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(execute, "_replace_results", written)
         yield
 
 

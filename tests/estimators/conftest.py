@@ -85,7 +85,6 @@ def fast_model(made_once: Callable[[str, Callable[[Path], object]], Path], plant
 def common_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of such a run in which all features of a frame also have an error of 0.2 px in common."""
 
-
     def measure(path: Path) -> None:
         with without_findings():
             _measure(path, name="common", speeds=[1], option="common_px = 0.2")

@@ -29,7 +29,7 @@ class Remembered(View):
 
 def opened(*, hidden: bool):
     imaging = Imaging(readout_s=READOUT_S, rate_hz=30.0)
-    size = {"frames": 20, "width": 240, "height": 180, "supersampling": 1}
+    size = {"frames": 16, "width": 240, "height": 136, "supersampling": 1}
     reader = Simulated(motions=("arvr",), imaging=imaging, faults=Faults(hide_shutter=hidden), **size)
     return reader.open(reader.sequences()[0])
 

@@ -12,7 +12,6 @@ from tracknoise.truth_faults.check_report import Severity
 from tracknoise.truth_faults.clock_check import Rates, clock, estimate_offset, measured_offset
 from tracknoise.truth_faults.image_evidence import Evidence, Flow
 
-
 N_FRAMES = 60
 """Of the hand-held recording."""
 

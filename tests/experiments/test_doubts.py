@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import polars as pl
 import pytest
+from tests.lean import without_depths
 from tests.truth_faults.planted import MISTAKES, Planted, scaled_positions
 
 import tracknoise
@@ -40,8 +41,9 @@ def simulated():
 
 @pytest.fixture(scope="module", autouse=True)
 def let_go():
-    """The sequence is in memory as long as these tests need it."""
-    yield
+    """The sequence is in memory as long as these tests need it, which are not about depths of windows."""
+    with without_depths():
+        yield
     simulated.cache_clear()
 
 
@@ -141,7 +143,7 @@ def test_nothing_is_said_about_simulated_motions(motion):
 def test_errors_that_all_features_share_are_said_to_be_of_the_truth(sample):
     sequence = open_sequence("tum", sample("tum_rgbd"))
     trackers = [LucasKanade(), Correspondence(max_features=300)]
-    found = tracknoise.analyse(measure(sequence, trackers, max_frames=FEW_FRAMES, truth="birth"))
+    found = tracknoise.analyse(measure(sequence, trackers, max_frames=FEW_FRAMES))
     assert found.truth.verdict == "not trusted"
 
 

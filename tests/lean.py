@@ -1,6 +1,6 @@
 """Runs without what takes most of their time and a test does not look at."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -10,8 +10,12 @@ import pytest
 
 from tracknoise.estimators.run_models import RunModels, fitted_models
 from tracknoise.experiments import execute, run_findings
+from tracknoise.tables.findings_schema import DEPTH_INTERVALS
+from tracknoise.tables.schema import empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth_faults.audit_tables import not_audited
+
+replace_results = execute._replace_results
 
 
 @contextmanager
@@ -19,6 +23,19 @@ def measured_only() -> Iterator[None]:
     """Runs keep what they measured, and no statistics and findings are made of it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(execute, "_replace_results", lambda *_: None)
+        yield
+
+
+@contextmanager
+def without_findings() -> Iterator[None]:
+    """Runs are finished and have their statistics, but nothing is found in them."""
+
+    def written(run: RunFolder, _: object, statistics: Mapping[str, pl.DataFrame]) -> None:
+        run.write_statistics(statistics)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(execute, "_replace_results", replace_results)
+        patch.setattr(execute, "compute_findings", written)
         yield
 
 
@@ -57,6 +74,14 @@ def without_audit() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_findings, "run_audit", audited)
+        yield
+
+
+@contextmanager
+def without_depths() -> Iterator[None]:
+    """Findings are made as if no tracker had tracks for the intervals of depths, which take a third of their time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_findings, "depth_intervals", lambda *_: empty(DEPTH_INTERVALS))
         yield
 
 

@@ -9,7 +9,15 @@ from tracknoise.experiments.measure import measure
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.tables.identity import Direction
 
-OPTIONS = {"world": "objects", "motions": ("linear",), "frames": 24, "width": 320, "height": 240, "seed": 4711}
+OPTIONS = {
+    "world": "objects",
+    "motions": ("linear",),
+    "frames": 24,
+    "width": 320,
+    "height": 240,
+    "seed": 4711,
+    "supersampling": 1,
+}
 
 
 def means(reader: Simulated, direction: Direction) -> dict[str, dict[str, float]]:

@@ -17,7 +17,7 @@ WORSE = {"seed": 1, "sigma_px": 0.3, "loss": 0.2}
 @pytest.fixture
 def make(made_once):
     def made(name, *, seed=0, **settings):
-        world = World(**{**BASE, **settings})
+        world = World(**{**BASE, **settings}, told=False)
         return str(made_once(f"compare-{name}", lambda path: write_run(path, world, seed=seed)))
 
     return made

@@ -65,7 +65,7 @@ def test_messages_that_cannot_be_written_do_not_stop_a_run(redirected, workers, 
 @pytest.mark.usefixtures("shell")
 def test_bars_in_a_terminal_that_closes_do_not_stop_a_run(tmp_path):
     ours, theirs = pty.openpty()
-    command = [sys.executable, "../go.py", *run(2).split()]
+    command = [sys.executable, "../go.py", *run(1).split()]
     environment = {**os.environ, "TERM": "xterm"}
     with subprocess.Popen(
         command, cwd=tmp_path / "current", stderr=theirs, stdout=subprocess.PIPE, env=environment

@@ -1,14 +1,14 @@
 """A run with planted white noise, measured once."""
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import pytest
-from tests.lean import with_models
+from tests.lean import with_models, without_findings
 
 from tracknoise.cli.app import main
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.run_models import run_models
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.tables.store import RunFolder
@@ -67,20 +67,28 @@ def planted_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> P
 
 @pytest.fixture(scope="session")
 def planted_model(planted_run: Path) -> NoiseModel:
-    """The model of its tracker at speed 1."""
-    return NoiseModel.fit(planted_run, tracker="oracle")
+    """The model of its tracker at speed 1, which the run has; `tests/report/test_run_models.py` fits it again."""
+    return run_models(RunFolder(planted_run)).models["oracle"]
 
 
 @pytest.fixture(scope="session")
-def fast_model(planted_run: Path) -> NoiseModel:
+def fast_model(made_once: Callable[[str, Callable[[Path], object]], Path], planted_run: Path) -> NoiseModel:
     """As `planted_model`, at speed 2."""
-    return NoiseModel.fit(planted_run, tracker="oracle", speed=2)
+
+    def fit(path: Path) -> None:
+        path.write_text(NoiseModel.fit(planted_run, tracker="oracle", speed=2).text)
+
+    return NoiseModel.read(made_once("fast-model.noise.json", fit))
 
 
 @pytest.fixture(scope="session")
 def common_run(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
     """Folder of such a run in which all features of a frame also have an error of 0.2 px in common."""
-    measure = partial(_measure, name="common", speeds=[1], option="common_px = 0.2")
+
+    def measure(path: Path) -> None:
+        with without_findings():
+            _measure(path, name="common", speeds=[1], option="common_px = 0.2")
+
     return made_once("common-noise", measure) / "run"
 
 

@@ -79,18 +79,22 @@ def test_only_the_named_scenes_are_fitted_to(planted_run: Path, model: tn.NoiseM
     assert some.white.sigma.low < some.white.sigma.value < some.white.sigma.high  # blocks of tracks are resampled
 
 
-def test_groups_that_the_experiment_declares_are_those_of_the_fit(
+def test_groups_are_those_of_the_experiment_and_scales_of_tracks_need_sampled_tracks(
     planted_run: Path, model: tn.NoiseModel, tmp_path: Path
 ) -> None:
     folder = RunFolder(shutil.copytree(planted_run, tmp_path / "run"))
     text = folder.experiment_toml().replace("[dataset]", "[dataset]\ngroups = {}", 1)
     manifest = folder.manifest()
     folder.replace_experiment(text, manifest)
+    del next(iter(manifest.sequences.values())).sha256["track_errors"]
     folder.write_manifest(manifest)
     known, found = (training_tables(one, tracker="oracle", speed=1).groups for one in (RunFolder(planted_run), folder))
     assert set(known.names.values()) == {"sideways", "forward"}
     assert found.names == {}
-    wide, narrow = model.white.sigma, tn.NoiseModel.fit(folder.path, tracker="oracle").white.sigma
+    other = tn.NoiseModel.fit(folder.path, tracker="oracle")
+    assert model.track_scale is not None
+    assert other.track_scale is None
+    wide, narrow = model.white.sigma, other.white.sigma
     assert wide.value == narrow.value
     assert wide.low != narrow.low
 
@@ -116,17 +120,6 @@ def test_runs_of_earlier_versions_say_what_is_missing(planted_run: Path, tmp_pat
     assert all(folder.has_sequence(entry) for entry in folder.manifest().sequences.values())
     with pytest.raises(StoreError, match="holds no sums for noise models"):
         tn.NoiseModel.fit(folder.path, tracker="oracle")
-
-
-def test_models_of_runs_without_sampled_tracks_have_no_scale_of_tracks(
-    planted_run: Path, model: tn.NoiseModel, tmp_path: Path
-) -> None:
-    assert model.track_scale is not None
-    folder = RunFolder(shutil.copytree(planted_run, tmp_path / "run"))
-    manifest = folder.manifest()
-    del next(iter(manifest.sequences.values())).sha256["track_errors"]
-    folder.write_manifest(manifest)
-    assert tn.NoiseModel.fit(folder.path, tracker="oracle").track_scale is None
 
 
 def test_commands(planted_run: Path, tmp_path: Path, tracknoise) -> None:

@@ -1,5 +1,7 @@
 """Robust losses that are tried on tracks of a run: the sigma that belongs to each, and which of them is chosen."""
 
+from functools import cache
+
 import numpy as np
 import polars as pl
 import pytest
@@ -57,8 +59,13 @@ def tried(table: pl.DataFrame, most_px: float = np.inf) -> dict[tuple[str, float
     return {(str(one.kind), round(one.knee_px / SIGMA, 6)): one for one in found}
 
 
+@cache
+def of_one_scale() -> dict[tuple[str, float], Kernel]:
+    return tried(tracks(np.full(80, SIGMA)))
+
+
 def test_gaussian_noise_needs_the_sigma_that_theory_says() -> None:
-    found = tried(tracks(np.full(80, SIGMA)))
+    found = of_one_scale()
     assert set(found) == {(kind, knee) for kind in ("cauchy", "huber") for knee in KNEES}
     for (kind, knee), one in found.items():
         if knee >= 1.0:  # the points absorb a part of the residuals, which matters for small knees
@@ -81,7 +88,7 @@ def test_errors_that_an_outlier_test_rejects_do_not_count() -> None:
     wild = table.with_columns(
         du_px=pl.when(pl.col("track") < 8, pl.col("age") > 5).then(50.0).otherwise("du_px").cast(pl.Float32)
     )
-    clean, kept = tried(table), tried(wild, most_px=10.0)
+    clean, kept = of_one_scale(), tried(wild, most_px=10.0)
     assert kept["huber", 3.0].sigma_ratio.value == pytest.approx(clean["huber", 3.0].sigma_ratio.value, rel=0.2)
     assert tried(wild)["huber", 3.0].sigma_ratio.low > clean["huber", 3.0].sigma_ratio.high
 

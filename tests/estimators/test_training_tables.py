@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
+from tests.lean import measured_by_command, without_findings
 
 from tracknoise.estimators.calibration import check_model
 from tracknoise.estimators.noise_model import NoiseModel
@@ -42,11 +43,18 @@ min_features = 2
 VIEWS = ("[[views]]", 'direction = "backward"', "speeds = [1, 2]", "rotation = 90")
 
 
+def measured(text: str, folder: Path, tracknoise: Callable[..., tuple[int, str, str]]) -> Path:
+    """The run of an experiment, without its analysis."""
+    (folder / "x.toml").write_text(text)
+    command = ("run", folder / "x.toml", "--out", folder / "run", "--workers", 1, "--no-report", "--quiet")
+    with measured_by_command(), without_findings():
+        assert tracknoise(*command)[0] == 0
+    return folder / "run"
+
+
 def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[..., tuple[int, str, str]]) -> None:
     """Speed 2 has no other than the one that is played backward."""
-    (tmp_path / "x.toml").write_text(TEXT)
-    run = tmp_path / "run"
-    assert tracknoise("run", tmp_path / "x.toml", "--out", run, "--workers", 1, "--no-report", "--quiet")[0] == 0
+    run = measured(TEXT, tmp_path, tracknoise)
     read = all_training_tables(RunFolder(run), [("oracle", 1), ("oracle", 2)])
     for tables, direction in zip(read, ("forward", "backward"), strict=True):
         for table in tables.tables.values():
@@ -66,9 +74,7 @@ def test_blocks_are_added_up_where_scenes_are_resampled(
 ) -> None:
     """Six scenes are; a model of a few of them would need the blocks."""
     text = TEXT.replace("worlds = 2", "worlds = 6").replace("frames = 8", "frames = 5")
-    (tmp_path / "x.toml").write_text("\n".join(line for line in text.splitlines() if line not in VIEWS))
-    run = tmp_path / "run"
-    assert tracknoise("run", tmp_path / "x.toml", "--out", run, "--workers", 1, "--no-report", "--quiet")[0] == 0
+    run = measured("\n".join(line for line in text.splitlines() if line not in VIEWS), tmp_path, tracknoise)
     keys, numbers = ["scene", "product", "age"], ["n", "uu", "uv", "vv", "first", "white", "walk", "drift"]
 
     def added(sums: pl.DataFrame) -> pl.DataFrame:

@@ -15,6 +15,7 @@ from benchmarks.planted_windows import (
 )
 from scipy import stats
 
+from tracknoise.estimators import learning
 from tracknoise.estimators.bundle import Assumption, Loss, LossKind, adjust, expected_nees, gate_ratios
 from tracknoise.estimators.learning import fit_noise, learn, mean_drift, student_of_errors
 from tracknoise.estimators.linear_window import Motion
@@ -54,6 +55,18 @@ def _learned(planted: PlantedNoise) -> Beliefs:
     return learn(_windows(planted, 6, 1000), planted=planted)
 
 
+def _untuned(windows: list[Problem], planted: PlantedNoise | None = None) -> Beliefs:
+    """What is learned of the noise alone: no knee and no gate is tried, which takes most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(learning, "tuned", lambda beliefs, _: beliefs)
+        return learn(windows, planted=planted)
+
+
+@cache
+def _textured() -> Beliefs:
+    return _untuned(_windows(TEXTURED, 6, 1000), TEXTURED)
+
+
 def _sigmas(noise: TrackNoise) -> list[float]:
     return [float(np.sqrt(part[0, 0])) for part in (noise.first, noise.white, noise.walk)]
 
@@ -64,7 +77,7 @@ def test_planted_components_come_back() -> None:
 
 
 def test_planted_texture_comes_back() -> None:
-    law = _learned(TEXTURED).by_quality
+    law = _textured().by_quality
     (texture,) = law.conditions
     assert texture.of == TEXTURE
     assert np.diff(log_factor(texture, np.exp([-0.5, 0.5]))) == pytest.approx(-2.0, abs=0.2)
@@ -79,7 +92,7 @@ def test_tracks_of_one_scale_are_not_given_their_own() -> None:
 
 
 def test_a_scale_of_each_track_is_learned_from_windows() -> None:
-    beliefs = learn(_windows(replace(MIXED, track_nu=3.0), 12, 0))
+    beliefs = _untuned(_windows(replace(MIXED, track_nu=3.0), 12, 0))
     assert beliefs.scaled.nu == pytest.approx(3.0, rel=0.3)
     assert _sigmas(beliefs.scaled.noise) == pytest.approx([0.1, 0.2, 0.1], abs=0.03)
 
@@ -149,7 +162,7 @@ def test_control_1_under_independent_noise_all_arms_tie() -> None:
 
 
 def test_control_2_a_covariate_of_other_tracks_does_not_help() -> None:
-    beliefs, windows = _learned(TEXTURED), _windows(TEXTURED, 16, 0)
+    beliefs, windows = _textured(), _windows(TEXTURED, 16, 0)
     gain, none = (
         _mean_log_ratio(try_arms(part, beliefs, arms=["1", "6b"]), "6b")
         for part in (windows, with_permuted_covariates(windows))
@@ -193,7 +206,7 @@ def test_control_6_four_times_the_covariance_leaves_poses_unchanged() -> None:
 
 def test_a_correction_of_a_real_drift_helps_and_its_opposite_hurts() -> None:
     planted = PlantedNoise(noise=TrackNoise.isotropic(first=0.1, white=0.1), bias_px_per_frame=(0.1, 0.05))
-    beliefs, windows = _learned(planted), _windows(planted, 8, 0)
+    beliefs, windows = _untuned(_windows(planted, 6, 1000), planted), _windows(planted, 8, 0)
     helped = _mean_log_ratio(try_arms(windows, beliefs, arms=["1", "7b"]), "7b")
     hurt = _mean_log_ratio(try_arms(windows, with_drift_reversed(beliefs), arms=["1", "7b"]), "7b")
     assert helped < -0.1

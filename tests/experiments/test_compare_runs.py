@@ -27,7 +27,7 @@ def make(made_once):
     """Writes a run of a world that differs from the base in some settings."""
 
     def made(name, *, seed=0, **settings):
-        world = World(**{**BASE, **settings})
+        world = World(**{**BASE, **settings}, told=False)
         return made_once(f"compare-{name}", lambda path: write_run(path, world, seed=seed))
 
     return made

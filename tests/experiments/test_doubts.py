@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import polars as pl
 import pytest
+from tests.lean import without_depths
 from tests.truth_faults.planted import MISTAKES, Planted, scaled_positions
 
 import tracknoise
@@ -21,14 +22,14 @@ SEEN_IN_THE_ERRORS_OF_ALL = ("ray depth", "one frame late", "one frame early")
 """Mistakes that move points by less than the noise of a track in the slow world. The audit of the run names them."""
 SEEN_IN_SLOW_TRACKS = ("inverted", "ned", "wxyz read as xyzw", "poses in mm", "half the size", "two frames late")
 """One of each kind; the others are planted in a real recording. `tests/truth_faults/test_mistakes.py` plants all."""
-FEW_FRAMES = 17
+FEW_FRAMES = 12
 """Recordings are cut to this length."""
 
 
 @cache
 def simulated():
     """A simulated sequence in memory, so that its images are rendered once."""
-    made = open_sequence("simulated", motions=("arvr",), frames=40, width=320, height=240, supersampling=1)
+    made = open_sequence("simulated", motions=("arvr",), frames=30, width=320, height=240, supersampling=1)
     maps = [made.depth(index) for index in range(len(made))]
     return Sequence.from_arrays(
         [made.image(index) for index in range(len(made))],
@@ -40,12 +41,13 @@ def simulated():
 
 @pytest.fixture(scope="module", autouse=True)
 def let_go():
-    """The sequence is in memory as long as these tests need it."""
-    yield
+    """The sequence is in memory as long as these tests need it, which are not about depths of windows."""
+    with without_depths():
+        yield
     simulated.cache_clear()
 
 
-def measured(sequence, most=40):
+def measured(sequence, most=30):
     # a ray cast from wrong poses would give other depths
     return measure(sequence, LucasKanade(), truth="birth", max_frames=most)
 

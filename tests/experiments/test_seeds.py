@@ -13,11 +13,14 @@ def repeated(experiment, seeds=3):
 
 
 @pytest.fixture
-def both(finished, tmp_path, told):
+def both(finished, made_once, told):
+    """Runs of one seed and of three, which no test changes."""
     experiment, one = finished(2)
-    several = RunFolder(tmp_path / "several")
-    execute(repeated(experiment), several, listener=told())
-    return one, several
+
+    def measure(path):
+        execute(repeated(experiment), RunFolder(path), listener=told())
+
+    return one, RunFolder(made_once("several-seeds", measure))
 
 
 def test_results_are_those_of_the_first_seed(both, files):

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 from benchmarks.validity.rigid import pose_noise
-from tests.lean import without_audit
+from tests.lean import without_audit, without_depths
 from tests.truth_faults.planted import Planted, resized
 
 import tracknoise
@@ -31,7 +31,7 @@ def runs():
     wrong = Planted(exact, poses=lambda poses: poses @ noise, intrinsics=resized(1.1))
     trackers = {"one": tracknoise.LucasKanade(), "other": tracknoise.Correspondence()}
     measure = partial(tracknoise.measure, trackers=trackers, truth="birth")
-    with without_audit():
+    with without_audit(), without_depths():
         return {name: tracknoise.analyse(measure(of)) for name, of in (("exact", exact), ("wrong", wrong))}
 
 

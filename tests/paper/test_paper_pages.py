@@ -39,7 +39,14 @@ def mapped(experiment: str) -> set[str]:
 
 @pytest.mark.parametrize("experiment", WORLDS)
 def test_the_map_is_whole(make_run: Callable[..., RunFolder], experiment: str) -> None:
-    settings = {"scenes": ("one",), "trackers": (TRACKER,), "n_frames": 14, "min_features": 15, "hidden": 0.1}
+    settings = {
+        "scenes": ("one",),
+        "trackers": (TRACKER,),
+        "n_frames": 14,
+        "min_features": 15,
+        "hidden": 0.1,
+        "told": False,
+    }
     data = ReportData.of(make_run(**settings, **WORLDS[experiment]))
     figures = {item.id for family in FAMILIES for item in family.figures(data) if isinstance(item, Figure)}
     besides = BESIDES | {f"error-by-{data.axis.name}-untrimmed"}

@@ -1,11 +1,12 @@
 """Run folders of made-up measurements, and the module that makes them."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from altair.utils.schemapi import debug_mode
 from tests.estimators.conftest import planted_run
 from tests.report import synthetic as module
 from tests.report.fitted import fitted_run
@@ -16,6 +17,13 @@ from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder
 
 __all__ = ["fitted_run", "make_run", "planted_run"]
+
+
+@pytest.fixture(scope="package", autouse=True)
+def unchecked_parts() -> Iterator[None]:
+    """Figures are made as in a program: Altair checks none of their parts. `tests/contract` checks them whole."""
+    with debug_mode(False):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from tracknoise.truth_faults.check_report import Severity
 from tracknoise.truth_faults.image_evidence import Evidence
 from tracknoise.truth_faults.motion_checks import warping
 
-N_FRAMES = 16
+N_FRAMES = 12
 
 
 @pytest.fixture(scope="module")

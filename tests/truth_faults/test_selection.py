@@ -50,7 +50,7 @@ def test_a_fault_that_two_of_eight_scenes_show_is_named(parameter, size) -> None
 
 
 def test_what_is_certain_but_explains_next_to_nothing_is_small() -> None:
-    many = replace(WORLD, per_scene=300)
+    many = replace(WORLD, per_scene=200)
     found = select(samples(many, seed=1, focal_length=0.002))
     judged = {one.parameter: one for one in judge(found)}
     assert not found.named

@@ -85,7 +85,9 @@ def block(
 
 def dressed(quad: Quad, rng: np.random.Generator, textures: range, *, repeat_m: float) -> Quad:
     """The quad with one of the textures, at a random offset."""
-    return quad.dressed(int(rng.choice(textures)), repeat_m=repeat_m, start=(rng.uniform(), rng.uniform()))
+    return quad.dressed(
+        textures[int(rng.integers(len(textures)))], repeat_m=repeat_m, start=(rng.uniform(), rng.uniform())
+    )
 
 
 _WEST, _EAST, _SOUTH, _NORTH = -22.0, 27.0, -22.0, LANE_NORTH_M + 50.0

@@ -91,10 +91,14 @@ def _blend(first: NDArray[np.float32], second: NDArray[np.float32], share: NDArr
 def _pyramid(texture: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
     """The texture and its means over 2x2, 4x4, ... texels, down to a single one."""
     yield texture
-    while texture.shape[0] > 1:
-        half = texture.shape[0] // 2
-        texture = texture.reshape(half, 2, half, 2).mean(axis=(1, 3), dtype=np.float32)
+    while texture.shape[0] > 2:
+        upper, lower = texture[::2], texture[1::2]
+        texture = upper[:, ::2] + upper[:, 1::2]
+        texture += lower[:, ::2] + lower[:, 1::2]
+        texture *= np.float32(0.25)
         yield texture
+    if texture.shape[0] > 1:
+        yield texture.mean(dtype=np.float32, keepdims=True)
 
 
 _DARKEST, _LIGHTEST = 0.03, 0.97

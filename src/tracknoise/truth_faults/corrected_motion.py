@@ -102,6 +102,9 @@ class CorrectedMotion:
     @cached_property
     def moving(self) -> Moving:
         """Corrected poses and velocities."""
+        if self._by_frame is not None:
+            motion, row = self._by_frame
+            return motion.moving.taken(row)
         stated = self._stated
         if not self._has_delay and self._smoothing == 0.0:
             return stated
@@ -122,11 +125,25 @@ class CorrectedMotion:
 
     def by_path(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Turns in the own frame, and moves in the world, for delays of the rotation and smoothing, both (n, 3, 4)."""
+        if self._by_frame is not None:
+            motion, row = self._by_frame
+            turns, moves = motion.by_path()
+            return turns[row], moves[row]
         bend, _ = self._bend
         turns, moves = np.zeros((2, len(self.frame), 3, 4))
         turns[:, range(3), range(3)], turns[:, :, 3] = self._delayed.by_delay, -bend[:, 0]
         moves[:, :, 3] = -bend[:, 1]
         return (right_jacobian(self._turn) @ turns if self._turn.any() else turns), moves
+
+    @cached_property
+    def _by_frame(self) -> "tuple[CorrectedMotion, NDArray[np.intp]] | None":
+        """The motion of each frame once, and where rows are in it; None where rows have times of their own."""
+        if self.row_delay.any():
+            return None
+        frames, row = np.unique(self.frame, return_inverse=True)
+        if len(frames) == len(self.frame):
+            return None
+        return CorrectedMotion(self.paths, self.corrections, frames, np.zeros(len(frames))), row
 
     @cached_property
     def _turn(self) -> NDArray[np.float64]:

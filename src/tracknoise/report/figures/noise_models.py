@@ -8,6 +8,7 @@
 """
 
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import altair as alt
 import polars as pl
@@ -368,8 +369,9 @@ def _coverage_panel(shares: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
 def _nees_panel(data: ReportData, nees: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
     columns = nees.sort("line", "at").select("line", "at", "n", "u", "u_low", "u_high")
     x = marks.along(columns["at"], title=data.axis.title, from_zero=data.axis is AGE)
-    ends = pl.concat([columns["u_low"], columns["u_high"], pl.Series([1.0])])
-    y = alt.Y("u:Q", title="NEES", scale=alt.Scale(domain=marks.holding(columns["u"], ends), nice=False))
+    held = pl.concat([columns["u"], pl.Series([1.0])])
+    domain = [cast(float, held.min()) / 2.0, cast(float, held.max()) * 2.0]
+    y = alt.Y("u:Q", title="NEES", scale=alt.Scale(type="log", domain=domain, nice=False, clamp=True))
     first, last = columns["at"].min(), columns["at"].max()
     ends_of_line = alt.Chart(alt.InlineData(values=[{"at": first, "u": 1.0}, {"at": last, "u": 1.0}]))
     right = ends_of_line.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)

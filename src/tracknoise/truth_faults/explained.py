@@ -20,7 +20,7 @@ a. The share is that of sum s^2 g^2 in the sum of both variances. Where depth ma
 but the share of what the maps do not repeat.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,8 +74,8 @@ def explained(samples: AuditSamples, parameters: Sequence[Parameter]) -> Explain
     by_depth = stated.by([Parameter.depth_scale])[:, :, 0]
     return Explained(
         _by_faults(samples, error, scale, stated.by(parameters), 1.0 / furthest(parameters) ** 2),
-        _by_depths(samples, error, by_depth, _fitted_share) or Gain(0.0, 0.0, 0.0),
-        _by_depths(samples, error, by_depth, _repeated_share),
+        _by_depths(samples, error, by_depth, by_maps=False) or Gain(0.0, 0.0, 0.0),
+        _by_depths(samples, error, by_depth, by_maps=True),
     )
 
 
@@ -97,16 +97,14 @@ def _by_faults(
 
 
 def _by_depths(
-    samples: AuditSamples,
-    error: NDArray[np.float64],
-    by_depth: NDArray[np.float64],
-    share: "Callable[[_Rows, NDArray[np.bool_]], float]",
+    samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64], *, by_maps: bool
 ) -> Gain | None:
-    """(truth.depths), with its interval; None where nothing is known."""
+    """(truth.depths), with its interval, s by depth maps or fitted; None where nothing is known."""
+    share = _repeated_share if by_maps else _fitted_share
     length = np.hypot(by_depth[:, 0], by_depth[:, 1])
     repeated = np.full(len(length), np.nan) if samples.depth_sd is None else np.square(samples.depth_sd * length)
     there = np.isfinite(length) & (length > 0.0) & np.isfinite(error).all(axis=1)
-    used = np.flatnonzero(there & np.isfinite(repeated) if share is _repeated_share else there)
+    used = np.flatnonzero(there & np.isfinite(repeated) if by_maps else there)
     if not len(used):
         return None
     unit = by_depth[used] / length[used, None]

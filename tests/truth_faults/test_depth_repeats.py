@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 from tests.truth_faults.planted import Planted
 
 from tracknoise.sequences.reader_registry import open_sequence
-from tracknoise.truth_faults.depth_repeats import depth_noise, depth_repeats
+from tracknoise.truth_faults.depth_repeats import depth_repeats, repeatability
 from tracknoise.truth_faults.image_evidence import Evidence
 
 
@@ -67,6 +67,6 @@ def test_too_few_points_say_nothing(recording):
 
 
 def test_a_check_says_how_well_depths_repeat(recording):
-    item = depth_noise(Evidence.measured(noisy(recording, 0.002)))
+    item = repeatability(Evidence.measured(noisy(recording, 0.002)))
     assert item.values["near_relative"] == pytest.approx(0.002 * item.values["near_m"], rel=0.5)
     assert "single depths have a standard deviation of" in item.text

@@ -3,8 +3,7 @@
 The likelihood is that of all errors of a track together (`tracknoise.estimators.track_likelihood`). Parts are added one
 at a time: a scale of each track, then the covariate that makes all tracks most likely, then a second one. Each is kept
 if it gains more than 0.05 nat per track on what was left out, scenes or groups of them, and the interval of the gain
-does not reach 0.
-What remains is compared in the same way with the components that second moments give
+does not reach 0. What remains is compared in the same way with the components that second moments give
 (`tracknoise.estimators.components`).
 
 Intervals are those of the jackknife, where leaving out unit i changes the values by one step of Newton,

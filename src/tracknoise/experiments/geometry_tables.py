@@ -25,7 +25,7 @@ from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, cam
 from tracknoise.statistics.noise_sums import noise_tables
 from tracknoise.statistics.places import image_map
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.statistics.samples import audited_observations
+from tracknoise.statistics.samples import audited_observations, births_with_depth
 from tracknoise.statistics.windows import noise_tracks, window_noise
 from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, DEPTH_REPEATS, PATH
 from tracknoise.tables.identity import Direction
@@ -91,11 +91,9 @@ def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) ->
 
 def depth_repeats_table(sequence: Sequence, prepared: PreparedSequence) -> pl.DataFrame:
     """Table `DEPTH_REPEATS` of a sequence, by the features of all trackers."""
-    key = ["tracker", "speed", "track"]
-    born = prepared.observations.filter(pl.col("age") == 0).select(*key, "frame", "u_true_px", "v_true_px")
-    births = born.join(prepared.tracks.select(*key, "depth_m"), on=key, maintain_order="left").drop_nulls()
-    uv, depth_m = births.select("u_true_px", "v_true_px").to_numpy(), births["depth_m"].to_numpy()
-    found = depth_repeats(sequence, births["frame"].to_numpy().astype(np.intp), uv, depth_m)
+    births = births_with_depth(prepared)
+    uv, depth_m = births.select("u_birth_px", "v_birth_px").to_numpy(), births["depth_m"].to_numpy()
+    found = depth_repeats(sequence, births["birth_frame"].to_numpy().astype(np.intp), uv, depth_m)
     labels = {column: [getattr(sequence.id, column)] * len(found.depth_m) for column in SEQUENCE}
     columns = {**labels, "depth_m": found.depth_m, "relative_sd": found.relative}
     return pl.DataFrame(columns, schema=dict(DEPTH_REPEATS))

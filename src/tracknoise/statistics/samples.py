@@ -112,6 +112,7 @@ AGES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 PER_TRACK = 2
 PER_AGE = 300
 """Largest number of observations of a track, and of each tracker at one age."""
+_TRACK = ["tracker", "speed", "track"]
 _ORDER = ["tracker", "track", "frame"]
 
 
@@ -148,16 +149,25 @@ def _some_per_track(sequence: PreparedSequence, rows: NDArray[np.intp]) -> NDArr
 
 def _with_births(sequence: PreparedSequence, rows: NDArray[np.intp], age: NDArray[np.int64]) -> pl.DataFrame:
     """Rows of the observations with what is known of the first observation of their tracks."""
-    key = ["tracker", "speed", "track"]
     table = sequence.observations[rows].with_columns(
         age=pl.Series(age[rows], dtype=pl.UInt32), block=pl.Series(sequence.block[rows], dtype=pl.UInt8)
     )
+    return table.join(births_with_depth(sequence), on=_TRACK, how="inner", maintain_order="left")
+
+
+def births_with_depth(sequence: PreparedSequence) -> pl.DataFrame:
+    """First observations of the tracks whose position and depth there are known.
+
+    Returns
+    -------
+    polars.DataFrame
+        tracker, speed, track, depth_m, birth_frame, u_birth_px and v_birth_px: one row per track.
+    """
     births = sequence.observations.filter(pl.col("age") == 0).select(
-        *key, u_birth_px="u_true_px", v_birth_px="v_true_px"
+        *_TRACK, u_birth_px="u_true_px", v_birth_px="v_true_px"
     )
-    of_tracks = sequence.tracks.select(*key, "depth_m", birth_frame="first_frame")
-    joined = table.join(of_tracks, on=key, how="left").join(births, on=key, how="left")
-    return joined.filter(pl.all_horizontal(pl.col("depth_m", "u_birth_px", "v_birth_px").is_not_null()))
+    of_tracks = sequence.tracks.select(*_TRACK, "depth_m", birth_frame="first_frame")
+    return of_tracks.join(births, on=_TRACK, maintain_order="left").drop_nulls()
 
 
 EACH = 8

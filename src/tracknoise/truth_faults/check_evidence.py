@@ -114,7 +114,7 @@ class Followed:
             observed=points.uv_second,
             stated=points.uv_second,
             depth=points.depth_m,
-            depth_sd=repeats_of_pairs(evidence, evidence.flow.wide or evidence.flow.steps).at(points.depth_m),
+            depth_sd=repeats_of_pairs(evidence).at(points.depth_m),
             paths=paths,
             cameras=(evidence.camera,),
             camera=np.zeros(len(paths.times), np.intp),

@@ -23,7 +23,7 @@ from tracknoise.truth_faults.check_report import CheckReport, Item, SequenceRepo
 from tracknoise.truth_faults.check_verdict import sequence_trust
 from tracknoise.truth_faults.clock_check import clock
 from tracknoise.truth_faults.depth_checks import clipped_depth, depth_share, depths, sampled_depths
-from tracknoise.truth_faults.depth_repeats import depth_noise
+from tracknoise.truth_faults.depth_repeats import repeatability
 from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, Pair, relative_pose, reprojection_px
 from tracknoise.truth_faults.motion_checks import focal_length, mistakes, warping
 from tracknoise.truth_faults.recording_checks import (
@@ -165,8 +165,8 @@ def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
         yield focal_length(evidence)
         if (clipped := clipped_depth(evidence)) is not None:
             yield clipped
-        if (noise := depth_noise(evidence)) is not None:
-            yield noise
+        if (repeated := repeatability(evidence)) is not None:
+            yield repeated
     yield clock(evidence, sequence.timestamps_s)
 
 

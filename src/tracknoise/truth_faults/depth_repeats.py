@@ -25,7 +25,7 @@ from tracknoise.truth_faults.audit_fit import MEDIAN_TO_CORE
 from tracknoise.truth_faults.audit_samples import DEPTH_CELLS, DepthRepeats
 from tracknoise.truth_faults.check_report import Item, Severity, Values
 from tracknoise.truth_faults.depth_checks import depth_differences
-from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, Pair, relative_pose
+from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, relative_pose
 from tracknoise.words import SPACE
 
 Array = NDArray[np.float64]
@@ -53,41 +53,40 @@ def depth_repeats(sequence: Sequence, frame: NDArray[np.intp], uv: Array, depth_
         Its depth there, metres.
     """
     poses = sequence.world_from_camera
-    last = len(poses) - 1
-    later = np.minimum(frame + _APART, last)
+    later = np.minimum(frame + _APART, len(poses) - 1)
     usable = (later > frame) & np.isfinite(poses[frame]).all(axis=(1, 2)) & np.isfinite(poses[later]).all(axis=(1, 2))
     frames, births = np.unique(frame[usable], return_counts=True)
     frames = frames[births >= _LEAST_IN_PAIR]
     chosen = frames[np.unique(np.linspace(0, len(frames) - 1, min(len(frames), _MOST_PAIRS)).astype(int))]
-    found = [_differences(sequence, int(one), np.flatnonzero(usable & (frame == one)), uv, depth_m) for one in chosen]
+    found = []
+    for index in chosen.tolist():
+        points = np.flatnonzero(frame == index)
+        some = points[:: max(1, len(points) // _MOST_POINTS)]
+        found.append(_differences(sequence, index, int(later[some[0]]), uv[some], depth_m[some]))
     return _joined(found)
 
 
-def _differences(
-    sequence: Sequence, index: int, points: NDArray[np.intp], uv: Array, depth_m: Array
-) -> tuple[Array, Array]:
-    """Depths of points of a frame, and (depth.repeats) without their median."""
-    points = points[:: max(1, len(points) // _MOST_POINTS)]
-    later = min(index + _APART, len(sequence.world_from_camera) - 1)
+def _differences(sequence: Sequence, index: int, later: int, uv: Array, depth_m: Array) -> tuple[Array, Array]:
+    """Depths of points (n,) of a frame, and (depth.repeats) to a later one without their median."""
     depth = sequence.depth(later)
     if depth is None:
         return np.empty(0), np.empty(0)
     first, second = camera_at(sequence, index), camera_at(sequence, later)
     relative = invert(sequence.world_from_camera[later]) @ sequence.world_from_camera[index]
-    moved = transform(relative, first.unproject(uv[points], depth_m[points]))
+    moved = transform(relative, first.unproject(uv, depth_m))
     seen = second.project(moved)
     inside = np.flatnonzero((moved[:, 2] > 0.0) & np.isfinite(seen).all(axis=1))
     read = sample(depth, seen[inside])
     with np.errstate(divide="ignore", invalid="ignore"):
         difference = np.log(moved[inside, 2] / read.depth_m)
     known = read.valid & ~read.edge
-    return _of_one_surface(depth_m[points][inside[known]], difference[known])
+    return _of_one_surface(depth_m[inside[known]], difference[known])
 
 
-def repeats_of_pairs(evidence: Evidence, pairs: ListOf[Pair]) -> DepthRepeats:
-    """The same from points that were followed from one image to another."""
+def repeats_of_pairs(evidence: Evidence) -> DepthRepeats:
+    """The same from points that were followed from one image to another, farther than to the next where there are."""
     found = []
-    for pair in pairs:
+    for pair in evidence.flow.wide or evidence.flow.steps:
         known = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
         relative = relative_pose(evidence.poses, pair)
         if known.sum() >= _LEAST_IN_PAIR and np.isfinite(relative).all():
@@ -96,9 +95,9 @@ def repeats_of_pairs(evidence: Evidence, pairs: ListOf[Pair]) -> DepthRepeats:
     return _joined(found)
 
 
-def depth_noise(evidence: Evidence) -> Item | None:
-    """The topic depth noise: by how much depths of two frames differ; None where too few points have both."""
-    found = repeats_of_pairs(evidence, evidence.flow.wide or evidence.flow.steps)
+def repeatability(evidence: Evidence) -> Item | None:
+    """The topic depth repeatability: by how much depths of two frames differ; None where too few points have both."""
+    found = repeats_of_pairs(evidence)
     if not len(found.depth_m):
         return None
     near_m, far_m = (float(one) for one in found.depth_m[[0, -1]])
@@ -108,7 +107,7 @@ def depth_noise(evidence: Evidence) -> Item | None:
         said.append(f"{significant(100.0 * far, 2)}{SPACE}% at {significant(far_m, 2)} m")
     text = f"By maps of two frames, single depths have a standard deviation of {' and '.join(said)}."
     values: Values = {"near_m": near_m, "near_relative": near, "far_m": far_m, "far_relative": far}
-    return Item("depth noise", Severity.ok, text, values)
+    return Item("depth repeatability", Severity.ok, text, values)
 
 
 def _joined(found: ListOf[tuple[Array, Array]]) -> DepthRepeats:

@@ -64,6 +64,12 @@ def test_parts_are_alike_and_begin_where_all_speeds_see_a_frame(recording, n_fra
     assert ranges_of(n_frames, experiment, speeds, pixels=640 * 480) == expected
 
 
+@pytest.mark.parametrize(("n_frames", "lengths"), [(250, [250]), (500, [250] * 2), (750, [188] * 4), (350, [175] * 2)])
+def test_two_cores_have_as_many_parts_each_unless_a_length_is_stated(recording, n_frames, lengths):
+    found = ranges_of(n_frames, in_parts(recording, frames=None), [1], pixels=640 * 480)
+    assert [len(frames) for frames in found or [range(n_frames)]] == pytest.approx(lengths, abs=1)
+
+
 def test_clips_are_spread_over_the_recording(recording):
     experiment = in_parts(recording, frames=60, clips=5)
     found = ranges_of(1000, experiment, [1], pixels=640 * 480)

@@ -55,7 +55,7 @@ def ranges_of(n_frames: int, experiment: Experiment, speeds: Sequence[int], *, p
     """Frames of the parts of a sequence of so many frames with so many pixels; none if it is one piece.
 
     Parts begin with a frame that trackers of all speeds see, where a part is long enough for that. Each has more frames
-    than the largest speed.
+    than the largest speed. Their number is even, unless the experiment says how long they are, or they would be short.
     """
     per_frame = len(experiment.trackers) * sum(1 / speed for speed in speeds) * pixels
     wanted = max(experiment.part_frames or max(SHORTEST, int(BUDGET / per_frame)), 2 * max(speeds) + 2)
@@ -64,6 +64,8 @@ def ranges_of(n_frames: int, experiment: Experiment, speeds: Sequence[int], *, p
     if experiment.clips is not None and experiment.clips * wanted < n_frames:
         return _clips(n_frames, experiment.clips, length=wanted // step * step, step=step)
     count = max(round(n_frames / wanted), math.ceil(n_frames / (_LONGEST * wanted)))
+    if experiment.part_frames is None and count > 1 and n_frames >= (count + count % 2) * SHORTEST:
+        count += count % 2  # of three parts, one of two cores would measure two
     starts = [round(number * n_frames / count / step) * step for number in range(count)]
     found = tuple(range(*ends) for ends in zip(starts, [*starts[1:], n_frames], strict=True))
     return found if count > 1 and min(map(len, found)) > max(speeds) else ()

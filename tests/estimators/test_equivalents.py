@@ -50,6 +50,19 @@ def test_gates_of_a_walk_do_not_depend_on_the_speed(planted_run: Path) -> None:
     assert found[2].gate_95 == pytest.approx(found[1].gate_95, rel=0.1)
 
 
+@pytest.mark.parametrize("measured", [None, (0.1, 0.2, 0.3)])
+def test_noise_of_first_positions_alone_has_gates(measured: tuple[float, ...] | None) -> None:
+    """Most tracks of a window were born before it, and have no innovations then: there is nothing to scale gates by."""
+    fitted = fit_components(units(0, scenes=8, first=0.3, white=0.0), level=0.95)
+    alone = replace(fitted.noise, white=np.zeros((2, 2)), walk=np.zeros((2, 2)), drift=np.zeros((2, 2)))
+    some = windows([], speed=1, length=5, lifetimes=np.full(50, 40))
+    limits = Gates(TrackGates.of(some[0], alone), measured)
+    assert 0.0 in limits.modelled.factors((0.8,), sigma=1.0)
+    for first in (None, 0.0001, 0.3):
+        factors = limits.factors(0.1, first=first, born_only=first == 0.3)
+        assert all(np.isfinite(factors)) and min(factors) > 0.0
+
+
 def passing(window: Sequence[LinearTracks], noise: TrackNoise, one: Equivalent) -> float:
     """Share of good tracks that pass a gate at .95 times that of an equivalent, by drawing their errors."""
     random, first = np.random.default_rng(1), float(np.sqrt(np.trace(noise.first) / 2.0))

@@ -112,12 +112,17 @@ class Gates:
     _known: dict[tuple[float | None, bool], tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
 
     def factors(self, sigma: float, *, first: float | None, born_only: bool = False) -> tuple[float, ...]:
-        """What to multiply gates at `LEVELS` by, (gates.landmark). `first`: None for a free landmark."""
+        """What to multiply gates at `LEVELS` by, (gates.landmark). `first`: None for a free landmark.
+
+        Noise of first positions alone leaves most tracks without innovations: 1 where the model has none at a level,
+        and none were measured.
+        """
         free = self._of_model(None, False)
         measured = free if self.measured is None else self.measured
         whitened = free if first is None else self._of_model(first, born_only)
-        squares = (own * good / model for own, good, model in zip(whitened, measured, free, strict=True))
-        return tuple(square / sigma**2 for square in squares)
+        scaled = zip(whitened, measured, free, strict=True)
+        squares = (own * good / model if model > 0.0 else max(own, good) for own, good, model in scaled)
+        return tuple(square / sigma**2 if square > 0.0 else 1.0 for square in squares)
 
     def _of_model(self, first: float | None, born_only: bool) -> tuple[float, ...]:
         """Quantiles of the model, of residuals whitened by this ratio for first observations; computed once."""

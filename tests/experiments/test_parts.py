@@ -89,6 +89,7 @@ def test_more_trackers_speeds_and_pixels_make_parts_shorter(recording):
     assert length(1, [1], 640 * 480) == pytest.approx(500, abs=20)
     assert length(2, [1], 640 * 480) == pytest.approx(250, abs=10)
     assert length(2, [1, 2, 4, 8, 12], 640 * 480) == pytest.approx(130, abs=20)
+    assert length(1, [1], 320 * 240) == length(1, [1], 640 * 480)  # with nearly as many features, and as much memory
     assert length(1, [1], 1280 * 480) == pytest.approx(250, abs=10)
 
 

@@ -29,8 +29,12 @@ from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
 from tracknoise.text import counted
 from tracknoise.trackers.tracker import needs_frames_only
 
-BUDGET = 500 * 640 * 480
-"""Pixels that all trackers process in a part at all speeds, unless the experiment says how long parts are."""
+_USUAL = 640 * 480
+BUDGET = 500 * _USUAL
+"""Pixels that all trackers process in a part at all speeds, unless the experiment says how long parts are.
+
+Memory depends on features. Small images have nearly as many as those of 640x480, and count as these.
+"""
 _LONGEST = 1.2
 """Length of a part, relative to what is wanted, at most."""
 SHORTEST = 120
@@ -57,7 +61,7 @@ def ranges_of(n_frames: int, experiment: Experiment, speeds: Sequence[int], *, p
     Parts begin with a frame that trackers of all speeds see, where a part is long enough for that. Each has more frames
     than the largest speed. Their number is even, unless the experiment says how long they are, or they would be short.
     """
-    per_frame = len(experiment.trackers) * sum(1 / speed for speed in speeds) * pixels
+    per_frame = len(experiment.trackers) * sum(1 / speed for speed in speeds) * max(pixels, _USUAL)
     wanted = max(experiment.part_frames or max(SHORTEST, int(BUDGET / per_frame)), 2 * max(speeds) + 2)
     together = math.lcm(*speeds)
     step = together if 2 * together <= wanted else 1

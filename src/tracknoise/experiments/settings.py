@@ -362,7 +362,8 @@ class Experiment(_Section):
     single errors require observations. All other figures and tables are the same."""
     part_frames: Annotated[int, Field(ge=2)] | None = None
     """Frames of the parts in which a longer sequence is measured. Tracks end at the end of a part. Default: as many as
-    500 processed frames of 640x480, of all trackers and speeds together, at least 120, and an even number of parts."""
+    500 processed frames, of all trackers and speeds together (fewer above 640x480), at least 120, and an even number of
+    parts."""
     clips: Annotated[int, Field(ge=1)] | None = None
     """Measure this many parts only, spread evenly over each sequence. Default: all of it."""
     truth: TruthSettings = TruthSettings()

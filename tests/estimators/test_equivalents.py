@@ -60,7 +60,8 @@ def test_noise_of_first_positions_alone_has_gates(measured: tuple[float, ...] | 
     assert 0.0 in limits.modelled.factors((0.8,), sigma=1.0)
     for first in (None, 0.0001, 0.3):
         factors = limits.factors(0.1, first=first, born_only=first == 0.3)
-        assert all(np.isfinite(factors)) and min(factors) > 0.0
+        assert np.isfinite(factors).all()
+        assert min(factors) > 0.0
 
 
 def passing(window: Sequence[LinearTracks], noise: TrackNoise, one: Equivalent) -> float:

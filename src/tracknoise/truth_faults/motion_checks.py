@@ -103,7 +103,11 @@ class Fit:
 
 
 def mistakes(evidence: Evidence) -> Item:
-    """Name the mistake that explains the image motion clearly better than what is given, if there is one."""
+    """Name the mistake that explains the image motion clearly better than what is given, if there is one.
+
+    Without depths, residuals are distances from epipolar lines. On a straight path small errors of the poses may fit
+    better with turned poses, so residuals must rival the motion too, or fall to those of the tracking.
+    """
     if len(evidence.pairs) < _MISTAKE_FEWEST_PAIRS:
         few = counted(len(evidence.pairs), "pair")
         text = f"Mistakes in poses cannot be looked for: only {few} of images with motion."
@@ -118,12 +122,18 @@ def mistakes(evidence: Evidence) -> Item:
     gains = np.array([_fit(one, row, given_px, choosing).gain for one, row in zip(candidates, tried, strict=True)])
     tied = np.flatnonzero(np.log(gains) <= np.log(gains.min()) + _TIE)
     fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]
-    if fits[0].gain <= (MOST_GAIN_OF_FEW if are_few else MOST_GAIN) and fits[0].better >= LEAST_BETTER:
+    is_clear = fits[0].gain <= (MOST_GAIN_OF_FEW if are_few else MOST_GAIN) and fits[0].better >= LEAST_BETTER
+    if is_clear and (evidence.has_depth or _is_gross(pairs, given_px) or fits[0].residual_px <= _NOISE_PX):
         return _named(evidence, fits, float(np.median(given_px)))
     if (ray := _ray_depth(evidence)) is not None:
         return ray
     text = f"None of {len(candidates)} usual mistakes explains the image motion clearly better than what is given."
     return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
+
+
+def _is_gross(pairs: ListOf[Pair], given_px: NDArray[np.float64]) -> bool:
+    """Whether residuals rival the image motion."""
+    return float(np.nanmedian(given_px / np.array([max(pair.motion_px, 1.0) for pair in pairs]))) >= _CAVEAT_SHARE
 
 
 def _residuals(evidence: Evidence, pairs: ListOf[Pair], assumed: Hypothesis) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ def measured_only() -> Iterator[None]:
 def without_findings() -> Iterator[None]:
     """Runs are finished and have their statistics, but nothing is found in them."""
 
-    def written(run: RunFolder, _: object, statistics: Mapping[str, pl.DataFrame]) -> None:
+    def written(run: RunFolder, _: object, statistics: Mapping[str, pl.DataFrame], **_others: object) -> None:
         run.write_statistics(statistics)
 
     with pytest.MonkeyPatch.context() as patch:
@@ -52,7 +52,7 @@ def measured_by_command() -> Iterator[None]:
 def without_models() -> Iterator[None]:
     """Findings are made as if no tracker had enough tracks for a noise model: a fit takes longer than all others."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_findings, "fitted_models", lambda *_: RunModels())
+        patch.setattr(run_findings, "fitted_models", lambda *_, **__: RunModels())
         yield
 
 

@@ -122,6 +122,12 @@ def begin() -> None:
     prepare()
 
 
+ONE_THREAD: Mapping[str, str] = MappingProxyType(
+    dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
+)
+"""Variables of the environment of a process that is one of several."""
+
+
 @contextmanager
 def process_pool(workers: int, environment: Mapping[str, str] = _NOTHING) -> Iterator[ProcessPoolExecutor]:
     """Processes that share work; the parameters are their number and those of `safely_started`."""

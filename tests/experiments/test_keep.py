@@ -142,7 +142,7 @@ def test_earlier_results_stay_until_new_ones_are_ready(measured, finished, told,
 def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(finished, told, monkeypatch):
     experiment, run = finished(2)
     (run.path / "report").mkdir()
-    monkeypatch.setattr("tracknoise.experiments.execute.compute_findings", lambda *_: pytest.fail("interrupted"))
+    monkeypatch.setattr("tracknoise.experiments.execute.compute_findings", lambda *_, **__: pytest.fail("interrupted"))
     with pytest.raises(pytest.fail.Exception):
         execute(experiment.model_copy(update={"findings": FindingsSettings(margin=0.5)}), run, listener=told())
     with pytest.raises(StoreError, match="no finished run, expected one; `tracknoise run` starts or resumes a run"):

@@ -13,9 +13,9 @@ import pytest
 
 from tracknoise.estimators.calibration import fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.run_models import RunModels, fitted_models, run_models
+from tracknoise.estimators.run_models import RunModels, _fits, fitted_models, run_models
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.estimators.training import RunTruth
+from tracknoise.estimators.training import RunTruth, all_training_tables
 from tracknoise.exceptions import StoreError
 from tracknoise.report.figures import noise_models
 from tracknoise.report.figures.figure import Figure
@@ -108,3 +108,9 @@ def test_ages_at_which_a_model_leaves_the_intervals_are_counted(
 def test_the_figure_is_absent_without_a_model(run: RunFolder, tmp_path: Path) -> None:
     (absent,) = noise_models.model_fit_figures(ReportData.of(run))
     assert not isinstance(absent, Figure)
+
+
+def test_models_do_not_depend_on_the_number_of_processes_that_fit(fitted_run: RunFolder) -> None:
+    (tables,) = all_training_tables(fitted_run, [("oracle", 1)])
+    alone = run_models(fitted_run).models["oracle"]
+    assert [one.text for one in _fits([tables] * 3, 2)] == [alone.text] * 3

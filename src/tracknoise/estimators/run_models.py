@@ -11,8 +11,9 @@ from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.model import Interval
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.training import RunTruth, all_training_tables, conditions
+from tracknoise.estimators.training import RunTruth, TrainingTables, all_training_tables, conditions
 from tracknoise.exceptions import DataError, SettingsError, StoreError
+from tracknoise.processes import ONE_THREAD, process_pool
 from tracknoise.tables.findings_schema import ADVICE
 from tracknoise.tables.identity import identifiers
 from tracknoise.tables.store import RunFolder
@@ -51,7 +52,9 @@ class RunModels:
         return {**{names[tracker]: model.text for tracker, model in self.models.items()}, _RECORD: json.dumps(record)}
 
 
-def fitted_models(run: RunFolder, trackers: Sequence[str], speed: int, truth: RunTruth) -> RunModels:
+def fitted_models(
+    run: RunFolder, trackers: Sequence[str], speed: int, truth: RunTruth, *, workers: int = 1
+) -> RunModels:
     """Fit a model to each tracker.
 
     Parameters
@@ -62,6 +65,8 @@ def fitted_models(run: RunFolder, trackers: Sequence[str], speed: int, truth: Ru
         In the order of the experiment; the lowest speed.
     truth
         What is known of the truth of the run.
+    workers
+        Processes that fit, where there are more trackers. To start them takes as long as a fit.
 
     Returns
     -------
@@ -78,14 +83,26 @@ def fitted_models(run: RunFolder, trackers: Sequence[str], speed: int, truth: Ru
         return RunModels()
     tables = all_training_tables(run, [(tracker, speed) for tracker in measured], truth=truth)
     names = identifiers(measured)
-    models, missing = {}, {}
-    for tracker, own in zip(measured, tables, strict=True):
-        try:
-            models[tracker] = NoiseModel.fitted_to(own)
-        except SettingsError as error:
-            missing[tracker] = str(error)
+    found = dict(zip(measured, _fits(tables, workers), strict=True))
+    models = {tracker: one for tracker, one in found.items() if isinstance(one, NoiseModel)}
+    missing = {tracker: one for tracker, one in found.items() if isinstance(one, str)}
     paths = {tracker: f"{_FOLDER}noise/{names[tracker]}@{speed}.noise.json" for tracker in models}
     return RunModels(speed, models, missing, paths)
+
+
+def _fits(tables: Sequence[TrainingTables], workers: int) -> list[NoiseModel | str]:
+    if not 1 < workers < len(tables):
+        return [_fit(own) for own in tables]
+    with process_pool(workers, ONE_THREAD) as pool:
+        return list(pool.map(_fit, tables))
+
+
+def _fit(tables: TrainingTables) -> NoiseModel | str:
+    """A model, or why there is none."""
+    try:
+        return NoiseModel.fitted_to(tables)
+    except SettingsError as error:
+        return str(error)
 
 
 def advice_table(models: RunModels, name: str, window: int | None, condition: Mapping[str, Any]) -> pl.DataFrame:

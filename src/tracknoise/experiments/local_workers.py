@@ -204,8 +204,7 @@ def _record_opened(opened: "Array[c_char]") -> None:
 
 
 ENVIRONMENT = {
-    # Thread limits set for this process do not apply to workers: there are several of them.
-    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"), "1"),
+    **processes.ONE_THREAD,
     # Images and descriptors are allocated and freed in every frame. If their memory were returned to the system each
     # time, a worker would spend a sixth of its time in page faults.
     "MALLOC_TRIM_THRESHOLD_": str(512 * 2**20),

@@ -214,7 +214,9 @@ _ABOUT_ANCHORS = ("zero_mean", "gaussianity", "radii", "time_structure", *_OF_PL
 
 
 @one_blas_thread()
-def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]) -> None:
+def compute_findings(
+    run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], *, workers: int = 1
+) -> None:
     """Compute the findings of a run from its scenes' moments, and write its results, findings and models.
 
     Parameters
@@ -225,6 +227,8 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
         Says where curves are cut, and which population errors are of.
     statistics
         What `tracknoise.experiments.run_statistics.compute_statistics` made of it.
+    workers
+        Processes that may fit noise models.
 
     Raises
     ------
@@ -237,18 +241,22 @@ def compute_findings(run: RunFolder, experiment: Experiment, statistics: Mapping
     tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
     tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
     tables["own_covariances"] = allowing_for_truth(tables["own_covariances"], tables["trust"])
-    models = _models(run, experiment, tables, reference)
+    models = _models(run, experiment, tables, reference, workers)
     tables["advice"] = advice_table(models, experiment.estimator.name, experiment.estimator.window, _place(reference))
     _write_findings(run, manifest, experiment, {**statistics, **tables}, reference, models)
 
 
 def _models(
-    run: RunFolder, experiment: Experiment, tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition
+    run: RunFolder,
+    experiment: Experiment,
+    tables: Mapping[str, pl.DataFrame],
+    reference: ReferenceCondition,
+    workers: int,
 ) -> RunModels:
     """Noise models of the trackers, at the lowest speed."""
     trackers = [tracker.label for tracker in experiment.trackers]
     truth = RunTruth(TruthVerdict.of(tables["trust"]), tables["audit_curves"])
-    return fitted_models(run, trackers, reference.speed, truth)
+    return fitted_models(run, trackers, reference.speed, truth, workers=workers)
 
 
 def _place(reference: ReferenceCondition) -> dict[str, Any]:

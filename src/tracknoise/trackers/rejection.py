@@ -265,7 +265,7 @@ def _through_four(target: Floats, from_areas: Floats, to_areas: Floats, from_lin
 def _map(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
     """Homogeneous coordinates (b, n) of points under each model; explicit sums, as BLAS may round differently."""
     u, v = points[:, 0], points[:, 1]
-    x, y, w = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in np.moveaxis(models, 1, 0))
+    x, y, w = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in models.transpose(1, 0, 2))
     return x, y, w
 
 
@@ -297,8 +297,10 @@ def _step(residual: Floats, jacobian: Floats, damping: float) -> Floats:
     """Change (3, 3) of H; its last entry is fixed."""
     normal = np.einsum("ni,nj->ij", jacobian, jacobian)
     gradient = np.einsum("ni,n->i", jacobian, residual)
-    normal[np.diag_indices(8)] *= 1.0 + damping
-    return -np.append(np.linalg.solve(normal, gradient), 0.0).reshape(3, 3)
+    normal.ravel()[::9] *= 1.0 + damping  # the diagonal
+    change = np.zeros(9)
+    change[:8] = -np.linalg.solve(normal, gradient)
+    return change.reshape(3, 3)
 
 
 _RANK_DEFICIENT = 1e-10
@@ -372,7 +374,7 @@ def _rank_two(models: Floats) -> Floats:
 
 def _epipolar_lines(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
     u, v = points[:, 0], points[:, 1]
-    a, b, c = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in np.moveaxis(models, 1, 0))
+    a, b, c = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in models.transpose(1, 0, 2))
     return a, b, c
 
 

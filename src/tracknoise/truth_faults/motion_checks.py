@@ -110,8 +110,9 @@ def mistakes(evidence: Evidence) -> Item:
         return Item("usual mistakes", Severity.unknown, text)
     candidates = hypotheses(has_depth=evidence.has_depth, is_z=evidence.z_depth_from is not None)
     pairs = thinned(evidence.pairs)
-    given_px = _residuals(evidence, pairs, AS_GIVEN)
-    tried = np.array([_residuals(evidence, pairs, one) for one in candidates])
+    most_px = np.array([_CAP_MOTION * pair.motion_px + _CAP_PX for pair in pairs])
+    given_px = _residuals(evidence, pairs, AS_GIVEN, most_px)
+    tried = np.array([_residuals(evidence, pairs, one, most_px) for one in candidates])
     are_few = len(pairs) < FEW_PAIRS
     even = np.arange(len(pairs)) % 2 == 0
     choosing, judging = even | are_few, ~even | are_few
@@ -126,12 +127,13 @@ def mistakes(evidence: Evidence) -> Item:
     return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
 
 
-def _residuals(evidence: Evidence, pairs: ListOf[Pair], assumed: Hypothesis) -> NDArray[np.float64]:
-    """(n,) float64: median residual of each pair, px, cut at some times the motion; NaN where a pose is missing."""
+def _residuals(
+    evidence: Evidence, pairs: ListOf[Pair], assumed: Hypothesis, most_px: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(n,) float64: median residual of each pair, px, cut at the most that counts; NaN where a pose is missing."""
     undone = replace(evidence, poses=corrected(evidence.poses, assumed))
     found = np.array([residual_px(undone, pair, assumed) for pair in pairs])
-    most = np.array([_CAP_MOTION * pair.motion_px + _CAP_PX for pair in pairs])
-    return np.asarray(np.minimum(np.maximum(found, _MISTAKE_FLOOR_PX), most), dtype=np.float64)
+    return np.asarray(np.minimum(np.maximum(found, _MISTAKE_FLOOR_PX), most_px), dtype=np.float64)
 
 
 def _fit(

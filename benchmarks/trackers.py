@@ -125,7 +125,8 @@ def _matching_rows() -> list[Row]:
     (before, after), wanted = _descriptors(np.random.default_rng(1)), MATCHED
     query, train = before[: wanted[0]], after[: wanted[1]]
     matcher = cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)
-    ours = set(zip(*(rows.tolist() for rows in mutual_nearest(query, train)), strict=True))
+    found = mutual_nearest(query, train)
+    ours = set(zip(found.query_rows.tolist(), found.train_rows.tolist(), strict=True))
     theirs = {(match.queryIdx, match.trainIdx) for match in matcher.match(query, train)}
     size = f"{len(query)} x {len(train)} descriptors, one thread"
     product, brute = (

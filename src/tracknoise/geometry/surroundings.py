@@ -46,8 +46,14 @@ _DIRECTIONS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, 
 _OFFSETS: NDArray[np.float64] = _DIRECTIONS[:, None].astype(np.float64) * np.arange(REACH_PX + 2)[:, None]
 """Positions on the lines relative to the point, (lines, 1 + reach + 1, 2), px: from the point, one beyond the reach."""
 _RADII: NDArray[np.float64] = np.hypot(_OFFSETS[..., 0], _OFFSETS[..., 1])
-_IN_PLANE = (_RADII <= SLOPE_REACH_PX) & ((_RADII > 0) | (np.arange(len(_OFFSETS)) == 0)[:, None])
-"""Which positions determine the local plane, (lines, 1 + reach + 1): the point itself once."""
+_ONCE = (_RADII > 0) | (np.arange(len(_OFFSETS)) == 0)[:, None]
+"""The positions, (lines, 1 + reach + 1), with the point itself on the first line alone."""
+_IN_PLANE = (_RADII <= SLOPE_REACH_PX) & _ONCE
+"""Which positions determine the local plane, (lines, 1 + reach + 1)."""
+_READ = (_RADII - _RADII[:, 1:2] <= REACH_PX) & _ONCE
+"""Where depth is read, (lines, 1 + reach + 1): up to one position beyond the reach, which diagonals have earlier."""
+_PLACE = np.where(_READ, np.cumsum(_READ).reshape(_READ.shape) - 1, 0)
+"""Which depth that was read stands at a position, (lines, 1 + reach + 1): that of the point where none was."""
 
 ReadDepth = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.bool_]]]
 """Takes pixels (n, 2); returns their depth (n,), metres, infinite where a ray hits nothing, and whether it is known."""
@@ -97,11 +103,10 @@ def find_surroundings(
     accuracy
         Uncertainty of these depths.
     """
-    around = (uv[:, None, None] + _OFFSETS).reshape(-1, 2)
-    read_m, read = read_depth(around)
-    shape = len(uv), *_OFFSETS.shape[:2]
-    known, hit = read.reshape(shape), (read & np.isfinite(read_m)).reshape(shape)
-    inverse = 1.0 / np.minimum(np.where(read, read_m, 1.0), _FARTHEST_M).reshape(shape)
+    read_m, read = read_depth((uv[:, None] + _OFFSETS[_READ]).reshape(-1, 2))
+    inverse = 1.0 / np.minimum(np.where(read, read_m, 1.0), _FARTHEST_M)
+    place = np.arange(len(uv))[:, None, None] * np.count_nonzero(_READ) + _PLACE
+    known, hit, inverse = read[place], (read & np.isfinite(read_m))[place], inverse[place]
     edges = _first_edges(inverse, known, accuracy)
     nearest = np.take_along_axis(edges, np.abs(edges).argmin(axis=1)[:, None], axis=1)[:, 0]
     inside = (np.abs(edges)[..., None] > _RADII) & _IN_PLANE

@@ -163,21 +163,23 @@ def _cast(
 
 _Floats = NDArray[np.float64]
 Step = tuple[_Floats | float, _Floats | float]
-"""Change of x and y of a bearing from one pixel to the next: one for all rays, or (n,) each."""
+"""Change of x and y of a bearing from one pixel to the next: one for all rays, or for each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rays:
     """Rays of some rows of an image, with bearings (x, y, 1).
 
+    All arrays broadcast to (rows, samples, width): what is the same in a row, or in a column, is there once.
+
     Parameters
     ----------
     x, y
-        (n,) float64.
+        float64.
     right, down
         Steps to the next pixel.
     blind
-        (n,) bool, or one for all: there is no ray, and x and y are 0.
+        bool: there is no ray, and x and y are 0.
     """
 
     x: _Floats
@@ -186,12 +188,17 @@ class Rays:
     down: Step
     blind: NDArray[np.bool_] | bool
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(rows, samples, width)."""
+        return np.broadcast_shapes(self.x.shape, self.y.shape)
+
 
 class ImageRays(Protocol):
     """The rays of one camera."""
 
     def rows(self, top: int, bottom: int) -> Rays:
-        """Rays of some rows of pixels: by row, then by position in the pixel, then by column."""
+        """Rays of some rows of pixels."""
         ...
 
 
@@ -209,8 +216,7 @@ class PinholeRays:
 
     def rows(self, top: int, bottom: int) -> Rays:
         """See `ImageRays.rows`."""
-        x, y = np.broadcast_arrays(self._x, self._y[top:bottom, :, None])
-        return Rays(x.ravel(), y.ravel(), self._right, self._down, False)
+        return Rays(self._x[None], self._y[top:bottom, :, None], self._right, self._down, False)
 
 
 class LensRays:
@@ -236,9 +242,10 @@ class LensRays:
 
     def rows(self, top: int, bottom: int) -> Rays:
         """See `ImageRays.rows`."""
-        x, y = self._xy[top:bottom].reshape(-1, 2).T
-        right, down = (step[top:bottom].reshape(-1, 2).T for step in (self._right, self._down))
-        return Rays(x, y, (right[0], right[1]), (down[0], down[1]), self._blind[top:bottom].ravel())
+        (x, y), right, down = (
+            (each[top:bottom, ..., 0], each[top:bottom, ..., 1]) for each in (self._xy, self._right, self._down)
+        )
+        return Rays(x, y, right, down, self._blind[top:bottom])
 
 
 def image_rays(camera: CameraModel, offsets: _Floats) -> ImageRays:

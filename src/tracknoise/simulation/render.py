@@ -6,6 +6,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,23 +61,32 @@ class _View:
     """
 
     world_from_camera: NDArray[np.float64]  # (4, 4)
-    rows: NDArray[np.float64]  # (t + 1, 9), the 3x3 matrix of each triangle; the last is for rays that hit nothing
+    rows: NDArray[np.float64]  # (9, t + 1), the 3x3 matrix of each triangle; the last is for rays that hit nothing
     ahead: NDArray[np.float64]  # (t,) rows[2] . p times depth
     light: NDArray[np.float32]  # (lamps, t) irradiance of the visible side
     height_m: NDArray[np.float64]  # (point lamps, t) height of each above the triangle's plane, on that side
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Seen:
-    """What rays see."""
+    """What n rays see from one pose."""
 
+    view: _View
+    rays: Rays
     triangle: NDArray[np.intp]  # (n,) for a ray that hits nothing, the last index
-    points: NDArray[np.float64]  # (n, 3)
+    shrink: NDArray[np.float64]  # (n,) depth / ahead
     reflectance: NDArray[np.float32]  # (n,)
     missed: NDArray[np.bool_]  # (n,)
 
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """(n, 3). Only shadows and point lamps need them."""
+        pose, depth_m = self.view.world_from_camera, self.view.ahead[self.triangle] * self.shrink
+        points: NDArray[np.float64] = pose[:3, 3] + depth_m[:, None] * _rotated(pose, self.rays, np.float64)
+        return points
 
-_Lights = Callable[[_View, _Seen], Iterable[NDArray[np.float32]]]
+
+_Lights = Callable[[_Seen], Iterable[NDArray[np.float32]]]
 """Returns the irradiance of the visible points for each of several lights, (n,) float32 each."""
 
 
@@ -120,7 +130,7 @@ class Renderer:
         (height, width) float32
             0 (black) to 1 (the sensor's full range) and above.
         """
-        (image,) = self._render(world_from_camera, lambda view, seen: [self._light(view, seen)])
+        (image,) = self._render(world_from_camera, lambda seen: [self._light(seen)])
         return image
 
     def images_by_lamp(self, world_from_camera: NDArray[np.float64]) -> list[NDArray[np.float32]]:
@@ -138,9 +148,7 @@ class Renderer:
         """
         ambient = np.float32(self._lighting.ambient)
         lamps = range(len(self._lighting.point_lamps))
-        return self._render(
-            world_from_camera, lambda view, seen: (ambient + self._from_lamp(view, seen, lamp) for lamp in lamps)
-        )
+        return self._render(world_from_camera, lambda seen: (ambient + self._from_lamp(seen, lamp) for lamp in lamps))
 
     def _render(self, world_from_camera: NDArray[np.float64], lights: _Lights) -> list[NDArray[np.float32]]:
         """(height, width) float32 each: one image per light."""
@@ -149,8 +157,8 @@ class Renderer:
         for view, top, bottom in self._bands(world_from_camera):
             rays = self._rays.rows(top, bottom)
             seen = self._look(view, rays)
-            shades = [np.where(seen.missed, _SKY, seen.reflectance * light) for light in lights(view, seen)]
-            visible = [np.where(rays.blind, _BLACK, shade).reshape(-1, samples, camera.width) for shade in shades]
+            shades = [np.where(seen.missed, _SKY, seen.reflectance * light) for light in lights(seen)]
+            visible = [np.where(rays.blind, _BLACK, shade.reshape(-1, samples, camera.width)) for shade in shades]
             bands.append([shade.mean(axis=1, dtype=np.float32) for shade in visible])
         return [np.concatenate(image) for image in zip(*bands, strict=True)]
 
@@ -178,7 +186,11 @@ class Renderer:
         seen = normals * seen_side[:, None]
         light = np.array([lamp.irradiance(seen) for lamp in self._lighting.lamps], np.float32)
         return _View(
-            world_from_camera, rows.reshape(-1, 9), ahead, light.reshape(-1, len(normals)), self._heights(seen_side)
+            world_from_camera,
+            np.ascontiguousarray(rows.reshape(-1, 9).T),
+            ahead,
+            light.reshape(-1, len(normals)),
+            self._heights(seen_side),
         )
 
     def _heights(self, seen_side: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -190,19 +202,18 @@ class Renderer:
 
     def _look(self, view: _View, rays: Rays) -> _Seen:
         """Visible points along the rays."""
-        directions = _rotate(view.world_from_camera, rays.x, rays.y)
-        centre = view.world_from_camera[:3, 3]
-        found = self._raycaster.first_triangle(centre, directions.astype(np.float32))
-        triangle = found.astype(np.intp)
-        s, t, depth_m, footprint = self._locate(view, triangle, rays)
+        centre, directions = view.world_from_camera[:3, 3], _rotated(view.world_from_camera, rays, np.float32)
+        found = self._raycaster.first_triangle(centre, directions)
+        triangle = found.astype(np.intp).reshape(rays.shape)
+        s, t, shrink, footprint = self._locate(view, triangle, rays)
         reflectance = self._atlas.read(self._texture[triangle], s, t, footprint)
-        return _Seen(triangle, centre + depth_m[:, None] * directions, reflectance, found == MISS)
+        return _Seen(view, rays, triangle.ravel(), shrink.ravel(), reflectance.ravel(), found == MISS)
 
     def _locate(
         self, view: _View, triangle: NDArray[np.intp], rays: Rays
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-        """Texture coordinates, depth and footprint (texels) of the visible points along the rays."""
-        a, b, c, d, e, f, g, h, i = view.rows.take(triangle, axis=0).T
+        """Texture coordinates, depth / ahead, and footprint (texels) of the visible points along the rays."""
+        a, b, c, d, e, f, g, h, i = view.rows.take(triangle, axis=1)
         x, y = rays.x, rays.y
         shrink = 1.0 / (g * x + h * y + i)
         s, t = (a * x + b * y + c) * shrink, (d * x + e * y + f) * shrink
@@ -211,7 +222,7 @@ class Renderer:
             (along_x[0] * step_x + along_y[0] * step_y, along_x[1] * step_x + along_y[1] * step_y)
             for step_x, step_y in ((shrink * x, shrink * y) for x, y in (rays.right, rays.down))
         )
-        return s, t, view.ahead[triangle] * shrink, self._footprint(right, down, self._side[triangle])
+        return s, t, shrink, self._footprint(right, down, self._side[triangle])
 
     def _footprint(
         self, right: tuple[_Floats, _Floats], down: tuple[_Floats, _Floats], side: NDArray[np.int64]
@@ -226,23 +237,23 @@ class Renderer:
         shorter = np.abs(right[0] * down[1] - right[1] * down[0]) / np.maximum(longer, _TINY)
         return (np.maximum(longer / n**2, shorter / n) * side).astype(np.float32)
 
-    def _light(self, view: _View, seen: _Seen) -> NDArray[np.float32]:
+    def _light(self, seen: _Seen) -> NDArray[np.float32]:
         """Irradiance of the visible points from all lamps."""
-        lighting = self._lighting
+        lighting, light = self._lighting, seen.view.light
         if self._quality.shadows:
             total = np.full(len(seen.triangle), lighting.ambient, np.float32)
-            for lamp, light in zip(lighting.lamps, view.light, strict=True):
-                total += light[seen.triangle] * self._raycaster.lit(seen.points, lamp.towards)
+            for lamp, irradiance in zip(lighting.lamps, light, strict=True):
+                total += irradiance[seen.triangle] * self._raycaster.lit(seen.points, lamp.towards)
         else:
-            total = (lighting.ambient + view.light.sum(axis=0))[seen.triangle]
+            total = (lighting.ambient + light.sum(axis=0))[seen.triangle]
         for index in range(len(lighting.point_lamps)):
-            total += self._from_lamp(view, seen, index)
+            total += self._from_lamp(seen, index)
         return total
 
-    def _from_lamp(self, view: _View, seen: _Seen, index: int) -> NDArray[np.float32]:
+    def _from_lamp(self, seen: _Seen, index: int) -> NDArray[np.float32]:
         """Irradiance of the visible points from one point lamp."""
         lamp = self._lighting.point_lamps[index]
-        light = lamp.irradiance(seen.points, view.height_m[index, seen.triangle]).astype(np.float32)
+        light = lamp.irradiance(seen.points, seen.view.height_m[index, seen.triangle]).astype(np.float32)
         if self._quality.shadows:
             light *= self._reached(np.array(lamp.position_m), seen.points)
         return light
@@ -268,14 +279,15 @@ def sample_offsets(supersampling: int) -> NDArray[np.float64]:
     return np.stack([right, down], axis=-1)
 
 
-def _rotate(
-    world_from_camera: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """(n, 3) float64: the bearings (x, y, 1) in the world frame."""
-    directions = np.empty((len(x), 3))
+_Float = TypeVar("_Float", np.float32, np.float64)
+
+
+def _rotated(world_from_camera: NDArray[np.float64], rays: Rays, precision: type[_Float]) -> NDArray[_Float]:
+    """(n, 3): the bearings (x, y, 1) of n rays in the world frame, computed in float64."""
+    directions = np.empty((*rays.shape, 3), precision)
     for axis, (right, down, forward) in enumerate(world_from_camera[:3, :3]):
-        directions[:, axis] = right * x + down * y + forward
-    return directions
+        directions[..., axis] = right * rays.x + down * rays.y + forward
+    return directions.reshape(-1, 3)
 
 
 Poses = NDArray[np.float64]

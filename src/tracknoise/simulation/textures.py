@@ -19,18 +19,18 @@ from numpy.typing import NDArray
 class Atlas:
     """The mip pyramids of several textures in one flat array, so that one lookup can read several textures.
 
-    Shapes: textures (side, side).
+    Shapes: textures (side, side). All together have fewer than 2^31 texels: their indices are int32, which halves what
+    a lookup moves through the processor's cache.
     """
 
     def __init__(self, textures: tuple[NDArray[np.float32], ...]) -> None:
         pyramids = [list(_pyramid(texture)) for texture in textures]
-        sizes = [[level.size for level in levels] for levels in pyramids]
-        ends = np.cumsum([sum(size) for size in sizes])
         self._depth = np.array([len(levels) - 1 for levels in pyramids])
-        self._starts = np.zeros((len(textures), int(self._depth.max(initial=0)) + 1), np.intp)
-        for starts, size, end in zip(self._starts, sizes, ends, strict=True):
-            starts[: len(size)] = end - np.cumsum(size[::-1])[::-1]
-        self._texels = np.concatenate([level.ravel() for levels in pyramids for level in levels])
+        self._finest = np.cumsum([0, *(len(levels) for levels in pyramids[:-1])])  # of each texture: index of a level
+        levels = [level for pyramid in pyramids for level in pyramid]
+        self._sides = np.array([len(level) for level in levels], np.int32)
+        self._starts = np.cumsum([0, *(level.size for level in levels[:-1])], dtype=np.int32)
+        self._texels = np.concatenate([level.ravel() for level in levels])
 
     def side(self, texture: NDArray[np.int64]) -> NDArray[np.int64]:
         """Side of each texture, texels."""
@@ -44,27 +44,22 @@ class Atlas:
 
         Returns: in the unit of the textures. `s, t`: column and row in repeats of the texture.
         """
-        coarsest = self._depth[texture]
+        coarsest, finest = self._depth[texture], self._finest[texture]
         level = np.minimum(np.log2(np.maximum(footprint, np.float32(1.0))), coarsest.astype(np.float32))
         finer = level.astype(np.intp)
         blend = level - finer.astype(np.float32)
         column, row = _within_repeat(s), _within_repeat(t)
-        fine = self._bilinear(texture, column, row, finer)
-        coarse = self._bilinear(texture, column, row, np.minimum(finer + 1, coarsest))
+        fine = self._bilinear(finest + finer, column, row)
+        coarse = self._bilinear(finest + np.minimum(finer + 1, coarsest), column, row)
         return _blend(fine, coarse, blend)
 
-    def _bilinear(
-        self, texture: NDArray[np.int64], s: NDArray[np.float32], t: NDArray[np.float32], level: NDArray[np.intp]
-    ) -> NDArray[np.float32]:
-        side_log2 = self._depth[texture] - level
-        last = (1 << side_log2) - 1
-        scale = (last + 1).astype(np.float32)
+    def _bilinear(self, level: NDArray[np.intp], s: NDArray[np.float32], t: NDArray[np.float32]) -> NDArray[np.float32]:
+        side, start = self._sides.take(level), self._starts.take(level)
+        scale, last = side.astype(np.float32), side - 1
         column, across = _split(s, scale)
         row, down = _split(t, scale)
-        start = self._starts[texture, level]
         left, right = column & last, (column + 1) & last
-        upper = start + ((row & last) << side_log2)
-        lower = start + (((row + 1) & last) << side_log2)
+        upper, lower = start + (row & last) * side, start + ((row + 1) & last) * side
         texels = self._texels
         above = _blend(texels.take(upper + left), texels.take(upper + right), across)
         below = _blend(texels.take(lower + left), texels.take(lower + right), across)
@@ -76,12 +71,14 @@ def _within_repeat(coordinate: NDArray[np.float64]) -> NDArray[np.float32]:
     return (coordinate - np.floor(coordinate)).astype(np.float32)
 
 
-def _split(coordinate: NDArray[np.float32], scale: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+def _split(
+    coordinate: NDArray[np.float32], scale: NDArray[np.float32]
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Index of the texel centre at or before a coordinate (-1 before the first), and the fraction to the next."""
     texel = coordinate * scale
     texel -= np.float32(0.5)
     index = np.floor(texel)
-    return index.astype(np.intp), texel - index
+    return index.astype(np.int32), texel - index
 
 
 def _blend(first: NDArray[np.float32], second: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:

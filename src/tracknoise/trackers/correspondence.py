@@ -120,11 +120,11 @@ def _by_network(frame: Frame, detection: Detection) -> Described:
 
 def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
     """The keypoints, strongest first: as they were detected if `own`, otherwise as corners of one size."""
-    raw = [points.raw[index] for index in points.order.tolist()]
     if own:
-        return raw
+        return [points.raw[index] for index in points.order.tolist()]
     return [  # AKAZE's descriptor reads the level of its scale space from the class: the finest
-        cv2.KeyPoint(one.pt[0], one.pt[1], _CORNER_SIZE_PX, response=one.response, class_id=0) for one in raw
+        cv2.KeyPoint(u, v, _CORNER_SIZE_PX, response=response, class_id=0)
+        for (u, v), response in zip(points.uv.tolist(), points.response.tolist(), strict=True)
     ]
 
 

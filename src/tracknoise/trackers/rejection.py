@@ -210,19 +210,22 @@ class Homography:
         Shapes: model (3, 3), source, target (n, 2); returns (3, 3).
         """
         best: Floats = model / model[2, 2]
-        residual, jacobian = _linearise(best, source, target)
+        x, y, inverse = _divided(best, source)
+        residual, jacobian = _residual(x, y, target), _jacobian(x, y, inverse, source)
         cost, damping = float(np.sum(residual * residual)), 1e-3
         for _ in range(_MAX_REFINEMENTS):
             candidate = best + _step(residual, jacobian, damping)
-            linear = _linearise(candidate, source, target)
-            new_cost = float(np.sum(linear[0] * linear[0]))
+            x, y, inverse = _divided(candidate, source)
+            found = _residual(x, y, target)
+            new_cost = float(np.sum(found * found))
             if not new_cost < cost:
                 damping *= 10
                 continue
             gain = cost - new_cost
-            best, cost, damping, (residual, jacobian) = candidate, new_cost, damping / 10, linear
+            best, cost, damping, residual = candidate, new_cost, damping / 10, found
             if gain <= _CONVERGED * cost:
                 break
+            jacobian = _jacobian(x, y, inverse, source)
         return best
 
 
@@ -262,28 +265,42 @@ def _through_four(target: Floats, from_areas: Floats, to_areas: Floats, from_lin
 def _map(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
     """Homogeneous coordinates (b, n) of points under each model; explicit sums, as BLAS may round differently."""
     u, v = points[:, 0], points[:, 1]
-    x, y, w = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in np.moveaxis(models, 1, 0))
+    x, y, w = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in models.transpose(1, 0, 2))
     return x, y, w
 
 
-def _linearise(model: Floats, source: Floats, target: Floats) -> tuple[Floats, Floats]:
-    """Residuals (2n,) of pi(H x) - x' and their derivatives (2n, 8) by the entries of H but the last."""
-    (x,), (y,), (w,) = _map(model[None], source)
+def _divided(model: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
+    """pi(H x) of points (n, 2), and one over the third homogeneous coordinate, (n,) each; 0 where that is 0."""
+    (x,), (y,), (w,) = _map(model[None], points)
     inverse = 1.0 / np.where(np.abs(w) > np.finfo(np.float64).eps, w, np.inf)
-    x, y = x * inverse, y * inverse
-    scaled = np.column_stack([source, np.ones(len(source))]) * inverse[:, None]
-    nothing = np.zeros_like(scaled)
-    by_x = np.hstack([scaled, nothing, -x[:, None] * scaled[:, :2]])
-    by_y = np.hstack([nothing, scaled, -y[:, None] * scaled[:, :2]])
-    return np.concatenate([x - target[:, 0], y - target[:, 1]]), np.concatenate([by_x, by_y])
+    return x * inverse, y * inverse, inverse
+
+
+def _residual(x: Floats, y: Floats, target: Floats) -> Floats:
+    """pi(H x) - x', first in x, then in y: (2n,)."""
+    return np.concatenate([x - target[:, 0], y - target[:, 1]])
+
+
+def _jacobian(x: Floats, y: Floats, inverse: Floats, source: Floats) -> Floats:
+    """Derivatives (2n, 8) of the residuals by the entries of H but the last."""
+    jacobian = np.zeros((2, len(source), 8))
+    by_x, by_y = jacobian
+    scaled = source * inverse[:, None]
+    by_x[:, :2] = by_y[:, 3:5] = scaled
+    by_x[:, 2] = by_y[:, 5] = inverse
+    by_x[:, 6:] = -x[:, None] * scaled
+    by_y[:, 6:] = -y[:, None] * scaled
+    return jacobian.reshape(-1, 8)
 
 
 def _step(residual: Floats, jacobian: Floats, damping: float) -> Floats:
     """Change (3, 3) of H; its last entry is fixed."""
     normal = np.einsum("ni,nj->ij", jacobian, jacobian)
     gradient = np.einsum("ni,n->i", jacobian, residual)
-    normal[np.diag_indices(8)] *= 1.0 + damping
-    return -np.append(np.linalg.solve(normal, gradient), 0.0).reshape(3, 3)
+    normal.ravel()[::9] *= 1.0 + damping  # the diagonal
+    change = np.zeros(9)
+    change[:8] = -np.linalg.solve(normal, gradient)
+    return change.reshape(3, 3)
 
 
 _RANK_DEFICIENT = 1e-10
@@ -357,7 +374,7 @@ def _rank_two(models: Floats) -> Floats:
 
 def _epipolar_lines(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
     u, v = points[:, 0], points[:, 1]
-    a, b, c = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in np.moveaxis(models, 1, 0))
+    a, b, c = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in models.transpose(1, 0, 2))
     return a, b, c
 
 

@@ -114,8 +114,10 @@ def mistakes(evidence: Evidence) -> Item:
         return Item("usual mistakes", Severity.unknown, text)
     candidates = hypotheses(has_depth=evidence.has_depth, is_z=evidence.z_depth_from is not None)
     pairs = thinned(evidence.pairs)
-    given_px = _residuals(evidence, pairs, AS_GIVEN)
-    tried = np.array([_residuals(evidence, pairs, one) for one in candidates])
+    motion_px = np.array([pair.motion_px for pair in pairs])
+    most_px = _CAP_MOTION * motion_px + _CAP_PX
+    given_px = _residuals(evidence, pairs, AS_GIVEN, most_px)
+    tried = np.array([_residuals(evidence, pairs, one, most_px) for one in candidates])
     are_few = len(pairs) < FEW_PAIRS
     even = np.arange(len(pairs)) % 2 == 0
     choosing, judging = even | are_few, ~even | are_few
@@ -123,7 +125,8 @@ def mistakes(evidence: Evidence) -> Item:
     tied = np.flatnonzero(np.log(gains) <= np.log(gains.min()) + _TIE)
     fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]
     is_clear = fits[0].gain <= (MOST_GAIN_OF_FEW if are_few else MOST_GAIN) and fits[0].better >= LEAST_BETTER
-    if is_clear and (evidence.has_depth or _is_gross(pairs, given_px) or fits[0].residual_px <= _NOISE_PX):
+    rival_motion = np.nanmedian(given_px / np.maximum(motion_px, 1.0)) >= _CAVEAT_SHARE
+    if is_clear and (evidence.has_depth or rival_motion or fits[0].residual_px <= _NOISE_PX):
         return _named(evidence, fits, float(np.median(given_px)))
     if (ray := _ray_depth(evidence)) is not None:
         return ray
@@ -131,17 +134,13 @@ def mistakes(evidence: Evidence) -> Item:
     return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
 
 
-def _is_gross(pairs: ListOf[Pair], given_px: NDArray[np.float64]) -> bool:
-    """Whether residuals rival the image motion."""
-    return float(np.nanmedian(given_px / np.array([max(pair.motion_px, 1.0) for pair in pairs]))) >= _CAVEAT_SHARE
-
-
-def _residuals(evidence: Evidence, pairs: ListOf[Pair], assumed: Hypothesis) -> NDArray[np.float64]:
-    """(n,) float64: median residual of each pair, px, cut at some times the motion; NaN where a pose is missing."""
+def _residuals(
+    evidence: Evidence, pairs: ListOf[Pair], assumed: Hypothesis, most_px: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(n,) float64: median residual of each pair, px, cut at the most that counts; NaN where a pose is missing."""
     undone = replace(evidence, poses=corrected(evidence.poses, assumed))
     found = np.array([residual_px(undone, pair, assumed) for pair in pairs])
-    most = np.array([_CAP_MOTION * pair.motion_px + _CAP_PX for pair in pairs])
-    return np.asarray(np.minimum(np.maximum(found, _MISTAKE_FLOOR_PX), most), dtype=np.float64)
+    return np.asarray(np.minimum(np.maximum(found, _MISTAKE_FLOOR_PX), most_px), dtype=np.float64)
 
 
 def _fit(

@@ -35,6 +35,10 @@ class Still:
 
 VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     "lucas-kanade of key frames": ("lucas-kanade", {"template": "keyframe", "min_ncc": 0.5, "backward_px": 1.0}),
+    "lucas-kanade topped up in key frames": (
+        "lucas-kanade",
+        {"order": "rejection-first", "detect_at": "keyframes", "reject_at": "keyframes", "keyframe_every": 3},
+    ),
     "lucas-kanade along rays": ("lucas-kanade", {"start_at": "rotation", "rejection": {"model": "two-point"}}),
     "patch of the previous frame": ("patch", {"template": "previous", "warp": "se2", "brightness": "gain"}),
     "patch of few matches": ("patch", {"detection": {"spacing": "anms"}, "rejection": {"model": "five-point"}}),

@@ -1,5 +1,6 @@
 """What trackers do in key frames only: new features, rejection of outliers, templates."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +9,14 @@ from tests.trackers.conftest import textured
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.trackers.aligned_patches import AlignedPatches
+from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.dense_flow import DenseFlow
+from tracknoise.trackers.features import Features
 from tracknoise.trackers.following import Order
 from tracknoise.trackers.function import Function
 from tracknoise.trackers.key_frames import KeyFrames, Occasion
 from tracknoise.trackers.lucas_kanade import LucasKanade, LucasKanadeTracker
-from tracknoise.trackers.rejection import Model, Rejection
+from tracknoise.trackers.rejection import Model, ReferencePosition, Rejection
 from tracknoise.trackers.template_choice import Renewal, Template
 from tracknoise.trackers.tracker import Frame, Step
 from tracknoise.trackers.tracker_registry import make_tracker
@@ -45,6 +48,12 @@ def frames_with(counts: list[int]) -> list[int]:
     return np.flatnonzero(counts).tolist()
 
 
+def features(ids: Sequence[int]) -> Features:
+    """Features whose positions are their ids."""
+    found = Features.begin(0, np.repeat(np.array(ids, dtype=np.float64), 2).reshape(-1, 2))
+    return replace(found, ids=np.array(ids, dtype=np.int64))
+
+
 def test_a_key_frame_is_due_once_few_features_of_the_last_are_left_or_it_is_old():
     by_share, by_time = KeyFrames(0.5), KeyFrames(1e-6, every=4)
     alive = [range(0), range(4), range(1, 5), range(2, 6), range(3, 7), range(3, 7)]
@@ -56,7 +65,7 @@ def test_a_key_frame_is_due_once_few_features_of_the_last_are_left_or_it_is_old(
             old = np.array([i for i in ids if number > 0 and i in alive[number - 1]], dtype=np.int64)
             if frames.decide(index, old):
                 due[name].append(index)
-            frames.complete(index, np.array(ids, dtype=np.int64))
+            frames.complete(index, features(ids))
     assert due["share"] == [0, 2, 8]  # without features, the next image is one too
     assert due["time"] == [0, 2, 6, 10]
 
@@ -69,7 +78,7 @@ def test_all_templates_are_renewed_in_a_key_frame():
         [([], [0, 1, 2, 3]), ([1, 2, 3], [1, 2, 3, 4]), ([3, 4], [3, 4, 5]), ([4, 5], [4, 5])]
     ):
         frames.decide(index, np.array(old, dtype=np.int64))
-        frames.complete(index, np.array(ids))
+        frames.complete(index, features(ids))
         rows.append(renewal.rows(np.array(ids), index).tolist())
     assert rows == [[-1] * 4, [1, 2, 3, -1], [-1] * 3, [1, 2]]
 
@@ -116,6 +125,29 @@ def test_detection_rejection_and_templates_have_the_same_key_frames(noisy, setti
     assert same.index(False) == asked[1] + 1  # followed from the second key frame, with its templates
 
 
+@pytest.mark.parametrize("order", Order)
+@pytest.mark.parametrize("reject_at", Occasion)
+def test_positions_in_the_last_key_frame_can_be_compared(noisy, setting, order, reject_at):
+    """Features move by (-11, -4) px a frame. Those that began since the key frame are not compared."""
+    asked = {}
+
+    def inliers(source, target, frame):
+        asked[frame] = source, target
+        return np.zeros(len(source), dtype=np.bool_) if frame == 9 else np.ones(len(source), dtype=np.bool_)
+
+    options = {"min_features": 120, "max_features": 120, "order": order, "reject_at": reject_at, **BY_TIME}
+    settings = LucasKanade(rejection=Rejection(reference=ReferencePosition.keyframe), **options)
+    tracker = LucasKanadeTracker(settings, inliers)
+    steps = [tracker.step(frame) for frame in noisy]
+    compared = {frame: pair for frame, pair in asked.items() if len(pair[0])}
+    expected = range(1, 10) if reject_at is Occasion.every_frame else (3, 6, 9)
+    assert sorted(compared) == [*expected]
+    for frame, (source, target) in compared.items():
+        since = (frame - 1) % 3 + 1
+        assert np.abs(np.median(target - source, axis=0) - since * np.array([-11, -4])).max() < 0.1
+    assert steps[9].outliers == len(compared[9][0]) < steps[9].matched
+
+
 def test_key_frames_are_so_many_frames_of_the_nominal_sequence_apart(noisy, setting):
     settings = LucasKanade(detect_at="keyframes", **EVERY_STEP | {"keyframe_every": 4})
     steps = run(settings, noisy[::2], setting(SIZE, speed=2))
@@ -148,3 +180,5 @@ def test_settings_of_key_frames_have_names_and_bounds():
         for kind in ("lucas-kanade", "patch", "dense-flow"):
             with pytest.raises(SettingsError, match=message):
                 make_tracker(kind, options)
+    with pytest.raises(ValueError, match=r"rejection.reference is 'keyframe', expected previous or first"):
+        Correspondence(rejection=Rejection(reference="keyframe"))

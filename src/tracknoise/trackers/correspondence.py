@@ -218,6 +218,8 @@ class Correspondence:
             require(
                 self.matcher is None or value is None, name, value, "none with a matcher, whose matches have scores"
             )
+        known = self.rejection.reference is not ReferencePosition.keyframe
+        require(known, "rejection.reference", "keyframe", "previous or first, without key frames")
         one_step = self.rejection.model is not Model.two_point or not self.max_missed_frames
         require(one_step, "max_missed_frames", self.max_missed_frames, "0 with two-point, which knows one rotation")
         require_bounds(self)

@@ -150,7 +150,7 @@ class FollowingTracker:
     2. It moved less than the largest displacement (else ``displaced``), and is not too old (else ``masked``).
     3. It lies outside the margin, and far enough from the features that passed this test before it in this frame (else
        ``masked``). A feature that passes occupies its place.
-    4. The outlier rejection between the previous and current positions of the remaining features keeps it (else
+    4. The outlier rejection between the reference and current positions of the remaining features keeps it (else
        ``outlier``). An outlier's place stays occupied in this frame, so that it is not detected again at once. With
        `reject_at` key frames, that is asked in these only.
     5. If fewer than `min_features` are left, the strongest keypoints in free places are added, up to `max_features`;
@@ -192,7 +192,7 @@ class FollowingTracker:
         found = before.chosen(alive, flow.uv[alive])
         new, response = self._detect(frame, places, len(found))
         self._features = found.joined(new)
-        self._key_frames.complete(frame.index, self._features.ids)
+        self._key_frames.complete(frame.index, self._features)
         return report(
             offered=before.ids,
             end=end,
@@ -242,7 +242,7 @@ class FollowingTracker:
         end[kept] = ALIVE
         new, response = self._detect(before, places, len(kept))
         self._response = np.concatenate([self._response, response])
-        self._key_frames.complete(before.index, np.concatenate([live.ids[kept], new.ids]))
+        self._key_frames.complete(before.index, live.chosen(kept, live.uv[kept]).joined(new))
         return live.joined(new), np.concatenate([end, np.full(len(new), ALIVE, dtype=np.int8)])
 
     def _flow(self, frame: Frame, features: Features) -> Flow:
@@ -270,9 +270,9 @@ class FollowingTracker:
         waits = settings.reject_at is Occasion.keyframes
         inlier = np.ones(len(rows), dtype=np.bool_)
         if not waits or self._key_frames.decide(frame.index, features.ids[rows]):
-            first = settings.rejection.reference is ReferencePosition.first
-            source = features.first_uv if first else features.uv
-            inlier = self._inliers(source[rows], uv[rows], frame.index)
+            source = self._reference(features)[rows]
+            known = np.isfinite(source).all(axis=1)
+            inlier[known] = self._inliers(source[known], uv[rows[known]], frame.index)
         end[rows] = np.where(inlier, ALIVE, TrackEnd.outlier)
         if settings.order is Order.rejection_first:
             rows = rows[inlier]
@@ -281,6 +281,15 @@ class FollowingTracker:
         if not waits:
             self._key_frames.decide(frame.index, features.ids[end == ALIVE])
         return end
+
+    def _reference(self, features: Features) -> NDArray[np.float64]:
+        """Positions (n, 2) with which present ones are compared; NaN where there is none."""
+        match self._settings.rejection.reference:
+            case ReferencePosition.first:
+                return features.first_uv
+            case ReferencePosition.keyframe:
+                return self._key_frames.positions(features.ids)
+        return features.uv
 
     def _detect(self, frame: Frame, places: Places, alive: int) -> tuple[Features, NDArray[np.float32]]:
         """Test 5: new features of an image, and their responses."""

@@ -5,6 +5,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.trackers.features import Features
+
 
 class Occasion(StrEnum):
     """In which images new features are detected, or outliers rejected.
@@ -35,7 +37,7 @@ class KeyFrames:
     def __init__(self, share: float, every: int | None = None) -> None:
         self._share, self._every = share, every
         self._latest: int | None = None
-        self._ids = np.empty(0, dtype=np.int64)
+        self._ids, self._uv = np.empty(0, dtype=np.int64), np.empty((0, 2))
 
     def decide(self, index: int, ids: NDArray[np.int64]) -> bool:
         """Whether the present image becomes a key frame, by the features (n,) of earlier ones that are alive in it."""
@@ -49,7 +51,13 @@ class KeyFrames:
         """Whether an image is the last key frame."""
         return self._latest == index
 
-    def complete(self, index: int, ids: NDArray[np.int64]) -> None:
-        """State the features (n,) that are alive in an image in the end, which count if it is the last key frame."""
+    def complete(self, index: int, features: Features) -> None:
+        """State the features that are alive in an image in the end, which count if it is the last key frame."""
         if self.is_latest(index):
-            self._ids = ids
+            self._ids, self._uv = features.ids, features.uv
+
+    def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Where features (n,) were in the last key frame that is complete, (n, 2) px; NaN if they began later."""
+        rows = np.append(self._uv, [[np.nan, np.nan]], axis=0)
+        at = np.where(np.isin(ids, self._ids), np.searchsorted(self._ids, ids), len(self._ids))
+        return rows[at]

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Row, median_ms
-from tracknoise.trackers.correspondence import describe, mutual_nearest
+from tracknoise.trackers.correspondence import describe
 from tracknoise.trackers.detection import Detection
 from tracknoise.trackers.lucas_kanade import LucasKanade, LucasKanadeTracker
+from tracknoise.trackers.matching import mutual_nearest
 from tracknoise.trackers.tracker import Frame, Step
 
 PASSES = 3

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import polars as pl
 import pytest
+from tests.trackers.networks import keypoint_network, match_network, require_onnx
 
 from tracknoise.geometry.cameras import Camera
 from tracknoise.tables.identity import SequenceId
@@ -34,6 +35,10 @@ class Still:
 
 VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     "lucas-kanade of key frames": ("lucas-kanade", {"template": "keyframe", "min_ncc": 0.5, "backward_px": 1.0}),
+    "lucas-kanade topped up in key frames": (
+        "lucas-kanade",
+        {"order": "rejection-first", "detect_at": "keyframes", "reject_at": "keyframes", "keyframe_every": 3},
+    ),
     "lucas-kanade along rays": ("lucas-kanade", {"start_at": "rotation", "rejection": {"model": "two-point"}}),
     "patch of the previous frame": ("patch", {"template": "previous", "warp": "se2", "brightness": "gain"}),
     "patch of few matches": ("patch", {"detection": {"spacing": "anms"}, "rejection": {"model": "five-point"}}),
@@ -46,6 +51,7 @@ VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
             "rejection": {"model": "seven-point"},
         },
     ),
+    "correspondence of networks": ("correspondence", {"descriptor": "network", "rejection": {"model": "none"}}),
 }
 """Trackers whose options take other ways through the code than the defaults do."""
 
@@ -62,6 +68,12 @@ def settings(request: pytest.FixtureRequest, tmp_path: Path) -> TrackerSettings:
         "imported": {"path": _track_file(tmp_path / "tracks.csv")},
     }
     kind, others = VARIANTS.get(request.param, (request.param, {}))
+    if others.get("descriptor") == "network":
+        require_onnx()
+        found, matched = (str(tmp_path / f"{name}.onnx") for name in ("keypoints", "matches"))
+        keypoint_network(Path(found))
+        match_network(Path(matched))
+        others = others | {"detection": {"network": found}, "matcher": matched}
     return (
         make_tracker(kind, options.get(kind, {}) | others) if others else TRACKERS.load(kind)(**options.get(kind, {}))
     )
@@ -131,9 +143,10 @@ def test_the_report_has_the_types_and_shapes_it_promises(settings, speed):
 
 
 def test_quality_is_one_number_per_observation_and_finite_where_known(settings):
+    learned = getattr(settings, "matcher", None) is not None
     expected = {
         "lucas-kanade": {"lk_residual", "lk_min_eigenvalue"},
-        "correspondence": {"descriptor_distance", "descriptor_ratio"},
+        "correspondence": {"match_score"} if learned else {"descriptor_distance", "descriptor_ratio"},
         "imported": {"sure"},
         "patch": {"patch_residual", "patch_ncc"},
     }

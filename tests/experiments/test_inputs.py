@@ -1,8 +1,9 @@
-"""Input files of options: tracks of other front ends and Gazebo models, of each sequence its own."""
+"""Input files of options: tracks of other front ends, Gazebo models and networks, of each sequence its own."""
 
 from pathlib import Path
 
 import pytest
+from tests.trackers.networks import keypoint_network, match_network, require_onnx
 
 from tracknoise.experiments.inputs import InputCheck, digest_of, input_tables, recording
 from tracknoise.experiments.plan import Task, make_trackers, open_batch, plan
@@ -22,6 +23,17 @@ options = { path = "TRACKS/{scene}.csv" }
 """
 BOX = """<sdf version="1.6"><model name="box"><link name="l"><visual name="v">
 <geometry><box><size>1 1 1</size></box></geometry></visual></link></model></sdf>"""
+
+
+NETWORKS = """
+name = "x"
+[dataset]
+reader = "simulated"
+options = { motions = ["sideways"], frames = 2, width = 48, height = 32 }
+[[trackers]]
+kind = "correspondence"
+options = { descriptor = "network", matcher = "matches.onnx", detection = { network = "keypoints.onnx" } }
+"""
 
 
 @pytest.fixture
@@ -82,3 +94,19 @@ def test_a_record_that_is_damaged_or_of_another_measurement_proves_nothing(exper
     assert InputCheck(run).change(task, entry) == unknown
     (tmp_path / "run" / "inputs" / f"{other.key}.parquet").write_bytes(b"PAR1")
     assert InputCheck(run).change(other, elsewhere) == unknown
+
+
+@pytest.mark.parametrize("changed", ["keypoints.onnx", "matches.onnx"])
+def test_networks_count_by_their_content(tmp_path, changed):
+    require_onnx()
+    files = {"keypoints.onnx": keypoint_network, "matches.onnx": match_network}
+    for name, write in files.items():
+        write(tmp_path / name)
+    text = NETWORKS
+    for name in files:
+        text = text.replace(name, str(tmp_path / name))
+    run, (task,) = RunFolder(tmp_path / "run"), plan(parse_experiment(text, place="x.toml"))
+    entry = measured(task, run)
+    assert InputCheck(run).change(task, entry) is None
+    (tmp_path / changed).write_bytes((tmp_path / changed).read_bytes()[:-1] + b"x")
+    assert InputCheck(run).change(task, entry) == f"{tmp_path / changed} changed"

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import pytest
+from tests.trackers.networks import DOTS_SIZE
 
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
@@ -25,6 +26,23 @@ def sideways() -> list[Frame]:
     texture = textured(420, 340)
     width, height = SIZE
     return [Frame(k, texture[20 + 2 * k :][:height, 60 - 3 * k :][:, :width].copy()) for k in range(6)]
+
+
+@pytest.fixture(scope="module")
+def dots() -> tuple[list[Frame], np.ndarray]:
+    """Images of dots with different surroundings that move by (3, -2) px, and the places of the dots in the first."""
+    rng = np.random.default_rng(0)
+    texture = cv2.GaussianBlur(rng.uniform(0, 255, (200, 260)).astype(np.float32), (0, 0), 2.0) * 0.7
+    places = np.array([(u, v) for u in range(40, 220, 18) for v in range(40, 170, 18)])
+    places += rng.integers(-4, 5, places.shape)
+    for u, v in places:
+        texture[v - 1 : v + 2, u - 1 : u + 2] = 190
+        texture[v, u] = 200 + rng.integers(0, 50)
+    texture = np.clip(texture, 0, 255).astype(np.uint8)
+    images = [texture[40 + 2 * k :, 60 - 3 * k :][: DOTS_SIZE[1], : DOTS_SIZE[0]].copy() for k in range(5)]
+    inside = places - (60, 40)
+    inside = inside[((inside >= 8) & (inside < np.array(DOTS_SIZE) - 8)).all(axis=1)]
+    return [Frame(k, image) for k, image in enumerate(images)], inside
 
 
 @pytest.fixture

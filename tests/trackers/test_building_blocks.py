@@ -20,7 +20,7 @@ from tracknoise.trackers.preprocessing import Equalisation, Preprocessing
 from tracknoise.trackers.rejection import Coordinates, Model, Rejection
 from tracknoise.trackers.search_start import Start
 from tracknoise.trackers.spacing import suppression_radii
-from tracknoise.trackers.template_choice import Renewal, Template
+from tracknoise.trackers.template_choice import Template
 from tracknoise.trackers.tracker import Frame, Step, TrackerSettings
 
 FEW = {"min_features": 100, "max_features": 120}
@@ -174,17 +174,6 @@ def test_the_patch_is_that_of_the_first_frame_until_half_of_its_features_are_gon
     assert seen[Template.keyframe][: renewed + 1] == seen[Template.first][: renewed + 1]
     assert seen[Template.keyframe][renewed + 1] != seen[Template.first][renewed + 1]
     assert seen[Template.keyframe][2] != seen[Template.previous][2]
-
-
-def test_a_key_frame_renews_all_templates_once_few_of_the_last_are_left():
-    renewal = Renewal(Template.keyframe, keyframe_share=0.5)
-    assert renewal.rows(np.arange(4)).tolist() == [-1, -1, -1, -1]
-    assert renewal.rows(np.array([1, 2, 3, 4])).tolist() == [1, 2, 3, -1]
-    assert renewal.rows(np.array([2, 3, 4, 5])).tolist() == [1, 2, 3, -1]
-    assert renewal.rows(np.array([3, 4, 5, 6])).tolist() == [-1, -1, -1, -1]
-    assert renewal.rows(np.array([4, 6])).tolist() == [1, 3]
-    first = Renewal(Template.first)
-    assert [first.rows(ids).tolist() for ids in (np.array([2, 5]), np.array([5, 7]))] == [[-1, -1], [1, -1]]
 
 
 def test_what_no_longer_looks_like_its_first_patch_is_lost(sideways, setting):

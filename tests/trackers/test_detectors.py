@@ -2,9 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.trackers.correspondence import Correspondence, Descriptor, describe, mutual_nearest
+from tracknoise.trackers.correspondence import Correspondence, Descriptor, describe
 from tracknoise.trackers.detection import Detection, Detector, keypoints
 from tracknoise.trackers.lucas_kanade import LucasKanade
+from tracknoise.trackers.matching import mutual_nearest
 from tracknoise.trackers.rejection import Rejection
 from tracknoise.trackers.tracker import Frame
 from tracknoise.trackers.tracker_registry import make_tracker
@@ -94,7 +95,9 @@ def test_matches_of_bits_are_those_of_the_hamming_distance(sideways, descriptor)
         zip(found.query_rows.tolist(), found.train_rows.tolist(), strict=True)
     )
     distances = {one.queryIdx: one.distance for one in expected}
-    np.testing.assert_allclose(found.distance**2, [distances[row] for row in found.query_rows.tolist()], rtol=1e-6)
+    np.testing.assert_allclose(
+        found.quality["descriptor_distance"] ** 2, [distances[row] for row in found.query_rows.tolist()], rtol=1e-6
+    )
 
 
 def test_the_default_keypoints_are_described_exactly_as_they_were_detected(sideways):

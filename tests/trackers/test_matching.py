@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracknoise.trackers.correspondence import describe, mutual_nearest
+from tracknoise.trackers.correspondence import describe
 from tracknoise.trackers.detection import Detection
+from tracknoise.trackers.matching import mutual_nearest
 
 
 def by_opencv(query: np.ndarray, train: np.ndarray) -> list[tuple[int, int]]:
@@ -43,20 +44,20 @@ def test_products_of_sift_descriptors_are_exact(sideways):
 @pytest.mark.parametrize(("n_query", "n_train"), [(0, 5), (5, 0), (0, 0)])
 def test_nothing_matches_nothing(n_query, n_train):
     matches = mutual_nearest(np.ones((n_query, 128), np.float32), np.ones((n_train, 128), np.float32))
-    assert {len(getattr(matches, name)) for name in matches.__slots__} == {0}
+    assert {len(rows) for rows in (matches.query_rows, matches.train_rows, *matches.quality.values())} == {0}
 
 
 def test_distances_are_euclidean_and_ratios_are_relative_to_the_second_nearest():
     query = np.array([[3, 4], [100, 0]], np.float32)
     matches = mutual_nearest(query, np.array([[0, 0], [100, 0], [3, 14]], np.float32))
     assert matches.train_rows.tolist() == [0, 1]
-    assert matches.distance.tolist() == [5.0, 0.0]
-    assert matches.ratio.tolist() == [0.5, 0.0]
+    assert matches.quality["descriptor_distance"].tolist() == [5.0, 0.0]
+    assert matches.quality["descriptor_ratio"].tolist() == [0.5, 0.0]
     alone = mutual_nearest(query[:1], query[:1])
-    assert alone.distance.tolist() == [0.0]
-    assert np.isnan(alone.ratio).all()
+    assert alone.quality["descriptor_distance"].tolist() == [0.0]
+    assert np.isnan(alone.quality["descriptor_ratio"]).all()
     twins = mutual_nearest(query[:1], query[[0, 0]])
-    assert twins.ratio.tolist() == [1.0]
+    assert twins.quality["descriptor_ratio"].tolist() == [1.0]
 
 
 def test_distances_of_sift_descriptors_are_those_of_opencvs_two_nearest(sideways):
@@ -64,5 +65,5 @@ def test_distances_of_sift_descriptors_are_those_of_opencvs_two_nearest(sideways
     matches = mutual_nearest(query, train)
     nearest = cv2.BFMatcher(cv2.NORM_L2).knnMatch(query, train, k=2)
     first, second = (np.array([nearest[row][k].distance for row in matches.query_rows]) for k in (0, 1))
-    np.testing.assert_allclose(matches.distance, first, rtol=1e-5)
-    np.testing.assert_allclose(matches.ratio, first / second, rtol=1e-5)
+    np.testing.assert_allclose(matches.quality["descriptor_distance"], first, rtol=1e-5)
+    np.testing.assert_allclose(matches.quality["descriptor_ratio"], first / second, rtol=1e-5)

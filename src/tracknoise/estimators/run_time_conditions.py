@@ -57,6 +57,7 @@ TRENDS = {
     "min_eigenvalue": Trend.FALLING,
     "descriptor_distance": Trend.RISING,
     "descriptor_ratio": Trend.RISING,
+    "match_score": Trend.FALLING,
 }
 """By covariate; that of all others is `Trend.ANY`."""
 _LABELS = ("group", "classes", "before", "now")

@@ -12,6 +12,7 @@ from tracknoise.trackers.alignment import Aligned, Alignment, Brightness, Templa
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
+from tracknoise.trackers.key_frames import KeyFrames, Occasion
 from tracknoise.trackers.patch_samples import Shape, offsets
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Rejection
@@ -36,8 +37,9 @@ class AlignedPatches:
         How its gray values may change: see `tracknoise.trackers.alignment.Brightness`.
     template
         Which patch is aligned: see `tracknoise.trackers.template_choice.Template`.
-    keyframe_share
-        For keyframe: the share of the features of the last key frame below which there is a new one.
+    keyframe_share, keyframe_every
+        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
+        frames of the nominal sequence. None: after any number.
     extra_levels
         Levels of the image pyramid above the full resolution.
     iterations, epsilon
@@ -60,6 +62,9 @@ class AlignedPatches:
     order
         In which order distances are kept, outliers rejected and new features detected: see
         `tracknoise.trackers.following.Order`.
+    detect_at, reject_at
+        In which images new features are detected, and outliers rejected: see
+        `tracknoise.trackers.key_frames.Occasion`.
     max_age
         A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     """
@@ -76,6 +81,7 @@ class AlignedPatches:
     brightness: Brightness = Brightness.both
     template: Template = Template.first
     keyframe_share: Between0And1 = 0.5
+    keyframe_every: Annotated[int, Ge(1)] | None = None
     extra_levels: Annotated[int, Ge(0), Le(16)] = 3
     iterations: Annotated[int, Ge(1)] = 20
     epsilon: Positive = 0.01
@@ -87,6 +93,8 @@ class AlignedPatches:
     max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 500
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     order: Order = Order.spacing_first
+    detect_at: Occasion = Occasion.every_frame
+    reject_at: Occasion = Occasion.every_frame
     max_age: Annotated[int, Ge(1)] | None = None
 
     def __post_init__(self) -> None:
@@ -100,7 +108,9 @@ class AlignedPatches:
         values after the change of brightness (``patch_residual``), and their normalised cross-correlation
         (``patch_ncc``).
         """
-        return FollowingTracker(self, _Warped(self, guess_from(self.start_at, context)), started(self, context))
+        key_frames = KeyFrames(self.keyframe_share, self.keyframe_every)
+        follower = _Warped(self, guess_from(self.start_at, context), key_frames)
+        return FollowingTracker(self, follower, started(self, context), key_frames)
 
 
 class _Warped:
@@ -108,7 +118,7 @@ class _Warped:
 
     quality_names = ("patch_residual", "patch_ncc")
 
-    def __init__(self, settings: AlignedPatches, guess: Guess) -> None:
+    def __init__(self, settings: AlignedPatches, guess: Guess, key_frames: KeyFrames) -> None:
         self._settings = settings
         self._guess = guess
         self._alignment = Alignment(
@@ -118,7 +128,7 @@ class _Warped:
             settings.iterations,
             settings.epsilon,
         )
-        self._renewal = Renewal(settings.template, settings.keyframe_share)
+        self._renewal = Renewal(settings.template, key_frames)
         self._templates: list[Templates] = []
         self._matrix = np.empty((0, 2, 2))  # of the features in the latest image
 
@@ -143,7 +153,7 @@ class _Warped:
 
     def _renew(self, before: Frame, features: Features) -> None:
         """Cut new templates in the present image, and forget those of features that ended."""
-        row = self._renewal.rows(features.ids)
+        row = self._renewal.rows(features.ids, before.index)
         new = self._alignment.templates(self._levels(before), features.uv[row < 0])
         known = self._templates or [Templates.empty(len(self._alignment.offsets), self._alignment.warp)] * len(new)
         self._templates = [old.renewed(row, fresh) for old, fresh in zip(known, new, strict=True)]

@@ -1,12 +1,13 @@
 """Correspondence: features are matched from frame to frame by their descriptors.
 
 - Descriptors of a frame's keypoints, shared by all trackers that see the frame.
-- Mutual nearest neighbours among descriptors, by one matrix product.
+- The tracker: features and keypoints are matched by descriptor, or by a network.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import cv2
@@ -14,12 +15,14 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require, require_bounds, settle_members
+from tracknoise.checks import Positive, Share, require, require_bounds, settle_members
 from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, network_keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.grid_statistics import supported
+from tracknoise.trackers.match_network import network_matches, require_matcher
+from tracknoise.trackers.matching import DISTANCE, RATIO, Matches, mutual_nearest
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, Model, ReferencePosition, Rejection
 from tracknoise.trackers.spacing import spread_keypoints
@@ -151,70 +154,6 @@ def _as_numbers(descriptors: NDArray[Any] | None, descriptor: Descriptor) -> NDA
     return np.asarray(numbers, dtype=np.float32).reshape(-1, descriptor.size)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Matches:
-    """Pairs of descriptors, by ascending query row.
-
-    Attributes
-    ----------
-    query_rows, train_rows : (k,) intp
-        The pairs.
-    distance : (k,) float32
-        Euclidean distance of each pair.
-    ratio : (k,) float32
-        That distance over the distance of the query to its second nearest in train: from 0, unambiguous, to 1,
-        ambiguous. NaN if there is no second one.
-    """
-
-    query_rows: NDArray[np.intp]
-    train_rows: NDArray[np.intp]
-    distance: NDArray[np.float32]
-    ratio: NDArray[np.float32]
-
-    def chosen(self, rows: NDArray[np.bool_]) -> "Matches":
-        """Some of the pairs, by a mask (k,)."""
-        return Matches(self.query_rows[rows], self.train_rows[rows], self.distance[rows], self.ratio[rows])
-
-
-def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Matches:
-    """Pairs of descriptors that are each other's nearest neighbour in Euclidean distance.
-
-    The matches are those of ``cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)``: among equally near ones the first
-    counts. The squared distance |q|^2 + |t|^2 - 2 q.t is one product of the descriptors with their squared lengths
-    appended. All terms are whole numbers below 2^24, which float32 represents exactly, so that neither the order of
-    summation nor the number of threads can change a match. Shapes: query (m, d), train (n, d).
-    """
-    if not (len(query) and len(train)):
-        no_rows, no_values = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.float32)
-        return Matches(no_rows, no_rows, no_values, no_values)
-    left = np.column_stack([query, _squared_length(query), np.ones_like(query[:, 0])])
-    right = np.column_stack([-2.0 * train, np.ones_like(train[:, 0]), _squared_length(train)])
-    squared = left @ right.T
-    nearest_train = squared.argmin(axis=1)
-    # Searching rows is much faster than searching columns, and only the rows of some query's nearest are needed.
-    nearest_query = (right[nearest_train] @ left.T).argmin(axis=1)
-    mutual = np.flatnonzero(nearest_query == np.arange(len(query)))
-    return Matches(mutual, nearest_train[mutual], *_distances(squared, mutual, nearest_train[mutual]))
-
-
-def _distances(
-    squared: NDArray[np.float32], rows: NDArray[np.intp], columns: NDArray[np.intp]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """`Matches.distance` and `Matches.ratio` of the least elements of some rows, which are overwritten."""
-    first = squared[rows, columns]
-    squared[rows, columns] = np.inf
-    second = squared.min(axis=1)[rows]
-    ratio = np.full(len(rows), np.nan, dtype=np.float32)
-    ratio[np.isfinite(second)] = 1.0  # equally near, also where both distances are 0
-    np.divide(first, second, out=ratio, where=np.isfinite(second) & (second > 0))
-    return np.sqrt(np.maximum(first, 0)), np.sqrt(np.maximum(ratio, 0))  # rounding of descriptors of networks
-
-
-def _squared_length(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
-    squares: NDArray[np.float32] = np.einsum("ij,ij->i", descriptors, descriptors)
-    return squares
-
-
 @dataclass(frozen=True, slots=True)
 class Correspondence:
     """Settings of the correspondence tracker. The defaults are those of XIVO's matching tracker, with one difference.
@@ -239,11 +178,16 @@ class Correspondence:
         What is done to each image before keypoints are detected and described in it.
     max_ratio
         Largest distance of a match, as a share of that of the second best keypoint: see
-        `tracknoise.trackers.correspondence.Matches`. None: any.
+        `tracknoise.trackers.matching.mutual_nearest`. None: any.
     max_distance
         Largest distance of a match; of bits, the root of how many differ. None: any.
     grid_statistics
         Whether matches need the support of those around them: see `tracknoise.trackers.grid_statistics.supported`.
+    matcher
+        An ONNX file with a network that matches keypoints by descriptor and position, such as LightGlue, instead of
+        mutual nearest neighbours: see docs/trackers.md. It needs the extra `learned`, and descriptors of a network.
+    match_score
+        Least score of its matches.
     """
 
     kind: ClassVar[str] = "correspondence"
@@ -260,11 +204,22 @@ class Correspondence:
     max_ratio: Annotated[float, Gt(0), Le(1)] | None = None
     max_distance: Positive | None = None
     grid_statistics: bool = False
+    matcher: Path | None = None
+    match_score: Share = 0.0
 
     def __post_init__(self) -> None:
         settle_members(self, descriptor=Descriptor)
         known = self.descriptor is not Descriptor.network or self.detection.network is not None
         require(known, "descriptor", str(self.descriptor), "another one, or detection.network")
+        learned = self.matcher is None or self.descriptor is Descriptor.network
+        require(learned, "descriptor", str(self.descriptor), "network with a matcher")
+        for name in ("max_ratio", "max_distance"):
+            value = getattr(self, name)
+            require(
+                self.matcher is None or value is None, name, value, "none with a matcher, whose matches have scores"
+            )
+        known = self.rejection.reference is not ReferencePosition.keyframe
+        require(known, "rejection.reference", "keyframe", "previous or first, without key frames")
         one_step = self.rejection.model is not Model.two_point or not self.max_missed_frames
         require(one_step, "max_missed_frames", self.max_missed_frames, "0 with two-point, which knows one rotation")
         require_bounds(self)
@@ -272,6 +227,8 @@ class Correspondence:
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":
         """Start the tracker on one sequence at one speed."""
         self.detection.require_usable()
+        if self.matcher is not None:
+            require_matcher(self.matcher)
         return CorrespondenceTracker(self, self.rejection.repeated(context.repeat).inliers_of(context))
 
 
@@ -280,21 +237,23 @@ class CorrespondenceTracker:
 
     A step applies these tests to the live features, in the order of XIVO's matching tracker:
 
-    1. Feature and keypoint are mutual nearest neighbours by descriptor, near, unambiguous and supported enough. A
-       feature without a match is kept for up to `max_missed_frames` frames in a row (else ``lost``). `Step.matched`
-       counts the matches.
+    1. Feature and keypoint are mutual nearest neighbours by descriptor, near and unambiguous enough, or a matcher gives
+       them a high enough score; and others support them enough. A feature without a match is kept for up to
+       `max_missed_frames` frames in a row (else ``lost``). `Step.matched` counts the matches.
     2. The keypoint is closer to the feature's last position than the largest displacement (else ``displaced``).
     3. The outlier rejection keeps the match (else ``outlier``).
     4. The strongest keypoints that belong to no feature begin new ones, up to `max_features` alive. Keypoints whose
        match was displaced or an outlier are among them.
 
     As in XIVO, keypoints may lie anywhere: neither margin nor squares apply, unless circles or cells are asked for. The
-    descriptor of a feature is that of its first frame.
+    descriptor of a feature is that of its first frame. With a matcher, which compares two images, it is that of the
+    frame in which the feature was found last.
 
     The quality of an observation is the distance between the descriptors of feature and keypoint
     (``descriptor_distance``; of bits, the root of how many differ), and that distance over the distance of the second
-    best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.correspondence.Matches`. Where a network
-    predicts covariances, they are ``cov_uu``, ``cov_uv`` and ``cov_vv``, px^2.
+    best keypoint in the frame (``descriptor_ratio``): see `tracknoise.trackers.matching.mutual_nearest`. With a
+    matcher, it is the score of the match instead (``match_score``). Where a network predicts covariances, they are
+    ``cov_uu``, ``cov_uv`` and ``cov_vv``, px^2.
     """
 
     def __init__(self, settings: Correspondence, inliers: Inliers) -> None:
@@ -311,7 +270,7 @@ class CorrespondenceTracker:
         points = describe(settings.preprocessing.applied(frame), settings.detection, settings.descriptor)
         if not len(self._descriptors):
             self._descriptors = points.descriptors[:0]
-        matches = self._good(mutual_nearest(self._descriptors, points.descriptors))
+        matches = self._matches(points, frame.size)
         if settings.grid_statistics:
             ends = before.uv[matches.query_rows], points.uv[matches.train_rows]
             matches = matches.chosen(supported(*ends, frame.size))
@@ -325,6 +284,8 @@ class CorrespondenceTracker:
         fresh = self._unused(points, columns[seen], int(np.count_nonzero(alive)))
         new = Features.begin(self._next_id, points.uv[fresh])
         self._features = before.chosen(alive, uv[alive]).joined(new)
+        if settings.matcher is not None:
+            self._descriptors[rows[seen]] = points.descriptors[columns[seen]]
         self._descriptors = np.concatenate([self._descriptors[alive], points.descriptors[fresh]])
         self._missed = np.concatenate([missed[alive], np.zeros(len(fresh), dtype=np.int64)])
         self._next_id += len(new)
@@ -337,19 +298,23 @@ class CorrespondenceTracker:
             response=points.response[fresh],
             missed=int(np.count_nonzero(alive)) - int(np.count_nonzero(seen)),
             quality={
-                "descriptor_distance": matches.distance[seen],
-                "descriptor_ratio": matches.ratio[seen],
+                **matches.chosen(seen).quality,
                 **points.quality(np.concatenate([columns[seen], fresh])),
             },
         )
 
-    def _good(self, matches: Matches) -> Matches:
-        """The matches that are near and unambiguous enough; one without a second best keypoint is unambiguous."""
-        far = np.zeros(len(matches.distance), dtype=np.bool_)
-        if self._settings.max_ratio is not None:
-            far |= matches.ratio > self._settings.max_ratio
-        if self._settings.max_distance is not None:
-            far |= matches.distance > self._settings.max_distance
+    def _matches(self, points: Described, size: tuple[int, int]) -> Matches:
+        """Features and keypoints that belong together; one without a second best keypoint is unambiguous."""
+        settings = self._settings
+        if settings.matcher is not None:
+            before, after = (self._features.uv, self._descriptors), (points.uv, points.descriptors)
+            return network_matches(settings.matcher, before, after, size, settings.match_score)
+        matches = mutual_nearest(self._descriptors, points.descriptors)
+        far = np.zeros(len(matches.query_rows), dtype=np.bool_)
+        if settings.max_ratio is not None:
+            far |= matches.quality[RATIO] > settings.max_ratio
+        if settings.max_distance is not None:
+            far |= matches.quality[DISTANCE] > settings.max_distance
         return matches.chosen(~far)
 
     def _judge(

@@ -9,10 +9,11 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, settle_members
+from tracknoise.checks import Between0And1, Positive, settle_members
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
+from tracknoise.trackers.key_frames import KeyFrames, Occasion
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
@@ -63,6 +64,12 @@ class DenseFlow:
     order
         In which order distances are kept, outliers rejected and new features detected: see
         `tracknoise.trackers.following.Order`.
+    keyframe_share, keyframe_every
+        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
+        frames of the nominal sequence. None: after any number.
+    detect_at, reject_at
+        In which images new features are detected, and outliers rejected: see
+        `tracknoise.trackers.key_frames.Occasion`.
     max_age
         A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     """
@@ -80,6 +87,10 @@ class DenseFlow:
     max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     order: Order = Order.spacing_first
+    keyframe_share: Between0And1 = 0.5
+    keyframe_every: Annotated[int, Ge(1)] | None = None
+    detect_at: Occasion = Occasion.every_frame
+    reject_at: Occasion = Occasion.every_frame
     max_age: Annotated[int, Ge(1)] | None = None
 
     def __post_init__(self) -> None:
@@ -88,7 +99,8 @@ class DenseFlow:
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
-        return FollowingTracker(self, _Carried(self.method, self.backward_px), started(self, context))
+        key_frames = KeyFrames(self.keyframe_share, self.keyframe_every)
+        return FollowingTracker(self, _Carried(self.method, self.backward_px), started(self, context), key_frames)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from tracknoise.checks import require, require_bounds, settle_members
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import Detection
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
+from tracknoise.trackers.key_frames import KeyFrames, Occasion
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, ReferencePosition, Rejection
 from tracknoise.trackers.spacing import Places, places_in
@@ -103,6 +104,16 @@ class FollowingSettings(Protocol):
         ...
 
     @property
+    def detect_at(self) -> Occasion:
+        """In which images new features are detected."""
+        ...
+
+    @property
+    def reject_at(self) -> Occasion:
+        """In which images outliers are rejected."""
+        ...
+
+    @property
     def min_features(self) -> int:
         """New features are detected when fewer are left."""
         ...
@@ -115,7 +126,7 @@ class FollowingSettings(Protocol):
 
 def check_following(settings: FollowingSettings) -> None:
     """Raise ValueError, naming the field, unless settings of one of these trackers can be used."""
-    settle_members(settings, order=Order)
+    settle_members(settings, order=Order, detect_at=Occasion, reject_at=Occasion)
     require_bounds(settings)
     expected = f"a number not below min_features, {settings.min_features}"
     require(settings.max_features >= settings.min_features, "max_features", settings.max_features, expected)
@@ -139,10 +150,13 @@ class FollowingTracker:
     2. It moved less than the largest displacement (else ``displaced``), and is not too old (else ``masked``).
     3. It lies outside the margin, and far enough from the features that passed this test before it in this frame (else
        ``masked``). A feature that passes occupies its place.
-    4. The outlier rejection between the previous and current positions of the remaining features keeps it (else
-       ``outlier``). An outlier's place stays occupied in this frame, so that it is not detected again at once.
+    4. The outlier rejection between the reference and current positions of the remaining features keeps it (else
+       ``outlier``). An outlier's place stays occupied in this frame, so that it is not detected again at once. With
+       `reject_at` key frames, that is asked in these only.
     5. If fewer than `min_features` are left, the strongest keypoints in free places are added, up to `max_features`;
-       each occupies its place.
+       each occupies its place. With `detect_at` key frames, that is done in these only.
+
+    Whether the image is a key frame is decided between tests 4 and 5, or before test 4 if that waits for key frames.
 
     With `Order.rejection_first`, features inside the margin end first, and test 4 comes before the distances of test 3.
     With `Order.detection_first`, tests 3 and 5 are made in the previous image before test 1, and test 3 in the present
@@ -150,10 +164,13 @@ class FollowingTracker:
     A step without live features only detects new ones, in the present image.
     """
 
-    def __init__(self, settings: FollowingSettings, follower: Follower, inliers: Inliers) -> None:
+    def __init__(
+        self, settings: FollowingSettings, follower: Follower, inliers: Inliers, key_frames: KeyFrames
+    ) -> None:
         self._settings = settings
         self._follower = follower
         self._inliers = inliers
+        self._key_frames = key_frames
         self._before: Frame | None = None
         self._features = Features.begin(0, np.empty((0, 2)))
         self._response = np.empty(0, dtype=np.float32)  # of features that were not reported yet
@@ -175,6 +192,7 @@ class FollowingTracker:
         found = before.chosen(alive, flow.uv[alive])
         new, response = self._detect(frame, places, len(found))
         self._features = found.joined(new)
+        self._key_frames.complete(frame.index, self._features)
         return report(
             offered=before.ids,
             end=end,
@@ -224,6 +242,7 @@ class FollowingTracker:
         end[kept] = ALIVE
         new, response = self._detect(before, places, len(kept))
         self._response = np.concatenate([self._response, response])
+        self._key_frames.complete(before.index, live.chosen(kept, live.uv[kept]).joined(new))
         return live.joined(new), np.concatenate([end, np.full(len(new), ALIVE, dtype=np.int8)])
 
     def _flow(self, frame: Frame, features: Features) -> Flow:
@@ -248,20 +267,35 @@ class FollowingTracker:
             rows = rows[places.inside(uv[rows])]
         else:
             rows = rows[np.all((uv[rows] >= 0) & (uv[rows] < frame.size), axis=1)]
-        first = settings.rejection.reference is ReferencePosition.first
-        source = features.first_uv if first else features.uv
-        inlier = self._inliers(source[rows], uv[rows], frame.index)
+        waits = settings.reject_at is Occasion.keyframes
+        inlier = np.ones(len(rows), dtype=np.bool_)
+        if not waits or self._key_frames.decide(frame.index, features.ids[rows]):
+            source = self._reference(features)[rows]
+            known = np.isfinite(source).all(axis=1)
+            inlier[known] = self._inliers(source[known], uv[rows[known]], frame.index)
         end[rows] = np.where(inlier, ALIVE, TrackEnd.outlier)
         if settings.order is Order.rejection_first:
             rows = rows[inlier]
             end[rows] = TrackEnd.masked
             end[rows[places.claim(uv[rows])]] = ALIVE
+        if not waits:
+            self._key_frames.decide(frame.index, features.ids[end == ALIVE])
         return end
+
+    def _reference(self, features: Features) -> NDArray[np.float64]:
+        """Positions (n, 2) with which present ones are compared; NaN where there is none."""
+        match self._settings.rejection.reference:
+            case ReferencePosition.first:
+                return features.first_uv
+            case ReferencePosition.keyframe:
+                return self._key_frames.positions(features.ids)
+        return features.uv
 
     def _detect(self, frame: Frame, places: Places, alive: int) -> tuple[Features, NDArray[np.float32]]:
         """Test 5: new features of an image, and their responses."""
         uv, response = np.empty((0, 2)), np.empty(0, dtype=np.float32)
-        if alive < self._settings.min_features:
+        every = self._settings.detect_at is Occasion.every_frame
+        if alive < self._settings.min_features and (every or self._key_frames.is_latest(frame.index)):
             uv, response = places.births(frame, self._settings.max_features - alive)
         new = Features.begin(self._next_id, uv, frame.index)
         self._next_id += len(new)

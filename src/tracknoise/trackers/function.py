@@ -8,11 +8,12 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require
+from tracknoise.checks import Between0And1, Positive, require
 from tracknoise.exceptions import TrackerError
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
+from tracknoise.trackers.key_frames import KeyFrames, Occasion
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.rejection import Model, Rejection
@@ -53,6 +54,12 @@ class Function:
     order
         In which order distances are kept, outliers rejected and new features detected: see
         `tracknoise.trackers.following.Order`.
+    keyframe_share, keyframe_every
+        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
+        frames of the nominal sequence. None: after any number.
+    detect_at, reject_at
+        In which images new features are detected, and outliers rejected: see
+        `tracknoise.trackers.key_frames.Occasion`.
     max_age
         A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     refine
@@ -72,6 +79,10 @@ class Function:
     max_features: Annotated[int, Ge(1), Le(MOST_FEATURES)] = 1200
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
     order: Order = Order.spacing_first
+    keyframe_share: Between0And1 = 0.5
+    keyframe_every: Annotated[int, Ge(1)] | None = None
+    detect_at: Occasion = Occasion.every_frame
+    reject_at: Occasion = Occasion.every_frame
     max_age: Annotated[int, Ge(1)] | None = None
     refine: Refinement = field(default_factory=Refinement)
 
@@ -87,7 +98,8 @@ class Function:
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
         follower = self.refine.refining(_Called(self.function, self.name))
-        return FollowingTracker(self, follower, started(self, context))
+        key_frames = KeyFrames(self.keyframe_share, self.keyframe_every)
+        return FollowingTracker(self, follower, started(self, context), key_frames)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError, TrackerError, first_line, missing_extra
-from tracknoise.foreign_files import read_bytes
+from tracknoise.exceptions import DataError, TrackerError
+from tracknoise.trackers.onnx_files import described, require_file, run_network, session_of
 
 _WHAT = "an ONNX network of keypoints"
 
@@ -70,8 +69,8 @@ def require_network(path: Path) -> None:
         If the file is missing or no network of keypoints: one input (1, 1 or 3, height, width), and an output whose
         name contains ``keypoints``.
     """
-    data = read_bytes(path, f"{_WHAT}, such as SuperPoint, DISK or ALIKED exported for LightGlue")
-    _open(path, len(data), path.stat().st_mtime_ns)
+    require_file(path, _WHAT, "such as SuperPoint, DISK or ALIKED exported for LightGlue")
+    _open(path)
 
 
 def find_keypoints(image: NDArray[np.uint8], path: Path, units: NetworkUnits) -> NetworkKeypoints:
@@ -82,15 +81,18 @@ def find_keypoints(image: NDArray[np.uint8], path: Path, units: NetworkUnits) ->
     TrackerError
         If the network fails on the image, or its outputs do not fit to each other.
     """
-    network = _open(path, *_version(path))
+    network = _open(path)
     size = network.input_size or image.shape[::-1]
     shown = image if size == image.shape[::-1] else cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
     planes = np.repeat((shown.astype(np.float32) / 255)[None, None], network.channels, axis=1)
-    try:
-        found = network.session.run([*network.outputs.values()], {network.input_name: planes})
-    except Exception as error:  # of its own types, which depend on the build
-        where = f"images of {size[0]} x {size[1]} px"
-        raise TrackerError(f"{path}: the network fails on {where} ({first_line(error)}), expected keypoints") from error
+    found = run_network(
+        path,
+        network.session,
+        [*network.outputs.values()],
+        {network.input_name: planes},
+        on=f"images of {size[0]} x {size[1]} px",
+        expected="keypoints",
+    )
     return _strongest_first(path, dict(zip(network.outputs, found, strict=True)), size, image.shape[::-1], units)
 
 
@@ -105,30 +107,14 @@ class _Network:
     outputs: Mapping[str, str]
 
 
-def _version(path: Path) -> tuple[int, int]:
-    status = path.stat()
-    return status.st_size, status.st_mtime_ns
-
-
-@lru_cache(maxsize=4)
-def _open(path: Path, size: int, mtime_ns: int) -> _Network:
-    """Open a network once for each version of its file."""
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise missing_extra(f"{path}: {_WHAT}", "learned") from error
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1  # so that results do not depend on their number
-    options.log_severity_level = 3
-    try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # of its own types, which depend on the build
-        raise DataError(path, f"cannot be opened ({first_line(error)})", _WHAT) from error
+def _open(path: Path) -> _Network:
+    session = session_of(path, _WHAT)
     inputs, names = session.get_inputs(), [output.name for output in session.get_outputs()]
     shapes = [list(one.shape) for one in inputs]
     if len(inputs) != 1 or len(shapes[0]) != 4 or inputs[0].type != "tensor(float)" or shapes[0][1] not in (1, 3):
-        found = ", ".join(f"{one.name} {one.type} {shape}" for one, shape in zip(inputs, shapes, strict=True))
-        raise DataError(path, f"inputs {found}", "one input of floats with the shape (1, 1 or 3, height, width)")
+        raise DataError(
+            path, f"inputs {described(inputs)}", "one input of floats with the shape (1, 1 or 3, height, width)"
+        )
     parts = (
         (part, name) for part in ("keypoints", "scores", "descriptors", "covariances") for name in names if part in name
     )

@@ -15,6 +15,7 @@ from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
 from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
 from tracknoise.trackers.gradient import shift_covariance
+from tracknoise.trackers.key_frames import KeyFrames, Occasion
 from tracknoise.trackers.patch_samples import correlation, offsets, sampled
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, Rejection
@@ -64,8 +65,9 @@ class LucasKanade:
         Where the search for a feature starts: see `tracknoise.trackers.search_start.Start`.
     template
         Which patch is aligned: see `tracknoise.trackers.template_choice.Template`.
-    keyframe_share
-        For keyframe: the share of the features of the last key frame below which there is a new one.
+    keyframe_share, keyframe_every
+        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
+        frames of the nominal sequence. None: after any number.
     min_ncc
         A feature whose window has a lower normalised cross-correlation with that of its first frame is dropped. None:
         any stays. It does not allow for a turn or a change of size.
@@ -74,6 +76,9 @@ class LucasKanade:
         not followed back.
     backward_levels, backward_start
         Of the search back: levels of the pyramid above the full resolution (None: `extra_levels`), and where it starts.
+    detect_at, reject_at
+        In which images new features are detected, and outliers rejected: see
+        `tracknoise.trackers.key_frames.Occasion`.
     max_age
         A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     covariance
@@ -98,10 +103,13 @@ class LucasKanade:
     start_at: Start = Start.last
     template: Template = Template.previous
     keyframe_share: Between0And1 = 0.5
+    keyframe_every: Annotated[int, Ge(1)] | None = None
     min_ncc: Between0And1 | None = None
     backward_px: Positive | None = None
     backward_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] | None = None
     backward_start: BackwardStart = BackwardStart.present
+    detect_at: Occasion = Occasion.every_frame
+    reject_at: Occasion = Occasion.every_frame
     max_age: Annotated[int, Ge(1)] | None = None
     covariance: bool = False
 
@@ -126,7 +134,8 @@ class LucasKanadeTracker(FollowingTracker):
     """
 
     def __init__(self, settings: LucasKanade, inliers: Inliers, guess: Guess = at_last) -> None:
-        super().__init__(settings, PatchFollower(settings, guess), inliers)
+        key_frames = KeyFrames(settings.keyframe_share, settings.keyframe_every)
+        super().__init__(settings, PatchFollower(settings, guess, key_frames), inliers, key_frames)
 
 
 _COVARIANCE = ("lk_cov_uu", "lk_cov_uv", "lk_cov_vv")
@@ -135,10 +144,10 @@ _COVARIANCE = ("lk_cov_uu", "lk_cov_uv", "lk_cov_vv")
 class PatchFollower:
     """Alignment of the patches of features, each from where a guess says."""
 
-    def __init__(self, settings: LucasKanade, guess: Guess) -> None:
+    def __init__(self, settings: LucasKanade, guess: Guess, key_frames: KeyFrames | None = None) -> None:
         self._settings = settings
         self._guess = guess
-        self._renewal = Renewal(settings.template, settings.keyframe_share)
+        self._renewal = Renewal(settings.template, key_frames)
         self._images: dict[int, NDArray[np.uint8]] = {}
         self._index, self._uv = np.empty(0, dtype=np.int64), np.empty((0, 2))  # of the templates
         self._agreement = None if settings.min_ncc is None else _Agreement(settings.window_px, settings.min_ncc)
@@ -175,7 +184,7 @@ class PatchFollower:
         self, before: Frame, features: Features
     ) -> Iterator[tuple[NDArray[np.uint8], Positions, NDArray[np.intp]]]:
         """Images with patches, the positions of these (m, 2), and the rows of their features."""
-        row = self._renewal.rows(features.ids)
+        row = self._renewal.rows(features.ids, before.index)
         self._index = np.where(row < 0, before.index, np.append(self._index, before.index)[row])
         self._uv = np.where(row[:, None] < 0, features.uv, np.append(self._uv, [[0.0, 0.0]], axis=0)[row])
         self._images[before.index] = before.image
@@ -240,7 +249,7 @@ class _Agreement:
 
     def holds(self, before: Frame, after: Frame, features: Features, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which features (n,) agree with their first window at (n, 2) positions in the next image."""
-        row = self._renewal.rows(features.ids)
+        row = self._renewal.rows(features.ids, before.index)
         first = np.empty((len(row), len(self._offsets)), dtype=np.float32)
         first[row >= 0] = self._first[row[row >= 0]]
         first[row < 0] = self._windows(before, features.uv[row < 0])

@@ -510,10 +510,15 @@ class Consensus(StrEnum):
 
 
 class ReferencePosition(StrEnum):
-    """Start of a match: the track's previous position, or its first."""
+    """Start of a match.
+
+    previous: the track's previous position. first: its first one. keyframe: that in the last key frame, as Kimera-VIO
+    has it, of trackers that follow features; tracks that began since then are no outliers.
+    """
 
     previous = "previous"
     first = "first"
+    keyframe = "keyframe"
 
 
 _MAX_REFITS = 10
@@ -548,7 +553,8 @@ class Rejection:
     consensus
         The inliers of the best hypothesis, or of the locally optimised and refined model.
     reference
-        Whether the tracker matches each track's previous or first position with its present one.
+        Which position of each track is matched with its present one: see
+        `tracknoise.trackers.rejection.ReferencePosition`.
     threshold_px
         Largest error of an inlier.
     confidence

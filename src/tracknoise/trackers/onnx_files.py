@@ -1,0 +1,78 @@
+"""Networks in ONNX files of the user, opened on the processor."""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from tracknoise.exceptions import DataError, TrackerError, first_line, missing_extra
+from tracknoise.foreign_files import read_bytes
+
+
+def require_file(path: Path, what: str, such_as: str) -> None:
+    """Read an ONNX file, so that it counts among the files that a run was measured from.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what, such_as
+        What it should be, and where such a file is from, for the error.
+
+    Raises
+    ------
+    DataError
+        If it is missing or unreadable.
+    """
+    read_bytes(path, f"{what}, {such_as}")
+
+
+def session_of(path: Path, what: str) -> Any:
+    """Session of onnxruntime with a network, opened once for each version of its file.
+
+    Raises
+    ------
+    SettingsError
+        If onnxruntime is not installed.
+    DataError
+        If the file is no network.
+    """
+    status = path.stat()
+    return _opened(path, what, status.st_size, status.st_mtime_ns)
+
+
+def described(values: Sequence[Any]) -> str:
+    """Inputs or outputs of a session in a few words: names, types and shapes."""
+    return ", ".join(f"{one.name} {one.type} {list(one.shape)}" for one in values)
+
+
+def run_network(
+    path: Path, session: Any, outputs: Sequence[str], inputs: Mapping[str, Any], *, on: str, expected: str
+) -> list[Any]:
+    """Outputs of a network, by their names.
+
+    Raises
+    ------
+    TrackerError
+        If it fails on its inputs, which `on` describes.
+    """
+    try:
+        found: list[Any] = session.run([*outputs], {**inputs})
+    except Exception as error:  # of its own types, which depend on the build
+        raise TrackerError(f"{path}: the network fails on {on} ({first_line(error)}), expected {expected}") from error
+    return found
+
+
+@lru_cache(maxsize=8)
+def _opened(path: Path, what: str, size: int, mtime_ns: int) -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise missing_extra(f"{path}: {what}", "learned") from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # so that results do not depend on their number
+    options.log_severity_level = 3
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # of its own types, which depend on the build
+        raise DataError(path, f"cannot be opened ({first_line(error)})", what) from error

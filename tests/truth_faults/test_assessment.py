@@ -120,6 +120,23 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
 
 
+def test_a_fault_decides_by_the_tracker_of_which_it_explains_most() -> None:
+    """A noisy tracker hides a fault in the share of all: it is most of what an accurate one errs."""
+    plain, little = audit(named=(0.07, 0.04, 0.1)), audit(named=(0.05, 0.04, 0.06))
+    bounds = ("gain", "gain_low", "gain_high")
+    rows = [
+        {"family": "at_most", "parameter": "named_faults", "component": name, **dict(zip(bounds, share, strict=True))}
+        for name, share in (("lk", (0.3, 0.2, 0.4)), ("noisy", (0.01, 0.0, 0.02)))
+    ]
+    of_each = pl.DataFrame(rows, schema=dict(AUDIT))
+    found = verdict(audit=pl.concat([plain, of_each]))
+    assert found.verdict == Trust.not_trusted
+    assert "This explains 30.0 % of the squared errors of lk." in found.text
+    assert found.step.endswith("squared errors of held-out tracks of lk fall by 30.0 %.")
+    noisy = of_each.filter(component="noisy")
+    assert verdict(audit=pl.concat([little, noisy])).verdict == Trust.limited
+
+
 @pytest.mark.parametrize("share", [(0.3, 0.2, 0.4), (0.7, 0.6, 0.8)])
 def test_faults_that_look_like_a_bias_of_the_trackers_are_named_as_such(share: Share) -> None:
     rows = [

@@ -24,7 +24,7 @@ from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
-from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
 from tracknoise.words import SPACE, listing, percent, pixels, sentence_case
 
@@ -197,10 +197,17 @@ def _named(audit: pl.DataFrame) -> list[dict[str, Any]]:
     return ranked.to_dicts()
 
 
-def _named_share(audit: pl.DataFrame) -> _Share:
-    """What all established faults together explain of errors that took no part in their fit."""
-    rows = audit.filter(family=str(Family.named)).to_dicts()
-    return _of_row(rows[0]) if rows else _Share(0.0, 0.0, 0.0)
+def _most_named(audit: pl.DataFrame) -> tuple[str, _Share]:
+    """What all established faults together explain of errors that took no part in their fit, and of which tracker.
+
+    Of the tracker of which they explain most: little of the errors of all together can be most of those of an accurate
+    one. Of all, without a name, where no tracker's share is known.
+    """
+    rows = audit.filter(family=str(Family.at_most), parameter=NAMED_FAULTS).sort("gain").to_dicts()
+    if rows:
+        return rows[-1]["component"], _of_row(rows[-1])
+    together = audit.filter(family=str(Family.named)).to_dicts()
+    return "", _of_row(together[0]) if together else _Share(0.0, 0.0, 0.0)
 
 
 def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:
@@ -301,12 +308,12 @@ def _verdict(
         return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _CORRECT_DATA)
     if evidence.is_fitted:
         return _Found(Trust.unknown, _FITTED, _FITTED_STEP)
-    share, worst = _named_share(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
+    (tracker, share), worst = _most_named(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
     if share.value > SMALL:
         high = 0.0 if worst is None else worst.high
         rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
-        text = f"{_faults_text(faults)} {_explains(len(faults), share)}.{rest}"
-        return _Found(Trust.not_trusted, text, _corrected(faults, share))
+        text = f"{_faults_text(faults)} {_explains(len(faults), share)}{_of(tracker)}.{rest}"
+        return _Found(Trust.not_trusted, text, _corrected(faults, evidence.audit))
     return _unmeasured(evidence.audit, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
@@ -318,7 +325,7 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
         return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.", _of_cause(evidence, sure))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
     known = f" {_faults_text(faults)} But that explains little." if faults else _like_bias(evidence.audit)
-    step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
+    step = _corrected(faults, evidence.audit) if faults else _of_cause(evidence, worst.largest)
     if worst.high > MOST:
         nothing = "" if faults else ", and nothing is established"
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}"
@@ -386,7 +393,12 @@ def _explains(n: int, share: _Share) -> str:
     return f"{'This explains' if n == 1 else 'Together they explain'} {percent(share.value)} of the squared errors"
 
 
-def _corrected(faults: Sequence[Mapping[str, Any]], share: _Share) -> str:
+def _of(tracker: str) -> str:
+    """Whose errors a share is of, after a space; empty for those of all trackers."""
+    return f" of {tracker}" if tracker else ""
+
+
+def _corrected(faults: Sequence[Mapping[str, Any]], audit: pl.DataFrame) -> str:
     """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
     undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults]
     if not any(undone):
@@ -394,7 +406,8 @@ def _corrected(faults: Sequence[Mapping[str, Any]], share: _Share) -> str:
     block = "Apply the corrections that `tracknoise audit` prints"
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
-    return f"{block}; squared errors of held-out tracks fall by {percent(share.value)}."
+    tracker, share = _most_named(audit)
+    return f"{block}; squared errors of held-out tracks{_of(tracker)} fall by {percent(share.value)}."
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
@@ -448,7 +461,8 @@ def _rows(
         if size.stated_share is not None:
             yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
     if faults:
-        yield {"cause": TruthCause.faults, **_columns(_named_share(evidence.audit)), "text": _faults_text(faults)}
+        tracker, share = _most_named(evidence.audit)
+        yield {"cause": TruthCause.faults, **_columns(share), "tracker": tracker or None, "text": _faults_text(faults)}
     for sentence in evidence.mistakes:
         yield {"cause": TruthCause.mistakes, "text": sentence}
 

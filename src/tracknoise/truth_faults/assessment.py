@@ -32,6 +32,8 @@ SMALL, MOST = 0.1, 0.5
 """Shares of the squared errors: up to the first the truth is small beside them, beyond the second it dominates."""
 _EXACT = 1e-3
 """A smaller stated share is that of a truth that is exact but for rounding."""
+_REPEATED = 0.02
+"""Share of depth maps that disagree, with which a smaller stated accuracy cannot be right."""
 _CLEARER = 0.5
 """A scene is recommended if poses explain at most this part of what they explain of all scenes."""
 
@@ -234,10 +236,11 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
     something too, or there is no other: the noise of the others is in what they predict, so that they explain less. It
-    contradicts what is stated where it surely explains more. A single tracker has small motions of its own also on
-    exact data: without another one to confirm it, a motion contradicts only if it explains most of the errors.
+    contradicts what is stated, for all trackers, where it surely explains more of one. A single tracker has small
+    motions of its own also on exact data: without another one to confirm it, a motion contradicts only if it explains
+    most of the errors.
     """
-    found = []
+    found, is_refuted = [], False
     for tracker, size in sizes.items():
         poses, others = _by_source(evidence.pose_shares, tracker)
         if poses is not None and others is not None and others.low == 0.0:
@@ -251,11 +254,25 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
         known = {cause: share for cause, share in causes.items() if share is not None}
         if poses is None or len(known) < len(causes):
             continue
-        bound, stated = _bound(known), size.stated_share
-        if stated is not None and not faults and poses.low <= max(stated, MOST if others is None else SMALL):
-            bound = min(bound, _with_stated(stated, known))
-        found.append(_Bounds(tracker, size, known, bound, depth_maps))
-    return _common(found, evidence.curves)
+        found.append(_Bounds(tracker, size, known, _bound(known), depth_maps))
+        if size.stated_share is not None:
+            is_refuted |= _is_contradicted(size.stated_share, poses, others, depth_maps)
+    return _common(found if faults or is_refuted else [_as_stated(one) for one in found], evidence.curves)
+
+
+def _as_stated(bounds: _Bounds) -> _Bounds:
+    """At most what is stated."""
+    stated = bounds.size.stated_share
+    return bounds if stated is None else replace(bounds, high=min(bounds.high, _with_stated(stated, bounds.causes)))
+
+
+def _is_contradicted(stated: float, poses: _Share, others: _Share | None, depth_maps: _Share | None) -> bool:
+    """Whether a motion of the camera, or depth maps that disagree, surely explain more than is stated.
+
+    No tracker has a part in how depth maps disagree, so that less of it is enough.
+    """
+    by_maps = depth_maps is not None and depth_maps.low > max(stated, _REPEATED)
+    return by_maps or poses.low > max(stated, MOST if others is None else SMALL)
 
 
 def _bound(causes: Mapping[TruthCause, _Share]) -> float:
@@ -430,12 +447,12 @@ _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _POSES = "Use poses of a global bundle adjustment, or compare trackers at the same corners, which needs no poses."
 _CAUSES: Mapping[TruthCause, str] = {
-    TruthCause.poses: "motions of the camera that the poses lack explain",
+    TruthCause.poses: "motions of the camera that the poses lack could explain",
     TruthCause.any_fault: "constant faults, as of the calibration or the clock, could explain",
     TruthCause.depths: "random errors of depths could explain",
 }
 _ESTABLISHED: Mapping[TruthCause, str] = {
-    TruthCause.poses: _CAUSES[TruthCause.poses],
+    TruthCause.poses: "motions of the camera that the poses lack explain",
     TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
 }
 _STEPS: Mapping[TruthCause, str] = {

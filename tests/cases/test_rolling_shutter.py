@@ -74,7 +74,7 @@ def test_what_is_stated_changes_no_image():
 def test_the_audit_finds_the_readout_that_was_hidden_and_nothing_where_it_is_stated(stated, hidden):
     with without_depths():
         right, wrong = (tn.analyse([one]) for one in (stated, hidden))
-    assert right.audit()[0] == "No fault of the stated truth was found."
+    assert right.audit()[0] == "No constant fault of the stated truth was found."
     audit = wrong.table("audit").filter(family="named", parameter="readout")
     (row,) = audit.to_dicts()
     assert row["low"] < 1e3 * READOUT_S < row["high"]

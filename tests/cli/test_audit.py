@@ -48,7 +48,7 @@ def test_the_answer_then_the_numbers_are_printed(tracknoise, finished):
     assert (code, err) == (0, "")
     lines = out.splitlines()
     assert lines[0] == "Truth: trusted. The truth is stated to be exact, and the tracks do not contradict it."
-    assert lines[2] == "No fault of the stated truth was found."
+    assert lines[2] == "No constant fault of the stated truth was found."
     assert "Corrections of the stated truth" in out
     assert "[truth.corrections]" not in out
     assert any(line.startswith("alone") and "focal length" in line for line in lines)
@@ -56,7 +56,7 @@ def test_the_answer_then_the_numbers_are_printed(tracknoise, finished):
 
 def test_python_gives_the_same_sentences(finished):
     first, unknown = open_run(finished).audit()
-    assert first == "No fault of the stated truth was found."
+    assert first == "No constant fault of the stated truth was found."
     assert unknown.endswith("right cannot be determined here.")  # sixteen frames are few
 
 

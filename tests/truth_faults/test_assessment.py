@@ -120,6 +120,23 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
 
 
+def test_a_fault_decides_by_the_tracker_of_which_it_explains_most() -> None:
+    """A noisy tracker hides a fault in the share of all: it is most of what an accurate one errs."""
+    plain, little = audit(named=(0.07, 0.04, 0.1)), audit(named=(0.05, 0.04, 0.06))
+    bounds = ("gain", "gain_low", "gain_high")
+    rows = [
+        {"family": "at_most", "parameter": "named_faults", "component": name, **dict(zip(bounds, share, strict=True))}
+        for name, share in (("lk", (0.3, 0.2, 0.4)), ("noisy", (0.01, 0.0, 0.02)))
+    ]
+    of_each = pl.DataFrame(rows, schema=dict(AUDIT))
+    found = verdict(audit=pl.concat([plain, of_each]))
+    assert found.verdict == Trust.not_trusted
+    assert "This explains 30.0 % of the squared errors of lk." in found.text
+    assert found.step.endswith("squared errors of held-out tracks of lk fall by 30.0 %.")
+    noisy = of_each.filter(component="noisy")
+    assert verdict(audit=pl.concat([little, noisy])).verdict == Trust.limited
+
+
 @pytest.mark.parametrize("share", [(0.3, 0.2, 0.4), (0.7, 0.6, 0.8)])
 def test_faults_that_look_like_a_bias_of_the_trackers_are_named_as_such(share: Share) -> None:
     rows = [
@@ -272,3 +289,30 @@ def test_depth_maps_tell_what_random_depths_explain_that_grow_with_the_square(pe
     assert found is not None
     assert found.value == pytest.approx(planted, rel=0.35)
     assert explained(wrong, available(wrong)).depth_maps is None
+
+
+def test_depth_maps_that_disagree_contradict_an_exact_truth() -> None:
+    """No tracker has a part in that, so that less of it is enough than of what the tracks show."""
+    exact, bound = {"lk": ErrorSize(10, 0.5, 0.0)}, (0.2, 0.1, 0.3)
+    rounding, noise = (0.002, 0.001, 0.004), (0.06, 0.04, 0.08)
+    assert verdict(sizes=exact, audit=audit(depths=bound, maps=rounding)).verdict == Trust.trusted
+    assert verdict(sizes=exact, audit=audit(depths=bound, maps=noise)).verdict == Trust.limited
+
+
+@pytest.mark.parametrize("is_by_maps", [False, True])
+def test_what_contradicts_a_statement_by_one_tracker_does_so_for_all(is_by_maps: bool) -> None:
+    """A noisy tracker does not see that a truth is not exact, and says nothing about the errors of others."""
+    cores = {"lk": 0.1, "noisy": 0.5}
+    rows = [
+        {"tracker": name, "correction": "measured", "age": 8, "n": 500, "core_u_px": core, "core_v_px": core}
+        for name, core in cores.items()
+    ]
+    large: Share = (0.6, 0.5, 0.7)
+    of_lk, of_noisy = (audit(maps=share) for share in ((large if is_by_maps else SMALL), SMALL))
+    found = verdict(
+        audit=pl.concat([of_lk, of_noisy.with_columns(component=pl.lit("noisy"))]),
+        pose_shares=poses(lk=(SMALL if is_by_maps else large, large), noisy=(SMALL, SMALL)),
+        sizes={name: ErrorSize(8, core, 0.0) for name, core in cores.items()},
+        curves=pl.DataFrame(rows, schema=dict(AUDIT_CURVES)),
+    )
+    assert found.verdict == Trust.not_trusted

@@ -22,6 +22,7 @@ from tracknoise.truth_faults.audit_summary import (
     recorded_step,
 )
 from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables, read_samples, tables_of
+from tracknoise.truth_faults.explained import NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import JOINT, Family, Parameter, shown
 from tracknoise.words import SPACE
 
@@ -90,6 +91,15 @@ def test_values_stand_beside_what_is_stated(faulty) -> None:
     assert (readout["unit"].item(), readout["stated"].item()) == ("ms", 0.0)
     assert readout["value"].item() == pytest.approx(readout["in_frames"].item() * 1000.0 / 30.0)
     assert readout["correlated_with"].item() == "focal_length"
+
+
+def test_named_faults_have_a_share_of_each_tracker(faulty, exact) -> None:
+    shares = faulty.audit.filter(family=Family.at_most, parameter=NAMED_FAULTS)
+    trackers = faulty.audit_curves["tracker"].unique()
+    assert sorted(shares["component"]) == sorted(trackers)
+    together = faulty.audit.filter(family=Family.named)["gain"][0]
+    assert shares["gain"].min() <= together <= shares["gain"].max()
+    assert exact.audit.filter(parameter=NAMED_FAULTS).is_empty()
 
 
 def test_every_family_and_parameter_has_its_rows(faulty) -> None:

@@ -24,7 +24,7 @@ from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
-from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
 from tracknoise.words import SPACE, listing, percent, pixels, sentence_case
 
@@ -32,6 +32,8 @@ SMALL, MOST = 0.1, 0.5
 """Shares of the squared errors: up to the first the truth is small beside them, beyond the second it dominates."""
 _EXACT = 1e-3
 """A smaller stated share is that of a truth that is exact but for rounding."""
+_REPEATED = 0.02
+"""Share of depth maps that disagree, with which a smaller stated accuracy cannot be right."""
 _CLEARER = 0.5
 """A scene is recommended if poses explain at most this part of what they explain of all scenes."""
 
@@ -197,10 +199,17 @@ def _named(audit: pl.DataFrame) -> list[dict[str, Any]]:
     return ranked.to_dicts()
 
 
-def _named_share(audit: pl.DataFrame) -> _Share:
-    """What all established faults together explain of errors that took no part in their fit."""
-    rows = audit.filter(family=str(Family.named)).to_dicts()
-    return _of_row(rows[0]) if rows else _Share(0.0, 0.0, 0.0)
+def _most_named(audit: pl.DataFrame) -> tuple[str, _Share]:
+    """What all established faults together explain of errors that took no part in their fit, and of which tracker.
+
+    Of the tracker of which they explain most: little of the errors of all together can be most of those of an accurate
+    one. Of all, without a name, where no tracker's share is known.
+    """
+    rows = audit.filter(family=str(Family.at_most), parameter=NAMED_FAULTS).sort("gain").to_dicts()
+    if rows:
+        return rows[-1]["component"], _of_row(rows[-1])
+    together = audit.filter(family=str(Family.named)).to_dicts()
+    return "", _of_row(together[0]) if together else _Share(0.0, 0.0, 0.0)
 
 
 def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:
@@ -227,10 +236,11 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
     something too, or there is no other: the noise of the others is in what they predict, so that they explain less. It
-    contradicts what is stated where it surely explains more. A single tracker has small motions of its own also on
-    exact data: without another one to confirm it, a motion contradicts only if it explains most of the errors.
+    contradicts what is stated, for all trackers, where it surely explains more of one. A single tracker has small
+    motions of its own also on exact data: without another one to confirm it, a motion contradicts only if it explains
+    most of the errors.
     """
-    found = []
+    found, is_refuted = [], False
     for tracker, size in sizes.items():
         poses, others = _by_source(evidence.pose_shares, tracker)
         if poses is not None and others is not None and others.low == 0.0:
@@ -244,11 +254,25 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
         known = {cause: share for cause, share in causes.items() if share is not None}
         if poses is None or len(known) < len(causes):
             continue
-        bound, stated = _bound(known), size.stated_share
-        if stated is not None and not faults and poses.low <= max(stated, MOST if others is None else SMALL):
-            bound = min(bound, _with_stated(stated, known))
-        found.append(_Bounds(tracker, size, known, bound, depth_maps))
-    return _common(found, evidence.curves)
+        found.append(_Bounds(tracker, size, known, _bound(known), depth_maps))
+        if size.stated_share is not None:
+            is_refuted |= _is_contradicted(size.stated_share, poses, others, depth_maps)
+    return _common(found if faults or is_refuted else [_as_stated(one) for one in found], evidence.curves)
+
+
+def _as_stated(bounds: _Bounds) -> _Bounds:
+    """At most what is stated."""
+    stated = bounds.size.stated_share
+    return bounds if stated is None else replace(bounds, high=min(bounds.high, _with_stated(stated, bounds.causes)))
+
+
+def _is_contradicted(stated: float, poses: _Share, others: _Share | None, depth_maps: _Share | None) -> bool:
+    """Whether a motion of the camera, or depth maps that disagree, surely explain more than is stated.
+
+    No tracker has a part in how depth maps disagree, so that less of it is enough.
+    """
+    by_maps = depth_maps is not None and depth_maps.low > max(stated, _REPEATED)
+    return by_maps or poses.low > max(stated, MOST if others is None else SMALL)
 
 
 def _bound(causes: Mapping[TruthCause, _Share]) -> float:
@@ -301,12 +325,12 @@ def _verdict(
         return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _CORRECT_DATA)
     if evidence.is_fitted:
         return _Found(Trust.unknown, _FITTED, _FITTED_STEP)
-    share, worst = _named_share(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
+    (tracker, share), worst = _most_named(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
     if share.value > SMALL:
         high = 0.0 if worst is None else worst.high
         rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
-        text = f"{_faults_text(faults)} {_explains(len(faults), share)}.{rest}"
-        return _Found(Trust.not_trusted, text, _corrected(faults, share))
+        text = f"{_faults_text(faults)} {_explains(len(faults), share)}{_of(tracker)}.{rest}"
+        return _Found(Trust.not_trusted, text, _corrected(faults, evidence.audit))
     return _unmeasured(evidence.audit, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
@@ -318,7 +342,7 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
         return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.", _of_cause(evidence, sure))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
     known = f" {_faults_text(faults)} But that explains little." if faults else _like_bias(evidence.audit)
-    step = _corrected(faults, _named_share(evidence.audit)) if faults else _of_cause(evidence, worst.largest)
+    step = _corrected(faults, evidence.audit) if faults else _of_cause(evidence, worst.largest)
     if worst.high > MOST:
         nothing = "" if faults else ", and nothing is established"
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}"
@@ -386,7 +410,12 @@ def _explains(n: int, share: _Share) -> str:
     return f"{'This explains' if n == 1 else 'Together they explain'} {percent(share.value)} of the squared errors"
 
 
-def _corrected(faults: Sequence[Mapping[str, Any]], share: _Share) -> str:
+def _of(tracker: str) -> str:
+    """Whose errors a share is of, after a space; empty for those of all trackers."""
+    return f" of {tracker}" if tracker else ""
+
+
+def _corrected(faults: Sequence[Mapping[str, Any]], audit: pl.DataFrame) -> str:
     """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
     undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults]
     if not any(undone):
@@ -394,7 +423,8 @@ def _corrected(faults: Sequence[Mapping[str, Any]], share: _Share) -> str:
     block = "Apply the corrections that `tracknoise audit` prints"
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
-    return f"{block}; squared errors of held-out tracks fall by {percent(share.value)}."
+    tracker, share = _most_named(audit)
+    return f"{block}; squared errors of held-out tracks{_of(tracker)} fall by {percent(share.value)}."
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
@@ -417,12 +447,12 @@ _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _POSES = "Use poses of a global bundle adjustment, or compare trackers at the same corners, which needs no poses."
 _CAUSES: Mapping[TruthCause, str] = {
-    TruthCause.poses: "motions of the camera that the poses lack explain",
+    TruthCause.poses: "motions of the camera that the poses lack could explain",
     TruthCause.any_fault: "constant faults, as of the calibration or the clock, could explain",
     TruthCause.depths: "random errors of depths could explain",
 }
 _ESTABLISHED: Mapping[TruthCause, str] = {
-    TruthCause.poses: _CAUSES[TruthCause.poses],
+    TruthCause.poses: "motions of the camera that the poses lack explain",
     TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
 }
 _STEPS: Mapping[TruthCause, str] = {
@@ -448,7 +478,8 @@ def _rows(
         if size.stated_share is not None:
             yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
     if faults:
-        yield {"cause": TruthCause.faults, **_columns(_named_share(evidence.audit)), "text": _faults_text(faults)}
+        tracker, share = _most_named(evidence.audit)
+        yield {"cause": TruthCause.faults, **_columns(share), "tracker": tracker or None, "text": _faults_text(faults)}
     for sentence in evidence.mistakes:
         yield {"cause": TruthCause.mistakes, "text": sentence}
 

@@ -161,9 +161,16 @@ def held_out_errors(samples: AuditSamples, fitted: Fit, moves: Jackknife) -> NDA
     return np.asarray(fitted.error - moved)
 
 
-def losses(samples: AuditSamples, residual: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums of min(d^2, 9) over each cluster, (clusters,); unknown residuals count as outliers."""
+def losses(
+    samples: AuditSamples,
+    residual: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    used: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float64]:
+    """Sums of min(d^2, 9) over each cluster, (clusters,), of all or some; unknown residuals count as outliers."""
     cut = np.minimum(np.nan_to_num(squared(residual, scale), nan=_MOST), _MOST)
+    if used is not None:
+        cut = np.where(used, cut, 0.0)
     return np.asarray(np.bincount(samples.cluster, cut, minlength=samples.n_clusters))
 
 
@@ -246,13 +253,15 @@ class ResampledFit:
         """Errors, (n, 2), px, about the truth corrected by the fit without the cluster of each observation."""
         return held_out_errors(self.samples, self.fitted, self.moves)
 
-    def gain_beyond(self, base: "ResampledFit", scale: NDArray[np.float64]) -> Gain:
-        """Share that this fit explains of its held-out clusters beyond another fit of the same observations."""
-        return gain(self.losses(scale), base.like(self).losses(scale), level=LEVEL)
+    def gain_beyond(
+        self, base: "ResampledFit", scale: NDArray[np.float64], used: NDArray[np.bool_] | None = None
+    ) -> Gain:
+        """Share that this fit explains of its held-out clusters beyond another fit, of all or some observations."""
+        return gain(self.losses(scale, used), base.like(self).losses(scale, used), level=LEVEL)
 
-    def losses(self, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    def losses(self, scale: NDArray[np.float64], used: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(clusters,): see `tracknoise.truth_faults.audit_fit.losses`."""
-        return losses(self.samples, self.residual, scale)
+        return losses(self.samples, self.residual, scale, used)
 
 
 _CORES = 5.0

@@ -391,7 +391,7 @@ def present_corrections(settings: Mapping[str, Any]) -> dict[str, Any]:
     return dict(settings.get("truth", {}).get("corrections", {}))
 
 
-NO_FAULT = "No fault of the stated truth was found."
+NO_FAULT = "No constant fault of the stated truth was found."
 _REPORTED = (AuditVerdict.like_bias, AuditVerdict.disagreement)
 _MS = 1000.0
 

@@ -22,6 +22,7 @@ from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, curves,
 from tracknoise.truth_faults.audit_samples import AuditSamples, DepthRepeats, Paths, instants_of
 from tracknoise.truth_faults.audit_selection import (
     Assessment,
+    Basis,
     Judged,
     Named,
     Selection,
@@ -40,7 +41,7 @@ from tracknoise.truth_faults.audit_summary import (
     other_text,
 )
 from tracknoise.truth_faults.corrected_positions import predict
-from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, explained
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS, explained
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, JOINT, TIMED, Family, Fit, Parameter, Shown, shown
 from tracknoise.words import listing
 
@@ -284,9 +285,23 @@ def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
     selection = select(samples)
     curve = curves(samples, _corrected_errors(samples, selection), dataset)
     joint = _joint_fits(samples, selection)
-    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(selection, joint), *_bounds(samples)]
+    shares = [*_named_shares(samples, selection), *_bounds(samples)]
+    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(selection, joint), *shares]
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
     return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
+
+
+def _named_shares(samples: AuditSamples, selection: Selection) -> Iterator[Row]:
+    """What the named faults explain of each tracker: little of all together may be much of the most accurate one."""
+    if not selection.named:
+        return
+    base, final = _base(selection), selection.final.resampled
+    for number, tracker in enumerate(samples.trackers):
+        own = samples.tracker == number
+        if isinstance(enough(samples.chosen(np.flatnonzero(own))), str):
+            continue
+        share = final.gain_beyond(base.resampled, base.scale, own)
+        yield _share_row(NAMED_FAULTS, tracker, share, samples)
 
 
 def _bounds(samples: AuditSamples) -> Iterator[Row]:
@@ -302,8 +317,13 @@ def _bounds(samples: AuditSamples) -> Iterator[Row]:
         for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths), (DEPTH_MAPS, found.depth_maps)):
             if share is None:
                 continue
-            bounds = {"gain": share.value, "gain_low": share.low, "gain_high": share.high, **_resampled(own)}
-            yield {"family": Family.at_most, "parameter": name, "component": tracker, "unit": "", **bounds}
+            yield _share_row(name, tracker, share, own)
+
+
+def _share_row(name: str, tracker: str, share: Gain, samples: AuditSamples) -> Row:
+    """A share of the errors of one tracker."""
+    bounds = {"gain": share.value, "gain_low": share.low, "gain_high": share.high, **_resampled(samples)}
+    return {"family": Family.at_most, "parameter": name, "component": tracker, "unit": "", **bounds}
 
 
 def _resampled(samples: AuditSamples) -> Row:
@@ -374,9 +394,14 @@ def _assessed_rows(family: Family, stage: Stage, parameter: Parameter) -> Iterat
         yield {**row, "p": stage.p[parameter]}
 
 
+def _base(selection: Selection) -> Basis:
+    """The fit without a fault that joint fits are compared with."""
+    return (selection.beside_bias if selection.final.fitted.with_bias else selection.alone).basis
+
+
 def _joint_rows(selection: Selection, joint: JointFits) -> Iterator[Row]:
     """Of the joint fits."""
-    base = (selection.beside_bias if selection.final.fitted.with_bias else selection.alone).basis
+    base = _base(selection)
     for family, one in joint.items():
         yield from _fit_rows(family, one, base.gain_of(one))
 

@@ -56,7 +56,7 @@ def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[
         curves=tables.audit_curves,
         mistakes=[*mistakes, *usual_mistakes(tables.audit)],
         cautions=cautions,
-        is_fitted=evidence is not None and not evidence.has_depth and sequence.surface is None,
+        is_fitted=evidence is not None and not evidence.has_depth and set(TruthKind).isdisjoint(sequence.truths),
     )
     return assess(found, dataset)
 

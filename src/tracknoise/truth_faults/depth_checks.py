@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD, DepthMap, interpolate
 from tracknoise.geometry.pose import transform
 from tracknoise.inference.jackknife import jackknife
 from tracknoise.sequences.sequence import Sequence
@@ -32,6 +32,7 @@ NEAREST_M, FARTHEST_M = 0.05, 1000.0
 """A median depth outside of this range is not metres."""
 _DEPTH_UNIT_LEAST_SHARE = 0.2
 _FRAMES = 8
+_MOST_EDGES, _EDGES_EVERY_PX = 0.5, 4
 
 
 def depths(sequence: Sequence) -> Item:
@@ -57,7 +58,24 @@ def depths(sequence: Sequence) -> Item:
     is_dense = maps[0].radius_px is None
     if is_dense and share < _DEPTH_UNIT_LEAST_SHARE:
         return Item("depth", Severity.caveat, f"{text} Few features will have a truth.", numbers)
+    edges = _edge_share(maps) if is_dense else 0.0
+    if edges > _MOST_EDGES:
+        text = (
+            f"{text} At {edges:.0%} of them depths of neighbours differ by more than {EDGE_RELATIVE_SPREAD:.0%}: "
+            "features there count as beside an edge, and have no truth. Smooth the depths if it is their noise."
+        )
+        return Item("depth", Severity.caveat, text, {**numbers, "edges": edges})
     return Item("depth", Severity.ok, text, numbers)
+
+
+def _edge_share(maps: ListOf[DepthMap]) -> float:
+    """Share of pixels with depth in dense maps that lie on an edge."""
+    found = []
+    for depth in maps:
+        rows, columns = (np.arange(0, side, _EDGES_EVERY_PX) for side in depth.depth_m.shape)
+        found.append(interpolate(depth, np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)))
+    edge, valid = (sum(int(getattr(one, name).sum()) for one in found) for name in ("edge", "valid"))
+    return edge / max(edge + valid, 1)
 
 
 def sampled_depths(sequence: Sequence) -> list[DepthMap]:

@@ -32,7 +32,7 @@ from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
 
-EVERY_FAULT, DEPTHS, DEPTH_MAPS = "every_fault", "depths", "depth_maps"
+NAMED_FAULTS, EVERY_FAULT, DEPTHS, DEPTH_MAPS = "named_faults", "every_fault", "depths", "depth_maps"
 """Names of the shares in the family `at_most` of an audit."""
 _ROUNDS = 8
 _CELLS, _LEAST_IN_CELL = 5, 12

@@ -59,7 +59,7 @@ class Family(StrEnum):
     joint fits: optics (focal length, principal point, k1), timing (clock offset and drift, readout), depth (scale,
     offset), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
     at_most: what all faults, or random errors of depths, can explain at most of a tracker, which is the component
-    (`tracknoise.truth_faults.explained`).
+    (`tracknoise.truth_faults.explained`), and what the named faults explain of it.
     """
 
     alone = "alone"

@@ -33,7 +33,7 @@ SMALL, MOST = 0.1, 0.5
 _EXACT = 1e-3
 """A smaller stated share is that of a truth that is exact but for rounding."""
 _REPEATED = 0.02
-"""Share of depth maps that disagree, with which a smaller stated accuracy cannot be right."""
+"""What depth maps that disagree explain, with which a smaller stated accuracy is wrong: no tracker has a part in it."""
 _CLEARER = 0.5
 """A scene is recommended if poses explain at most this part of what they explain of all scenes."""
 
@@ -236,11 +236,11 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
     something too, or there is no other: the noise of the others is in what they predict, so that they explain less. It
-    contradicts what is stated, for all trackers, where it surely explains more of one. A single tracker has small
-    motions of its own also on exact data: without another one to confirm it, a motion contradicts only if it explains
-    most of the errors.
+    contradicts what is stated, for all trackers, where it surely explains more of at least half of them. A single
+    tracker has small motions of its own also on exact data, and so have trackers of one kind: without another one to
+    confirm it, a motion contradicts only if it explains most of the errors.
     """
-    found, is_refuted = [], False
+    found, by_maps, by_poses = list[_Bounds](), list[bool](), list[bool]()
     for tracker, size in sizes.items():
         poses, others = _by_source(evidence.pose_shares, tracker)
         if poses is not None and others is not None and others.low == 0.0:
@@ -255,8 +255,10 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
         if poses is None or len(known) < len(causes):
             continue
         found.append(_Bounds(tracker, size, known, _bound(known), depth_maps))
-        if size.stated_share is not None:
-            is_refuted |= _is_contradicted(size.stated_share, poses, others, depth_maps)
+        if (stated := size.stated_share) is not None:
+            by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
+            by_poses.append(poses.low > max(stated, MOST if others is None else SMALL))
+    is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
     return _common(found if faults or is_refuted else [_as_stated(one) for one in found], evidence.curves)
 
 
@@ -264,15 +266,6 @@ def _as_stated(bounds: _Bounds) -> _Bounds:
     """At most what is stated."""
     stated = bounds.size.stated_share
     return bounds if stated is None else replace(bounds, high=min(bounds.high, _with_stated(stated, bounds.causes)))
-
-
-def _is_contradicted(stated: float, poses: _Share, others: _Share | None, depth_maps: _Share | None) -> bool:
-    """Whether a motion of the camera, or depth maps that disagree, surely explain more than is stated.
-
-    No tracker has a part in how depth maps disagree, so that less of it is enough.
-    """
-    by_maps = depth_maps is not None and depth_maps.low > max(stated, _REPEATED)
-    return by_maps or poses.low > max(stated, MOST if others is None else SMALL)
 
 
 def _bound(causes: Mapping[TruthCause, _Share]) -> float:

@@ -58,6 +58,11 @@ def test_a_fault_that_only_the_run_established_is_named():
     assert "established faults 20.0 % to 30.0 % (check: up to 0.0 %)" in found
 
 
+def test_a_verdict_that_changes_with_little_else_says_so():
+    found = change(trust("limited", every=[(0.0, 0.68)], poses=[(0.0, 0.6)], any_fault=[(0.1, 0.12)]), checked())
+    assert found == "`tracknoise check` said unknown. Shares changed by less than 5.0 %, at a limit."
+
+
 def test_an_unchanged_verdict_is_said_to_be_unchanged():
     now = trust("unknown", every=[(None, 0.68)], poses=[(0.0, 0.6)], any_fault=[(0.1, 0.12)])
     assert change(now, checked()) == "`tracknoise check` said unknown too."

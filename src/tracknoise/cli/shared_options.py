@@ -37,7 +37,7 @@ def require_truth(truth: "TruthVerdict", whose: str, *, accepted: bool) -> None:
         If it is not.
     """
     if not (truth.is_usable or accepted):
-        raise SettingsError(f"{whose}: {truth.sentence} Expected a trusted truth, or --accept-truth to use the numbers")
+        raise SettingsError(f"{whose}: {truth.sentence} Expected a trusted or limited truth, or --accept-truth to use the numbers")
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:

@@ -123,8 +123,9 @@ def _sentence(before: Checked, verdict: Trust, now: Mapping[str, Range]) -> str:
         for old, new in [(before.ranges.get(cause, _NOTHING), now.get(cause, _NOTHING))]
         if max(abs(new[0] - old[0]), abs(new[1] - old[1])) >= _CHANGED
     ]
-    changed = "Shares of the squared errors that changed with the tracks of the run"
-    return f"{said} {changed}: {'; '.join(parts)}." if parts else said
+    if parts:
+        return f"{said} Shares of the squared errors that changed with the tracks of the run: {'; '.join(parts)}."
+    return said if before.verdict == verdict else f"{said} Shares changed by less than {percent(_CHANGED)}, at a limit."
 
 
 def _text(found: Range) -> str:

@@ -37,7 +37,8 @@ def require_truth(truth: "TruthVerdict", whose: str, *, accepted: bool) -> None:
         If it is not.
     """
     if not (truth.is_usable or accepted):
-        raise SettingsError(f"{whose}: {truth.sentence} Expected a trusted or limited truth, or --accept-truth to use the numbers")
+        expected = "Expected a trusted or limited truth, or --accept-truth to use the numbers"
+        raise SettingsError(f"{whose}: {truth.sentence} {expected}")
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:

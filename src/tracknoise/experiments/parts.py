@@ -159,7 +159,7 @@ def joined_tables(task: Task, parts: Sequence[MeasuredPart]) -> Iterator[tuple[s
         if name in OBSERVED:
             yield name, _observed(name, task.key, having)
         else:
-            tables = [(one.part, one.folder.sequence_table(name, task.key)) for one in having]
+            tables = ((one.part, one.folder.sequence_table(name, task.key)) for one in having)
             yield name, join(name, tables, schema_of(name))
 
 

@@ -12,7 +12,7 @@ Three kinds of numbers cannot be added up:
 - Errors of relative poses: means over all pairs of frames. A root is stated where parts show that it is positive.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -70,20 +70,25 @@ class Part:
     first_track: Mapping[tuple[str, int], int]
 
 
-def join(name: str, parts: Sequence[tuple[Part, pl.DataFrame]], schema: Schema) -> pl.DataFrame:
+def join(name: str, parts: Iterable[tuple[Part, pl.DataFrame]], schema: Schema) -> pl.DataFrame:
     """One table of a sequence from those of its parts.
+
+    Sums and moments of each part are added up first: its blocks are few of the sequence, which has many parts.
 
     Parameters
     ----------
     name
         Of the table, as in `tracknoise.tables.store`.
     parts
-        In the order of their frames, with their tables.
+        In the order of their frames, with their tables, which may be read one by one.
     schema
         Of the table.
     """
-    placed = joined([place(table, part, name).collect() for part, table in parts], schema)
-    return _JOINS.get(name, _added)(placed, schema)
+    combined = _JOINS.get(name, _added)
+    placed = (place(table, part, name).collect() for part, table in parts)
+    if combined in _OF_SUMS:
+        placed = (combined(table, schema) for table in placed)
+    return combined(joined([*placed], schema), schema)
 
 
 def place(table: pl.DataFrame | pl.LazyFrame, part: Part, name: str) -> pl.LazyFrame:
@@ -275,6 +280,7 @@ def _film(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     return table.sort("frame")
 
 
+_OF_SUMS = _added, _pooled, _pooled_to_second
 _JOINS: Mapping[str, Callable[[pl.DataFrame, Schema], pl.DataFrame]] = MappingProxyType(
     {
         **dict.fromkeys(_ROWS, _rows),

@@ -12,10 +12,10 @@ from pathlib import Path
 from benchmarks.harness import Row, Silent
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import resolve
+from tracknoise.experiments.machine import use_one_opencv_thread
 from tracknoise.experiments.settings import DatasetSettings, Experiment, TrackerChoice
 from tracknoise.measurement import tracking
 from tracknoise.tables.store import RunFolder
-from tracknoise.trackers.opencv import use_one_thread
 
 SAMPLES = Path(os.environ.get("TRACKNOISE_SAMPLES", "../shared/data"))
 RECORDINGS = {
@@ -38,7 +38,7 @@ def full_rows() -> list[Row]:
 
 
 def _row(name: str, dataset: DatasetSettings) -> Row:
-    use_one_thread()
+    use_one_opencv_thread()
     trackers = [TrackerChoice(kind=kind) for kind in ("lucas-kanade", "correspondence")]
     experiment = resolve(Experiment(name="besides", dataset=dataset, trackers=trackers))
     steps: list[float] = []

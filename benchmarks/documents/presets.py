@@ -5,7 +5,7 @@ python -m benchmarks.documents.presets
 
 from pathlib import Path
 
-from tracknoise.trackers.tracker_presets import load_preset, preset_names
+from tracknoise.trackers.tracker_registry import load_preset, preset_names
 
 PAGE = Path(__file__).parents[2] / "docs" / "trackers.md"
 START = "<!-- The rest of this page is made by python -m benchmarks.documents.presets -->\n"

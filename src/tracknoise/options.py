@@ -133,11 +133,13 @@ def options_schemas(
 
 
 def _documented(settings_type: type) -> tuple[str, dict[str, str]]:
-    """First sentence of the docstring of a dataclass, and what it says of each field."""
-    summary, _, rest = (inspect.getdoc(settings_type) or "").partition("\n\n")
+    """First sentence of the docstring of a dataclass, and what it and those of its bases say of each field."""
+    summary = (inspect.getdoc(settings_type) or "").partition("\n\n")[0]
     found: dict[str, str] = {}
-    for names, text in re.findall(r"^(\w+(?:, \w+)*)\n((?:(?:[ ]{4}.*)?\n?)+)", rest + "\n", re.MULTILINE):
-        found |= dict.fromkeys(names.split(", "), _in_one_line(text))
+    for documented in reversed(settings_type.__mro__):
+        rest = inspect.cleandoc(documented.__doc__ or "").partition("\n\n")[2]
+        for names, text in re.findall(r"^(\w+(?:, \w+)*)\n((?:(?:[ ]{4}.*)?\n?)+)", rest + "\n", re.MULTILINE):
+            found |= dict.fromkeys(names.split(", "), _in_one_line(text))
     return _in_one_line(summary), {name: text for name, text in found.items() if text}
 
 

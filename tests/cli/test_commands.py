@@ -15,7 +15,7 @@ from tracknoise.cli.app import main
 from tracknoise.cli.commands import app
 from tracknoise.experiments.load import preset_names
 from tracknoise.sequences.reader_registry import READERS
-from tracknoise.trackers import tracker_presets
+from tracknoise.trackers import tracker_registry
 
 
 @pytest.mark.parametrize("command", ["run", "report", "findings", "demo", "simulate", "datasets", "trackers"])
@@ -163,7 +163,7 @@ def test_trackers_lists_the_trackers(tracknoise):
         "lucas-kanade",
         "oracle",
         "patch",
-        *tracker_presets.preset_names(),
+        *tracker_registry.preset_names(),
     ]
     assert "preset of OpenVINS: FAST corners of a 5 x 5 grid" in out
 

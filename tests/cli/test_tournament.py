@@ -7,7 +7,7 @@ import pytest
 from tracknoise.experiments.entrants import entrants, step_costs
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.plan import plan
-from tracknoise.trackers.tracker_presets import preset_names
+from tracknoise.trackers.tracker_registry import preset_names
 
 EXPERIMENT = """
 name = "mine"

@@ -9,9 +9,9 @@ import pytest
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.aligned_patches import AlignedPatches
 from tracknoise.trackers.alignment import Aligned, Alignment, Brightness, Warp, pyramid
+from tracknoise.trackers.key_frames import Template
 from tracknoise.trackers.patch_samples import Shape, offsets
 from tracknoise.trackers.rejection import Model, Rejection
-from tracknoise.trackers.template_choice import Template
 from tracknoise.trackers.tracker import Frame
 
 FREE = Rejection(model=Model.none)

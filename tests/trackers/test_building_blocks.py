@@ -13,14 +13,14 @@ from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.dense_flow import DenseFlow, Method
 from tracknoise.trackers.detection import Detection, Detector, Spacing
-from tracknoise.trackers.grid_statistics import supported
+from tracknoise.trackers.key_frames import Template
 from tracknoise.trackers.lucas_kanade import BackwardStart, LucasKanade
+from tracknoise.trackers.matching import supported
 from tracknoise.trackers.patch_samples import Shape, correlation, offsets, sampled
 from tracknoise.trackers.preprocessing import Equalisation, Preprocessing
 from tracknoise.trackers.rejection import Coordinates, Model, Rejection
 from tracknoise.trackers.search_start import Start
 from tracknoise.trackers.spacing import suppression_radii
-from tracknoise.trackers.template_choice import Template
 from tracknoise.trackers.tracker import Frame, Step, TrackerSettings
 
 FEW = {"min_features": 100, "max_features": 120}

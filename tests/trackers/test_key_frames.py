@@ -14,10 +14,9 @@ from tracknoise.trackers.dense_flow import DenseFlow
 from tracknoise.trackers.features import Features
 from tracknoise.trackers.following import Order
 from tracknoise.trackers.function import Function
-from tracknoise.trackers.key_frames import KeyFrames, Occasion
+from tracknoise.trackers.key_frames import KeyFrames, Occasion, Renewal, Template
 from tracknoise.trackers.lucas_kanade import LucasKanade, LucasKanadeTracker
 from tracknoise.trackers.rejection import Model, ReferencePosition, Rejection
-from tracknoise.trackers.template_choice import Renewal, Template
 from tracknoise.trackers.tracker import Frame, Step
 from tracknoise.trackers.tracker_registry import make_tracker
 

@@ -13,8 +13,14 @@ from tracknoise.exceptions import UnknownNameError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.trackers.rejection import Model, Rejection
 from tracknoise.trackers.tracker import Frame, check_quality, check_step
-from tracknoise.trackers.tracker_presets import load_preset, preset_names, preset_text
-from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker, tracker_defaults
+from tracknoise.trackers.tracker_registry import (
+    TRACKERS,
+    load_preset,
+    make_tracker,
+    preset_names,
+    preset_text,
+    tracker_defaults,
+)
 
 SIZE = (376, 300)
 

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.trackers.marginal_support import marginal_support
+from tracknoise.trackers.consensus import best_hypothesis, hypotheses_needed, marginal_support
 from tracknoise.trackers.rejection import (
     Consensus,
     Fundamental,
@@ -10,8 +10,6 @@ from tracknoise.trackers.rejection import (
     Model,
     ReferencePosition,
     Rejection,
-    best_hypothesis,
-    hypotheses_needed,
 )
 
 H = np.array([[1.02, 0.01, 3.0], [-0.01, 0.99, 2.0], [1e-5, 2e-5, 1.0]])

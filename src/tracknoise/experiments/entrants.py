@@ -11,7 +11,7 @@ from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.measurement.tracking import TrackerSetup, start_tracker
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.tracker import Frame
-from tracknoise.trackers.tracker_presets import preset_names
+from tracknoise.trackers.tracker_registry import preset_names
 
 MOST_FRAMES = 30
 _KINDS = ("lucas-kanade", "correspondence", "dense-flow", "patch")

@@ -23,11 +23,10 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import psutil
 from threadpoolctl import threadpool_info, threadpool_limits
-
-from tracknoise.trackers.opencv import opencv_kernel
 
 
 @contextmanager
@@ -37,6 +36,11 @@ def one_blas_thread() -> Iterator[None]:
         yield
 
 
+def use_one_opencv_thread() -> None:
+    """Make OpenCV use one thread in this process; no result depends on it."""
+    cv2.setNumThreads(1)
+
+
 @cache
 def kernels() -> str:
     """Name the kernels of every BLAS that is loaded, of NumPy and of OpenCV: ``OpenBLAS 0.3.30 Haswell, ...``.
@@ -44,7 +48,7 @@ def kernels() -> str:
     It is asked for once per process, after something was measured: all libraries that take part are loaded then.
     """
     blas = {_blas_text(found) for found in threadpool_info() if found["user_api"] == "blas"}
-    return ", ".join([*sorted(blas), f"NumPy {_numpy_kernel()}", f"OpenCV {opencv_kernel()}"])
+    return ", ".join([*sorted(blas), f"NumPy {_numpy_kernel()}", f"OpenCV {_opencv_kernel()}"])
 
 
 def _blas_text(found: dict[str, object]) -> str:
@@ -57,6 +61,16 @@ def _numpy_kernel() -> str:
     """The highest instructions that NumPy uses here."""
     levels = np.show_config(mode="dicts")["SIMD Extensions"]
     return str([*levels.get("baseline", ["none"]), *levels.get("found", [])][-1])
+
+
+_NOT_USED, _OPTIONAL = "?", "*"
+"""OpenCV writes these after instructions that the processor lacks, and before those that not every processor has."""
+
+
+def _opencv_kernel() -> str:
+    """The highest instructions that OpenCV uses here."""
+    used = [word for word in cv2.getCPUFeaturesLine().split() if not word.endswith(_NOT_USED)]
+    return used[-1].removeprefix(_OPTIONAL) if used else "none"
 
 
 _LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")

@@ -31,8 +31,7 @@ from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.text import counted, is_printable, parse_toml
-from tracknoise.trackers.tracker_presets import load_preset, preset_names
-from tracknoise.trackers.tracker_registry import is_preset
+from tracknoise.trackers.tracker_registry import is_preset, load_preset, preset_names
 from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.scan import ScanAnchoring
 

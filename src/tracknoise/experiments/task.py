@@ -20,7 +20,7 @@ from tracknoise.experiments.film import film
 from tracknoise.experiments.geometry_tables import camera_tables, geometry_tables
 from tracknoise.experiments.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.local_workers import notify
-from tracknoise.experiments.machine import kernels, one_blas_thread
+from tracknoise.experiments.machine import kernels, one_blas_thread, use_one_opencv_thread
 from tracknoise.experiments.measure import Measurement, measure_together, poses_of_two, tap_metrics
 from tracknoise.experiments.parts import (
     folder_of,
@@ -47,7 +47,6 @@ from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
-from tracknoise.trackers.opencv import use_one_thread
 from tracknoise.truth.scan import ScanRule
 from tracknoise.words import SELF_REFERENTIAL
 
@@ -359,7 +358,7 @@ class Job:
     def __call__(self, batch: Batch) -> Result:
         """Measure a batch in a worker."""
         if self.one_thread or batch[0].parts:
-            use_one_thread()
+            use_one_opencv_thread()
         require_versions(self.versions, place=f"worker on {socket.gethostname()}")
         self.claim.check()
         progress = following(batch[0], notify)

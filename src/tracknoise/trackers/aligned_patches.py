@@ -11,24 +11,23 @@ from tracknoise.checks import Between0And1, Positive, settle_members
 from tracknoise.trackers.alignment import Aligned, Alignment, Brightness, Templates, Warp, pyramid
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
-from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
-from tracknoise.trackers.key_frames import KeyFrames, Occasion
+from tracknoise.trackers.following import Flow, FollowingSettings, FollowingTracker, Order
+from tracknoise.trackers.key_frames import KeyFrames, Occasion, Renewal, Template
 from tracknoise.trackers.patch_samples import Shape, offsets
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Rejection
 from tracknoise.trackers.search_start import Guess, Start, guess_from
-from tracknoise.trackers.template_choice import Renewal, Template
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
 
 @dataclass(frozen=True, slots=True)
-class AlignedPatches:
+class AlignedPatches(FollowingSettings):
     """Settings of the tracker of aligned patches.
+
+    The other parameters are those of `tracknoise.trackers.following.FollowingSettings`.
 
     Parameters
     ----------
-    detection, rejection
-        Where features may begin and stay; which of them are outliers.
     window_px, shape
         Side of the patch, px, and which of its pixels count: see `tracknoise.trackers.patch_samples.Shape`.
     warp
@@ -36,10 +35,7 @@ class AlignedPatches:
     brightness
         How its gray values may change: see `tracknoise.trackers.alignment.Brightness`.
     template
-        Which patch is aligned: see `tracknoise.trackers.template_choice.Template`.
-    keyframe_share, keyframe_every
-        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
-        frames of the nominal sequence. None: after any number.
+        Which patch is aligned: see `tracknoise.trackers.key_frames.Template`.
     extra_levels
         Levels of the image pyramid above the full resolution.
     iterations, epsilon
@@ -53,20 +49,6 @@ class AlignedPatches:
     min_ncc
         A feature whose warped patch has a lower normalised cross-correlation with its template is dropped. None: any
         stays.
-    max_displacement_px
-        A feature that moved this far or farther in one step is dropped.
-    min_features, max_features
-        New features are detected when fewer than `min_features` are left, up to `max_features`.
-    preprocessing
-        What is done to each image before features are detected and followed in it.
-    order
-        In which order distances are kept, outliers rejected and new features detected: see
-        `tracknoise.trackers.following.Order`.
-    detect_at, reject_at
-        In which images new features are detected, and outliers rejected: see
-        `tracknoise.trackers.key_frames.Occasion`.
-    max_age
-        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     """
 
     kind: ClassVar[str] = "patch"
@@ -99,7 +81,7 @@ class AlignedPatches:
 
     def __post_init__(self) -> None:
         settle_members(self, shape=Shape, warp=Warp, brightness=Brightness, template=Template, start_at=Start)
-        check_following(self)
+        FollowingSettings.__post_init__(self)
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed.
@@ -108,9 +90,9 @@ class AlignedPatches:
         values after the change of brightness (``patch_residual``), and their normalised cross-correlation
         (``patch_ncc``).
         """
-        key_frames = KeyFrames(self.keyframe_share, self.keyframe_every)
+        key_frames = self.key_frames()
         follower = _Warped(self, guess_from(self.start_at, context), key_frames)
-        return FollowingTracker(self, follower, started(self, context), key_frames)
+        return FollowingTracker(self, follower, self.inliers_of(context), key_frames)
 
 
 class _Warped:

@@ -20,9 +20,8 @@ from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, network_keypoints
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
-from tracknoise.trackers.grid_statistics import supported
 from tracknoise.trackers.match_network import network_matches, require_matcher
-from tracknoise.trackers.matching import DISTANCE, RATIO, Matches, mutual_nearest
+from tracknoise.trackers.matching import DISTANCE, RATIO, Matches, mutual_nearest, supported
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, Model, ReferencePosition, Rejection
 from tracknoise.trackers.spacing import spread_keypoints
@@ -182,7 +181,7 @@ class Correspondence:
     max_distance
         Largest distance of a match; of bits, the root of how many differ. None: any.
     grid_statistics
-        Whether matches need the support of those around them: see `tracknoise.trackers.grid_statistics.supported`.
+        Whether matches need the support of those around them: see `tracknoise.trackers.matching.supported`.
     matcher
         An ONNX file with a network that matches keypoints by descriptor and position, such as LightGlue, instead of
         mutual nearest neighbours: see docs/trackers.md. It needs the extra `learned`, and descriptors of a network.

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from tracknoise.checks import Between0And1, Positive, settle_members
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
-from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
-from tracknoise.trackers.key_frames import KeyFrames, Occasion
+from tracknoise.trackers.following import Flow, FollowingSettings, FollowingTracker, Order
+from tracknoise.trackers.key_frames import Occasion
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Rejection
 from tracknoise.trackers.tracker import Frame, SequenceContext
@@ -43,35 +43,18 @@ _PRESETS = {
 
 
 @dataclass(frozen=True, slots=True)
-class DenseFlow:
+class DenseFlow(FollowingSettings):
     """Settings of the tracker by dense optical flow.
+
+    The other parameters are those of `tracknoise.trackers.following.FollowingSettings`.
 
     Parameters
     ----------
-    detection, rejection
-        Where features may begin and stay; which of them are outliers.
     method
         How the flow is computed: see `tracknoise.trackers.dense_flow.Method`.
     backward_px
         The flow back is computed too, and features are dropped that it leads farther than this from where they were,
         px. None: it is not computed.
-    max_displacement_px
-        A feature that moved this far or farther in one step is dropped.
-    min_features, max_features
-        New features are detected when fewer than `min_features` are left, up to `max_features`.
-    preprocessing
-        What is done to each image before features are detected and followed in it.
-    order
-        In which order distances are kept, outliers rejected and new features detected: see
-        `tracknoise.trackers.following.Order`.
-    keyframe_share, keyframe_every
-        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
-        frames of the nominal sequence. None: after any number.
-    detect_at, reject_at
-        In which images new features are detected, and outliers rejected: see
-        `tracknoise.trackers.key_frames.Occasion`.
-    max_age
-        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     """
 
     kind: ClassVar[str] = "dense-flow"
@@ -95,12 +78,11 @@ class DenseFlow:
 
     def __post_init__(self) -> None:
         settle_members(self, method=Method)
-        check_following(self)
+        FollowingSettings.__post_init__(self)
 
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
-        key_frames = KeyFrames(self.keyframe_share, self.keyframe_every)
-        return FollowingTracker(self, _Carried(self.method, self.backward_px), started(self, context), key_frames)
+        return FollowingTracker(self, _Carried(self.method, self.backward_px), self.inliers_of(context))
 
 
 @dataclass(frozen=True, slots=True)

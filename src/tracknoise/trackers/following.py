@@ -70,75 +70,61 @@ class Follower(Protocol):
         ...
 
 
-class FollowingSettings(Protocol):
-    """Settings that all these trackers have: see `tracknoise.trackers.lucas_kanade.LucasKanade`."""
+class FollowingSettings:
+    """Settings that these trackers have in common.
 
-    @property
-    def detection(self) -> Detection:
-        """Where features may begin and stay."""
-        ...
-
-    @property
-    def rejection(self) -> Rejection:
-        """Which of them are outliers."""
-        ...
-
-    @property
-    def preprocessing(self) -> Preprocessing:
-        """What is done to each image first."""
-        ...
-
-    @property
-    def order(self) -> Order:
-        """In which order a step does its parts."""
-        ...
-
-    @property
-    def max_displacement_px(self) -> float:
-        """A feature that moved this far or farther in one step is dropped."""
-        ...
-
-    @property
-    def max_age(self) -> int | None:
-        """A feature older than this is dropped, frames of the nominal sequence."""
-        ...
-
-    @property
-    def detect_at(self) -> Occasion:
-        """In which images new features are detected."""
-        ...
-
-    @property
-    def reject_at(self) -> Occasion:
-        """In which images outliers are rejected."""
-        ...
-
-    @property
-    def min_features(self) -> int:
-        """New features are detected when fewer are left."""
-        ...
-
-    @property
-    def max_features(self) -> int:
-        """New features are detected up to this number."""
-        ...
-
-
-def check_following(settings: FollowingSettings) -> None:
-    """Raise ValueError, naming the field, unless settings of one of these trackers can be used."""
-    settle_members(settings, order=Order, detect_at=Occasion, reject_at=Occasion)
-    require_bounds(settings)
-    expected = f"a number not below min_features, {settings.min_features}"
-    require(settings.max_features >= settings.min_features, "max_features", settings.max_features, expected)
-
-
-def started(settings: FollowingSettings, context: SequenceContext) -> Inliers:
-    """The outlier rejection of one of these trackers on one sequence, once its detection is known to work.
-
-    Raises SettingsError if it does not.
+    Parameters
+    ----------
+    detection, rejection
+        Where features may begin and stay; which of them are outliers.
+    max_displacement_px
+        A feature that moved this far or farther in one step is dropped.
+    min_features, max_features
+        New features are detected when fewer than `min_features` are left, up to `max_features`.
+    preprocessing
+        What is done to each image before features are detected and followed in it.
+    order
+        In which order distances are kept, outliers rejected and new features detected: see
+        `tracknoise.trackers.following.Order`.
+    keyframe_share, keyframe_every
+        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
+        frames of the nominal sequence. None: after any number.
+    detect_at, reject_at
+        In which images new features are detected, and outliers rejected: see
+        `tracknoise.trackers.key_frames.Occasion`.
+    max_age
+        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     """
-    settings.detection.require_usable()
-    return settings.rejection.repeated(context.repeat).inliers_of(context)
+
+    __slots__ = ()
+
+    detection: Detection
+    rejection: Rejection
+    max_displacement_px: float
+    min_features: int
+    max_features: int
+    preprocessing: Preprocessing
+    order: Order
+    keyframe_share: float
+    keyframe_every: int | None
+    detect_at: Occasion
+    reject_at: Occasion
+    max_age: int | None
+
+    def __post_init__(self) -> None:
+        settle_members(self, order=Order, detect_at=Occasion, reject_at=Occasion)
+        require_bounds(self)
+        expected = f"a number not below min_features, {self.min_features}"
+        require(self.max_features >= self.min_features, "max_features", self.max_features, expected)
+
+    def inliers_of(self, context: SequenceContext) -> Inliers:
+        """The outlier rejection on one sequence, once the detection is known to work; SettingsError if it does not."""
+        self.detection.require_usable()
+        return self.rejection.repeated(context.repeat).inliers_of(context)
+
+    def key_frames(self) -> KeyFrames:
+        """Those of one tracker on one sequence."""
+        return KeyFrames(self.keyframe_share, self.keyframe_every)
 
 
 class FollowingTracker:
@@ -165,12 +151,12 @@ class FollowingTracker:
     """
 
     def __init__(
-        self, settings: FollowingSettings, follower: Follower, inliers: Inliers, key_frames: KeyFrames
+        self, settings: FollowingSettings, follower: Follower, inliers: Inliers, key_frames: KeyFrames | None = None
     ) -> None:
         self._settings = settings
         self._follower = follower
         self._inliers = inliers
-        self._key_frames = key_frames
+        self._key_frames = key_frames or settings.key_frames()
         self._before: Frame | None = None
         self._features = Features.begin(0, np.empty((0, 2)))
         self._response = np.empty(0, dtype=np.float32)  # of features that were not reported yet

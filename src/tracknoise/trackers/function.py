@@ -12,8 +12,8 @@ from tracknoise.checks import Between0And1, Positive, require
 from tracknoise.exceptions import TrackerError
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features
-from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
-from tracknoise.trackers.key_frames import KeyFrames, Occasion
+from tracknoise.trackers.following import Flow, FollowingSettings, FollowingTracker, Order
+from tracknoise.trackers.key_frames import Occasion
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.rejection import Model, Rejection
@@ -29,8 +29,10 @@ def _free() -> Rejection:
 
 
 @dataclass(frozen=True, slots=True)
-class Function:
+class Function(FollowingSettings):
     """Settings of a tracker that follows features with a function of your own.
+
+    The other parameters are those of `tracknoise.trackers.following.FollowingSettings`.
 
     Parameters
     ----------
@@ -41,27 +43,8 @@ class Function:
         and (n,) bool, whether each was found. Positions that are not finite count as not found. A third value, (n, 2,
         2) px^2, is the covariance of each position, NaN where unknown; the first position of a track has none. What it
         raises is raised.
-    detection
-        Where features begin and may stay.
     rejection
         Which features are outliers; by default none.
-    max_displacement_px
-        A feature that moved this far or farther in one step is dropped.
-    min_features, max_features
-        New features are detected when fewer than `min_features` are left, up to `max_features`.
-    preprocessing
-        What is done to each image before features are detected and followed in it.
-    order
-        In which order distances are kept, outliers rejected and new features detected: see
-        `tracknoise.trackers.following.Order`.
-    keyframe_share, keyframe_every
-        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
-        frames of the nominal sequence. None: after any number.
-    detect_at, reject_at
-        In which images new features are detected, and outliers rejected: see
-        `tracknoise.trackers.key_frames.Occasion`.
-    max_age
-        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     refine
         Whether positions are refined by Lucas-Kanade, from which the function then goes on: see
         `tracknoise.trackers.refinement.Refinement`.
@@ -88,7 +71,7 @@ class Function:
 
     def __post_init__(self) -> None:
         require(callable(self.function), "function", self.function, "a function of two images and points")
-        check_following(self)
+        FollowingSettings.__post_init__(self)
 
     @property
     def name(self) -> str:
@@ -98,8 +81,7 @@ class Function:
     def start(self, context: SequenceContext) -> FollowingTracker:
         """Start the tracker on one sequence at one speed."""
         follower = self.refine.refining(_Called(self.function, self.name))
-        key_frames = KeyFrames(self.keyframe_share, self.keyframe_every)
-        return FollowingTracker(self, follower, started(self, context), key_frames)
+        return FollowingTracker(self, follower, self.inliers_of(context))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from tracknoise.checks import Between0And1, Positive, settle_members
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
-from tracknoise.trackers.following import Flow, FollowingTracker, Order, check_following, started
+from tracknoise.trackers.following import Flow, FollowingSettings, FollowingTracker, Order
 from tracknoise.trackers.gradient import shift_covariance
-from tracknoise.trackers.key_frames import KeyFrames, Occasion
+from tracknoise.trackers.key_frames import KeyFrames, Occasion, Renewal, Template
 from tracknoise.trackers.patch_samples import correlation, offsets, sampled
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.rejection import Inliers, Rejection
 from tracknoise.trackers.search_start import Guess, Start, at_last, guess_from
-from tracknoise.trackers.template_choice import Renewal, Template
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
 _EIGENVALUE_UNIT = np.float32(1024)  # OpenCV's derivatives are 32 times too large, its structure tensor 2^20 too small
@@ -39,35 +38,23 @@ class BackwardStart(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class LucasKanade:
+class LucasKanade(FollowingSettings):
     """Settings of the Lucas-Kanade tracker. The defaults are those of XIVO's, which the paper used.
+
+    The other parameters are those of `tracknoise.trackers.following.FollowingSettings`.
 
     Parameters
     ----------
-    detection, rejection
-        Where features may begin and stay; which of them are outliers.
     window_px
         Side of the patch, px.
     extra_levels
         Levels of the image pyramid above the full resolution.
     iterations, epsilon
         Convergence: at most this many iterations, or until the update is smaller than `epsilon` px.
-    max_displacement_px
-        A feature that moved this far or farther in one step is dropped.
-    min_features, max_features
-        New features are detected when fewer than `min_features` are left, up to `max_features`.
-    preprocessing
-        What is done to each image before features are detected and followed in it.
-    order
-        In which order distances are kept, outliers rejected and new features detected: see
-        `tracknoise.trackers.following.Order`.
     start_at
         Where the search for a feature starts: see `tracknoise.trackers.search_start.Start`.
     template
-        Which patch is aligned: see `tracknoise.trackers.template_choice.Template`.
-    keyframe_share, keyframe_every
-        There is a new key frame when fewer than this share of the features of the last one are left, or after so many
-        frames of the nominal sequence. None: after any number.
+        Which patch is aligned: see `tracknoise.trackers.key_frames.Template`.
     min_ncc
         A feature whose window has a lower normalised cross-correlation with that of its first frame is dropped. None:
         any stays. It does not allow for a turn or a change of size.
@@ -76,11 +63,6 @@ class LucasKanade:
         not followed back.
     backward_levels, backward_start
         Of the search back: levels of the pyramid above the full resolution (None: `extra_levels`), and where it starts.
-    detect_at, reject_at
-        In which images new features are detected, and outliers rejected: see
-        `tracknoise.trackers.key_frames.Occasion`.
-    max_age
-        A feature older than this is dropped, frames of the nominal sequence. None: at any age it stays.
     covariance
         Whether the covariance that least squares promise is reported, which every report then judges.
     """
@@ -115,11 +97,11 @@ class LucasKanade:
 
     def __post_init__(self) -> None:
         settle_members(self, start_at=Start, template=Template, backward_start=BackwardStart)
-        check_following(self)
+        FollowingSettings.__post_init__(self)
 
     def start(self, context: SequenceContext) -> "LucasKanadeTracker":
         """Start the tracker on one sequence at one speed."""
-        return LucasKanadeTracker(self, started(self, context), guess_from(self.start_at, context))
+        return LucasKanadeTracker(self, self.inliers_of(context), guess_from(self.start_at, context))
 
 
 class LucasKanadeTracker(FollowingTracker):
@@ -134,7 +116,7 @@ class LucasKanadeTracker(FollowingTracker):
     """
 
     def __init__(self, settings: LucasKanade, inliers: Inliers, guess: Guess = at_last) -> None:
-        key_frames = KeyFrames(settings.keyframe_share, settings.keyframe_every)
+        key_frames = settings.key_frames()
         super().__init__(settings, PatchFollower(settings, guess, key_frames), inliers, key_frames)
 
 

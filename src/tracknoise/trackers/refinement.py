@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tracknoise.checks import Positive, require_bounds, settle_members
 from tracknoise.trackers.features import Features, displacement_px
 from tracknoise.trackers.following import Flow, Follower
+from tracknoise.trackers.key_frames import Template
 from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS, LucasKanade, PatchFollower
-from tracknoise.trackers.template_choice import Template
 from tracknoise.trackers.tracker import Frame
 
 SHIFT = "refine_shift_px"

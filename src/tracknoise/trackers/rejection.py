@@ -1,16 +1,14 @@
 """Outlier rejection: the matches of a step that do not agree with a common motion of the image.
 
-- Random sample consensus: the hypothesis from a minimal sample that most matches agree with.
 - Homographies between two images: through four matches in closed form, and refined on many.
 - Fundamental matrices between two images: through eight matches or more.
 - Essential matrices between two cameras whose intrinsics are known, and whose rotation may be.
 """
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Annotated, Protocol
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge
@@ -19,149 +17,11 @@ from numpy.typing import NDArray
 from tracknoise.checks import Between0And1, Positive, require, require_bounds, settle_members
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import CameraModel
-from tracknoise.trackers.marginal_support import marginal_support
+from tracknoise.trackers.consensus import Geometry, best_hypothesis, marginal_support
 from tracknoise.trackers.minimal_solvers import through_five, through_seven
 from tracknoise.trackers.tracker import SequenceContext
 
 Floats = NDArray[np.float64]
-Support = Callable[[Floats], Floats]
-"""How much matches support models: squared errors in units of the squared threshold, (b, n), to (b, n)."""
-Judge = Callable[[Floats], tuple[NDArray[np.bool_], Floats]]
-"""Which matches (b, n) agree with models (b, 3, 3), and the scores (b,) of these."""
-
-_FIRST_DRAW, _LARGEST_DRAW = 16, 128
-_MAX_BARREN_DRAWS = 100
-
-
-class Geometry(Protocol):
-    """A relation between two images that a few matches determine."""
-
-    @property
-    def sample_size(self) -> int:
-        """Number of matches that determine it."""
-        ...
-
-    def hypotheses(self, source: Floats, target: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Models (b k, 3, 3) through samples (b, sample_size, 2), k for each in a row, and which of them exist."""
-        ...
-
-    def agrees(self, models: Floats, source: Floats, target: Floats, threshold: float) -> NDArray[np.bool_]:
-        """Which matches (n, 2) each model (b, 3, 3) explains to within the threshold: (b, n)."""
-        ...
-
-    def squared_errors(self, models: Floats, source: Floats, target: Floats) -> Floats:
-        """Squared errors of matches (n, 2) by each model (b, 3, 3): (b, n)."""
-        ...
-
-    def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
-        """The model (3, 3) that fits all these matches (n, 2) best, starting from an approximate model."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """A model (3, 3) and the matches (n,) that agree with it."""
-
-    model: Floats
-    inliers: NDArray[np.bool_]
-
-
-def best_hypothesis(
-    geometry: Geometry,
-    source: Floats,
-    target: Floats,
-    *,
-    threshold: float,
-    confidence: float,
-    max_hypotheses: int,
-    rng: np.random.Generator,
-    max_refits: int = 0,
-    support: Support | None = None,
-) -> Hypothesis | None:
-    """The first hypothesis with the most inliers, among those of as many samples as `confidence` requires.
-
-    With a `support`, that with the largest sum of it, of all matches.
-
-    Hypotheses are evaluated one after the other. Each that has more inliers than all before reduces the number needed
-    (`hypotheses_needed`). They are computed in batches, which only affects the time: the samples depend on the
-    generator only, and surplus hypotheses of a batch are ignored. Shapes: source, target (n, 2). Returns: None if all
-    samples are degenerate.
-    """
-
-    def judge(models: Floats) -> tuple[NDArray[np.bool_], Floats]:
-        if support is None:
-            agreement = geometry.agrees(models, source, target, threshold)
-            return agreement, agreement.sum(axis=1, dtype=np.float64)
-        squared = geometry.squared_errors(models, source, target) / threshold**2
-        return squared <= 1.0, np.asarray(support(squared).sum(axis=1), dtype=np.float64)
-
-    best: Hypothesis | None = None
-    least = geometry.sample_size
-    most, judged, needed = float(least - 1) if support is None else 0.0, 0, max_hypotheses
-    for models, samples in _drawn(geometry, source, target, rng):
-        agreement, scores = judge(models[samples < needed])
-        for index, score in enumerate(scores.tolist()):
-            if samples[index] >= needed:
-                return best
-            judged = int(samples[index]) + 1
-            if score > most and np.count_nonzero(agreement[index]) >= least:
-                found = Hypothesis(models[index], agreement[index])
-                best, most = _refitted(geometry, found, score, source, target, judge, max_refits)
-                share = np.count_nonzero(best.inliers) / len(source)
-                needed = hypotheses_needed(share, geometry.sample_size, confidence, needed)
-        if judged >= needed:
-            return best
-    return best
-
-
-def _refitted(
-    geometry: Geometry, found: Hypothesis, score: float, source: Floats, target: Floats, judge: Judge, max_refits: int
-) -> tuple[Hypothesis, float]:
-    """The hypothesis after refits to its inliers, as long as each scores better than the one before, and its score."""
-    for _ in range(max_refits):
-        model = geometry.refine(found.model, source[found.inliers], target[found.inliers])
-        (inliers,), (better,) = judge(model[None])
-        if better <= score or np.count_nonzero(inliers) < geometry.sample_size:
-            break
-        found, score = Hypothesis(model, inliers), float(better)
-    return found, score
-
-
-def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
-    """Number of samples that contain one without outliers, with this confidence: log(1 - p) / log(1 - share^size).
-
-    Rounded to the nearest whole number, and never more than `most`.
-    """
-    failure = 1.0 - inlier_share**sample_size
-    if failure < np.finfo(np.float64).tiny:
-        return 0
-    needed = math.log(1.0 - confidence) / math.log(failure) if failure < 1.0 else math.inf
-    return most if needed >= most else round(needed)
-
-
-def _drawn(
-    geometry: Geometry, source: Floats, target: Floats, rng: np.random.Generator
-) -> Iterator[tuple[Floats, NDArray[np.intp]]]:
-    """Models through random samples of distinct matches, and the number of the sample of each, in growing batches.
-
-    Degenerate samples have neither models nor numbers. Ends when no usable sample is found any more.
-    """
-    size, barren, numbered = _FIRST_DRAW, 0, 0
-    while barren < _MAX_BARREN_DRAWS:
-        rows = rng.integers(len(source), size=(size, geometry.sample_size))
-        ordered = np.sort(rows, axis=1)
-        distinct = np.all(ordered[:, 1:] != ordered[:, :-1], axis=1)
-        models, usable = geometry.hypotheses(source[rows], target[rows])
-        of_each = len(models) // size
-        usable = usable & np.repeat(distinct, of_each)
-        models = models[usable]
-        kept, samples = np.unique(np.flatnonzero(usable) // of_each, return_inverse=True)
-        samples, half = samples + numbered, len(models) // 2  # one half is often enough
-        yield from ((models[part], samples[part]) for part in (slice(half), slice(half, None)))
-        numbered += len(kept)
-        barren = 0 if len(models) else barren + 1
-        size = min(2 * size, _LARGEST_DRAW)
-
 
 _FLAT = 1e-7  # doubled area of a triangle relative to its squared size, below which its corners count as collinear
 _MAX_REFINEMENTS = 10
@@ -501,7 +361,8 @@ class Consensus(StrEnum):
     hypothesis: as in the paper's software. Which of many similar hypotheses wins depends on the random seed. refined:
     every hypothesis that is better than all before is fitted to its inliers again, and so is the best (LO-RANSAC). The
     result depends far less on the seed. magsac: as refined, but models are compared by the support of all matches,
-    which falls with their errors, not by how many lie within the threshold: see `tracknoise.trackers.marginal_support`.
+    which falls with their errors, not by how many lie within the threshold: see
+    `tracknoise.trackers.consensus.marginal_support`.
     """
 
     hypothesis = "hypothesis"

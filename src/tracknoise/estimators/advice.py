@@ -142,31 +142,19 @@ _LEVEL = 0.95
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice:
-    """What to set in one estimator.
+    """What to set in one estimator."""
 
-    Parameters
-    ----------
-    landmark, purpose, window
-        What sigma is for: how the estimator uses the first observation, what is made right, and the length of its
-        window, frames. It is the length that the model has, nearest to that of the estimator.
-    sigma
-        Standard deviation of each coordinate, px.
-    kernel, knee_px
-        The robust loss, and its knee in px; None where the estimator has none.
-    windows
-        On how many windows of the recordings the loss was tried; 0 where it was not.
-    gates
-        What to multiply a chi-square gate at .95 by, with `sigma`.
-    """
-
+    # landmark, purpose, window: What sigma is for: how the estimator uses the first observation, what is made right,
+    # and the length of its window, frames. It is the length that the model has, nearest to that of the estimator.
     landmark: Landmark
     purpose: Purpose
     window: int
-    sigma: Interval
+    sigma: Interval  # standard deviation of each coordinate, px
+    # kernel, knee_px: the robust loss, and its knee in px; None where the estimator has none
     kernel: LossKind | None = None
     knee_px: float | None = None
-    windows: int = 0
-    gates: Mapping[Gate, float]
+    windows: int = 0  # on how many windows of the recordings the loss was tried; 0 where it was not
+    gates: Mapping[Gate, float]  # what to multiply a chi-square gate at .95 by, with `sigma`
 
     @property
     def knee(self) -> float | None:

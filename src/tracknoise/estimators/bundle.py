@@ -50,18 +50,10 @@ class LossKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """A loss, as Ceres, GTSAM and g2o define it.
+    """A loss, as Ceres, GTSAM and g2o define it."""
 
-    Parameters
-    ----------
-    kind
-        Which one.
-    knee
-        Where it begins to differ from the square: in standard deviations, or degrees of freedom.
-    """
-
-    kind: LossKind = LossKind.SQUARED
-    knee: float = np.inf
+    kind: LossKind = LossKind.SQUARED  # which one
+    knee: float = np.inf  # where it begins to differ from the square: in standard deviations, or degrees of freedom
 
     def squared_norms(self, whitened: NDArray[np.float64]) -> NDArray[np.float64]:
         """Squared norms of residuals (tracks, 2 n): (tracks, n) of observations, or (tracks, 1) of tracks."""
@@ -120,41 +112,21 @@ class Start:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assumption:
-    """The noise that an estimator assumes.
+    """The noise that an estimator assumes."""
 
-    Parameters
-    ----------
-    covariances
-        (tracks, 2 n, 2 n) float64 for each group, px^2.
-    loss
-        Of the whitened residuals.
-    """
-
-    covariances: Sequence[NDArray[np.float64]]
-    loss: Loss = PLAIN
+    covariances: Sequence[NDArray[np.float64]]  # (tracks, 2 n, 2 n) float64 for each group, px^2
+    loss: Loss = PLAIN  # of the whitened residuals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Adjusted:
-    """The answer of a bundle adjustment.
+    """The answer of a bundle adjustment."""
 
-    Attributes
-    ----------
-    poses : (frames, 4, 4) float64
-    points : of each group (tracks, 3) float64
-        World, metres.
-    claimed : (p, p) float64
-        Covariance of the coordinates of poses, see `tracknoise.estimators.linear_window.Gauge`.
-    innovations : float
-        Sum of the squared whitened residuals over their degrees of freedom.
-    steps : int
-    converged : bool
-    """
-
-    poses: NDArray[np.float64]
-    points: tuple[NDArray[np.float64], ...]
+    poses: NDArray[np.float64]  # (frames, 4, 4)
+    points: tuple[NDArray[np.float64], ...]  # world, metres
+    # (p, p): covariance of the coordinates of poses, see `tracknoise.estimators.linear_window.Gauge`
     claimed: NDArray[np.float64]
-    innovations: float
+    innovations: float  # sum of the squared whitened residuals over their degrees of freedom
     steps: int
     converged: bool
 

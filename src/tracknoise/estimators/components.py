@@ -120,18 +120,10 @@ _ROUNDS, _ENOUGH = 2000, 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Equations:
-    """Second moments and what multiplies the components in them.
+    """Second moments and what multiplies the components in them."""
 
-    Attributes
-    ----------
-    second : (equations, 3, ...) float64
-        uu, uv and vv, px^2.
-    factors : (equations, 4, ...) float64
-        Of A, W, Q and D.
-    """
-
-    second: Array
-    factors: Array
+    second: Array  # (equations, 3, ...): uu, uv and vv, px^2
+    factors: Array  # (equations, 4, ...): of A, W, Q and D
 
     @classmethod
     def of(cls, sums: Array) -> "Equations":
@@ -222,20 +214,13 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
-    """Equations of errors, and of the same products at the same ages that predict them.
+    """Equations of errors, and of the same products at the same ages that predict them."""
 
-    Attributes
-    ----------
-    error, before, change : (steps,) intp
-        Places among all equations, by increasing age; 0 where there is none.
-    predicted : (steps,) bool
-        Whether `before` and `change` are known.
-    """
-
+    # error, before, change: (steps,): places among all equations, by increasing age; 0 where there is none
     error: Rows
     before: Rows
     change: Rows
-    predicted: NDArray[np.bool_]
+    predicted: NDArray[np.bool_]  # (steps,): whether `before` and `change` are known
 
     @classmethod
     def of(cls, points: pl.DataFrame) -> "Steps":
@@ -279,22 +264,13 @@ class Steps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeftOut:
-    """What is left out in turn, and all others.
+    """What is left out in turn, and all others."""
 
-    Attributes
-    ----------
-    own, others
-        Equations of what is left out, and of all others, (equations, ..., units).
-    counts
-        (equations, units) float64, of what is left out.
-    steps
-        How errors are predicted.
-    """
-
+    # own, others: equations of what is left out, and of all others, (equations, ..., units)
     own: Equations
     others: Equations
-    counts: Array
-    steps: Steps
+    counts: Array  # (equations, units) float64, of what is left out
+    steps: Steps  # how errors are predicted
 
     @classmethod
     def of(cls, points: pl.DataFrame, sums: Array) -> "LeftOut | None":
@@ -332,21 +308,11 @@ class Bounded:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeightedSums:
-    """What components are fitted to.
+    """What components are fitted to."""
 
-    Attributes
-    ----------
-    units
-        Sums by product and age, columns `tracknoise.estimators.components.COLUMNS`.
-    weights
-        (equations,) float64, of squared residuals.
-    left_out
-        What is left out in turn; None if nothing can be.
-    """
-
-    units: Units
-    weights: Array
-    left_out: LeftOut | None
+    units: Units  # sums by product and age, columns `tracknoise.estimators.components.COLUMNS`
+    weights: Array  # (equations,) float64, of squared residuals
+    left_out: LeftOut | None  # what is left out in turn; None if nothing can be
     _scores: dict[tuple[int, ...], float] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -528,24 +494,12 @@ def _alternatives(sums: "WeightedSums", active: Sequence[int], level: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class FittedComponents:
-    """Components, and what they were fitted to.
+    """Components, and what they were fitted to."""
 
-    Attributes
-    ----------
-    components
-        By name, in the order of `NAMES`.
-    sums
-        Sums, and weights of their equations.
-    selection
-        Numbers of the components that were kept, and alternatives.
-    level
-        Of the intervals.
-    """
-
-    components: dict[str, Component]
-    sums: WeightedSums
-    selection: Selection
-    level: float
+    components: dict[str, Component]  # by name, in the order of `NAMES`
+    sums: WeightedSums  # sums, and weights of their equations
+    selection: Selection  # numbers of the components that were kept, and alternatives
+    level: float  # of the intervals
 
     @property
     def noise(self) -> TrackNoise:

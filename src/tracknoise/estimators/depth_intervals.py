@@ -81,18 +81,11 @@ _WINDOW: Schema = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedNoise:
-    """What some scenes say.
+    """What some scenes say."""
 
-    Attributes
-    ----------
-    sigmas
-        Columns window, trimming, quantity and value: `tracknoise.estimators.window_noise`, of all these scenes.
-    components
-        Of the noise of whole tracks; None where these could not be fitted.
-    """
-
+    # columns window, trimming, quantity and value: `tracknoise.estimators.window_noise`, of all these scenes
     sigmas: pl.DataFrame
-    components: TrackNoise | None
+    components: TrackNoise | None  # of the noise of whole tracks; None where these could not be fitted
 
     def sigma(self, quantity: str, trimming: str, window: int) -> float | None:
         """A standard deviation, px; None where it is unknown or 0."""
@@ -128,23 +121,13 @@ def _tried(windows: "_Windows", length: int, learned: LearnedNoise) -> Iterator[
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Windows:
-    """Windows of equal length N that show the depths of their points.
+    """Windows of equal length N that show the depths of their points."""
 
-    Attributes
-    ----------
-    labels
-        Columns dataset, scene, block, kept, window and weight.
-    errors : (windows, 2 N) float64
-        px.
-    by_point : (windows, 2 N, 3) float64
-        Derivatives by two motions across the first ray, and by the depth as a share of it, px.
-    ages, magnification : (windows, N)
-        Frames of the recording since birth, and Z_0 / Z_k.
-    """
-
-    labels: pl.DataFrame
-    errors: Array
+    labels: pl.DataFrame  # columns dataset, scene, block, kept, window and weight
+    errors: Array  # (windows, 2 N): px
+    # (windows, 2 N, 3): derivatives by two motions across the first ray, and by the depth as a share of it, px
     by_point: Array
+    # ages, magnification: (windows, N): frames of the recording since birth, and Z_0 / Z_k
     ages: NDArray[np.int64]
     magnification: Array
 

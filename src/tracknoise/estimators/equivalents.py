@@ -96,18 +96,12 @@ _NEAR = 0.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gates:
-    """Gates of windows of one length.
+    """Gates of windows of one length."""
 
-    Attributes
-    ----------
-    modelled
-        Innovations of tracks of a window of this length, with Gaussian noise; walk and drift per frame of the window.
-    measured
-        Quantiles of `LEVELS` of the sum of squared residuals of a track, px^2, over those of chi square with as many
-        degrees of freedom, for a free landmark, of good tracks; None if too few were measured.
-    """
-
+    # innovations of tracks of a window of this length, with Gaussian noise; walk and drift per frame of the window
     modelled: TrackGates
+    # quantiles of `LEVELS` of the sum of squared residuals of a track, px^2, over those of chi square with as many
+    # degrees of freedom, for a free landmark, of good tracks; None if too few were measured
     measured: tuple[float, ...] | None
     _known: dict[tuple[float | None, bool], tuple[float, ...]] = field(default_factory=dict, init=False, repr=False)
 

@@ -120,18 +120,11 @@ _MOST_PX = 1e6
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """A noise model for an estimator.
+    """A noise model for an estimator."""
 
-    Parameters
-    ----------
-    model
-        In px of its images. Walk and drift are those of one of its frames, and the rate of the camera is its own.
-    caveats
-        What was assumed, one sentence each.
-    """
-
+    # In px of its images. Walk and drift are those of one of its frames, and the rate of the camera is its own.
     model: ExportedModel
-    caveats: tuple[str, ...]
+    caveats: tuple[str, ...]  # what was assumed, one sentence each
 
 
 def converted(model: ExportedModel, target: Target) -> Converted:

@@ -31,24 +31,12 @@ _SHORTEST = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Export:
-    """The noise of a model in the syntax of an estimator.
+    """The noise of a model in the syntax of an estimator."""
 
-    Parameters
-    ----------
-    files
-        Contents by name of the file.
-    text
-        What it is: unit, place, what it makes right, what it cannot express, and what it was checked against.
-    patch
-        Change of the source code of the estimator, None if there is none.
-    caveats
-        One sentence each.
-    """
-
-    files: dict[str, str]
-    text: str
-    patch: str | None
-    caveats: tuple[str, ...]
+    files: dict[str, str]  # contents by name of the file
+    text: str  # what it is: unit, place, what it makes right, what it cannot express, and what it was checked against
+    patch: str | None  # change of the source code of the estimator, None if there is none
+    caveats: tuple[str, ...]  # one sentence each
 
 
 class FocalChange(StrEnum):
@@ -73,27 +61,19 @@ class RateChange(StrEnum):
 class Target:
     """The estimator's side.
 
-    Parameters
-    ----------
-    focal_px
-        Focal length of its images, px. By default, that of the model.
-    rate_hz
-        Frames that it uses per second. By default, those that the tracker of the model saw.
-    focal_change, rate_change
-        Why they differ from those of the model. They must not, if None.
-    window, purpose
-        Length of its window, frames, and what its sigma is to make right. By default, what is usual for the estimator.
-
     Raises
     ------
     SettingsError
         If the window has fewer than two frames, or a reason is given for a focal length or a rate that is not.
     """
 
-    focal_px: float | None = None
-    rate_hz: float | None = None
+    focal_px: float | None = None  # Focal length of its images, px. By default, that of the model.
+    rate_hz: float | None = None  # Frames that it uses per second. By default, those that the tracker of the model saw.
+    # focal_change, rate_change: Why they differ from those of the model. They must not, if None.
     focal_change: FocalChange | None = None
     rate_change: RateChange | None = None
+    # window, purpose: Length of its window, frames, and what its sigma is to make right. By default, what is usual for
+    # the estimator.
     window: int | None = None
     purpose: Purpose | None = None
 
@@ -115,24 +95,12 @@ _GOOD_TRACKS = 0.999
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """The noise of a model, as an estimator uses it. Templates call it `noise`.
+    """The noise of a model, as an estimator uses it. Templates call it `noise`."""
 
-    Parameters
-    ----------
-    model
-        In px and frames of the estimator.
-    about
-        The estimator.
-    window
-        Length of its window, frames.
-    purpose
-        What its sigma makes right; None if it takes the components themselves.
-    """
-
-    model: ExportedModel
-    about: "Estimator"
-    window: int
-    purpose: Purpose | None
+    model: ExportedModel  # in px and frames of the estimator
+    about: "Estimator"  # the estimator
+    window: int  # length of its window, frames
+    purpose: Purpose | None  # what its sigma makes right; None if it takes the components themselves
 
     def advice(self, *, window: int | None = None) -> Advice:
         """What to set, for its window or another one."""
@@ -268,59 +236,35 @@ FAMILIES: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimator:
-    """An estimator, and how its noise is written.
-
-    Parameters
-    ----------
-    title, family
-        Its name in text, and a key of `FAMILIES`.
-    unit, place
-        Of what is written: phrases.
-    landmark
-        How it uses the first observation of a track.
-    purpose, window
-        What its sigma makes right by default, and the length of its window as shipped, frames. The purpose is None
-        where the components of the model are written themselves.
-    kernel, knee
-        Its robust loss, and the knee in sigmas where it cannot be set.
-    gates
-        Its chi-square tests that can be set.
-    needs
-        What must be known: ``focal length``, ``rate``, ``observations``.
-    cannot
-        What it cannot express: phrases.
-    without_effect
-        Keys that look right and do nothing, or something else: sentences.
-    notes
-        Sentences.
-    checked_against
-        Repositories and commits whose source code was read, or packages that were run.
-    files, patch
-        Templates of the files by name, and of a change of its source code. See `values.template_values`.
-    aliases
-        Other names: of programs that are written for alike, and names that are in use.
-    """
+    """An estimator, and how its noise is written."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
+    # title, family: its name in text, and a key of `FAMILIES`
     title: str
     family: str
+    # unit, place: of what is written: phrases
     unit: str
     place: str
-    landmark: Landmark
-    cannot: tuple[str, ...]
+    landmark: Landmark  # how it uses the first observation of a track
+    cannot: tuple[str, ...]  # what it cannot express: phrases
+    # files, patch: Templates of the files by name, and of a change of its source code. See `values.template_values`.
     files: Mapping[str, str]
+    # purpose, window: What its sigma makes right by default, and the length of its window as shipped, frames. The
+    # purpose is None where the components of the model are written themselves.
     purpose: Purpose | None = None
     window: int = 11
+    # kernel, knee: its robust loss, and the knee in sigmas where it cannot be set
     kernel: LossKind | None = None
     knee: float | None = None
-    gates: tuple[Gate, ...] = ()
-    needs: tuple[str, ...] = ()
-    without_effect: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    gates: tuple[Gate, ...] = ()  # its chi-square tests that can be set
+    needs: tuple[str, ...] = ()  # what must be known: ``focal length``, ``rate``, ``observations``
+    without_effect: tuple[str, ...] = ()  # keys that look right and do nothing, or something else: sentences
+    notes: tuple[str, ...] = ()  # sentences
+    # repositories and commits whose source code was read, or packages that were run
     checked_against: tuple[str, ...] = ()
     patch: str | None = None
-    aliases: tuple[str, ...] = ()
+    aliases: tuple[str, ...] = ()  # other names: of programs that are written for alike, and names that are in use
 
     def advise(self, model: ExportedModel, *, window: int | None = None, purpose: Purpose | None = None) -> Advice:
         """What to set; by default for its window and purpose.

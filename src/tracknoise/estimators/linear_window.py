@@ -57,47 +57,24 @@ class Motion(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointTracks:
-    """Tracks that have the same number n of observations.
+    """Tracks that have the same number n of observations."""
 
-    Parameters
-    ----------
-    frames
-        (tracks, n) integers: frames of the window, increasing.
-    points
-        (tracks, 3) float64: points in the world, metres.
-    born
-        (tracks,) bool: whether a track begins with its first observation of the window. Others began before it. By
-        default all do.
-    """
-
-    frames: NDArray[np.int64]
-    points: NDArray[np.float64]
+    frames: NDArray[np.int64]  # (tracks, n) integers: frames of the window, increasing
+    points: NDArray[np.float64]  # (tracks, 3) float64: points in the world, metres
+    # (tracks,) bool: whether a track begins with its first observation of the window. Others began before it. By
+    # default all do.
     born: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearTracks:
-    """Tracks that have the same number n of observations, with derivatives of the images.
+    """Tracks that have the same number n of observations, with derivatives of the images."""
 
-    Parameters
-    ----------
-    by_pose
-        (tracks, 2 n, p) float64: by the p unknown coordinates of poses.
-    by_point
-        (tracks, 2 n, 3) float64: px per metre.
-    magnification
-        (tracks, n) float64: Z_0 / Z_k.
-    rays
-        (tracks, 3) float64: from the first camera that sees a point to the point, metres.
-    born
-        (tracks,) bool: as that of `PointTracks`.
-    """
-
-    by_pose: NDArray[np.float64]
-    by_point: NDArray[np.float64]
-    magnification: NDArray[np.float64]
-    rays: NDArray[np.float64]
-    born: NDArray[np.bool_]
+    by_pose: NDArray[np.float64]  # (tracks, 2 n, p) float64: by the p unknown coordinates of poses
+    by_point: NDArray[np.float64]  # (tracks, 2 n, 3) float64: px per metre
+    magnification: NDArray[np.float64]  # (tracks, n) float64: Z_0 / Z_k
+    rays: NDArray[np.float64]  # (tracks, 3) float64: from the first camera that sees a point to the point, metres
+    born: NDArray[np.bool_]  # (tracks,) bool: as that of `PointTracks`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,14 +83,9 @@ class Gauge:
 
     A pose is moved as in `tracknoise.geometry.projection.image_derivatives`. The p = 6 frames - 7 coordinates are the
     six of each pose but the first; the newest position has two, across the line from the first position to it.
-
-    Parameters
-    ----------
-    across
-        (3, 2) float64: orthonormal directions, along which the newest position is moved.
     """
 
-    across: NDArray[np.float64]
+    across: NDArray[np.float64]  # (3, 2) float64: orthonormal directions, along which the newest position is moved
 
     @classmethod
     def of(cls, positions: NDArray[np.float64]) -> "Gauge":
@@ -256,19 +228,13 @@ Covariances = Sequence[NDArray[np.float64]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What an estimator claims about the poses of a window, and what is so.
+    """What an estimator claims about the poses of a window, and what is so."""
 
-    Parameters
-    ----------
-    claimed, actual
-        (p, p) float64: covariances of the unknown coordinates of poses; radians and metres, those of the newest last.
-    innovations
-        Mean square of the whitened innovations; 1 if they look right.
-    """
-
+    # claimed, actual: (p, p) float64: covariances of the unknown coordinates of poses; radians and metres, those of the
+    # newest last
     claimed: NDArray[np.float64]
     actual: NDArray[np.float64]
-    innovations: float
+    innovations: float  # mean square of the whitened innovations; 1 if they look right
 
     @property
     def nees_all(self) -> float:
@@ -446,20 +412,11 @@ def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: C
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackGates:
-    """What Gaussian noise makes of the squared innovations of the tracks of a window.
+    """What Gaussian noise makes of the squared innovations of the tracks of a window."""
 
-    Parameters
-    ----------
-    window
-        Its tracks.
-    actual
-        Covariances of their errors.
-    draws
-        Of chi square with one degree of freedom, 200 for each coordinate of each track.
-    """
-
-    window: Sequence[LinearTracks]
-    actual: Covariances
+    window: Sequence[LinearTracks]  # its tracks
+    actual: Covariances  # covariances of their errors
+    # of chi square with one degree of freedom, 200 for each coordinate of each track
     draws: Sequence[NDArray[np.float64]]
 
     @classmethod
@@ -490,21 +447,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedPoints:
-    """Points of tracks, and what is left of the errors.
+    """Points of tracks, and what is left of the errors."""
 
-    Attributes
-    ----------
-    step : (tracks, 3) float64
-        dX.
-    claimed : (tracks, 3, 3) float64
-        P.
-    residuals : (tracks, n) float64
-        e - F dX.
-    """
-
-    step: Array
-    claimed: Array
-    residuals: Array
+    step: Array  # (tracks, 3): dX
+    claimed: Array  # (tracks, 3, 3): P
+    residuals: Array  # (tracks, n): e - F dX
 
     def along(self, directions: Array) -> tuple[Array, Array]:
         """Errors of the points along directions (tracks, 3), and these over their claimed standard deviations."""

@@ -79,30 +79,16 @@ USED = (*_KEYS, *_SUMS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneSums:
-    """Sums of one product of one dataset.
+    """Sums of one product of one dataset."""
 
-    Attributes
-    ----------
-    scenes
-        Names, sorted.
-    motion : (scenes,) intp
-        Number of the group of each scene. A scene without a group has a number of its own.
-    unit : (scenes,) intp
-        Number of the unit of intervals that each scene is part of: its group, or the scene itself.
-    resampled
-        What the units are.
-    conditions
-        Trackers and speeds, sorted.
-    sums : (scenes, conditions, ages, 4) float64
-        Count, and sums of uu, uv and vv, px^2.
-    """
-
-    scenes: tuple[str, ...]
+    scenes: tuple[str, ...]  # names, sorted
+    # (scenes,): Number of the group of each scene. A scene without a group has a number of its own.
     motion: NDArray[np.intp]
+    # (scenes,): number of the unit of intervals that each scene is part of: its group, or the scene itself
     unit: NDArray[np.intp]
-    resampled: Resampled
-    conditions: tuple[tuple[str, int], ...]
-    sums: Array
+    resampled: Resampled  # what the units are
+    conditions: tuple[tuple[str, int], ...]  # trackers and speeds, sorted
+    sums: Array  # (scenes, conditions, ages, 4): count, and sums of uu, uv and vv, px^2
 
     def count(self, lookup: Lookup) -> int:
         """Number of rows of a table."""
@@ -183,18 +169,11 @@ LEAST_UNITS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Predicted:
-    """What a table predicts of each scene that is left out.
+    """What a table predicts of each scene that is left out."""
 
-    Attributes
-    ----------
-    likelihood : (scenes, conditions, ages) float64
-        (lookup.likelihood), nat; NaN where the table rests on too few errors.
-    trace : (scenes, conditions, ages) float64
-        Sum of tr C over the errors of the scene, px^2.
-    """
-
+    # (scenes, conditions, ages): (lookup.likelihood), nat; NaN where the table rests on too few errors
     likelihood: Array
-    trace: Array
+    trace: Array  # (scenes, conditions, ages): sum of tr C over the errors of the scene, px^2
 
 
 def noise_lookup(
@@ -359,64 +338,33 @@ class SecondMoment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseRow:
-    """One row of the table.
+    """One row of the table."""
 
-    Parameters
-    ----------
-    tracker, speed
-        As in the run.
-    motion
-        Group of the scenes; None for all scenes together.
-    scenes
-        Names.
-    n, outlier_share
-        Errors, and the share of them that is left out.
-    errors
-        By age.
-    changes
-        Of all ages; None if there are fewer than `LEAST`.
-    sigma
-        By purpose, px. Empty where there are too few errors for a noise model, and `why` says so.
-    bias
-        Mean error.
-    """
-
+    # tracker, speed: as in the run
     tracker: str
     speed: int
-    motion: str | None
-    scenes: tuple[str, ...]
+    motion: str | None  # group of the scenes; None for all scenes together
+    scenes: tuple[str, ...]  # names
+    # n, outlier_share: errors, and the share of them that is left out
     n: int
     outlier_share: float
-    errors: tuple[SecondMoment, ...]
-    changes: SecondMoment | None
+    errors: tuple[SecondMoment, ...]  # by age
+    changes: SecondMoment | None  # of all ages; None if there are fewer than `LEAST`
+    # By purpose, px. Empty where there are too few errors for a noise model, and `why` says so.
     sigma: dict[Purpose, Interval]
-    bias: Bias
+    bias: Bias  # mean error
     why: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NoiseTable:
-    """Rows of a run, and what looking them up gains on scenes that were left out.
+    """Rows of a run, and what looking them up gains on scenes that were left out."""
 
-    Parameters
-    ----------
-    rows
-        For each tracker and speed, all motions together, then each motion.
-    gains
-        Schema `NOISE_LOOKUP`.
-    window
-        Length of the windows that the standard deviations are for, frames of the tracker.
-    level
-        Of all intervals.
-    truth
-        The verdict on the truth of the run.
-    """
-
-    rows: tuple[NoiseRow, ...]
-    gains: pl.DataFrame
-    window: int
-    level: float
-    truth: TruthVerdict
+    rows: tuple[NoiseRow, ...]  # for each tracker and speed, all motions together, then each motion
+    gains: pl.DataFrame  # schema `NOISE_LOOKUP`
+    window: int  # length of the windows that the standard deviations are for, frames of the tracker
+    level: float  # of all intervals
+    truth: TruthVerdict  # the verdict on the truth of the run
 
 
 def noise_table(

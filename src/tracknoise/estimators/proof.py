@@ -314,28 +314,15 @@ RUN_ARMS = tuple(arm for arm in ALL_ARMS if arm != PLANTED)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proof:
-    """What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    poses : polars.DataFrame
-        As `tracknoise.estimators.proof.summarise` returns it.
-    distances : polars.DataFrame
-        As `tracknoise.estimators.proof.triangulate` returns it.
-    sentences : tuple of str
-        The answer first, then what limits it.
-    training, tested : tuple of str
-        Scenes that the arms learned from, and scenes they were tried on.
-    beliefs : Beliefs
-        What was learned from the training scenes.
-    """
-
-    poses: pl.DataFrame
-    distances: pl.DataFrame
-    sentences: tuple[str, ...]
+    poses: pl.DataFrame  # as `tracknoise.estimators.proof.summarise` returns it
+    distances: pl.DataFrame  # as `tracknoise.estimators.proof.triangulate` returns it
+    sentences: tuple[str, ...]  # the answer first, then what limits it
+    # training, tested: scenes that the arms learned from, and scenes they were tried on
     training: tuple[str, ...]
     tested: tuple[str, ...]
-    beliefs: Beliefs
+    beliefs: Beliefs  # what was learned from the training scenes
 
 
 def prove(

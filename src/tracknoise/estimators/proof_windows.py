@@ -47,26 +47,14 @@ ROUNDING_PX = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackGroup:
-    """Tracks of a window that have the same number n of observations.
+    """Tracks of a window that have the same number n of observations."""
 
-    Parameters
-    ----------
-    frames
-        (tracks, n) integers: frames of the window, increasing.
-    uv
-        (tracks, n, 2) float64: observed positions, px.
-    points
-        (tracks, 3) float64: true points, world, metres.
-    born
-        (tracks,) bool: whether a track begins with its first observation of the window. Others began before it.
-    quality
-        (tracks, n) float64 each, NaN where unknown: what a front end knows of each observation, by its name.
-    """
-
-    frames: NDArray[np.int64]
-    uv: NDArray[np.float64]
-    points: NDArray[np.float64]
+    frames: NDArray[np.int64]  # (tracks, n) integers: frames of the window, increasing
+    uv: NDArray[np.float64]  # (tracks, n, 2) float64: observed positions, px
+    points: NDArray[np.float64]  # (tracks, 3) float64: true points, world, metres
+    # (tracks,) bool: whether a track begins with its first observation of the window. Others began before it.
     born: NDArray[np.bool_]
+    # (tracks, n) float64 each, NaN where unknown: what a front end knows of each observation, by its name
     quality: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     @property
@@ -82,27 +70,13 @@ class TrackGroup:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A window of frames with its tracks, and its truth.
+    """A window of frames with its tracks, and its truth."""
 
-    Parameters
-    ----------
-    scene
-        Name of the scene. Windows of one scene are not independent of each other.
-    camera
-        The camera.
-    world_from_camera
-        (frames, 4, 4) float64: the true poses.
-    groups
-        Tracks, grouped by the number of their observations.
-    start
-        Frame of its sequence with which it begins.
-    """
-
-    scene: str
+    scene: str  # Name of the scene. Windows of one scene are not independent of each other.
     camera: CameraModel
-    world_from_camera: NDArray[np.float64]
-    groups: tuple[TrackGroup, ...]
-    start: int = 0
+    world_from_camera: NDArray[np.float64]  # (frames, 4, 4) float64: the true poses
+    groups: tuple[TrackGroup, ...]  # tracks, grouped by the number of their observations
+    start: int = 0  # frame of its sequence with which it begins
 
     @property
     def gauge(self) -> Gauge:
@@ -161,34 +135,18 @@ _UNCERTAIN = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cut:
-    """How windows are cut from a run.
+    """How windows are cut from a run."""
 
-    Parameters
-    ----------
-    tracker, speed
-        As in the run.
-    length
-        Processed frames of a window.
-    every
-        Processed frames from one window to the next; by default `length`, so that windows share no frame.
-    per_sequence
-        Most windows of a sequence, spread evenly.
-    most_tracks
-        Most tracks of a window.
-    most_px
-        Larger errors are taken for outliers that an estimator rejects.
-    seed
-        Of the choice of tracks.
-    """
-
+    # tracker, speed: as in the run
     tracker: str
     speed: int
-    length: int = 11
+    length: int = 11  # processed frames of a window
+    # processed frames from one window to the next; by default `length`, so that windows share no frame
     every: int | None = None
-    per_sequence: int = 8
-    most_tracks: int = 80
-    most_px: float = np.inf
-    seed: int = 0
+    per_sequence: int = 8  # most windows of a sequence, spread evenly
+    most_tracks: int = 80  # most tracks of a window
+    most_px: float = np.inf  # larger errors are taken for outliers that an estimator rejects
+    seed: int = 0  # of the choice of tracks
 
 
 def recorded_problems(folder: RunFolder, cut: Cut) -> list[Problem]:
@@ -381,18 +339,11 @@ _SAME_GROUPS = "Scenes of one group are not independent of each other: what is f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Division:
-    """Windows of training scenes, and of the others.
-
-    Attributes
-    ----------
-    learned_from, tested : list of Problem
-    limits : tuple of str
-        Sentences on what the division does not separate.
-    """
+    """Windows of training scenes, and of the others."""
 
     learned_from: list[Problem]
     tested: list[Problem]
-    limits: tuple[str, ...]
+    limits: tuple[str, ...]  # sentences on what the division does not separate
 
 
 def divided(folder: RunFolder, problems: Sequence[Problem], training: Training) -> Division:

@@ -72,18 +72,10 @@ _RIDGE = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Knots:
-    """Where a factor may bend, and how it may change.
+    """Where a factor may bend, and how it may change."""
 
-    Parameters
-    ----------
-    of
-        Name of the covariate.
-    places
-        (knots,) float64: natural logarithms of the covariate, increasing.
-    """
-
-    of: str
-    places: Array
+    of: str  # name of the covariate
+    places: Array  # (knots,) float64: natural logarithms of the covariate, increasing
 
     @property
     def trend(self) -> Trend:
@@ -102,32 +94,21 @@ class Knots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Sums by class of covariates at both ends of changes, one cell each.
+    """Sums by class of covariates at both ends of changes, one cell each."""
 
-    Attributes
-    ----------
-    group
-        (cells,) intp: number of the group of scenes, from 0.
-    classes
-        (cells,) intp: the same number where all classes are the same.
-    before, now
-        (cells, covariates) float64: natural logarithms of the covariates.
-    count, squares, white_before, walk, drift
-        (cells,) float64, columns of `tracknoise.tables.schema.NOISE_COVARIATES`.
-    sizes
-        Half traces of W, Q and D, px^2.
-    """
-
-    group: NDArray[np.intp]
-    classes: NDArray[np.intp]
+    group: NDArray[np.intp]  # (cells,) intp: number of the group of scenes, from 0
+    classes: NDArray[np.intp]  # (cells,) intp: the same number where all classes are the same
+    # before, now: (cells, covariates) float64: natural logarithms of the covariates
     before: Array
     now: Array
+    # count, squares, white_before, walk, drift: (cells,) float64, columns of
+    # `tracknoise.tables.schema.NOISE_COVARIATES`
     count: Array
     squares: Array
     white_before: Array
     walk: Array
     drift: Array
-    sizes: tuple[float, float, float]
+    sizes: tuple[float, float, float]  # half traces of W, Q and D, px^2
 
     @classmethod
     def of(

@@ -45,29 +45,14 @@ _STEP = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackErrors:
-    """Errors of tracks about their first observations. Tracks of fewer observations are filled up.
+    """Errors of tracks about their first observations. Tracks of fewer observations are filled up."""
 
-    Attributes
-    ----------
-    error : (tracks, n, 2) float64
-        Of all observations but the first, px; 0 where there is none.
-    magnification : (tracks, n) float64
-        Z_0 / Z_k; 1 where there is none.
-    frames : (tracks, n) float64
-        Frames since the observation before; 0 where there is none.
-    known : (tracks, n) bool
-        Whether there is an observation.
-    born : (tracks,) bool
-        Whether the track begins with its first observation here.
-    covariates : (tracks, 1 + n, covariates) float64
-        Logarithms about their medians, of all observations with the first; 0 where unknown.
-    """
-
-    error: Array
-    magnification: Array
-    frames: Array
-    known: NDArray[np.bool_]
-    born: NDArray[np.bool_]
+    error: Array  # (tracks, n, 2): of all observations but the first, px; 0 where there is none
+    magnification: Array  # (tracks, n): Z_0 / Z_k; 1 where there is none
+    frames: Array  # (tracks, n): frames since the observation before; 0 where there is none
+    known: NDArray[np.bool_]  # (tracks, n): whether there is an observation
+    born: NDArray[np.bool_]  # (tracks,): whether the track begins with its first observation here
+    # (tracks, 1 + n, covariates): logarithms about their medians, of all observations with the first; 0 where unknown
     covariates: Array
 
     @classmethod
@@ -136,23 +121,14 @@ class TrackErrors:
 
 @dataclass(frozen=True, slots=True)
 class TrackLaw:
-    """A distribution of the errors of tracks, (track_likelihood.student).
+    """A distribution of the errors of tracks, (track_likelihood.student)."""
 
-    Attributes
-    ----------
-    first, white, walk
-        Standard deviations of the bulk: px, px, and px per sqrt(frame).
-    nu
-        Degrees of freedom; infinite where all tracks have the same scale.
-    powers
-        c of each covariate.
-    """
-
+    # first, white, walk: standard deviations of the bulk: px, px, and px per sqrt(frame)
     first: float = _START_PX
     white: float = _START_PX
     walk: float = _START_PX
-    nu: float = np.inf
-    powers: tuple[float, ...] = ()
+    nu: float = np.inf  # degrees of freedom; infinite where all tracks have the same scale
+    powers: tuple[float, ...] = ()  # c of each covariate
 
     @property
     def noise(self) -> TrackNoise:
@@ -219,32 +195,23 @@ class TrackLaw:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Filtered:
-    """A Kalman filter over tracks, longest first, so that step k concerns the first `alive[k]` of them.
-
-    Attributes
-    ----------
-    tracks
-        Longest first.
-    order : (tracks,) intp
-        Where each was before.
-    white, walk, gain, total, right, down : (steps, tracks) float64
-        The variances of w_k / M_k and q_k / M_k; the gain, the variance of the innovation, and the innovation along u
-        and v. Of steps that a track does not have: 1 in `total`, 0 in others.
-    squares, logs : (tracks,) float64
-        S and L, in the former order.
-    """
+    """A Kalman filter over tracks, longest first, so that step k concerns the first `alive[k]` of them."""
 
     law: TrackLaw
-    tracks: TrackErrors
-    order: NDArray[np.intp]
+    tracks: TrackErrors  # longest first
+    order: NDArray[np.intp]  # (tracks,): where each was before
     alive: list[int]
     factor: Array
+    # white, walk, gain, total, right, down: (steps, tracks): The variances of w_k / M_k and q_k / M_k; the gain, the
+    # variance of the innovation, and the innovation along u and v. Of steps that a track does not have: 1 in `total`, 0
+    # in others.
     white: Array
     walk: Array
     gain: Array
     total: Array
     right: Array
     down: Array
+    # squares, logs: (tracks,): s and L, in the former order
     squares: Array
     logs: Array
 

@@ -36,23 +36,13 @@ def _none() -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackNoise:
-    """Components of the noise of a track, each (2, 2) float64 and symmetric.
+    """Components of the noise of a track, each (2, 2) float64 and symmetric."""
 
-    Parameters
-    ----------
-    first
-        A: covariance of the error of the first position, px^2.
-    white
-        W: covariance of what is independent in each frame, px^2.
-    walk
-        Q: covariance of what each frame adds, px^2 per frame.
-    drift
-        D: covariance of the rate at which a track drifts, px^2 per frame^2.
-    """
-
-    first: NDArray[np.float64] = field(default_factory=_none)
+    first: NDArray[np.float64] = field(default_factory=_none)  # A: covariance of the error of the first position, px^2
+    # W: covariance of what is independent in each frame, px^2
     white: NDArray[np.float64] = field(default_factory=_none)
-    walk: NDArray[np.float64] = field(default_factory=_none)
+    walk: NDArray[np.float64] = field(default_factory=_none)  # Q: covariance of what each frame adds, px^2 per frame
+    # D: covariance of the rate at which a track drifts, px^2 per frame^2
     drift: NDArray[np.float64] = field(default_factory=_none)
 
     @classmethod

@@ -99,24 +99,12 @@ class Covariate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """Tracks that a law is chosen by.
+    """Tracks that a law is chosen by."""
 
-    Attributes
-    ----------
-    tracks
-        With all covariates.
-    covariates
-        In the same order.
-    unit : (tracks,) intp
-        Number of what each track is left out with, from 0.
-    noun
-        What these are, in the plural.
-    """
-
-    tracks: TrackErrors
-    covariates: tuple[Covariate, ...]
-    unit: NDArray[np.intp]
-    noun: str
+    tracks: TrackErrors  # with all covariates
+    covariates: tuple[Covariate, ...]  # in the same order
+    unit: NDArray[np.intp]  # (tracks,): number of what each track is left out with, from 0
+    noun: str  # what these are, in the plural
 
     def fitted(self, start: TrackLaw, places: Sequence[int]) -> TrackLaw:
         """The law of the form of `start` with some of the covariates, of all tracks."""
@@ -155,30 +143,14 @@ def is_gain(gain: Interval) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenLaw:
-    """The form of a law that describes best what was left out.
+    """The form of a law that describes best what was left out."""
 
-    Attributes
-    ----------
-    law
-        Fitted to all tracks.
-    places
-        Of its covariates.
-    gains
-        Of each of these over the law before.
-    held_out : (tracks,) float64
-        Log likelihoods of tracks that were left out.
-    without_factors
-        The law before covariates were added.
-    scale_gain
-        Of a scale for each track; None where it was not tried.
-    """
-
-    law: TrackLaw
-    places: tuple[int, ...]
-    gains: tuple[Interval, ...]
-    held_out: Array
-    without_factors: TrackLaw
-    scale_gain: Interval | None = None
+    law: TrackLaw  # fitted to all tracks
+    places: tuple[int, ...]  # of its covariates
+    gains: tuple[Interval, ...]  # of each of these over the law before
+    held_out: Array  # (tracks,): log likelihoods of tracks that were left out
+    without_factors: TrackLaw  # the law before covariates were added
+    scale_gain: Interval | None = None  # of a scale for each track; None where it was not tried
 
 
 def choose_law(sample: Sample, *, level: float, scales: bool = True) -> ChosenLaw:

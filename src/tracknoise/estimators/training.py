@@ -124,37 +124,18 @@ class RunTruth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingTables:
-    """Tables of all scenes that a model is fitted to.
+    """Tables of all scenes that a model is fitted to."""
 
-    Attributes
-    ----------
-    tracker, speed
-        Name, and frames of the recording per frame that it saw.
-    settings
-        Its options.
-    scenes
-        Names, sorted.
-    keys
-        Of the sequences.
-    groups
-        Of scenes that are not independent of each other.
-    tables
-        Tables of all sequences together, of the tracker at the speed, by name.
-    folder
-        Of the run.
-    truth
-        What is known of its truth.
-    """
-
+    # tracker, speed: name, and frames of the recording per frame that it saw
     tracker: str
     speed: int
-    settings: dict[str, object]
-    scenes: tuple[str, ...]
-    keys: tuple[str, ...]
-    groups: SceneGroups
-    tables: dict[str, pl.DataFrame]
-    folder: RunFolder
-    truth: RunTruth
+    settings: dict[str, object]  # its options
+    scenes: tuple[str, ...]  # names, sorted
+    keys: tuple[str, ...]  # of the sequences
+    groups: SceneGroups  # of scenes that are not independent of each other
+    tables: dict[str, pl.DataFrame]  # tables of all sequences together, of the tracker at the speed, by name
+    folder: RunFolder  # of the run
+    truth: RunTruth  # what is known of its truth
 
     def __getitem__(self, name: str) -> pl.DataFrame:
         return self.tables[name]
@@ -357,21 +338,11 @@ _MORE = (1, 4, 16)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One sequence.
+    """One sequence."""
 
-    Parameters
-    ----------
-    poses
-        Schema `POSES`.
-    camera
-        Schema `CAMERAS`, with at least one row.
-    sights
-        (n, 3) float64: u, v (px) and depth (m) of points at first sight.
-    """
-
-    poses: pl.DataFrame
-    camera: pl.DataFrame
-    sights: NDArray[np.float64]
+    poses: pl.DataFrame  # schema `POSES`
+    camera: pl.DataFrame  # schema `CAMERAS`, with at least one row
+    sights: NDArray[np.float64]  # (n, 3) float64: u, v (px) and depth (m) of points at first sight
 
 
 def windows(

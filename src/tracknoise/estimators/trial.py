@@ -73,72 +73,38 @@ class Gated:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Beliefs:
-    """What was learned from training scenes.
+    """What was learned from training scenes."""
 
-    Parameters
-    ----------
-    noise
-        Components of the noise.
-    tuned_px
-        The standard deviation for which the newest pose of training windows has a normalised error squared of 1.
-    about_birth_px
-        Root mean square error about the first position, of each coordinate.
-    newest_pose_px, innovations_px
-        Standard deviations that the linear benchmark names for the newest pose and for innovations.
-    by_quality
-        Gaussian noise of whole tracks, with factors by what a front end knows.
-    scaled, scaled_by_quality
-        The same with a scale of its own for each track, without and with these factors.
-    knees
-        Cauchy's loss of single observations as it was tuned, by the names of `TUNED_ARMS`, and that of `ADVISED`.
-    drift_px
-        (2,) float64, px per frame: mean drift.
-    of_errors
-        Student's distribution of single errors; its squared scale is in px^2.
-    gated
-        What is set in a filter.
-    planted
-        The true noise, if it is known.
-    """
-
-    noise: TrackNoise
+    noise: TrackNoise  # components of the noise
+    # the standard deviation for which the newest pose of training windows has a normalised error squared of 1
     tuned_px: float
-    about_birth_px: float
+    about_birth_px: float  # root mean square error about the first position, of each coordinate
+    # newest_pose_px, innovations_px: standard deviations that the linear benchmark names for the newest pose and for
+    # innovations
     newest_pose_px: float
     innovations_px: float
-    by_quality: Law
+    by_quality: Law  # Gaussian noise of whole tracks, with factors by what a front end knows
+    # scaled, scaled_by_quality: the same with a scale of its own for each track, without and with these factors
     scaled: Law
     scaled_by_quality: Law
-    drift_px: NDArray[np.float64]
-    of_errors: Student
+    drift_px: NDArray[np.float64]  # (2,) float64, px per frame: mean drift
+    of_errors: Student  # Student's distribution of single errors; its squared scale is in px^2
+    # Cauchy's loss of single observations as it was tuned, by the names of `TUNED_ARMS`, and that of `ADVISED`
     knees: Mapping[str, Knee] = field(default_factory=lambda: dict.fromkeys((*TUNED_ARMS, ADVISED), Knee()))
-    gated: Gated = field(default_factory=Gated)
-    planted: Law | None = None
+    gated: Gated = field(default_factory=Gated)  # what is set in a filter
+    planted: Law | None = None  # the true noise, if it is known
 
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """A noise assumption.
+    """A noise assumption."""
 
-    Parameters
-    ----------
-    title
-        What it is.
-    covariances
-        Of the tracks of a problem.
-    loss
-        Of the whitened residuals.
-    unbiased
-        Whether the mean drift is taken from the tracks first.
-    gate
-        Factor on the gate of tracks, if there is one. Tracks that fail it at the poses that a Cauchy loss of one sigma
-        gives are left out.
-    """
-
-    title: str
-    covariances: Callable[[Problem, Beliefs], Sequence[NDArray[np.float64]]]
-    loss: Callable[[Beliefs], Loss] = lambda _: PLAIN
-    unbiased: bool = False
+    title: str  # what it is
+    covariances: Callable[[Problem, Beliefs], Sequence[NDArray[np.float64]]]  # of the tracks of a problem
+    loss: Callable[[Beliefs], Loss] = lambda _: PLAIN  # of the whitened residuals
+    unbiased: bool = False  # whether the mean drift is taken from the tracks first
+    # Factor on the gate of tracks, if there is one. Tracks that fail it at the poses that a Cauchy loss of one sigma
+    # gives are left out.
     gate: Callable[[Beliefs], float] | None = None
 
     def apply(self, problem: Problem, beliefs: Beliefs) -> tuple[Problem, Assumption]:
@@ -329,31 +295,20 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlantedNoise:
-    """The noise of simulated tracks.
+    """The noise of simulated tracks."""
 
-    Parameters
-    ----------
-    noise
-        Components of the errors.
-    student_nu
-        Degrees of freedom of Student's distribution of every part of an error, above 2. Covariances stay the same.
-    track_nu
-        Degrees of freedom of a scale of each track: its errors together have Student's distribution, whose scale
-        matrices are those of the noise.
-    bias_px_per_frame
-        Mean drift of all tracks along u and v, px per frame since birth.
-    common_share
-        Share of the independent variance W that all tracks of a frame have in common, from 0 to 1.
-    texture_exponent
-        The independent variance is multiplied by texture^(-2 exponent), where the logarithm of the texture is Gaussian
-        with mean 0 and standard deviation 0.5.
-    """
-
-    noise: TrackNoise = field(default_factory=TrackNoise)
+    noise: TrackNoise = field(default_factory=TrackNoise)  # components of the errors
+    # Degrees of freedom of Student's distribution of every part of an error, above 2. Covariances stay the same.
     student_nu: float = np.inf
+    # degrees of freedom of a scale of each track: its errors together have Student's distribution, whose scale matrices
+    # are those of the noise
     track_nu: float = np.inf
+    # mean drift of all tracks along u and v, px per frame since birth
     bias_px_per_frame: tuple[float, float] = (0.0, 0.0)
+    # share of the independent variance W that all tracks of a frame have in common, from 0 to 1
     common_share: float = 0.0
+    # the independent variance is multiplied by texture^(-2 exponent), where the logarithm of the texture is Gaussian
+    # with mean 0 and standard deviation 0.5
     texture_exponent: float = 0.0
 
     @property

@@ -62,24 +62,12 @@ _SHORT = 10
 
 @dataclass(frozen=True, slots=True)
 class OpenedRun:
-    """A run that takes part in a comparison.
+    """A run that takes part in a comparison."""
 
-    Attributes
-    ----------
-    name
-        Name of the run in the result.
-    folder
-        Where it is.
-    manifest
-        Of the run.
-    settings
-        All resolved settings.
-    """
-
-    name: str
-    folder: RunFolder
-    manifest: Manifest
-    settings: Mapping[str, Any]
+    name: str  # name of the run in the result
+    folder: RunFolder  # where it is
+    manifest: Manifest  # of the run
+    settings: Mapping[str, Any]  # all resolved settings
 
     @classmethod
     def of(cls, folder: RunFolder, name: str) -> "OpenedRun":
@@ -206,18 +194,10 @@ Pair = tuple[Condition, Condition]
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Conditions of a run.
+    """Conditions of a run."""
 
-    Attributes
-    ----------
-    name
-        Name of the run.
-    conditions
-        Values of `POOLED`, of everything that was measured.
-    """
-
-    name: str
-    conditions: frozenset[Condition]
+    name: str  # name of the run
+    conditions: frozenset[Condition]  # values of `POOLED`, of everything that was measured
 
     @property
     def trackers(self) -> set[str]:
@@ -290,22 +270,13 @@ _TAP = {
 
 @dataclass(frozen=True, slots=True)
 class RunTables:
-    """Tables of one run.
+    """Tables of one run."""
 
-    Attributes
-    ----------
-    errors
-        Errors of single scenes.
-    ends, frames
-        `ENDS` and `FRAME_COUNTS`, by condition.
-    numbers
-        Tables of `NUMBERS`, by statistic and condition.
-    """
-
-    errors: RunErrors
+    errors: RunErrors  # errors of single scenes
+    # ends, frames: `ENDS` and `FRAME_COUNTS`, by condition
     ends: TablesByCondition
     frames: TablesByCondition
-    numbers: Mapping[str, TablesByCondition]
+    numbers: Mapping[str, TablesByCondition]  # tables of `NUMBERS`, by statistic and condition
 
 
 def read_run(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[str]]) -> RunTables:
@@ -413,21 +384,11 @@ _FITTED = "True positions are fitted to the tracks, so that errors are not compa
 
 @dataclass(frozen=True, slots=True)
 class Questions:
-    """What is asked about two runs.
+    """What is asked about two runs."""
 
-    Attributes
-    ----------
-    asked
-        All questions, statistics in the order of `ESTIMANDS`.
-    notes
-        What takes no part, one sentence each.
-    missing
-        Those of them that are about sequences that the second run could not measure.
-    """
-
-    asked: tuple[Asked, ...]
-    notes: tuple[str, ...]
-    missing: tuple[str, ...]
+    asked: tuple[Asked, ...]  # all questions, statistics in the order of `ESTIMANDS`
+    notes: tuple[str, ...]  # what takes no part, one sentence each
+    missing: tuple[str, ...]  # those of them that are about sequences that the second run could not measure
 
 
 def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | None) -> Questions:

@@ -35,18 +35,10 @@ _KNOWN = ("valid", "occluded", "out_of_image", "behind_camera")
 
 @dataclass(frozen=True, slots=True)
 class Doubts:
-    """Sentences that say why the data of a sequence look wrong, the most telling first.
+    """Sentences that say why the data of a sequence look wrong, the most telling first."""
 
-    Attributes
-    ----------
-    mistakes
-        With any of them, errors are not those of the trackers.
-    cautions
-        About single parts of the data, such as one jump of the poses.
-    """
-
-    mistakes: tuple[str, ...] = ()
-    cautions: tuple[str, ...] = ()
+    mistakes: tuple[str, ...] = ()  # with any of them, errors are not those of the trackers
+    cautions: tuple[str, ...] = ()  # about single parts of the data, such as one jump of the poses
 
 
 def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:

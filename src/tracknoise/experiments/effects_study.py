@@ -55,23 +55,12 @@ Options = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """One effect.
+    """One effect."""
 
-    Attributes
-    ----------
-    name
-        Its name.
-    kind
-        Whether it changes `images` or the stated `truth`.
-    source
-        Where its sizes come from.
-    options, shown
-        What is changed at each size, and the size as text.
-    """
-
-    name: str
-    kind: str
-    source: str
+    name: str  # its name
+    kind: str  # whether it changes `images` or the stated `truth`
+    source: str  # where its sizes come from
+    # options, shown: what is changed at each size, and the size as text
     options: Mapping[Size, Options]
     shown: Mapping[Size, str]
 
@@ -201,31 +190,17 @@ _ERRORS = {"trimming": Trimming.trimmed, "axis": Axis.age}
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """What is measured.
+    """What is measured."""
 
-    Attributes
-    ----------
-    options
-        Of the reader ``simulated``, without any effect.
-    effects
-        The effects.
-    trackers
-        Options of each tracker, by its kind.
-    sizes
-        Sizes of the effects.
-    ages
-        Ages at which errors are compared, in frames.
-    population, trim_percentile, trim_among
-        Which errors, and of which tracks: see `tracknoise.measure`.
-    """
-
-    options: Options
-    effects: tuple[Effect, ...]
+    options: Options  # of the reader ``simulated``, without any effect
+    effects: tuple[Effect, ...]  # the effects
+    # options of each tracker, by its kind
     trackers: Mapping[str, Mapping[str, Any]] = field(
         default_factory=lambda: {"lucas-kanade": {}, "correspondence": {}}
     )
-    sizes: tuple[Size, ...] = tuple(Size)
-    ages: tuple[int, ...] = (10,)
+    sizes: tuple[Size, ...] = tuple(Size)  # sizes of the effects
+    ages: tuple[int, ...] = (10,)  # ages at which errors are compared, in frames
+    # population, trim_percentile, trim_among: which errors, and of which tracks: see `tracknoise.measure`
     population: str = POPULATION
     trim_percentile: float = TRIM_PERCENTILE
     trim_among: str = TRIM_AMONG

@@ -76,18 +76,10 @@ class Listener(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Result of a run.
+    """Result of a run."""
 
-    Attributes
-    ----------
-    measured
-        Keys of the measured sequences, those of earlier starts included.
-    failures
-        Cause of each failure, by key.
-    """
-
-    measured: list[str]
-    failures: dict[str, str]
+    measured: list[str]  # keys of the measured sequences, those of earlier starts included
+    failures: dict[str, str]  # cause of each failure, by key
 
 
 def execute(

@@ -40,24 +40,12 @@ class FailureKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why a batch could not be measured.
+    """Why a batch could not be measured."""
 
-    Attributes
-    ----------
-    cause
-        One line.
-    place
-        The file, the line of the program, or the worker where it failed; None if unknown.
-    kind
-        What the failure means for the run.
-    attempts
-        Number of attempts so far.
-    """
-
-    cause: str
-    place: str | None
-    kind: FailureKind
-    attempts: int = 1
+    cause: str  # one line
+    place: str | None  # the file, the line of the program, or the worker where it failed; None if unknown
+    kind: FailureKind  # what the failure means for the run
+    attempts: int = 1  # number of attempts so far
 
     @property
     def entry(self) -> FailureEntry:
@@ -70,15 +58,9 @@ Batch = list[Task]
 
 @dataclass(frozen=True, slots=True)
 class InParts:
-    """A sequence is too long to be measured in one piece.
+    """A sequence is too long to be measured in one piece."""
 
-    Attributes
-    ----------
-    parts
-        Its parts.
-    """
-
-    parts: tuple[range, ...]
+    parts: tuple[range, ...]  # its parts
 
 
 Settled = list[SequenceEntry] | Failure

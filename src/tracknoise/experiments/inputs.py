@@ -46,21 +46,12 @@ _SYSTEM = ("/proc", "/sys", "/dev", "/etc", "/usr")
 
 @dataclass(slots=True)
 class InputRecorder:
-    """Records what a batch reads, while it is measured.
+    """Records what a batch reads, while it is measured."""
 
-    Parameters
-    ----------
-    opened
-        What was read so far.
-    frames
-        Number of frames of each sequence as its reader opened it.
-    stated
-        Files that the sequences state.
-    """
-
-    opened: Opened
+    opened: Opened  # what was read so far
+    # number of frames of each sequence as its reader opened it
     frames: dict[SequenceId, int] = field(default_factory=dict)
-    stated: set[Path] = field(default_factory=set)
+    stated: set[Path] = field(default_factory=set)  # files that the sequences state
 
     def recorded(self, sequence: Sequence) -> Sequence:
         """Note a sequence as its reader opened it, and return it."""
@@ -131,17 +122,10 @@ class InputCheck:
 
     Files are compared by size and time of modification, and by content where the time differs. Small files that are
     read before the second frame, such as poses and cameras, are always compared by content.
-
-    Parameters
-    ----------
-    run
-        The run folder.
-    verify
-        Compare all files by content.
     """
 
-    run: RunFolder
-    verify: bool = False
+    run: RunFolder  # the run folder
+    verify: bool = False  # compare all files by content
     _contents: dict[Path, str | None] = field(default_factory=dict)
     _sources: list[tuple[Path, str]] | None = None
 
@@ -219,21 +203,11 @@ class InputCheck:
 
 @dataclass(frozen=True, slots=True)
 class _Counts:
-    """Which files count: those of the data and of options, and others that belong neither to a program nor the system.
+    """Which files count: those of the data and of options, others that belong neither to a program nor the system."""
 
-    Parameters
-    ----------
-    root
-        Folder of the data.
-    named
-        Files and folders that options name.
-    run
-        The run folder.
-    """
-
-    root: Path | None
-    named: set[Path]
-    run: Path
+    root: Path | None  # folder of the data
+    named: set[Path]  # files and folders that options name
+    run: Path  # the run folder
 
     def __call__(self, path: Path) -> bool:
         if path in self.named:  # a script that an option names too

@@ -114,21 +114,11 @@ def manifest_of_part(task: Task) -> Manifest:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredPart:
-    """A part of a sequence that was measured.
+    """A part of a sequence that was measured."""
 
-    Attributes
-    ----------
-    part
-        Where it belongs.
-    folder
-        Where its tables are.
-    entry
-        Its entry.
-    """
-
-    part: Part
-    folder: RunFolder
-    entry: SequenceEntry
+    part: Part  # where it belongs
+    folder: RunFolder  # where its tables are
+    entry: SequenceEntry  # its entry
 
 
 def measured_parts(task: Task, run: RunFolder) -> list[MeasuredPart]:

@@ -26,22 +26,13 @@ Patch = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class _Chosen:
-    """Tracks of one tracker and age, and where the worst of them was seen.
+    """Tracks of one tracker and age, and where the worst of them was seen."""
 
-    Attributes
-    ----------
-    n_each
-        Tracks of each kind.
-    now, first
-        Their observations at this age, and where they were anchored: frame, u_px, v_px.
-    path
-        Those of the worst track, from its anchor frame on.
-    """
-
-    n_each: int
+    n_each: int  # tracks of each kind
+    # now, first: their observations at this age, and where they were anchored: frame, u_px, v_px
     now: pl.DataFrame
     first: pl.DataFrame
-    path: pl.DataFrame
+    path: pl.DataFrame  # those of the worst track, from its anchor frame on
 
 
 def track_patches(measurement: "Measurement", *, speed: int) -> pl.DataFrame:

@@ -24,30 +24,15 @@ from tracknoise.trackers.tracker_registry import make_tracker
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One sequence of an experiment: small enough to be sent to another machine.
+    """One sequence of an experiment: small enough to be sent to another machine."""
 
-    Parameters
-    ----------
-    experiment
-        Everything that decides the numbers.
-    sequence
-        Which sequence to measure.
-    speeds
-        At which speeds.
-    parts
-        Frames of the parts in which it is measured; none if it is measured in one piece, or that is not known yet.
-    part
-        Which of these to measure. None: join all of them.
-    shares
-        Whether the sequence is read together with others of the experiment.
-    """
-
-    experiment: Experiment
-    sequence: SequenceId
-    speeds: tuple[int, ...]
+    experiment: Experiment  # everything that decides the numbers
+    sequence: SequenceId  # which sequence to measure
+    speeds: tuple[int, ...]  # at which speeds
+    # frames of the parts in which it is measured; none if it is measured in one piece, or that is not known yet
     parts: tuple[range, ...] = ()
-    part: int | None = None
-    shares: bool = False
+    part: int | None = None  # Which of these to measure. None: join all of them.
+    shares: bool = False  # whether the sequence is read together with others of the experiment
 
     @property
     def key(self) -> str:

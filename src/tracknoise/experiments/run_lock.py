@@ -46,21 +46,11 @@ class _Holder:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """Proof that a start holds the lock of a run folder, as sent to its workers.
+    """Proof that a start holds the lock of a run folder, as sent to its workers."""
 
-    Attributes
-    ----------
-    path
-        Path of the lock file.
-    token
-        Token in the lock file while that start runs.
-    patience_s
-        How long to wait for the token before the lock counts as lost, seconds.
-    """
-
-    path: Path
-    token: str
-    patience_s: float = _PATIENCE_S
+    path: Path  # path of the lock file
+    token: str  # token in the lock file while that start runs
+    patience_s: float = _PATIENCE_S  # how long to wait for the token before the lock counts as lost, seconds
 
     def check(self) -> None:
         """Check that the start which sent this claim still holds the lock.

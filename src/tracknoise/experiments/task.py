@@ -330,30 +330,14 @@ def following(task: Task, tell: Callable[[str, int, int, int], None]) -> Progres
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What every worker needs besides its batch.
+    """What every worker needs besides its batch."""
 
-    Attributes
-    ----------
-    run
-        The run folder.
-    claim
-        Proof that the run still holds the lock of the folder.
-    versions
-        Versions at the start of the run of the libraries that affect results.
-    debug
-        Raise failures instead of recording them.
-    one_thread
-        Use one thread in OpenCV, because other workers use the other cores.
-    verify
-        See `run_batch`.
-    """
-
-    run: RunFolder
-    claim: Claim
-    versions: dict[str, str]
-    debug: bool
-    one_thread: bool = True
-    verify: bool = False
+    run: RunFolder  # the run folder
+    claim: Claim  # proof that the run still holds the lock of the folder
+    versions: dict[str, str]  # versions at the start of the run of the libraries that affect results
+    debug: bool  # raise failures instead of recording them
+    one_thread: bool = True  # use one thread in OpenCV, because other workers use the other cores
+    verify: bool = False  # see `run_batch`
 
     def __call__(self, batch: Batch) -> Result:
         """Measure a batch in a worker."""

@@ -29,41 +29,23 @@ from tracknoise.tables.store import RunFolder
 
 @dataclass(frozen=True, slots=True)
 class TrackerScene:
-    """What one tracker saw at the lowest speed.
+    """What one tracker saw at the lowest speed."""
 
-    Attributes
-    ----------
-    observations
-        Columns track, frame, u_px, v_px, u_true_px, v_true_px and error_px, in the order of frames and tracks. The true
-        position and the length of the error are null where they are unknown.
-    points
-        Columns track, x_m, y_m and z_m: the true points in the world, of tracks whose depth is known.
-    """
-
+    # Columns track, frame, u_px, v_px, u_true_px, v_true_px and error_px, in the order of frames and tracks. The true
+    # position and the length of the error are null where they are unknown.
     observations: pl.DataFrame
+    # columns track, x_m, y_m and z_m: the true points in the world, of tracks whose depth is known
     points: pl.DataFrame
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """One sequence.
+    """One sequence."""
 
-    Attributes
-    ----------
-    sequence
-        Its images.
-    n_frames
-        How many of them were measured.
-    geometry
-        Poses and cameras.
-    trackers
-        By name.
-    """
-
-    sequence: Sequence
-    n_frames: int
-    geometry: FrameGeometry
-    trackers: Mapping[str, TrackerScene]
+    sequence: Sequence  # its images
+    n_frames: int  # how many of them were measured
+    geometry: FrameGeometry  # poses and cameras
+    trackers: Mapping[str, TrackerScene]  # by name
 
     def large_error_px(self) -> float:
         """Error that is larger than 95 % of the known ones; 1 where none is known."""

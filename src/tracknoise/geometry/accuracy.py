@@ -64,20 +64,12 @@ class GrowthLaw:
     """Standard deviation of one component of the relative pose error of two frames that are k frames apart.
 
     Its square is 2 white^2 + walk^2 k + drift^2 k^2 (accuracy.growth).
-
-    Parameters
-    ----------
-    white
-        Error of each single pose, independent from frame to frame. A relative pose has that of both frames.
-    walk
-        Error that each step adds, independent from step to step: a random walk.
-    drift
-        Error that each step adds, the same in all steps.
     """
 
+    # Error of each single pose, independent from frame to frame. A relative pose has that of both frames.
     white: float = 0.0
-    walk: float = 0.0
-    drift: float = 0.0
+    walk: float = 0.0  # error that each step adds, independent from step to step: a random walk
+    drift: float = 0.0  # error that each step adds, the same in all steps
 
     def variance(self, lag: NDArray[np.float64]) -> NDArray[np.float64]:
         """(...) float64: the square of the standard deviation over `lag` frames; 0 for 0 frames."""

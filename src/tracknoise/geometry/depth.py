@@ -54,21 +54,11 @@ class DepthMap:
 
 @dataclass(frozen=True, slots=True)
 class DepthSample:
-    """Depth read at sub-pixel positions.
+    """Depth read at sub-pixel positions."""
 
-    Attributes
-    ----------
-    depth_m
-        (n,) float64, metres; 1 where not valid.
-    valid
-        (n,) bool: the depth is known there.
-    edge
-        (n,) bool: depth was measured around, but on both sides of a discontinuity.
-    """
-
-    depth_m: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-    edge: NDArray[np.bool_]
+    depth_m: NDArray[np.float64]  # (n,) float64, metres; 1 where not valid
+    valid: NDArray[np.bool_]  # (n,) bool: the depth is known there
+    edge: NDArray[np.bool_]  # (n,) bool: depth was measured around, but on both sides of a discontinuity
 
 
 def sample(depth: DepthMap, uv: NDArray[np.float64]) -> DepthSample:

@@ -94,21 +94,11 @@ def cross_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameGeometry:
-    """Pose and camera of each frame of a sequence.
+    """Pose and camera of each frame of a sequence."""
 
-    Parameters
-    ----------
-    world_from_camera
-        (frames, 4, 4) float64: the stated poses; NaN where there is none.
-    cameras
-        All different cameras.
-    which
-        (frames,) integers: place of the camera of each frame in `cameras`.
-    """
-
-    world_from_camera: NDArray[np.float64]
-    cameras: tuple[CameraModel, ...]
-    which: NDArray[np.intp]
+    world_from_camera: NDArray[np.float64]  # (frames, 4, 4) float64: the stated poses; NaN where there is none
+    cameras: tuple[CameraModel, ...]  # all different cameras
+    which: NDArray[np.intp]  # (frames,) integers: place of the camera of each frame in `cameras`
 
     def in_units_of(self, length_m: float) -> "FrameGeometry":
         """The same with another unit of length, and the mean position of the camera as the origin of the world."""
@@ -160,20 +150,11 @@ _OUTLINE_POSITIONS = 65
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rectification:
-    """A rectified pair.
+    """A rectified pair."""
 
-    Parameters
-    ----------
-    camera
-        The camera of both rectified images.
-    baseline_m
-        Distance between the two cameras, metres.
-    first_from_rectified, second_from_rectified
-        (3, 3) float64, rotations of directions.
-    """
-
-    camera: Camera
-    baseline_m: float
+    camera: Camera  # the camera of both rectified images
+    baseline_m: float  # distance between the two cameras, metres
+    # first_from_rectified, second_from_rectified: (3, 3) float64, rotations of directions
     first_from_rectified: NDArray[np.float64]
     second_from_rectified: NDArray[np.float64]
 

@@ -61,18 +61,12 @@ ReadDepth = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
-    """What lies around image points.
+    """What lies around image points."""
 
-    Attributes
-    ----------
-    edge_px : (n,) float64
-        Distance to the nearest depth edge, px: positive on its near side, negative on its far side, infinite where
-        there is none within `REACH_PX`. NaN where depth is unknown.
-    incidence_deg : (n,) float64
-        Angle between the ray and the normal of the surface, from 0 to 90 degrees; NaN where it is unknown.
-    """
-
+    # (n,): Distance to the nearest depth edge, px: positive on its near side, negative on its far side, infinite where
+    # there is none within `REACH_PX`. NaN where depth is unknown.
     edge_px: NDArray[np.float64]
+    # (n,): angle between the ray and the normal of the surface, from 0 to 90 degrees; NaN where it is unknown
     incidence_deg: NDArray[np.float64]
 
 

@@ -136,14 +136,9 @@ def _inverse(scatter: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Gaussian:
-    """One fit per sample.
+    """One fit per sample."""
 
-    Attributes
-    ----------
-    mean, scatter : (samples, 2), (samples, 3)
-        Mean, and covariance as uu, uv, vv.
-    """
-
+    # mean, scatter: (samples, 2): mean, and covariance as uu, uv, vv
     mean: Array
     scatter: Array
 
@@ -174,19 +169,12 @@ _STUDENT_START = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Student:
-    """One fit per sample.
+    """One fit per sample."""
 
-    Attributes
-    ----------
-    mean, scatter : (samples, 2), (samples, 3)
-        m, and S as uu, uv, vv.
-    nu : (samples,)
-        Degrees of freedom.
-    """
-
+    # mean, scatter: (samples, 2): m, and S as uu, uv, vv
     mean: Array
     scatter: Array
-    nu: Array
+    nu: Array  # (samples,): degrees of freedom
 
     def log_density(self, points: Array) -> Array:
         """Log density of each point, (samples, points); see `fit_student` for `points`."""
@@ -269,18 +257,13 @@ _MAX_RATIO = 1e8
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """One fit per sample.
+    """One fit per sample."""
 
-    Attributes
-    ----------
-    mean, scatter : (samples, 2), (samples, 3)
-        m, and S as uu, uv, vv.
-    share, ratio : (samples,)
-        Of the wider component: how many points are of it, and how many times larger its covariance is.
-    """
-
+    # mean, scatter: (samples, 2): m, and S as uu, uv, vv
     mean: Array
     scatter: Array
+    # share, ratio: (samples,): of the wider component: how many points are of it, and how many times larger its
+    # covariance is
     share: Array
     ratio: Array
 
@@ -322,21 +305,11 @@ def _first(total: Array) -> Mixture:
 
 @dataclass(frozen=True, slots=True)
 class _Expected:
-    """What a fit says of each point. Most of the time of a fit is spent here.
+    """What a fit says of each point. Most of the time of a fit is spent here."""
 
-    Attributes
-    ----------
-    fit
-        The mixture.
-    weights : (samples, 6)
-        `distance_weights` of its mean and scatter.
-    odds : (samples, points)
-        That a point is of the narrower component.
-    """
-
-    fit: Mixture
-    weights: Array
-    odds: Array
+    fit: Mixture  # the mixture
+    weights: Array  # (samples, 6): `distance_weights` of its mean and scatter
+    odds: Array  # (samples, points): that a point is of the narrower component
 
     @classmethod
     def under(cls, fit: Mixture, points: Array) -> "_Expected":
@@ -422,23 +395,17 @@ def _about(sums: Array, mean: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """What was gained on each error, and the fits' parameters; NaN for samples that are too small.
+    """What was gained on each error, and the fits' parameters; NaN for samples that are too small."""
 
-    Attributes
-    ----------
-    student, mixture : (rows,)
-        Log-likelihood less that of the Gaussian, nats.
-    nu, spread : (samples,)
-        Student's degrees of freedom, and the fourth root of the determinant of its scatter: geometric means of the fits
-        of all folds.
-    share, ratio : (samples,)
-        The mixture's: how many errors are of the wider component, and how many times larger its covariance is.
-    """
-
+    # student, mixture: (rows,): log-likelihood less that of the Gaussian, nats
     student: Array
     mixture: Array
+    # nu, spread: (samples,): Student's degrees of freedom, and the fourth root of the determinant of its scatter:
+    # geometric means of the fits of all folds
     nu: Array
     spread: Array
+    # share, ratio: (samples,): the mixture's: how many errors are of the wider component, and how many times larger its
+    # covariance is
     share: Array
     ratio: Array
 

@@ -10,31 +10,17 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value and its interval.
+    """A value and its interval."""
 
-    Attributes
-    ----------
-    value
-        None where it is unknown.
-    low, high
-        Bounds of the interval; None where there is none, or none on that side.
-    unit
-        Of the value and its bounds, such as ``px``; empty where there is none.
-    kind
-        How the interval was made: a value of `tracknoise.tables.enumerations.IntervalKind` or `EffectIntervalKind`.
-    level
-        Probability that the interval contains the true value, between 0 and 1.
-    id
-        Of its row of results; None where it is no such number.
-    """
-
-    value: float | None
+    value: float | None  # None where it is unknown
+    # low, high: bounds of the interval; None where there is none, or none on that side
     low: float | None = None
     high: float | None = None
-    unit: str = ""
+    unit: str = ""  # of the value and its bounds, such as ``px``; empty where there is none
+    # how the interval was made: a value of `tracknoise.tables.enumerations.IntervalKind` or `EffectIntervalKind`
     kind: str | None = None
-    level: float | None = None
-    id: str | None = None
+    level: float | None = None  # probability that the interval contains the true value, between 0 and 1
+    id: str | None = None  # of its row of results; None where it is no such number
 
     @classmethod
     def of(cls, value: float | None, found: "Estimate | None", unit: str) -> "Estimate":
@@ -65,29 +51,19 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class EstimateArray:
-    """Statistics of one condition with their intervals, (statistics, points), NaN where there are none.
+    """Statistics of one condition with their intervals, (statistics, points), NaN where there are none."""
 
-    Attributes
-    ----------
-    value, low, high : (statistics, points) float64
-        Values and the bounds of their intervals.
-    n_units, n_scenes : (statistics, points) intp
-        How many units, and how many scenes, each value rests on.
-    kind
-        How the intervals were made.
-    level
-        Probability that an interval contains the true value.
-    n_effective : (statistics, points) float64 or None
-        How many units of one size would have a mean as uncertain as that of the units; None where it is not known.
-    """
-
+    # value, low, high: (statistics, points): values and the bounds of their intervals
     value: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+    # n_units, n_scenes: (statistics, points): how many units, and how many scenes, each value rests on
     n_units: NDArray[np.intp]
     n_scenes: NDArray[np.intp]
-    kind: str
-    level: float
+    kind: str  # how the intervals were made
+    level: float  # probability that an interval contains the true value
+    # (statistics, points): how many units of one size would have a mean as uncertain as that of the units; None where
+    # it is not known
     n_effective: NDArray[np.float64] | None = None
 
     def at(self, statistic: int, point: int = 0, *, unit: str = "") -> Estimate:

@@ -59,44 +59,25 @@ class Method:
 
 @dataclass(frozen=True, slots=True)
 class BetweenScenes:
-    """How much scenes differ in statistics of one condition, (statistics, points), NaN where it is not known.
+    """How much scenes differ in statistics of one condition, (statistics, points), NaN where it is not known."""
 
-    Attributes
-    ----------
-    spread
-        Standard deviation between scenes: of the logarithm of scales, of the logit of shares, otherwise in the unit.
-    next_low, next_high
-        Bounds of the next scene's own value.
-    coverage
-        Share of intervals that contain the true value in data like these, outside the tested range.
-    """
-
+    # standard deviation between scenes: of the logarithm of scales, of the logit of shares, otherwise in the unit
     spread: NDArray[np.float64]
+    # next_low, next_high: bounds of the next scene's own value
     next_low: NDArray[np.float64]
     next_high: NDArray[np.float64]
+    # share of intervals that contain the true value in data like these, outside the tested range
     coverage: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class LabelledEstimates:
-    """Estimates and what they are of.
+    """Estimates and what they are of."""
 
-    Attributes
-    ----------
-    labels
-        Columns statistic, axis and at, besides any others: a row for each value, in their order.
-    estimates
-        The values.
-    units
-        What was resampled.
-    between
-        How much scenes differ in them; None where it was not computed.
-    """
-
-    labels: pl.DataFrame
-    estimates: EstimateArray
-    units: Units
-    between: BetweenScenes | None = None
+    labels: pl.DataFrame  # columns statistic, axis and at, besides any others: a row for each value, in their order
+    estimates: EstimateArray  # the values
+    units: Units  # what was resampled
+    between: BetweenScenes | None = None  # how much scenes differ in them; None where it was not computed
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,18 +75,13 @@ _FREEDOM = np.geomspace(1.0, 10_000.0, 2001)
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """Means over units on the scale of logarithms or logits.
+    """Means over units on the scale of logarithms or logits."""
 
-    Attributes
-    ----------
-    values, sizes : (units, ...)
-        Logarithms or logits of the units, and how much each unit holds, 0 where it has no part.
-    bend, limit : (...)
-        b, and the largest s^2 in the second term.
-    """
-
+    # values, sizes: (units, ...): logarithms or logits of the units, and how much each unit holds, 0 where it has no
+    # part
     values: NDArray[np.float64]
     sizes: NDArray[np.float64]
+    # bend, limit: (...): b, and the largest s^2 in the second term
     bend: NDArray[np.float64]
     limit: NDArray[np.float64]
 

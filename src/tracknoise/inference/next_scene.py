@@ -25,17 +25,10 @@ from tracknoise.inference.units import MIN_SCENES, Resampled, Units, by_number
 
 @dataclass(frozen=True, slots=True)
 class NextScene:
-    """Spread between scenes, and prediction for the next one, NaN where there is none.
+    """Spread between scenes, and prediction for the next one, NaN where there is none."""
 
-    Attributes
-    ----------
-    spread : (statistics, points)
-        Standard deviation between scenes on the scale of the statistic.
-    low, high : (statistics, points)
-        Bounds by (prediction).
-    """
-
-    spread: NDArray[np.float64]
+    spread: NDArray[np.float64]  # (statistics, points): standard deviation between scenes on the scale of the statistic
+    # low, high: (statistics, points): bounds by (prediction)
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 

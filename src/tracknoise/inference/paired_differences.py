@@ -50,32 +50,20 @@ from tracknoise.inference.units import Resampled
 
 @dataclass(frozen=True, slots=True)
 class Differences:
-    """Differences of every scene between every two levels.
+    """Differences of every scene between every two levels."""
 
-    Attributes
-    ----------
-    values : (scenes, pairs, points) float64
-        The first level minus the second, NaN where a scene lacks one of them.
-    pairs : (pairs, 2) intp
-        Numbers of the levels.
-    both : (scenes, pairs) bool
-        Which scenes were measured at both levels, whether or not they have a value.
-    unlike : (pairs, points) bool
-        Where a scene has a value of 0 at one of the two levels only, so that they have no ratio.
-    horizon : (pairs,) float64
-        Common horizon of the lifetimes of both levels, frames; NaN for other statistics.
-    scarce : (pairs, 2) bool
-        Levels that have so few events that their value is too large rather than right.
-    gap
-        Why nothing can be shown to be alike, however similar the levels are; None if there is no such reason.
-    """
-
+    # (scenes, pairs, points): the first level minus the second, NaN where a scene lacks one of them
     values: NDArray[np.float64]
-    pairs: NDArray[np.intp]
+    pairs: NDArray[np.intp]  # (pairs, 2): numbers of the levels
+    # (scenes, pairs): which scenes were measured at both levels, whether or not they have a value
     both: NDArray[np.bool_]
+    # (pairs, points): where a scene has a value of 0 at one of the two levels only, so that they have no ratio
     unlike: NDArray[np.bool_]
+    # (pairs,): common horizon of the lifetimes of both levels, frames; NaN for other statistics
     horizon: NDArray[np.float64]
+    # (pairs, 2): levels that have so few events that their value is too large rather than right
     scarce: NDArray[np.bool_]
+    # why nothing can be shown to be alike, however similar the levels are; None if there is no such reason
     gap: str | None = None
 
 
@@ -124,23 +112,17 @@ def at_both(measured: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True)
 class Averages:
-    """Means over scenes, at any number of points.
+    """Means over scenes, at any number of points."""
 
-    Attributes
-    ----------
-    mean, error, degrees : (points,) float64
-        Means, their standard errors and degrees of freedom by (average).
-    n_units, n_scenes : (points,) intp
-        Scenes or groups that are averaged, and scenes in them.
-    parts : (dimensions, points) float64
-        What each scene, group, or direction within groups, adds to the error: the squares add up to that of `error`.
-    """
-
+    # mean, error, degrees: (points,): means, their standard errors and degrees of freedom by (average)
     mean: NDArray[np.float64]
     error: NDArray[np.float64]
     degrees: NDArray[np.float64]
+    # n_units, n_scenes: (points,): scenes or groups that are averaged, and scenes in them
     n_units: NDArray[np.intp]
     n_scenes: NDArray[np.intp]
+    # (dimensions, points): what each scene, group, or direction within groups, adds to the error: the squares add up to
+    # that of `error`
     parts: NDArray[np.float64]
 
     def of(self, points: NDArray[np.bool_]) -> "Averages":
@@ -217,18 +199,10 @@ _HALVINGS = 30
 
 @dataclass(frozen=True, slots=True)
 class Best:
-    """The clearest of several differences.
+    """The clearest of several differences."""
 
-    Attributes
-    ----------
-    chosen
-        Which it is.
-    p
-        P-value of the hypothesis that none of them exceeds the margin.
-    """
-
-    chosen: int
-    p: float
+    chosen: int  # which it is
+    p: float  # P-value of the hypothesis that none of them exceeds the margin
 
 
 def best_of_few(found: Averages, margin: float, directions: NDArray[np.float64]) -> Best:

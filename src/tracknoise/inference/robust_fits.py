@@ -65,27 +65,15 @@ def weights(distance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
-    """Sums over the observations of each tracker and cluster.
+    """Sums over the observations of each tracker and cluster."""
 
-    Attributes
-    ----------
-    weighted : (trackers, clusters, p, p) float64
-        Information with the weights taken as fixed: D^T W D.
-    curvature : (trackers, clusters, p, p) float64
-        Second derivatives of the loss, but for those of the predictions.
-    gradient : (trackers, clusters, p) float64
-        First derivatives of the negative loss: D^T W r.
-    ridge : (p,) float64
-        Added to the diagonal where equations are solved, so that what nothing determines stays finite.
-    count : (trackers, clusters) intp
-        How many observations there are.
-    """
-
-    weighted: NDArray[np.float64]
+    weighted: NDArray[np.float64]  # (trackers, clusters, p, p): information with the weights taken as fixed: D^T W D
+    # (trackers, clusters, p, p): second derivatives of the loss, but for those of the predictions
     curvature: NDArray[np.float64]
-    gradient: NDArray[np.float64]
+    gradient: NDArray[np.float64]  # (trackers, clusters, p): first derivatives of the negative loss: D^T W r
+    # (p,): added to the diagonal where equations are solved, so that what nothing determines stays finite
     ridge: NDArray[np.float64]
-    count: NDArray[np.intp]
+    count: NDArray[np.intp]  # (trackers, clusters): how many observations there are
 
     @property
     def information(self) -> NDArray[np.float64]:
@@ -160,20 +148,12 @@ def normal_equations(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Jackknife:
-    """How a fit moves when each cluster is left out.
+    """How a fit moves when each cluster is left out."""
 
-    Attributes
-    ----------
-    moves : (clusters, p) float64
-        Fit without the cluster minus the fit.
-    step : (p,) float64
-        From where the equations were made to the fit: nothing, but for those of single trackers.
-    share : (clusters, p) float64
-        Of each cluster in the variance of each number; their sum is 1, or 0 where none determines it.
-    """
-
-    moves: NDArray[np.float64]
+    moves: NDArray[np.float64]  # (clusters, p): fit without the cluster minus the fit
+    # (p,): from where the equations were made to the fit: nothing, but for those of single trackers
     step: NDArray[np.float64]
+    # (clusters, p): of each cluster in the variance of each number; their sum is 1, or 0 where none determines it
     share: NDArray[np.float64]
 
     @property

@@ -56,24 +56,12 @@ FLIPS = 2**EXACT
 
 @dataclass(frozen=True, slots=True)
 class Chance:
-    """Draws of chance for the scenes of a dataset, or for some of them.
+    """Draws of chance for the scenes of a dataset, or for some of them."""
 
-    Attributes
-    ----------
-    scenes
-        Names, in the order of `group`.
-    group : (scenes,)
-        Number of the group of each scene.
-    draws : (draws, scenes)
-        Signs or, within groups, Gaussian numbers; the first draw is the data as they are.
-    kind
-        `scenes`, `groups` or `within`; None if there can be no test.
-    """
-
-    scenes: tuple[str, ...]
-    group: NDArray[np.intp]
-    draws: Array
-    kind: Resampled | None
+    scenes: tuple[str, ...]  # names, in the order of `group`
+    group: NDArray[np.intp]  # (scenes,): number of the group of each scene
+    draws: Array  # (draws, scenes): signs or, within groups, Gaussian numbers; the first draw is the data as they are
+    kind: Resampled | None  # `scenes`, `groups` or `within`; None if there can be no test
 
     @classmethod
     def of(cls, scenes: Sequence[str], group: NDArray[np.intp] | None = None, *, seed: int = 0) -> "Chance":
@@ -171,34 +159,18 @@ _FLAT = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class FlipTest:
-    """What `flip_test` found at each age, NaN where no test is made, and for all ages together.
+    """What `flip_test` found at each age, NaN where no test is made, and for all ages together."""
 
-    Attributes
-    ----------
-    n_scenes : (ages,) intp
-        Scenes that have a mean there.
-    hotelling_p, sign_flip_p : (ages,) float64
-        By (hotelling) and (flips). Hotelling's requires means that vary in both directions.
-    adjusted_p : (ages,) float64
-        By (adjusted).
-    overall_p
-        By (overall); NaN if no age has scenes or groups enough.
-    strongest
-        Which age has the largest -log P; None if no age has scenes or groups enough.
-    evidence : (ages,) float64
-        -log P of the data as they are, NaN where no test is made.
-    largest : (draws,) float64
-        The largest -log P over the ages in each draw; 0 without any.
-    """
-
-    n_scenes: NDArray[np.intp]
+    n_scenes: NDArray[np.intp]  # (ages,): scenes that have a mean there
+    # hotelling_p, sign_flip_p: (ages,): By (hotelling) and (flips). Hotelling's requires means that vary in both
+    # directions.
     hotelling_p: Array
     sign_flip_p: Array
-    adjusted_p: Array
-    overall_p: float
-    strongest: int | None
-    evidence: Array
-    largest: Array
+    adjusted_p: Array  # (ages,): by (adjusted)
+    overall_p: float  # by (overall); NaN if no age has scenes or groups enough
+    strongest: int | None  # which age has the largest -log P; None if no age has scenes or groups enough
+    evidence: Array  # (ages,): -log P of the data as they are, NaN where no test is made
+    largest: Array  # (draws,): the largest -log P over the ages in each draw; 0 without any
 
 
 def flip_test(means: Array, *, seed: int = 0, chance: Chance | None = None) -> FlipTest:

@@ -46,17 +46,11 @@ MIN_WITHIN = 3
 
 @dataclass(frozen=True, slots=True)
 class SceneGroups:
-    """The group of each scene.
+    """The group of each scene."""
 
-    Parameters
-    ----------
-    names
-        By dataset and scene. A scene that is not in it is a group of its own.
-    copies
-        Scenes with the images of another, by dataset and scene: the name of the other.
-    """
-
+    # By dataset and scene. A scene that is not in it is a group of its own.
     names: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    # scenes with the images of another, by dataset and scene: the name of the other
     copies: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def of(self, dataset: str, scenes: Sequence[str]) -> NDArray[np.intp]:
@@ -96,17 +90,10 @@ class JoinedScenes:
 
     Statistics that know nothing of groups then take each group for one scene. Scenes of fewer groups keep their names
     and their groups (`tracknoise.analysis.condition_units.Units.across_groups`).
-
-    Parameters
-    ----------
-    names
-        By dataset and scene; scenes that keep their names are missing.
-    others
-        Groups of the scenes that keep their names.
     """
 
-    names: Mapping[tuple[str, str], str]
-    others: SceneGroups
+    names: Mapping[tuple[str, str], str]  # by dataset and scene; scenes that keep their names are missing
+    others: SceneGroups  # groups of the scenes that keep their names
 
     @classmethod
     def of(cls, scenes: Mapping[str, Iterable[str]], groups: SceneGroups) -> "JoinedScenes":

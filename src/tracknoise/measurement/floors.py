@@ -43,21 +43,11 @@ _ENTRIES = ((0, 0), (0, 1), (1, 1))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
-    """Observations with a true position, and where they belong on the axis of curves.
+    """Observations with a true position, and where they belong on the axis of curves."""
 
-    Attributes
-    ----------
-    points
-        Their frames and points.
-    counted : (n,) bool
-        Whether an observation counts: whether it is visible.
-    axis
-        Age or frame.
-    """
-
-    points: "AnchoredPoints"
-    counted: NDArray[np.bool_]
-    axis: Axis
+    points: "AnchoredPoints"  # their frames and points
+    counted: NDArray[np.bool_]  # (n,): whether an observation counts: whether it is visible
+    axis: Axis  # age or frame
 
     @property
     def at(self) -> NDArray[np.intp]:
@@ -159,26 +149,13 @@ NO_FLOOR = pl.DataFrame(schema=_COLUMNS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruthFloor:
-    """Uncertainty of the truth of one sequence.
+    """Uncertainty of the truth of one sequence."""
 
-    Attributes
-    ----------
-    sequence
-        The sequence.
-    errors
-        Of true positions; None where the kind of truth has no anchors, or nothing is known.
-    key_frame
-        The frame in which a scan anchors all features, or None.
-    notes
-        What counts, and where the figures are from, one sentence each.
-    is_stated
-        Whether the errors of poses, and of depths where they count, are stated; 0 where they are exact.
-    """
-
-    sequence: Sequence
-    errors: TrueErrors | None
-    key_frame: int | None
-    notes: tuple[str, ...] = ()
+    sequence: Sequence  # the sequence
+    errors: TrueErrors | None  # of true positions; None where the kind of truth has no anchors, or nothing is known
+    key_frame: int | None  # the frame in which a scan anchors all features, or None
+    notes: tuple[str, ...] = ()  # what counts, and where the figures are from, one sentence each
+    # whether the errors of poses, and of depths where they count, are stated; 0 where they are exact
     is_stated: bool = False
 
     @classmethod

@@ -20,40 +20,19 @@ Orientation = Callable[[NDArray[np.float64]], NDArray[np.float32]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """All observations of one tracker at one speed, in the order of frames.
+    """All observations of one tracker at one speed, in the order of frames."""
 
-    Attributes
-    ----------
-    track, frame : (n,) uint32
-        Of each observation; tracks are numbered from 0 in the order of their birth.
-    uv : (n, 2) float64
-        Observed position, px.
-    quality : (n,) float32 each
-        What the tracker reported about each observation, by name; NaN where unknown.
-    first_frame : (m,) uint32
-        Of each track.
-    found : (m,) uint32
-        Number of frames in which the tracker found it, including the first.
-    end : (m,) int8
-        `TrackEnd` values.
-    response : (m,) float32
-        Detector response at birth; NaN where unknown.
-    gradient_rad : (m,) float32
-        Orientation of the dominant gradient at birth; NaN where none dominates.
-    frames : (k, 6) uint32
-        One row per frame: frame, offered, matched, outliers, new, alive.
-    """
-
+    # track, frame: (n,): of each observation; tracks are numbered from 0 in the order of their birth
     track: NDArray[np.uint32]
     frame: NDArray[np.uint32]
-    uv: NDArray[np.float64]
-    quality: Quality
-    first_frame: NDArray[np.uint32]
-    found: NDArray[np.uint32]
-    end: NDArray[np.int8]
-    response: NDArray[np.float32]
-    gradient_rad: NDArray[np.float32]
-    frames: NDArray[np.uint32]
+    uv: NDArray[np.float64]  # (n, 2): observed position, px
+    quality: Quality  # (n,): what the tracker reported about each observation, by name; NaN where unknown
+    first_frame: NDArray[np.uint32]  # (m,): of each track
+    found: NDArray[np.uint32]  # (m,): number of frames in which the tracker found it, including the first
+    end: NDArray[np.int8]  # (m,): `TrackEnd` values
+    response: NDArray[np.float32]  # (m,): detector response at birth; NaN where unknown
+    gradient_rad: NDArray[np.float32]  # (m,): orientation of the dominant gradient at birth; NaN where none dominates
+    frames: NDArray[np.uint32]  # (k, 6): one row per frame: frame, offered, matched, outliers, new, alive
 
 
 @dataclass(frozen=True, slots=True)

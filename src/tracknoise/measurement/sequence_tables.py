@@ -181,40 +181,25 @@ def _frames_and_size(sequence: Sequence) -> str:
 
 @dataclass(frozen=True, slots=True)
 class SequenceTables:
-    """What was measured in one sequence, before trimming.
+    """What was measured in one sequence, before trimming."""
 
-    Attributes
-    ----------
-    observations, tracks, frames, floors
-        Tables of `tracknoise.tables.schema`; `max_error_px` is null and `kept` true.
-    truth
-        The kind of truth used.
-    key_frame
-        The frame in which features were associated with a scan; None for other kinds of truth.
-    n_frames
-        Number of frames read.
-    snapshot_frame, snapshot
-        One frame, (height, width) uint8, for figures that show the tracks.
-    notes
-        What trackers state about their results, what is known of the errors of the truth, and the notes of the second
-        truth, one sentence each.
-    states_accuracy
-        Whether the errors of its poses, and of its depths where they count, are stated; 0 where they are exact.
-    images
-        Images of the first frames, (height, width) uint8, as far as they were to be kept.
-    """
-
+    # observations, tracks, frames, floors: tables of `tracknoise.tables.schema`; `max_error_px` is null and `kept` true
     observations: pl.DataFrame
     tracks: pl.DataFrame
     frames: pl.DataFrame
     floors: pl.DataFrame
-    truth: str
-    key_frame: int | None
-    n_frames: int
+    truth: str  # the kind of truth used
+    key_frame: int | None  # the frame in which features were associated with a scan; None for other kinds of truth
+    n_frames: int  # number of frames read
+    # snapshot_frame, snapshot: one frame, (height, width) uint8, for figures that show the tracks
     snapshot_frame: int
     snapshot: NDArray[np.uint8]
+    # what trackers state about their results, what is known of the errors of the truth, and the notes of the second
+    # truth, one sentence each
     notes: tuple[str, ...] = ()
+    # whether the errors of its poses, and of its depths where they count, are stated; 0 where they are exact
     states_accuracy: bool = False
+    # images of the first frames, (height, width) uint8, as far as they were to be kept
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
 

@@ -22,51 +22,25 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class TrackerSetup:
-    """A tracker at a speed.
+    """A tracker at a speed."""
 
-    Parameters
-    ----------
-    tracker
-        Its name in the tables.
-    settings
-        Its settings.
-    speed
-        It sees frames 0, speed, 2 speed, ... of the nominal sequence.
-    """
-
-    tracker: str
-    settings: TrackerSettings
-    speed: int
+    tracker: str  # its name in the tables
+    settings: TrackerSettings  # its settings
+    speed: int  # It sees frames 0, speed, 2 speed, ... of the nominal sequence.
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingResult:
-    """Result of one pass over a sequence.
+    """Result of one pass over a sequence."""
 
-    Attributes
-    ----------
-    recordings
-        What each tracker setup reported, in the order given.
-    positions
-        The true positions of each recording's observations.
-    snapshot_frame
-        The frame that is kept for figures.
-    snapshot : (height, width) uint8
-        Its image.
-    notes
-        What trackers state about their results, one sentence each.
-    second_positions
-        The true positions of a second truth, in the same order; None where there is no second truth.
-    images
-        Images of the first frames, (height, width) uint8, as far as they were to be kept.
-    """
-
-    recordings: list[Recording]
-    positions: list[TruePositions]
-    snapshot_frame: int
-    snapshot: NDArray[np.uint8]
-    notes: tuple[str, ...] = ()
+    recordings: list[Recording]  # what each tracker setup reported, in the order given
+    positions: list[TruePositions]  # the true positions of each recording's observations
+    snapshot_frame: int  # the frame that is kept for figures
+    snapshot: NDArray[np.uint8]  # (height, width): its image
+    notes: tuple[str, ...] = ()  # what trackers state about their results, one sentence each
+    # the true positions of a second truth, in the same order; None where there is no second truth
     second_positions: list[TruePositions] | None = None
+    # images of the first frames, (height, width) uint8, as far as they were to be kept
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
 
 

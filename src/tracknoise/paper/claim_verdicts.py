@@ -49,52 +49,24 @@ class Agreement(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Verdict on a claim under one reading.
+    """Verdict on a claim under one reading."""
 
-    Attributes
-    ----------
-    agreement
-        The verdict.
-    value
-        What was measured, with its interval where there is one; empty where nothing was.
-    reason
-        Why; empty where the value says it all.
-    """
-
-    agreement: Agreement
-    value: str = ""
-    reason: str = ""
+    agreement: Agreement  # the verdict
+    value: str = ""  # what was measured, with its interval where there is one; empty where nothing was
+    reason: str = ""  # why; empty where the value says it all
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One claim.
+    """One claim."""
 
-    Attributes
-    ----------
-    id
-        Unique within an experiment.
-    experiment
-        Of the paper.
-    kind
-        How it is judged: a name in `tracknoise.paper.claim_verdicts`.
-    text
-        What is claimed.
-    source
-        Where it stands in the paper.
-    note
-        What is not on record about it; empty where nothing is missing.
-    stated
-        What is compared, by kind.
-    """
-
-    id: str
-    experiment: str
-    kind: str
-    text: str
-    source: str
-    note: str = ""
-    stated: Mapping[str, Any] = field(default_factory=dict)
+    id: str  # unique within an experiment
+    experiment: str  # of the paper
+    kind: str  # how it is judged: a name in `tracknoise.paper.claim_verdicts`
+    text: str  # what is claimed
+    source: str  # where it stands in the paper
+    note: str = ""  # what is not on record about it; empty where nothing is missing
+    stated: Mapping[str, Any] = field(default_factory=dict)  # what is compared, by kind
 
 
 @cache
@@ -587,18 +559,10 @@ Runs = Mapping[Reading, Mapping[str, ReportData]]
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A claim and its verdicts.
+    """A claim and its verdicts."""
 
-    Attributes
-    ----------
-    claim
-        Of the paper.
-    judgements
-        One for each reading.
-    """
-
-    claim: Claim
-    judgements: Mapping[Reading, Judgement]
+    claim: Claim  # of the paper
+    judgements: Mapping[Reading, Judgement]  # one for each reading
 
     @property
     def reasons(self) -> str:

@@ -57,43 +57,22 @@ if __name__ == "__main__":
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One experiment of a replication.
+    """One experiment of a replication."""
 
-    Attributes
-    ----------
-    title
-        Its name.
-    data
-        Of its run.
-    variants
-        Of a run of its first scene with variants of its trackers. None where there is none.
-    """
-
-    title: str
-    data: ReportData
+    title: str  # its name
+    data: ReportData  # of its run
+    # Of a run of its first scene with variants of its trackers. None where there is none.
     variants: ReportData | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """One difference from the paper.
+    """One difference from the paper."""
 
-    Attributes
-    ----------
-    id
-        Anchor in the page.
-    title
-        What differs.
-    paragraphs
-        The text, with code between backticks.
-    measured
-        What it changes in these runs. None where their tables cannot show it.
-    """
-
-    id: str
-    title: str
-    paragraphs: Sequence[str]
-    measured: Cells | None
+    id: str  # anchor in the page
+    title: str  # what differs
+    paragraphs: Sequence[str]  # the text, with code between backticks
+    measured: Cells | None  # What it changes in these runs. None where their tables cannot show it.
 
 
 def departures(parts: Sequence[Part]) -> list[Departure]:

@@ -214,23 +214,12 @@ _FOLDERS_ABOVE = 2
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """How one of the two releases names its images.
+    """How one of the two releases names its images."""
 
-    Parameters
-    ----------
-    image
-        Format of a file's name, without extension, from ``position`` and ``number``.
-    pattern
-        Matches a file's name; its groups are position and number.
-    numbers
-        Numbers of the files of each position that are needed.
-    lightings
-        For images that are relit already, the number of each lighting's file; empty where they are those of the LEDs.
-    """
-
-    image: str
-    pattern: re.Pattern[str]
-    numbers: range
+    image: str  # format of a file's name, without extension, from ``position`` and ``number``
+    pattern: re.Pattern[str]  # matches a file's name; its groups are position and number
+    numbers: range  # numbers of the files of each position that are needed
+    # for images that are relit already, the number of each lighting's file; empty where they are those of the LEDs
     lightings: Mapping[str, int]
 
     @property
@@ -520,36 +509,16 @@ def _halved_shape(camera: Camera) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LitSequence:
-    """A `tracknoise.sequences.sequence.Sequence` that shares its images with others, and whose truth is a scan.
+    """A `tracknoise.sequences.sequence.Sequence` that shares its images with others, and whose truth is a scan."""
 
-    Parameters
-    ----------
-    id
-        Which sequence.
-    source
-        Folder of its scene.
-    camera
-        Intrinsics of all images.
-    world_from_camera
-        (n, 4, 4) float64, rigid: one pose per frame.
-    scan
-        Of its scene.
-    shots
-        The images, one object for all sequences that were opened together.
-    lighting
-        Index of its lighting in `shots`.
-    notes
-        What was corrected or assumed while reading, one sentence each.
-    """
-
-    id: SequenceId
-    source: str
-    camera: Camera
-    world_from_camera: NDArray[np.float64]
-    scan: Scan
-    shots: Shots
-    lighting: int
-    notes: tuple[str, ...] = ()
+    id: SequenceId  # which sequence
+    source: str  # folder of its scene
+    camera: Camera  # intrinsics of all images
+    world_from_camera: NDArray[np.float64]  # (n, 4, 4) float64, rigid: one pose per frame
+    scan: Scan  # of its scene
+    shots: Shots  # the images, one object for all sequences that were opened together
+    lighting: int  # index of its lighting in `shots`
+    notes: tuple[str, ...] = ()  # what was corrected or assumed while reading, one sentence each
 
     def __len__(self) -> int:
         return len(self.world_from_camera)

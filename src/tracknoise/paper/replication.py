@@ -44,17 +44,10 @@ _TRIMMING_IN_TITLE = {Reading.none: ", untrimmed", Reading.all: ", trimmed", Rea
 
 @dataclass(frozen=True, slots=True)
 class Beside:
-    """One figure under every reading.
+    """One figure under every reading."""
 
-    Attributes
-    ----------
-    title
-        Its heading.
-    files
-        Path of the image within the folder of the page, by reading; without those that cannot be drawn.
-    """
-
-    title: str
+    title: str  # its heading
+    # path of the image within the folder of the page, by reading; without those that cannot be drawn
     files: Mapping[Reading, str]
 
 
@@ -87,26 +80,14 @@ def _figures(data: ReportData) -> list[Figure]:
 
 @dataclass(frozen=True)
 class Replicated:
-    """One experiment of the paper, and its run if there is one.
+    """One experiment of the paper, and its run if there is one."""
 
-    Attributes
-    ----------
-    experiment
-        Its key in `tracknoise.report.paper`.
-    found
-        One sentence: the data that were found, or why there are none.
-    run
-        Its run, with a report; None where there is none.
-    variants
-        A run of its first scene with variants of its trackers; None where there is none.
-    others
-        The same run under other readings of the paper's trimming. `run` is that of `Reading.all`.
-    """
-
-    experiment: str
-    found: str
-    run: RunFolder | None = None
+    experiment: str  # its key in `tracknoise.report.paper`
+    found: str  # one sentence: the data that were found, or why there are none
+    run: RunFolder | None = None  # its run, with a report; None where there is none
+    # a run of its first scene with variants of its trackers; None where there is none
     variants: RunFolder | None = None
+    # The same run under other readings of the paper's trimming. `run` is that of `Reading.all`.
     others: Mapping[Reading, RunFolder] = field(default_factory=dict)
 
     @cached_property

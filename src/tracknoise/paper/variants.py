@@ -44,41 +44,23 @@ _TRIMMING = {
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An experiment of the paper, and whether it can be repeated.
+    """An experiment of the paper, and whether it can be repeated."""
 
-    Attributes
-    ----------
-    preset
-        Name of the preset.
-    root
-        Folder of its data; None if there are none, or none are needed.
-    possible
-        Whether it can be repeated.
-    found
-        One sentence: which data were found, or why there are none.
-    """
-
-    preset: str
-    root: Path | None
-    possible: bool
-    found: str
+    preset: str  # name of the preset
+    root: Path | None  # folder of its data; None if there are none, or none are needed
+    possible: bool  # whether it can be repeated
+    found: str  # one sentence: which data were found, or why there are none
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of each experiment, and the folder of models.
+    """Limits of each experiment, and the folder of models."""
 
-    Attributes
-    ----------
-    scenes, frames
-        Maximum number of scenes, and of frames per scene, or first, last and step of the frames; None for all.
-    models
-        Folder of Gazebo models, for simulated worlds that can contain them.
-    """
-
+    # scenes, frames: maximum number of scenes, and of frames per scene, or first, last and step of the frames; None for
+    # all
     scenes: int | None = None
     frames: int | list[int] | None = None
-    models: Path | None = None
+    models: Path | None = None  # folder of Gazebo models, for simulated worlds that can contain them
 
 
 def candidates(folders: Iterable[Path]) -> list[Candidate]:

@@ -39,30 +39,17 @@ _LEAST_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFile:
-    """One camera of a calibration file.
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    body_from_camera
-        (4, 4) float64, metres: X_body = body_from_camera X_camera, where the body is what the file relates the camera
-        to, usually the IMU. None where the file does not say.
-    time_shift_s
-        To be added to the time of an image to get the time of the body's clock, seconds; None where unknown.
-    rate_hz
-        Frames per second; None where unknown.
-    depth_unit_m
-        Depth of the integer 1 in depth images, metres; None where unknown.
-    shutter
-        Rolling shutter of the camera; None where all rows are exposed together, or the file does not say.
-    """
+    """One camera of a calibration file."""
 
     camera: CameraModel
+    # (4, 4) float64, metres: X_body = body_from_camera X_camera, where the body is what the file relates the camera to,
+    # usually the IMU. None where the file does not say.
     body_from_camera: NDArray[np.float64] | None = None
+    # to be added to the time of an image to get the time of the body's clock, seconds; None where unknown
     time_shift_s: float | None = None
-    rate_hz: float | None = None
-    depth_unit_m: float | None = None
+    rate_hz: float | None = None  # frames per second; None where unknown
+    depth_unit_m: float | None = None  # depth of the integer 1 in depth images, metres; None where unknown
+    # rolling shutter of the camera; None where all rows are exposed together, or the file does not say
     shutter: RollingShutter | None = None
 
     @property

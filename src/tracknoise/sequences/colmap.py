@@ -84,63 +84,32 @@ _LENSES = {
 
 @dataclass(frozen=True, slots=True)
 class ColmapCamera:
-    """A camera as it is written.
+    """A camera as it is written."""
 
-    Parameters
-    ----------
-    place
-        File, and where in it, for errors.
-    model
-        Name of the model, one of `PARAMETERS`.
-    width, height
-        Size of the image, px.
-    parameters
-        As the model has them.
-    """
-
-    place: str
-    model: str
+    place: str  # file, and where in it, for errors
+    model: str  # name of the model, one of `PARAMETERS`
+    # width, height: size of the image, px
     width: int
     height: int
-    parameters: tuple[float, ...]
+    parameters: tuple[float, ...]  # as the model has them
 
 
 @dataclass(frozen=True, slots=True)
 class ColmapImage:
-    """A registered image as it is written.
+    """A registered image as it is written."""
 
-    Parameters
-    ----------
-    place
-        File, and where in it, for errors.
-    name
-        Path of the file below the folder of images.
-    camera_id
-        Its camera.
-    pose
-        Quaternion qw, qx, qy, qz and translation of ``camera_from_world``.
-    """
-
-    place: str
-    name: str
+    place: str  # file, and where in it, for errors
+    name: str  # path of the file below the folder of images
     camera_id: int
-    pose: tuple[float, ...]
+    pose: tuple[float, ...]  # quaternion qw, qx, qy, qz and translation of ``camera_from_world``
 
 
 @dataclass(frozen=True, slots=True)
 class Reconstruction:
-    """A reconstruction.
+    """A reconstruction."""
 
-    Parameters
-    ----------
-    cameras
-        By their numbers.
-    images
-        Registered images by their names.
-    """
-
-    cameras: dict[int, ColmapCamera]
-    images: dict[str, ColmapImage]
+    cameras: dict[int, ColmapCamera]  # by their numbers
+    images: dict[str, ColmapImage]  # registered images by their names
 
 
 def reconstruction(path: Path, cameras: dict[int, ColmapCamera], images: list[ColmapImage]) -> Reconstruction:

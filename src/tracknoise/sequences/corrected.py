@@ -54,16 +54,9 @@ class CorrectedSequence(View):
 
     A depth map belongs to pixels: the depth under a pixel stays there, but for its factor, offsets and kind. Where an
     exact surface is known, its depth under each pixel is treated likewise.
-
-    Parameters
-    ----------
-    sequence
-        As recorded.
-    corrections
-        What to change.
     """
 
-    corrections: Corrections
+    corrections: Corrections  # what to change
 
     @property
     def camera(self) -> CameraModel:

@@ -44,15 +44,9 @@ _PLACES = (r"(MH)_\d", r"(V[12])_\d", r"dataset-([a-z]+)\d")
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """The files of one recording.
+    """The files of one recording."""
 
-    Parameters
-    ----------
-    folder
-        Its own folder.
-    """
-
-    folder: Path
+    folder: Path  # its own folder
 
     @property
     def device(self) -> Path:
@@ -143,27 +137,13 @@ _COLUMN = re.compile(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Rows of one file.
+    """Rows of one file."""
 
-    Parameters
-    ----------
-    path
-        The file.
-    header
-        Names of the columns; empty where there are none.
-    times_ns
-        (n,) int64, nanoseconds, in the order of the file.
-    rows
-        All fields of each row.
-    places
-        ``file:line`` of each row.
-    """
-
-    path: Path
-    header: list[str]
-    times_ns: NDArray[np.int64]
-    rows: list[list[str]]
-    places: list[str]
+    path: Path  # the file
+    header: list[str]  # names of the columns; empty where there are none
+    times_ns: NDArray[np.int64]  # (n,) int64, nanoseconds, in the order of the file
+    rows: list[list[str]]  # all fields of each row
+    places: list[str]  # ``file:line`` of each row
 
 
 def read_table(path: Path, columns: str) -> Table:

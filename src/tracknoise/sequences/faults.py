@@ -361,19 +361,10 @@ class FaultySequence(View):
     Ray-cast truth is not offered: it would use the true surface. Truth from depth at birth uses what is stated, as that
     of a recording does. Accuracies are not stated where there are faults, and the kind of depth counts as unknown:
     everything is looked for as in a recording.
-
-    Parameters
-    ----------
-    sequence
-        What is shown.
-    faults
-        What is wrong.
-    seed
-        Random seed of noise.
     """
 
-    faults: Faults
-    seed: int
+    faults: Faults  # what is wrong
+    seed: int  # random seed of noise
 
     @property
     def camera(self) -> CameraModel:

@@ -90,21 +90,11 @@ _SOURCE = "vel_accuracy in the OXTS files"
 
 @dataclass(frozen=True, slots=True)
 class OxtsAccuracy:
-    """Stated accuracy of the poses of a drive; None where nothing is stated.
+    """Stated accuracy of the poses of a drive; None where nothing is stated."""
 
-    Parameters
-    ----------
-    pose
-        Of single poses: the median over frames. OXTS files state no accuracy of angles.
-    truth
-        Of relative poses: growth of the error of the position from frame to frame.
-    notes
-        The figures, in one sentence.
-    """
-
-    pose: PoseAccuracy | None = None
-    truth: TruthAccuracy | None = None
-    notes: tuple[str, ...] = ()
+    pose: PoseAccuracy | None = None  # Of single poses: the median over frames. OXTS files state no accuracy of angles.
+    truth: TruthAccuracy | None = None  # of relative poses: growth of the error of the position from frame to frame
+    notes: tuple[str, ...] = ()  # the figures, in one sentence
 
 
 def read_oxts_accuracy(drive: Drive, numbers: range, timestamps_s: NDArray[np.float64] | None) -> OxtsAccuracy:
@@ -127,18 +117,10 @@ def read_oxts_accuracy(drive: Drive, numbers: range, timestamps_s: NDArray[np.fl
 
 @dataclass(frozen=True, slots=True)
 class StillRule:
-    """When a drive counts as having a still stretch.
+    """When a drive counts as having a still stretch."""
 
-    Parameters
-    ----------
-    frames
-        Count of frames one after another.
-    step_m
-        Each less than this from the one before, metres.
-    """
-
-    frames: int
-    step_m: float
+    frames: int  # count of frames one after another
+    step_m: float  # each less than this from the one before, metres
 
 
 def still_stretch(world_from_camera: NDArray[np.float64], rule: StillRule) -> range | None:
@@ -162,18 +144,10 @@ NEAREST_M = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KittiDepth:
-    """Reads depth files of either kind: a `tracknoise.sequences.recorded.DepthReader`.
+    """Reads depth files of either kind: a `tracknoise.sequences.recorded.DepthReader`."""
 
-    Parameters
-    ----------
-    radius_px
-        See `tracknoise.geometry.depth.DepthMap`.
-    camera_from_velodyne
-        (4, 4) float64; None where no frame needs its scan.
-    """
-
-    radius_px: float
-    camera_from_velodyne: NDArray[np.float64] | None
+    radius_px: float  # see `tracknoise.geometry.depth.DepthMap`
+    camera_from_velodyne: NDArray[np.float64] | None  # (4, 4) float64; None where no frame needs its scan
 
     def __call__(self, path: Path, camera: CameraModel) -> DepthMap:
         """Sparse depth of one frame."""

@@ -50,17 +50,10 @@ _RECORDING = re.compile(r"\d{4}_\d{2}_\d{2}_drive_\d{4}")
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """One drive's files.
+    """One drive's files."""
 
-    Parameters
-    ----------
-    folder
-        The drive's own folder.
-    depth_root
-        The folder below which its depth-completion maps lie, if there are any; by default its own.
-    """
-
-    folder: Path
+    folder: Path  # the drive's own folder
+    # the folder below which its depth-completion maps lie, if there are any; by default its own
     depth_root: Path | None = None
 
     @property
@@ -113,21 +106,11 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class DriveFrames:
-    """The frames of one drive.
+    """The frames of one drive."""
 
-    Attributes
-    ----------
-    numbers
-        Of the frames, without a gap.
-    images
-        An image for each.
-    depths
-        For each its depth-completion map, else its Velodyne scan, else None.
-    """
-
-    numbers: range
-    images: tuple[Path, ...]
-    depths: tuple[Path | None, ...]
+    numbers: range  # of the frames, without a gap
+    images: tuple[Path, ...]  # an image for each
+    depths: tuple[Path | None, ...]  # for each its depth-completion map, else its Velodyne scan, else None
 
 
 def find_drives(root: Path, depth_root: Path | None) -> dict[str, Drive]:

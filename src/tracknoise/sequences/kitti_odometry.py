@@ -48,15 +48,9 @@ _POSES, _VELODYNE = "poses", "velodyne"
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """The files of one sequence.
+    """The files of one sequence."""
 
-    Parameters
-    ----------
-    folder
-        Its own folder.
-    """
-
-    folder: Path
+    folder: Path  # its own folder
 
     @property
     def poses(self) -> Path:
@@ -79,21 +73,11 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class CourseFrames:
-    """The frames of one sequence.
+    """The frames of one sequence."""
 
-    Attributes
-    ----------
-    numbers
-        Of the frames, without a gap.
-    images
-        An image for each.
-    scans
-        For each its Velodyne scan, or None.
-    """
-
-    numbers: range
-    images: tuple[Path, ...]
-    scans: tuple[Path | None, ...]
+    numbers: range  # of the frames, without a gap
+    images: tuple[Path, ...]  # an image for each
+    scans: tuple[Path | None, ...]  # for each its Velodyne scan, or None
 
 
 def find_courses(root: Path) -> dict[str, Course]:

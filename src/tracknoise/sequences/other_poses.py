@@ -33,26 +33,12 @@ class OtherPoses(View):
     """A sequence with other poses, in a world frame of their own. Images, cameras and depths stay.
 
     Points of a surface or a scan are moved with the camera from the one world frame to the other.
-
-    Parameters
-    ----------
-    sequence
-        What is shown.
-    poses
-        (n, 4, 4) float64: world_from_camera of each frame, all NaN for a frame without a pose.
-    name
-        Where they are from, for messages.
-
-    Raises
-    ------
-    DataError
-        If there are fewer than two poses.
     """
 
     keeps_kind_of_depth: ClassVar[bool] = True
 
-    poses: NDArray[np.float64]
-    name: str
+    poses: NDArray[np.float64]  # (n, 4, 4) float64: world_from_camera of each frame, all NaN for a frame without a pose
+    name: str  # where they are from, for messages
 
     def __post_init__(self) -> None:
         require_some_poses(self.poses, self.name)

@@ -15,25 +15,14 @@ _MOST_ENTRIES, _MOST_LEVELS = 20_000, 6
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """Names by which the files of a reader are known.
+    """Names by which the files of a reader are known."""
 
-    Attributes
-    ----------
-    reader
-        Its name.
-    pattern
-        Regular expression that a whole path below the data set's folder matches, this folder's name included. Folders
-        end with a slash.
-    layout
-        What the pattern means, for people.
-    names
-        Further files and folders of the layout, to find the nearest format where none fits.
-    """
-
-    reader: str
+    reader: str  # its name
+    # Regular expression that a whole path below the data set's folder matches, this folder's name included. Folders end
+    # with a slash.
     pattern: str
-    layout: str
-    names: frozenset[str]
+    layout: str  # what the pattern means, for people
+    names: frozenset[str]  # further files and folders of the layout, to find the nearest format where none fits
 
 
 def _signature(reader: str, pattern: str, layout: str, names: str) -> Signature:

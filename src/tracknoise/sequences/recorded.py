@@ -192,23 +192,13 @@ DepthReader = Callable[[Path, CameraModel], DepthMap]
 
 @dataclass(frozen=True, slots=True)
 class ImageFiles:
-    """Reads the image of a frame from its file.
+    """Reads the image of a frame from its file."""
 
-    Parameters
-    ----------
-    paths
-        One file for each frame.
-    camera
-        Whose size the images must have.
-    levels
-        Values of 16-bit images that become 0 and 255; None where all images must have 8 bits.
-    as_stored
-        Whether what EXIF data say of the orientation is ignored, as the program that made the poses did.
-    """
-
-    paths: tuple[Path, ...]
-    camera: CameraModel
+    paths: tuple[Path, ...]  # one file for each frame
+    camera: CameraModel  # whose size the images must have
+    # values of 16-bit images that become 0 and 255; None where all images must have 8 bits
     levels: Levels | None = None
+    # whether what EXIF data say of the orientation is ignored, as the program that made the poses did
     as_stored: bool = False
 
     def __len__(self) -> int:

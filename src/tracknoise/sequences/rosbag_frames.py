@@ -41,52 +41,29 @@ from tracknoise.text import counted
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Messages:
-    """Where the messages of a topic are, in the order of the bag.
+    """Where the messages of a topic are, in the order of the bag."""
 
-    Parameters
-    ----------
-    topic
-        Its name.
-    frame
-        The frame that the first message names.
-    stamped_ns, received_ns
-        (n,) int64, nanoseconds: in their headers, and when they were received.
-    positions
-        n positions in the bag.
-    """
-
-    topic: str
-    frame: str
+    topic: str  # its name
+    frame: str  # the frame that the first message names
+    # stamped_ns, received_ns: (n,) int64, nanoseconds: in their headers, and when they were received
     stamped_ns: NDArray[np.int64]
     received_ns: NDArray[np.int64]
-    positions: tuple[Position, ...]
+    positions: tuple[Position, ...]  # n positions in the bag
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
-    """What a bag holds of a camera.
+    """What a bag holds of a camera."""
 
-    Parameters
-    ----------
-    images, depths
-        Their messages; None where there is no depth.
-    camera_info, camera_info_topic
-        The intrinsics; None where they come from somewhere else.
-    pose_topic
-        Where the poses come from.
-    pose
-        The poses of the topic; None where they come from tf.
-    transforms
-        The transforms of all tf topics.
-    """
-
+    # images, depths: their messages; None where there is no depth
     images: Messages
     depths: Messages | None
+    # camera_info, camera_info_topic: the intrinsics; None where they come from somewhere else
     camera_info: CameraInfo | None
     camera_info_topic: str
-    pose_topic: str
-    pose: Link | None
-    transforms: tuple[Link, ...]
+    pose_topic: str  # where the poses come from
+    pose: Link | None  # the poses of the topic; None where they come from tf
+    transforms: tuple[Link, ...]  # the transforms of all tf topics
 
 
 def scan_bag(path: Path, wanted: Wanted) -> Scan:
@@ -157,24 +134,12 @@ class Clock(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class BagImages:
-    """Reads the image of a frame from its message.
+    """Reads the image of a frame from its message."""
 
-    Parameters
-    ----------
-    bag
-        Where the messages are.
-    topic
-        Of the images.
-    positions
-        One message for each frame.
-    levels
-        16-bit values that become 0 and 255; None if the images have 8 bits.
-    """
-
-    bag: BagFile
-    topic: str
-    positions: tuple[Position, ...]
-    levels: Levels | None
+    bag: BagFile  # where the messages are
+    topic: str  # of the images
+    positions: tuple[Position, ...]  # one message for each frame
+    levels: Levels | None  # 16-bit values that become 0 and 255; None if the images have 8 bits
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -187,26 +152,13 @@ class BagImages:
 
 @dataclass(frozen=True, slots=True)
 class BagDepths:
-    """Reads the depth of a frame from its message.
+    """Reads the depth of a frame from its message."""
 
-    Parameters
-    ----------
-    bag
-        Where the messages are.
-    topic
-        Of the depth maps.
-    positions
-        One message for each frame, None for a frame without depth.
-    metres_per_unit
-        Depth of the integer 1, metres.
-    radius_px
-        None for dense depth; for sparse depth, the largest distance to the nearest pixel with depth, px.
-    """
-
-    bag: BagFile
-    topic: str
-    positions: tuple[Position | None, ...]
-    metres_per_unit: float
+    bag: BagFile  # where the messages are
+    topic: str  # of the depth maps
+    positions: tuple[Position | None, ...]  # one message for each frame, None for a frame without depth
+    metres_per_unit: float  # depth of the integer 1, metres
+    # None for dense depth; for sparse depth, the largest distance to the nearest pixel with depth, px
     radius_px: float | None
 
     def __len__(self) -> int:
@@ -272,21 +224,11 @@ class Step:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:
-    """Transforms between frames. A frame that has several parents is an error only where a chain leads through it.
+    """Transforms between frames. A frame that has several parents is an error only where a chain leads through it."""
 
-    Parameters
-    ----------
-    place
-        The bag, for errors.
-    by_child
-        One transform by the name of its child frame.
-    several
-        All parents of the frames that have more than one.
-    """
-
-    place: str | Path
-    by_child: dict[str, Link]
-    several: dict[str, set[str]]
+    place: str | Path  # the bag, for errors
+    by_child: dict[str, Link]  # one transform by the name of its child frame
+    several: dict[str, set[str]]  # all parents of the frames that have more than one
 
     @classmethod
     def of(cls, place: str | Path, links: Iterable[Link]) -> "Tree":

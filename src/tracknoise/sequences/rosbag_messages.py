@@ -149,32 +149,19 @@ _ROTATION_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class CameraInfo:
-    """What a CameraInfo message says.
+    """What a CameraInfo message says."""
 
-    Parameters
-    ----------
-    width, height
-        Size of the full image, px.
-    model
-        Name of the distortion model.
-    d
-        Distortion coefficients.
-    k, r, p
-        Rows of the camera matrix (3x3), of the rectifying rotation (3x3) and of the projection (3x4).
-    binning
-        Pixels that are joined along x and y; 0 means 1.
-    roi
-        First column and row, width and height of the part that is kept; width and height 0 mean all.
-    """
-
+    # width, height: size of the full image, px
     width: int
     height: int
-    model: str
-    d: tuple[float, ...]
+    model: str  # name of the distortion model
+    d: tuple[float, ...]  # distortion coefficients
+    # k, r, p: rows of the camera matrix (3x3), of the rectifying rotation (3x3) and of the projection (3x4)
     k: tuple[float, ...]
     r: tuple[float, ...]
     p: tuple[float, ...]
-    binning: tuple[int, int]
+    binning: tuple[int, int]  # pixels that are joined along x and y; 0 means 1
+    # first column and row, width and height of the part that is kept; width and height 0 mean all
     roi: tuple[int, int, int, int]
 
 
@@ -278,44 +265,27 @@ _SHOWN = 20
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Topics that the user names; None for those that are to be found. A depth topic of "" means no depth.
+    """Topics that the user names; None for those that are to be found. A depth topic of "" means no depth."""
 
-    Parameters
-    ----------
-    image, depth, camera_info, pose
-        Names of topics.
-    intrinsics_given
-        Whether the intrinsics come from somewhere else.
-    """
-
+    # image, depth, camera_info, pose: names of topics
     image: str | None = None
     depth: str | None = None
     camera_info: str | None = None
     pose: str | None = None
-    intrinsics_given: bool = False
+    intrinsics_given: bool = False  # whether the intrinsics come from somewhere else
 
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """The topics that are read.
+    """The topics that are read."""
 
-    Parameters
-    ----------
-    image, depth, camera_info
-        Of images, depths and intrinsics; None where there are none.
-    depth_info
-        Of the intrinsics beside the depths; None where there are none.
-    pose
-        Of poses; may be one of transforms.
-    transforms, static_transforms
-        All topics of transforms.
-    """
-
+    # image, depth, camera_info: of images, depths and intrinsics; None where there are none
     image: Topic
     depth: Topic | None
     camera_info: Topic | None
-    depth_info: Topic | None
-    pose: Topic
+    depth_info: Topic | None  # of the intrinsics beside the depths; None where there are none
+    pose: Topic  # of poses; may be one of transforms
+    # transforms, static_transforms: all topics of transforms
     transforms: tuple[Topic, ...]
     static_transforms: tuple[Topic, ...]
 
@@ -418,32 +388,18 @@ def _named(bag: Bag, option: str, name: str, kinds: Iterable[str]) -> Topic:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """The transform of a child frame to its parent frame over time.
+    """The transform of a child frame to its parent frame over time."""
 
-    Parameters
-    ----------
-    topic
-        Where it comes from.
-    parent, child
-        Names of the frames; the child's is "" where the messages do not have it.
-    stamped_ns, received_ns
-        (n,) int64, nanoseconds: in the messages' headers, and when they were received.
-    parent_from_child
-        (n, 4, 4) float64.
-    is_static
-        Whether it holds at all times.
-    left_out
-        How many messages held no pose.
-    """
-
-    topic: str
+    topic: str  # where it comes from
+    # parent, child: names of the frames; the child's is "" where the messages do not have it
     parent: str
     child: str
+    # stamped_ns, received_ns: (n,) int64, nanoseconds: in the messages' headers, and when they were received
     stamped_ns: NDArray[np.int64]
     received_ns: NDArray[np.int64]
-    parent_from_child: NDArray[np.float64]
-    is_static: bool
-    left_out: int
+    parent_from_child: NDArray[np.float64]  # (n, 4, 4) float64
+    is_static: bool  # whether it holds at all times
+    left_out: int  # how many messages held no pose
 
 
 @dataclass(frozen=True, slots=True)

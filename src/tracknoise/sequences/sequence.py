@@ -297,21 +297,13 @@ def files_of(sequence: Sequence) -> tuple[Path, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SecondCamera:
-    """A calibrated camera beside the first, which took images at the times of frames.
+    """A calibrated camera beside the first, which took images at the times of frames."""
 
-    Parameters
-    ----------
-    camera
-        Intrinsics of its images.
-    first_from_second
-        (4, 4) float64, metres: its pose in the frame of the first camera, constant.
-    images
-        Reads its image of a frame from the frame's index: (height, width) uint8; None of a frame without one. It must
-        be possible to pickle it.
-    """
-
-    camera: CameraModel
+    camera: CameraModel  # intrinsics of its images
+    # (4, 4) float64, metres: its pose in the frame of the first camera, constant
     first_from_second: NDArray[np.float64]
+    # Reads its image of a frame from the frame's index: (height, width) uint8; None of a frame without one. It must be
+    # possible to pickle it.
     images: Callable[[int], NDArray[np.uint8] | None]
 
 

@@ -68,25 +68,14 @@ class Calibration(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Cameras:
-    """The cameras of a recording.
+    """The cameras of a recording."""
 
-    Parameters
-    ----------
-    colour
-        Of the images.
-    depth
-        Of the depth maps.
-    colour_from_depth
-        (4, 4) float64, metres: from the frame of the depth camera, whose poses are recorded, to that of the colour
-        camera; None where both are one camera.
-    notes
-        What was assumed, one sentence each.
-    """
-
-    colour: Camera
-    depth: Camera
+    colour: Camera  # of the images
+    depth: Camera  # of the depth maps
+    # (4, 4) float64, metres: from the frame of the depth camera, whose poses are recorded, to that of the colour
+    # camera; None where both are one camera
     colour_from_depth: NDArray[np.float64] | None
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what was assumed, one sentence each
 
 
 def find_cameras(
@@ -152,22 +141,13 @@ _read_depth = partial(read_depth_png16, metres_per_unit=0.001)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegisteredDepths:
-    """Reads the depth map of a frame, and moves it into the image of the colour camera.
+    """Reads the depth map of a frame, and moves it into the image of the colour camera."""
 
-    Parameters
-    ----------
-    files
-        Depth maps of the depth camera.
-    depth, colour
-        Both cameras.
-    colour_from_depth
-        (4, 4) float64, metres.
-    """
-
-    files: DepthFiles
+    files: DepthFiles  # depth maps of the depth camera
+    # depth, colour: both cameras
     depth: Camera
     colour: Camera
-    colour_from_depth: NDArray[np.float64]
+    colour_from_depth: NDArray[np.float64]  # (4, 4) float64, metres
 
     def __len__(self) -> int:
         return len(self.files)
@@ -191,18 +171,11 @@ _COLUMNS = "qw qx qy qz tx ty tz f"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SfmPoses:
-    """Poses of one recording.
+    """Poses of one recording."""
 
-    Parameters
-    ----------
-    world_from_camera
-        (n, 4, 4) float64, metres: of the colour camera; all NaN for images that are not in the files.
-    focal_px
-        Focal length of the colour camera, the median of its images, px.
-    """
-
+    # (n, 4, 4) float64, metres: of the colour camera; all NaN for images that are not in the files
     world_from_camera: NDArray[np.float64]
-    focal_px: float
+    focal_px: float  # focal length of the colour camera, the median of its images, px
 
 
 def read_sfm_poses(path: Path, images: tuple[Path, ...]) -> SfmPoses:

@@ -35,27 +35,13 @@ from tracknoise.text import html_card, one_line
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSequence:
-    """A `tracknoise.sequences.sequence.Sequence` that renders each frame when asked for it.
+    """A `tracknoise.sequences.sequence.Sequence` that renders each frame when asked for it."""
 
-    Parameters
-    ----------
-    id
-        Which sequence.
-    camera
-        Intrinsics of all its images.
-    world_from_camera
-        (n, 4, 4) float64.
-    settings
-        The reader's settings.
-    world
-        The world of the scene.
-    """
-
-    id: SequenceId
-    camera: KnownCamera
-    world_from_camera: NDArray[np.float64]
-    settings: "Simulated"
-    world: RenderedWorld
+    id: SequenceId  # which sequence
+    camera: KnownCamera  # intrinsics of all its images
+    world_from_camera: NDArray[np.float64]  # (n, 4, 4) float64
+    settings: "Simulated"  # the reader's settings
+    world: RenderedWorld  # the world of the scene
 
     def __len__(self) -> int:
         return len(self.world_from_camera)

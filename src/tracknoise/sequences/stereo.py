@@ -51,20 +51,10 @@ def with_stereo_depth(sequence: Sequence) -> "StereoDepth":
 
 @dataclass(frozen=True, eq=False)
 class StereoDepth(View):
-    """A sequence with depth from its second camera. Made by `with_stereo_depth`.
+    """A sequence with depth from its second camera. Made by `with_stereo_depth`."""
 
-    Parameters
-    ----------
-    sequence
-        What is shown.
-    second
-        Its second camera.
-    pair
-        The rectified pair.
-    """
-
-    second: SecondCamera
-    pair: Rectification
+    second: SecondCamera  # its second camera
+    pair: Rectification  # the rectified pair
 
     @property
     def path(self) -> PosePath | None:

@@ -47,29 +47,14 @@ from tracknoise.text import counted
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Recording:
-    """Recordings with one camera.
+    """Recordings with one camera."""
 
-    Parameters
-    ----------
-    name
-        Of the recordings, for notes.
-    pattern
-        Found in the names of their folders.
-    place
-        What all of them show; None where they show several places.
-    camera
-        Published intrinsics.
-    upside_down
-        Whether the published fy is negative: the y axes of camera and world point up.
-    body_from_camera
-        (4, 4) float64: from the camera to what the poses are poses of; None where that is the camera.
-    """
-
-    name: str
-    pattern: str
-    place: str | None
-    camera: Camera
-    upside_down: bool = False
+    name: str  # of the recordings, for notes
+    pattern: str  # found in the names of their folders
+    place: str | None  # what all of them show; None where they show several places
+    camera: Camera  # published intrinsics
+    upside_down: bool = False  # whether the published fy is negative: the y axes of camera and world point up
+    # (4, 4) float64: from the camera to what the poses are poses of; None where that is the camera
     body_from_camera: NDArray[np.float64] | None = None
 
 
@@ -151,21 +136,11 @@ Rows = list[tuple[str, list[str]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FileList:
-    """Files in order of time.
+    """Files in order of time."""
 
-    Parameters
-    ----------
-    times_s
-        (n,) float64, seconds, increasing.
-    files
-        One for each.
-    notes
-        What was corrected, one sentence each.
-    """
-
-    times_s: NDArray[np.float64]
-    files: tuple[Path, ...]
-    notes: tuple[str, ...] = ()
+    times_s: NDArray[np.float64]  # (n,) float64, seconds, increasing
+    files: tuple[Path, ...]  # one for each
+    notes: tuple[str, ...] = ()  # what was corrected, one sentence each
 
 
 NO_FILES = FileList(np.empty(0), ())

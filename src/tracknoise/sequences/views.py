@@ -111,18 +111,12 @@ def turned(sequence: Sequence, degrees: int) -> Sequence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A `tracknoise.sequences.sequence.Sequence` that shows another one. Subclasses say what they change.
-
-    Parameters
-    ----------
-    sequence
-        What is shown.
-    """
+    """A `tracknoise.sequences.sequence.Sequence` that shows another one. Subclasses say what they change."""
 
     keeps_kind_of_depth: ClassVar[bool] = False
     """Whether depths are those of the sequence shown: otherwise their kind is not known by construction."""
 
-    sequence: Sequence
+    sequence: Sequence  # what is shown
 
     def __len__(self) -> int:
         return len(self.sequence)
@@ -254,19 +248,11 @@ def frame_step(sequence: Sequence) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenFrames(View):
-    """Some frames of a sequence, numbered from 0. Nothing is read of the others.
-
-    Parameters
-    ----------
-    sequence
-        What is shown.
-    frames
-        Which of its frames, ascending.
-    """
+    """Some frames of a sequence, numbered from 0. Nothing is read of the others."""
 
     keeps_kind_of_depth: ClassVar[bool] = True
 
-    frames: range
+    frames: range  # which of its frames, ascending
 
     def __len__(self) -> int:
         return len(self.frames)

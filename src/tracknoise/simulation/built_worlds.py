@@ -321,21 +321,12 @@ def _horizon(rng: np.random.Generator) -> Iterator[Quad]:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A kind of world.
+    """A kind of world."""
 
-    Parameters
-    ----------
-    build
-        Builds a world from a random generator and, if `takes_models`, a folder of models or None.
-    motions
-        Names in `tracknoise.simulation.motion.MOTIONS` of paths without collisions.
-    takes_models
-        Whether it can contain Gazebo models.
-    """
-
+    # builds a world from a random generator and, if `takes_models`, a folder of models or None
     build: Callable[[np.random.Generator, Path | None], Scenery]
-    motions: tuple[str, ...]
-    takes_models: bool
+    motions: tuple[str, ...]  # names in `tracknoise.simulation.motion.MOTIONS` of paths without collisions
+    takes_models: bool  # whether it can contain Gazebo models
 
 
 def _plaza(rng: np.random.Generator, models: Path | None) -> Scenery:

@@ -141,17 +141,11 @@ class CameraPath:
     """The path of a camera between its frames (truth.shutter).
 
     Between frames the position is linear in time and the rotation spherically linear. Times are counted in frames.
-
-    Parameters
-    ----------
-    world_from_camera
-        (n, 4, 4) float64: the pose of each frame; n at least 2 if poses between frames are requested.
-    imaging
-        Rate, shutter and exposure.
     """
 
+    # (n, 4, 4) float64: the pose of each frame; n at least 2 if poses between frames are requested
     world_from_camera: NDArray[np.float64]
-    imaging: Imaging
+    imaging: Imaging  # rate, shutter and exposure
 
     def of_rows(self, frame: float, camera: CameraModel, *, late_s: float = 0.0) -> NDArray[np.float64]:
         """Pose of an image: (4, 4) float64, or (height, 4, 4), one for each row, with a rolling shutter.

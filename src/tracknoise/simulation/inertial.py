@@ -28,18 +28,12 @@ RATE_HZ = 200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InertialNoise:
-    """Densities of the noise of an inertial sensor. The defaults are those that EuRoC states for its ADIS16448.
+    """Densities of the noise of an inertial sensor. The defaults are those that EuRoC states for its ADIS16448."""
 
-    Parameters
-    ----------
-    gyro, accelerometer
-        White noise: rad/s and m/s^2 per sqrt(Hz).
-    gyro_walk, accelerometer_walk
-        Walk of the biases, which are 0 at first: rad/s^2 and m/s^3 per sqrt(Hz).
-    """
-
+    # gyro, accelerometer: white noise: rad/s and m/s^2 per sqrt(Hz)
     gyro: float = 1.6968e-4
     accelerometer: float = 2.0e-3
+    # gyro_walk, accelerometer_walk: walk of the biases, which are 0 at first: rad/s^2 and m/s^3 per sqrt(Hz)
     gyro_walk: float = 1.9393e-5
     accelerometer_walk: float = 3.0e-3
 
@@ -95,21 +89,13 @@ class SmoothPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InertialReadings:
-    """What an inertial sensor reads, with the truth.
+    """What an inertial sensor reads, with the truth."""
 
-    Parameters
-    ----------
-    times_s
-        (m,) float64, seconds.
-    gyro, accelerometer
-        (m, 3) float64: rad/s and m/s^2, along the camera's own axes.
-    gyro_bias, accelerometer_bias
-        (m, 3) float64: the true biases.
-    """
-
-    times_s: NDArray[np.float64]
+    times_s: NDArray[np.float64]  # (m,) float64, seconds
+    # gyro, accelerometer: (m, 3) float64: rad/s and m/s^2, along the camera's own axes
     gyro: NDArray[np.float64]
     accelerometer: NDArray[np.float64]
+    # gyro_bias, accelerometer_bias: (m, 3) float64: the true biases
     gyro_bias: NDArray[np.float64]
     accelerometer_bias: NDArray[np.float64]
 

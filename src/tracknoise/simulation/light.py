@@ -10,21 +10,11 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A directional light, at infinity.
+    """A directional light, at infinity."""
 
-    Parameters
-    ----------
-    azimuth_deg
-        Azimuth of the light, clockwise from north seen from above.
-    elevation_deg
-        Elevation above the horizon.
-    strength
-        Irradiance of a surface that faces it, as a share of the full range of the sensor.
-    """
-
-    azimuth_deg: float
-    elevation_deg: float
-    strength: float
+    azimuth_deg: float  # azimuth of the light, clockwise from north seen from above
+    elevation_deg: float  # elevation above the horizon
+    strength: float  # irradiance of a surface that faces it, as a share of the full range of the sensor
 
     @property
     def towards(self) -> NDArray[np.float64]:
@@ -51,17 +41,10 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True)
 class PointLamp:
-    """A point light: its direction and strength differ between the points of a surface.
+    """A point light: its direction and strength differ between the points of a surface."""
 
-    Parameters
-    ----------
-    position_m
-        Position, metres, world frame.
-    strength
-        Irradiance of a surface that faces it at a distance of 1 m, as a share of the full range of the sensor.
-    """
-
-    position_m: tuple[float, float, float]
+    position_m: tuple[float, float, float]  # position, metres, world frame
+    # irradiance of a surface that faces it at a distance of 1 m, as a share of the full range of the sensor
     strength: float
 
     def irradiance(self, points: NDArray[np.float64], height_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,21 +69,11 @@ class PointLamp:
 
 @dataclass(frozen=True, slots=True)
 class Lighting:
-    """All light in a world.
+    """All light in a world."""
 
-    Parameters
-    ----------
-    ambient
-        Irradiance of every surface, as a share of the full range of the sensor.
-    lamps
-        Directional lights.
-    point_lamps
-        Point lights.
-    """
-
-    ambient: float
-    lamps: tuple[Lamp, ...] = ()
-    point_lamps: tuple[PointLamp, ...] = ()
+    ambient: float  # irradiance of every surface, as a share of the full range of the sensor
+    lamps: tuple[Lamp, ...] = ()  # directional lights
+    point_lamps: tuple[PointLamp, ...] = ()  # point lights
 
 
 LIGHTINGS: Mapping[str, Lighting] = MappingProxyType(

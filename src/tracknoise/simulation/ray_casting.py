@@ -171,22 +171,15 @@ class Rays:
     """Rays of some rows of an image, with bearings (x, y, 1).
 
     All arrays broadcast to (rows, samples, width): what is the same in a row, or in a column, is there once.
-
-    Parameters
-    ----------
-    x, y
-        float64.
-    right, down
-        Steps to the next pixel.
-    blind
-        bool: there is no ray, and x and y are 0.
     """
 
+    # x, y: float64
     x: _Floats
     y: _Floats
+    # right, down: steps to the next pixel
     right: Step
     down: Step
-    blind: NDArray[np.bool_] | bool
+    blind: NDArray[np.bool_] | bool  # bool: there is no ray, and x and y are 0
 
     @property
     def shape(self) -> tuple[int, ...]:

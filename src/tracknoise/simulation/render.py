@@ -296,21 +296,11 @@ Poses = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """What a renderer is made for.
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    lighting
-        The light.
-    quality
-        The rendering quality.
-    """
+    """What a renderer is made for."""
 
     camera: CameraModel
-    lighting: Lighting
-    quality: Quality
+    lighting: Lighting  # the light
+    quality: Quality  # the rendering quality
 
 
 class RenderedWorld:

@@ -47,15 +47,9 @@ _MOST_DIGITS = 9
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """Folders that contain models, each in its own folder.
+    """Folders that contain models, each in its own folder."""
 
-    Parameters
-    ----------
-    roots
-        In order of precedence.
-    """
-
-    roots: tuple[Path, ...]
+    roots: tuple[Path, ...]  # in order of precedence
 
     def find(self, uri: str, beside: Path) -> Path | None:
         """File or folder of a URI. Returns: None if there is no regular file or folder."""
@@ -198,27 +192,13 @@ _NOT_SHOWN = ("actor", "light", "road", "population", "particle_emitter", "proje
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visual:
-    """A visible part.
+    """A visible part."""
 
-    Parameters
-    ----------
-    name
-        Name of the visual and of its model, for messages.
-    file
-        The SDF file that contains it.
-    world_from_visual
-        (4, 4) float64.
-    geometry
-        The only child of its ``<geometry>``.
-    material
-        Its ``<material>``.
-    """
-
-    name: str
-    file: Path
-    world_from_visual: NDArray[np.float64]
-    geometry: Element
-    material: Element | None
+    name: str  # name of the visual and of its model, for messages
+    file: Path  # the SDF file that contains it
+    world_from_visual: NDArray[np.float64]  # (4, 4) float64
+    geometry: Element  # the only child of its ``<geometry>``
+    material: Element | None  # its ``<material>``
 
 
 def read_visuals(path: Path, library: Library, remarks: Remarks) -> list[Visual]:

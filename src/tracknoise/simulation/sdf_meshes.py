@@ -57,18 +57,10 @@ _LUMA = np.array([0.299, 0.587, 0.114])  # weights of red, green and blue, as in
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Material of a surface.
+    """Material of a surface."""
 
-    Parameters
-    ----------
-    texture
-        Image file; None for a uniform colour.
-    reflectance
-        Reflectance of the uniform colour, 0 to 1.
-    """
-
-    texture: Path | None = None
-    reflectance: float = 0.7
+    texture: Path | None = None  # image file; None for a uniform colour
+    reflectance: float = 0.7  # reflectance of the uniform colour, 0 to 1
 
 
 PLAIN = Look()
@@ -77,21 +69,12 @@ PLAIN = Look()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Triangles with one material.
+    """Triangles with one material."""
 
-    Parameters
-    ----------
-    corners
-        (t, 3, 3) float64, metres.
-    corner_uv
-        (t, 3, 2) float64, repeats of the texture, row 0 first; None if there are no texture coordinates.
-    look
-        Their material; None if none is defined.
-    """
-
-    corners: NDArray[np.float64]
+    corners: NDArray[np.float64]  # (t, 3, 3) float64, metres
+    # (t, 3, 2) float64, repeats of the texture, row 0 first; None if there are no texture coordinates
     corner_uv: NDArray[np.float64] | None
-    look: Look | None = None
+    look: Look | None = None  # their material; None if none is defined
 
 
 def even(red: float, green: float, blue: float) -> Look:

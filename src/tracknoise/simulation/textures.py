@@ -106,22 +106,14 @@ _TONES = (0.35, 0.8)
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """Recipe of a texture.
+    """Recipe of a texture."""
 
-    Parameters
-    ----------
-    exponent
-        The amplitude spectrum is frequency to the power of minus this value; 1 is typical of natural images.
-    mean, contrast
-        Mean and standard deviation of the natural part, reflectance.
-    shapes
-        Number of crisp shapes.
-    """
-
+    # the amplitude spectrum is frequency to the power of minus this value; 1 is typical of natural images
     exponent: float
+    # mean, contrast: mean and standard deviation of the natural part, reflectance
     mean: float
     contrast: float
-    shapes: int
+    shapes: int  # number of crisp shapes
 
 
 MASONRY = Recipe(exponent=1.0, mean=0.5, contrast=0.13, shapes=90)

@@ -105,31 +105,16 @@ def _require_range(name: str, values: NDArray[np.int64], count: int) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quad:
-    """A rectangle or parallelogram, described as seen from its front.
+    """A rectangle or parallelogram, described as seen from its front."""
 
-    Parameters
-    ----------
-    corner
-        (3,) float64, upper left corner, metres, world frame.
-    right, down
-        (3,) float64, upper and left edge from that corner, metres.
-    texture
-        Index of the texture.
-    repeat_m
-        Size of one repeat of the texture, metres.
-    start
-        Texture coordinates of the upper left corner, repeats.
-    blocks_light
-        Whether it casts a shadow.
-    """
-
-    corner: NDArray[np.float64]
+    corner: NDArray[np.float64]  # (3,) float64, upper left corner, metres, world frame
+    # right, down: (3,) float64, upper and left edge from that corner, metres
     right: NDArray[np.float64]
     down: NDArray[np.float64]
-    texture: int = 0
-    repeat_m: float = 1.0
-    start: tuple[float, float] = (0.0, 0.0)
-    blocks_light: bool = True
+    texture: int = 0  # index of the texture
+    repeat_m: float = 1.0  # size of one repeat of the texture, metres
+    start: tuple[float, float] = (0.0, 0.0)  # texture coordinates of the upper left corner, repeats
+    blocks_light: bool = True  # whether it casts a shadow
 
     def dressed(self, texture: int, *, repeat_m: float, start: tuple[float, float]) -> "Quad":
         """The same rectangle with another texture."""
@@ -210,18 +195,10 @@ def assemble(quads: Sequence[Quad], textures: tuple[NDArray[np.float32], ...]) -
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scenery:
-    """A world with notes.
+    """A world with notes."""
 
-    Parameters
-    ----------
-    world
-        The world.
-    notes
-        Things that were left out, replaced or used, one sentence each.
-    """
-
-    world: World
-    notes: tuple[str, ...] = ()
+    world: World  # the world
+    notes: tuple[str, ...] = ()  # things that were left out, replaced or used, one sentence each
 
 
 def moved(world: World, pose: NDArray[np.float64]) -> World:

@@ -33,37 +33,19 @@ from tracknoise.tables.schema import ASPECT, ASPECT_BLOCKS, ASPECTS, check
 
 @dataclass(frozen=True, slots=True)
 class _Errors:
-    """Errors of some observations of a sequence.
+    """Errors of some observations of a sequence."""
 
-    Attributes
-    ----------
-    rows : (errors,) intp
-        Rows of the observations.
-    error_px : (errors, 2) float64
-        In u and v, or along and across.
-    """
-
-    rows: NDArray[np.intp]
-    error_px: NDArray[np.float64]
+    rows: NDArray[np.intp]  # (errors,): rows of the observations
+    error_px: NDArray[np.float64]  # (errors, 2): in u and v, or along and across
 
 
 @dataclass(frozen=True, slots=True)
 class _Keys:
-    """Columns by which errors are grouped, besides condition and trimming.
+    """Columns by which errors are grouped, besides condition and trimming."""
 
-    Attributes
-    ----------
-    columns
-        Name and values, (rows,), of each key.
-    axis
-        What ``at`` is.
-    orders
-        Which central power sums are measured.
-    """
-
-    columns: Mapping[str, NDArray[np.int64] | NDArray[np.uint8]]
-    axis: str
-    orders: Sequence[Order]
+    columns: Mapping[str, NDArray[np.int64] | NDArray[np.uint8]]  # name and values, (rows,), of each key
+    axis: str  # what ``at`` is
+    orders: Sequence[Order]  # which central power sums are measured
 
 
 def aspects(sequence: PreparedSequence) -> pl.DataFrame:

@@ -58,18 +58,10 @@ _SORTED = ["condition", "block", "trimming", "lag", "age"]
 
 @dataclass(frozen=True, slots=True)
 class _Changes:
-    """Changes of the errors of some tracks, sorted by condition, track and frame.
+    """Changes of the errors of some tracks, sorted by condition, track and frame."""
 
-    Attributes
-    ----------
-    rows : (changes,) intp
-        Row of the observation at the end of each change.
-    change_px : (changes, 2) float64
-        Of du and dv.
-    """
-
-    rows: NDArray[np.intp]
-    change_px: NDArray[np.float64]
+    rows: NDArray[np.intp]  # (changes,): row of the observation at the end of each change
+    change_px: NDArray[np.float64]  # (changes, 2): of du and dv
 
 
 def increments(sequence: PreparedSequence) -> pl.DataFrame:

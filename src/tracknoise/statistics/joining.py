@@ -52,22 +52,13 @@ _NAMES = list(ORIGIN)
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Where a part of a sequence belongs.
+    """Where a part of a sequence belongs."""
 
-    Parameters
-    ----------
-    place, count
-        Which part it is, from 0, of how many.
-    first_frame
-        Its first frame.
-    first_track
-        Number of its first track, by tracker and speed.
-    """
-
+    # place, count: which part it is, from 0, of how many
     place: int
     count: int
-    first_frame: int
-    first_track: Mapping[tuple[str, int], int]
+    first_frame: int  # its first frame
+    first_track: Mapping[tuple[str, int], int]  # number of its first track, by tracker and speed
 
 
 def join(name: str, parts: Iterable[tuple[Part, pl.DataFrame]], schema: Schema) -> pl.DataFrame:

@@ -37,25 +37,14 @@ VARIANCES: tuple[Order, ...] = ((2, 0), (0, 2))
 
 @dataclass(frozen=True, slots=True)
 class JointMoments:
-    """Moments of g samples of pairs (x, y).
+    """Moments of g samples of pairs (x, y)."""
 
-    Attributes
-    ----------
-    orders
-        Order (p, q) of each column of `central`. With an order, every lower one down to 2 in total that its binomial
-        expansion needs must be there.
-    n : (g,) int64
-        Pairs in each sample.
-    mean : (g, 2) float64
-        0 where `n` is 0.
-    central : (g, len(orders)) float64
-        Central power sums.
-    """
-
+    # Order (p, q) of each column of `central`. With an order, every lower one down to 2 in total that its binomial
+    # expansion needs must be there.
     orders: tuple[Order, ...]
-    n: NDArray[np.int64]
-    mean: NDArray[np.float64]
-    central: NDArray[np.float64]
+    n: NDArray[np.int64]  # (g,): pairs in each sample
+    mean: NDArray[np.float64]  # (g, 2): 0 where `n` is 0
+    central: NDArray[np.float64]  # (g, len(orders): central power sums
 
     def of(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "JointMoments":
         """Moments of some samples: which, (g,) bool, or their numbers."""
@@ -161,17 +150,10 @@ _LABELS: Schema = {"population": POPULATION, "trimming": TRIMMING}
 
 @dataclass(frozen=True, slots=True)
 class MomentCells:
-    """Moments of the errors of observations that agree in all keys.
+    """Moments of the errors of observations that agree in all keys."""
 
-    Attributes
-    ----------
-    keys : tuple of (cells,) intp
-        Sorted by the first key, then the second, and so on.
-    signed, absolute
-        Moments of (du, dv), and of their absolute values.
-    """
-
-    keys: tuple[NDArray[np.intp], ...]
+    keys: tuple[NDArray[np.intp], ...]  # sorted by the first key, then the second, and so on
+    # signed, absolute: moments of (du, dv), and of their absolute values
     signed: JointMoments
     absolute: JointMoments
 

@@ -83,43 +83,22 @@ def true_points(sequence: PreparedSequence, geometry: FrameGeometry, born: NDArr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorTracks:
-    """Observations of all tracks, in the order of condition, track and frame, each up to the same age.
+    """Observations of all tracks, in the order of condition, track and frame, each up to the same age."""
 
-    Attributes
-    ----------
-    rows : (n,) intp
-        Rows of the observations table.
-    track : (n,) intp
-        A number for each track.
-    frame, speed : (n,) int64
-        Of each observation.
-    age : (n,) float64
-        Frames of the recording since birth.
-    error_px : (n, 2) float64
-        About the first position; NaN where it is unknown or hidden, and for outliers.
-    outlier : (n,) bool
-        Whether the error is beyond the limit.
-    limit_px : (conditions,) float64
-        Limit of each condition; NaN where it has no errors.
-    magnification : (n,) float64
-        M_k = Z_0 / Z_k; 1 where the depth is unknown.
-    walked : (n,) float64
-        Sum of s / M_i^2 over the frames i of the tracker since birth, s frames of the recording apart.
-    motion_px : (n, 2) float64
-        Motion of the true position since the observation before; NaN at birth.
-    """
-
-    rows: NDArray[np.intp]
-    track: NDArray[np.intp]
+    rows: NDArray[np.intp]  # (n,): rows of the observations table
+    track: NDArray[np.intp]  # (n,): a number for each track
+    # frame, speed: (n,): of each observation
     frame: NDArray[np.int64]
     speed: NDArray[np.int64]
-    age: NDArray[np.float64]
+    age: NDArray[np.float64]  # (n,): frames of the recording since birth
+    # (n, 2): about the first position; NaN where it is unknown or hidden, and for outliers
     error_px: NDArray[np.float64]
-    outlier: NDArray[np.bool_]
-    limit_px: NDArray[np.float64]
-    magnification: NDArray[np.float64]
+    outlier: NDArray[np.bool_]  # (n,): whether the error is beyond the limit
+    limit_px: NDArray[np.float64]  # (conditions,): limit of each condition; NaN where it has no errors
+    magnification: NDArray[np.float64]  # (n,): M_k = Z_0 / Z_k; 1 where the depth is unknown
+    # (n,): sum of s / M_i^2 over the frames i of the tracker since birth, s frames of the recording apart
     walked: NDArray[np.float64]
-    motion_px: NDArray[np.float64]
+    motion_px: NDArray[np.float64]  # (n, 2): motion of the true position since the observation before; NaN at birth
 
     def before(self, steps: int) -> NDArray[np.intp]:
         """Places of known errors that have a known error so many frames of the tracker before, in the row above."""
@@ -200,21 +179,11 @@ def _outliers(
 
 @dataclass(frozen=True, slots=True)
 class Products:
-    """Products of one kind.
+    """Products of one kind."""
 
-    Attributes
-    ----------
-    rows : (n,) intp
-        The observation at the end of each.
-    values : (n, 3) float64
-        uu, uv and vv, px^2.
-    factors : (n, 4) float64
-        Of A, W, Q and D in their expectation, (error_products.expected).
-    """
-
-    rows: NDArray[np.intp]
-    values: NDArray[np.float64]
-    factors: NDArray[np.float64]
+    rows: NDArray[np.intp]  # (n,): the observation at the end of each
+    values: NDArray[np.float64]  # (n, 3): uu, uv and vv, px^2
+    factors: NDArray[np.float64]  # (n, 4): of A, W, Q and D in their expectation, (error_products.expected)
 
 
 def products(tracks: ErrorTracks) -> Iterator[tuple[Product, Products]]:

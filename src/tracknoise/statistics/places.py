@@ -52,21 +52,11 @@ from tracknoise.tables.schema import AXIS, IMAGE_MAP, IMAGE_SPEEDS, OCCLUSION, S
 
 @dataclass(frozen=True, slots=True)
 class ImageMotion:
-    """Visible observations whose true position has moved since the frame before, by `LEAST_MOTION_PX` or more.
+    """Visible observations whose true position has moved since the frame before, by `LEAST_MOTION_PX` or more."""
 
-    Attributes
-    ----------
-    rows : (n,) intp
-        Rows of the observations.
-    direction : (n, 2) float64
-        Unit vector of the motion.
-    length_px : (n,) float64
-        Length of the motion between two frames that the tracker saw.
-    """
-
-    rows: NDArray[np.intp]
-    direction: NDArray[np.float64]
-    length_px: NDArray[np.float64]
+    rows: NDArray[np.intp]  # (n,): rows of the observations
+    direction: NDArray[np.float64]  # (n, 2): unit vector of the motion
+    length_px: NDArray[np.float64]  # (n,): length of the motion between two frames that the tracker saw
 
 
 def image_motion(sequence: PreparedSequence, chosen: NDArray[np.bool_]) -> ImageMotion:
@@ -228,20 +218,11 @@ _SIGNED_BOUNDS_PX = (*(-bound for bound in reversed(EDGE_BOUNDS_PX[1:])), *EDGE_
 
 @dataclass(frozen=True, slots=True)
 class _Classes:
-    """Classes of observations by one property.
+    """Classes of observations by one property."""
 
-    Attributes
-    ----------
-    surrounding
-        The property.
-    number : (n,) intp
-        Class of each of the rows; -1 where it has none.
-    low, high
-        Bounds of each class; None where it has none.
-    """
-
-    surrounding: Surrounding
-    number: NDArray[np.intp]
+    surrounding: Surrounding  # the property
+    number: NDArray[np.intp]  # (n,): class of each of the rows; -1 where it has none
+    # low, high: bounds of each class; None where it has none
     low: list[float | None]
     high: list[float | None]
 

@@ -94,36 +94,20 @@ def in_population(observations: pl.DataFrame, population: str) -> NDArray[np.boo
 
 @dataclass(frozen=True, slots=True)
 class PreparedObservations:
-    """Columns of an observations table as arrays, rows in the order of the table.
+    """Columns of an observations table as arrays, rows in the order of the table."""
 
-    Attributes
-    ----------
-    conditions
-        Columns of `ORIGIN`: every sequence and condition once, sorted.
-    condition : (rows,) intp
-        Row of `conditions`.
-    track, frame, age : (rows,) int64
-        As in the table.
-    error_px : (rows, 2) float64
-        du and dv; NaN where the true position is unknown.
-    visible, projected : (rows,) bool
-        Whether the observation belongs to the population; all that do have an error.
-    kept : (rows,) bool
-        False for observations of tracks that trimming dropped.
-    axis
-        Whether errors are zero in the first frame of a feature (``age``) or in a key frame (``frame``).
-    """
-
-    conditions: pl.DataFrame
-    condition: NDArray[np.intp]
+    conditions: pl.DataFrame  # columns of `ORIGIN`: every sequence and condition once, sorted
+    condition: NDArray[np.intp]  # (rows,): row of `conditions`
+    # track, frame, age: (rows,): as in the table
     track: NDArray[np.int64]
     frame: NDArray[np.int64]
     age: NDArray[np.int64]
-    error_px: NDArray[np.float64]
+    error_px: NDArray[np.float64]  # (rows, 2): du and dv; NaN where the true position is unknown
+    # visible, projected: (rows,): whether the observation belongs to the population; all that do have an error
     visible: NDArray[np.bool_]
     projected: NDArray[np.bool_]
-    kept: NDArray[np.bool_]
-    axis: Axis
+    kept: NDArray[np.bool_]  # (rows,): false for observations of tracks that trimming dropped
+    axis: Axis  # whether errors are zero in the first frame of a feature (``age``) or in a key frame (``frame``)
 
     @property
     def at(self) -> NDArray[np.int64]:

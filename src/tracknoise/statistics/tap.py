@@ -20,27 +20,13 @@ AGE_THRESHOLDS = tuple(range(1, 32))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointTracks:
-    """True and reported positions of n points in the k frames that a tracker saw.
+    """True and reported positions of n points in the k frames that a tracker saw."""
 
-    Attributes
-    ----------
-    reported_px : (n, k, 2) float64
-        NaN where the tracker did not report the point.
-    true_px : (n, k, 2) float64
-        Arbitrary where not visible.
-    visible : (n, k) bool
-        Whether the true position is known and visible.
-    known : (n, k) bool
-        Whether it is known that the point is visible or that it is not.
-    first : (n,) int64
-        Column in which each point begins; it is reported there.
-    """
-
-    reported_px: NDArray[np.float64]
-    true_px: NDArray[np.float64]
-    visible: NDArray[np.bool_]
-    known: NDArray[np.bool_]
-    first: NDArray[np.int64]
+    reported_px: NDArray[np.float64]  # (n, k, 2): naN where the tracker did not report the point
+    true_px: NDArray[np.float64]  # (n, k, 2): arbitrary where not visible
+    visible: NDArray[np.bool_]  # (n, k): whether the true position is known and visible
+    known: NDArray[np.bool_]  # (n, k): whether it is known that the point is visible or that it is not
+    first: NDArray[np.int64]  # (n,): column in which each point begins; it is reported there
 
     @property
     def reported(self) -> NDArray[np.bool_]:

@@ -15,18 +15,11 @@ from tracknoise.tables.schema import AMONG, TRIMS, check
 
 @dataclass(frozen=True, slots=True)
 class Trimmed:
-    """A sequence in which every track is marked as kept or dropped; no row is removed.
+    """A sequence in which every track is marked as kept or dropped; no row is removed."""
 
-    Attributes
-    ----------
-    sequence
-        Its observations and tracks in the order given; `kept` and `max_error_px` are filled in.
-    trims
-        Schema `TRIMS`, with one row for each scene and condition that has tracks, sorted by these.
-    """
-
+    # its observations and tracks in the order given; `kept` and `max_error_px` are filled in
     sequence: PreparedSequence
-    trims: pl.DataFrame
+    trims: pl.DataFrame  # schema `TRIMS`, with one row for each scene and condition that has tracks, sorted by these
 
     @property
     def observations(self) -> pl.DataFrame:
@@ -41,17 +34,10 @@ class Trimmed:
 
 @dataclass(frozen=True, slots=True)
 class _Largest:
-    """Largest error of every track.
+    """Largest error of every track."""
 
-    Attributes
-    ----------
-    error_px : (tracks,) float64
-        NaN where a track has no error.
-    followed : (tracks,) bool
-        Whether a track has an error in a frame other than the one that fixes its true position.
-    """
-
-    error_px: NDArray[np.float64]
+    error_px: NDArray[np.float64]  # (tracks,): naN where a track has no error
+    # (tracks,): whether a track has an error in a frame other than the one that fixes its true position
     followed: NDArray[np.bool_]
 
     @property

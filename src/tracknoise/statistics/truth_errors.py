@@ -203,24 +203,12 @@ def between_trackers(sequence: PreparedSequence) -> pl.DataFrame:
 
 @dataclass(frozen=True, slots=True)
 class _Positions:
-    """Positions of tracks, from the first of each.
+    """Positions of tracks, from the first of each."""
 
-    Attributes
-    ----------
-    sequence
-        Whose tracks they are.
-    first : (tracks, 2) float64
-        First position, px; NaN where the observation is missing.
-    moved : (rows, 2) float64
-        Position less that of the first frame, px.
-    counted : (rows,) bool
-        Whether the table has the age.
-    """
-
-    sequence: PreparedSequence
-    first: NDArray[np.float64]
-    moved: NDArray[np.float64]
-    counted: NDArray[np.bool_]
+    sequence: PreparedSequence  # whose tracks they are
+    first: NDArray[np.float64]  # (tracks, 2): first position, px; NaN where the observation is missing
+    moved: NDArray[np.float64]  # (rows, 2): position less that of the first frame, px
+    counted: NDArray[np.bool_]  # (rows,): whether the table has the age
 
     @classmethod
     def of(cls, sequence: PreparedSequence) -> "_Positions":

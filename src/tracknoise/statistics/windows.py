@@ -80,21 +80,12 @@ LEAST_PARALLAX_PX = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedWindows:
-    """Windows of N observations each, after the fit of their points.
+    """Windows of N observations each, after the fit of their points."""
 
-    Attributes
-    ----------
-    squares : (windows, 2) float64
-        Sums of the squared residuals in u and v, px^2.
-    freedom : (windows, 2) float64
-        Their degrees of freedom; 2 N - 3 in all, or 2 N - 2 where the window does not show the depth.
-    z_px : (windows,) float64
-        (window.depth), px; NaN where the window does not show the depth.
-    """
-
-    squares: NDArray[np.float64]
+    squares: NDArray[np.float64]  # (windows, 2): sums of the squared residuals in u and v, px^2
+    # (windows, 2): their degrees of freedom; 2 N - 3 in all, or 2 N - 2 where the window does not show the depth
     freedom: NDArray[np.float64]
-    z_px: NDArray[np.float64]
+    z_px: NDArray[np.float64]  # (windows,): (window.depth), px; NaN where the window does not show the depth
 
 
 def fit_windows(

@@ -52,24 +52,14 @@ SCALARS: Mapping[str, str] = MappingProxyType({"lifetime": "frames", "outlier_ra
 
 @dataclass(frozen=True, slots=True)
 class ReferenceCondition:
-    """Where factors are held while another one varies.
+    """Where factors are held while another one varies."""
 
-    Parameters
-    ----------
-    lighting, direction, camera
-        Names as in the tables.
-    rotation
-        Degrees.
-    speed
-        The nominal one.
-    key_frames
-        Where curves run along frames: the one in which errors are zero, by direction.
-    """
-
+    # lighting, direction, camera: names as in the tables
     lighting: str
-    rotation: int = 0
+    rotation: int = 0  # degrees
     direction: str = "forward"
-    speed: int = 1
+    speed: int = 1  # the nominal one
+    # where curves run along frames: the one in which errors are zero, by direction
     key_frames: Mapping[str, int] = field(default_factory=dict)
     camera: str = ""
 

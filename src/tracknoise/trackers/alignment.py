@@ -65,22 +65,13 @@ def pyramid(image: NDArray[np.uint8], levels: int, smallest_px: int) -> list[Flo
 
 @dataclass(frozen=True, slots=True)
 class Templates:
-    """Patches at one level of a pyramid.
+    """Patches at one level of a pyramid."""
 
-    Attributes
-    ----------
-    values : (n, p) float32
-        Gray values; NaN where a sample is not in the image.
-    steepest : (n, k, p) float32
-        Their derivatives by the k parameters of the warp, without what a change of brightness explains; 0 where a
-        sample is missing.
-    inverse : (n, k, k) float64
-        Inverses of the products of the derivatives, summed over the patch.
-    """
-
-    values: Floats
+    values: Floats  # (n, p): gray values; NaN where a sample is not in the image
+    # (n, k, p): their derivatives by the k parameters of the warp, without what a change of brightness explains; 0
+    # where a sample is missing
     steepest: Floats
-    inverse: NDArray[np.float64]
+    inverse: NDArray[np.float64]  # (n, k, k): inverses of the products of the derivatives, summed over the patch
 
     @classmethod
     def cut(cls, image: Floats, uv: Floats, offsets: Floats, warp: Warp, brightness: Brightness) -> "Templates":
@@ -176,27 +167,15 @@ def _as_bright(seen: Floats, template: Floats, brightness: Brightness) -> Floats
 
 @dataclass(frozen=True, slots=True)
 class Aligned:
-    """Where n patches are in an image.
+    """Where n patches are in an image."""
 
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Their centres, px.
-    matrix : (n, 2, 2) float64
-        What the warp does to offsets from the centre.
-    found : (n,) bool
-        They have texture, have not shrunk to a point, and enough of each lies in the image.
-    residual : (n,) float32
-        Mean absolute difference of gray values, after that of brightness; NaN if nothing is in the image.
-    ncc : (n,) float32
-        Normalised cross-correlation with the template; NaN without texture.
-    """
-
-    uv: NDArray[np.float64]
-    matrix: NDArray[np.float64]
+    uv: NDArray[np.float64]  # (n, 2): their centres, px
+    matrix: NDArray[np.float64]  # (n, 2, 2): what the warp does to offsets from the centre
+    # (n,): they have texture, have not shrunk to a point, and enough of each lies in the image
     found: NDArray[np.bool_]
+    # (n,): mean absolute difference of gray values, after that of brightness; NaN if nothing is in the image
     residual: Floats
-    ncc: Floats
+    ncc: Floats  # (n,): normalised cross-correlation with the template; NaN without texture
 
 
 @dataclass(frozen=True, slots=True)

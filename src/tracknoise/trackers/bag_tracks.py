@@ -44,24 +44,12 @@ _WITH_CAMERA = 6
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """Features of one image.
+    """Features of one image."""
 
-    Attributes
-    ----------
-    track : (n,)
-        Their numbers.
-    uv : (n, 2)
-        Positions.
-    response : (n,)
-        Of the detector; NaN where it is unknown.
-    quality : (n,) each
-        By name, the same names in all messages of a topic.
-    """
-
-    track: Sequence[float] | NDArray[Any]
-    uv: NDArray[np.float64]
-    response: NDArray[np.float32]
-    quality: Mapping[str, NDArray[np.float32]]
+    track: Sequence[float] | NDArray[Any]  # (n,): their numbers
+    uv: NDArray[np.float64]  # (n, 2): positions
+    response: NDArray[np.float32]  # (n,): of the detector; NaN where it is unknown
+    quality: Mapping[str, NDArray[np.float32]]  # (n,): by name, the same names in all messages of a topic
 
 
 def _plain(track: Any, *positions: Any) -> _Seen:

@@ -58,24 +58,14 @@ class Descriptor(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """Keypoints with descriptors, strongest first.
+    """Keypoints with descriptors, strongest first."""
 
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Positions, px.
-    response : (n,) float32
-        Of the detector.
-    descriptors : (n, size) float32
-        Of SIFT, whole numbers from 0 to 255, of length about 512. Of the others, one bit per comparison, so that the
-        squared distance of two descriptors is the number of bits that differ.
-    covariances : (n, 3) float32
-        Of the positions, px^2: uu, uv and vv; None where nothing predicts them.
-    """
-
-    uv: NDArray[np.float64]
-    response: NDArray[np.float32]
+    uv: NDArray[np.float64]  # (n, 2): positions, px
+    response: NDArray[np.float32]  # (n,): of the detector
+    # (n, size): Of SIFT, whole numbers from 0 to 255, of length about 512. Of the others, one bit per comparison, so
+    # that the squared distance of two descriptors is the number of bits that differ.
     descriptors: NDArray[np.float32]
+    # (n, 3): of the positions, px^2: uu, uv and vv; None where nothing predicts them
     covariances: NDArray[np.float32] | None = None
 
     def quality(self, rows: NDArray[np.intp]) -> dict[str, NDArray[np.float32]]:

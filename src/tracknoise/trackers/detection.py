@@ -218,24 +218,13 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Keypoints:
-    """Keypoints of an image, strongest first; ties in the order of detection.
+    """Keypoints of an image, strongest first; ties in the order of detection."""
 
-    Attributes
-    ----------
-    raw
-        As OpenCV made them, in the order of detection.
-    order : (n,) intp
-        Which of `raw` they are.
-    uv : (n, 2) float64
-        Positions, px.
-    response : (n,) float32
-        Of the detector, in its own unit. Of agast and fast, the largest threshold at which the corner would still be
-        one.
-    """
-
-    raw: Sequence[cv2.KeyPoint]
-    order: NDArray[np.intp]
-    uv: NDArray[np.float64]
+    raw: Sequence[cv2.KeyPoint]  # as OpenCV made them, in the order of detection
+    order: NDArray[np.intp]  # (n,): which of `raw` they are
+    uv: NDArray[np.float64]  # (n, 2): positions, px
+    # (n,): Of the detector, in its own unit. Of agast and fast, the largest threshold at which the corner would still
+    # be one.
     response: NDArray[np.float32]
 
 

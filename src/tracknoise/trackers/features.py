@@ -15,27 +15,13 @@ ALIVE = -1
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The live features of a tracker, oldest first.
+    """The live features of a tracker, oldest first."""
 
-    Attributes
-    ----------
-    ids : (n,) int64
-        Ascending.
-    uv : (n, 2) float64
-        Latest position of each, px.
-    first_uv : (n, 2) float64
-        First position of each, px.
-    before_uv : (n, 2) float64
-        Position of each before the latest, px; the latest if there is only one.
-    born : (n,) int64
-        The frame in which each began.
-    """
-
-    ids: NDArray[np.int64]
-    uv: NDArray[np.float64]
-    first_uv: NDArray[np.float64]
-    before_uv: NDArray[np.float64]
-    born: NDArray[np.int64]
+    ids: NDArray[np.int64]  # (n,): ascending
+    uv: NDArray[np.float64]  # (n, 2): latest position of each, px
+    first_uv: NDArray[np.float64]  # (n, 2): first position of each, px
+    before_uv: NDArray[np.float64]  # (n, 2): position of each before the latest, px; the latest if there is only one
+    born: NDArray[np.int64]  # (n,): the frame in which each began
 
     @classmethod
     def begin(cls, first_id: int, uv: NDArray[np.float64], frame: int = 0) -> "Features":

@@ -29,41 +29,21 @@ class Rows:
     """What a file states about each observation, in its order.
 
     Exactly one of `frame`, `time_s` and `time_ns` is given.
-
-    Attributes
-    ----------
-    path
-        The file.
-    track : (n,) int64
-        Which track.
-    uv : (n, 2) float64
-        Position as the file states it.
-    frame : (n,) int64
-        Number of the frame as the file states it; None where it states times.
-    time_s : (n,) float64
-        Time, seconds; None where the file states frames.
-    time_ns : (n,) int64
-        Time, whole nanoseconds, which float64 does not hold exactly; None where the file states another time.
-    line : (n,) int64
-        Number of the line, or of the row if the file has no lines; None where it has neither.
-    has_lines
-        Whether `line` counts lines.
-    response : (n,) float32
-        NaN where unknown; None where no response is known.
-    quality : (n,) float32 each
-        By name; NaN where unknown.
     """
 
-    path: Path
-    track: NDArray[np.int64]
-    uv: NDArray[np.float64]
+    path: Path  # the file
+    track: NDArray[np.int64]  # (n,): which track
+    uv: NDArray[np.float64]  # (n, 2): position as the file states it
+    # (n,): number of the frame as the file states it; None where it states times
     frame: NDArray[np.int64] | None = None
-    time_s: NDArray[np.float64] | None = None
+    time_s: NDArray[np.float64] | None = None  # (n,): time, seconds; None where the file states frames
+    # (n,): time, whole nanoseconds, which float64 does not hold exactly; None where the file states another time
     time_ns: NDArray[np.int64] | None = None
+    # (n,): number of the line, or of the row if the file has no lines; None where it has neither
     line: NDArray[np.int64] | None = None
-    has_lines: bool = True
-    response: NDArray[np.float32] | None = None
-    quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    has_lines: bool = True  # whether `line` counts lines
+    response: NDArray[np.float32] | None = None  # (n,): naN where unknown; None where no response is known
+    quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (n,): by name; NaN where unknown
 
     def place(self, row: int) -> str:
         """Where a row is, for an error."""
@@ -94,25 +74,14 @@ class Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
-    """Observations of imported tracks in the frames of a sequence, sorted by frame and track.
+    """Observations of imported tracks in the frames of a sequence, sorted by frame and track."""
 
-    Attributes
-    ----------
-    track, frame : (n,) int64
-        Frames are indices in the nominal sequence.
-    uv : (n, 2) float64
-        px; an integer is the centre of a pixel.
-    response : (n,) float32
-        NaN where unknown.
-    quality : (n,) float32 each
-        Columns ``quality_<name>`` by name; NaN where unknown.
-    """
-
+    # track, frame: (n,): frames are indices in the nominal sequence
     track: NDArray[np.int64]
     frame: NDArray[np.int64]
-    uv: NDArray[np.float64]
-    response: NDArray[np.float32]
-    quality: Mapping[str, NDArray[np.float32]]
+    uv: NDArray[np.float64]  # (n, 2): px; an integer is the centre of a pixel
+    response: NDArray[np.float32]  # (n,): naN where unknown
+    quality: Mapping[str, NDArray[np.float32]]  # (n,): columns ``quality_<name>`` by name; NaN where unknown
 
 
 _LARGEST_NORMALISED = 2.0
@@ -394,27 +363,15 @@ _LEAST_FRAMES = 3
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """How the rows of a file belong to the frames of a sequence.
+    """How the rows of a file belong to the frames of a sequence."""
 
-    Parameters
-    ----------
-    raster
-        Coordinates of positions.
-    first_frame
-        Number that the file gives the first frame of the sequence.
-    time_offset_s
-        Added to the times of the file to get those of the sequence, seconds.
-    max_gap_s
-        Largest distance between a row and its frame, or between two rows with a frame between them, seconds. Default:
-        `NEAREST_GAP` or `INTERPOLATED_GAP` times the median time between frames.
-    asynchronous
-        Whether positions are interpolated at the times of frames. Otherwise each row belongs to the nearest frame.
-    """
-
-    raster: Raster | Normalised
-    first_frame: int = 0
-    time_offset_s: float = 0.0
+    raster: Raster | Normalised  # coordinates of positions
+    first_frame: int = 0  # number that the file gives the first frame of the sequence
+    time_offset_s: float = 0.0  # added to the times of the file to get those of the sequence, seconds
+    # Largest distance between a row and its frame, or between two rows with a frame between them, seconds. Default:
+    # `NEAREST_GAP` or `INTERPOLATED_GAP` times the median time between frames.
     max_gap_s: float | None = None
+    # Whether positions are interpolated at the times of frames. Otherwise each row belongs to the nearest frame.
     asynchronous: bool = False
 
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:

@@ -29,23 +29,12 @@ class NetworkUnits(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NetworkKeypoints:
-    """What a network found in an image, strongest first.
+    """What a network found in an image, strongest first."""
 
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Positions in the image, px.
-    score : (n,) float32
-        By the network; 1 where it gives none.
-    descriptors : (n, d) float32
-        None if the network has none.
-    covariances : (n, 3) float32
-        Of the positions, px^2: uu, uv and vv. None if the network predicts none.
-    """
-
-    uv: NDArray[np.float64]
-    score: NDArray[np.float32]
-    descriptors: NDArray[np.float32] | None
+    uv: NDArray[np.float64]  # (n, 2): positions in the image, px
+    score: NDArray[np.float32]  # (n,): by the network; 1 where it gives none
+    descriptors: NDArray[np.float32] | None  # (n, d): none if the network has none
+    # (n, 3): Of the positions, px^2: uu, uv and vv. None if the network predicts none.
     covariances: NDArray[np.float32] | None
 
     def chosen(self, rows: NDArray[np.intp] | slice) -> "NetworkKeypoints":

@@ -12,19 +12,12 @@ DISTANCE, RATIO = "descriptor_distance", "descriptor_ratio"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matches:
-    """Pairs of keypoints of two images, by ascending query row.
+    """Pairs of keypoints of two images, by ascending query row."""
 
-    Attributes
-    ----------
-    query_rows, train_rows : (k,) intp
-        The pairs.
-    quality : (k,) float32 each
-        Of each pair, by the names that a step reports.
-    """
-
+    # query_rows, train_rows: (k,): the pairs
     query_rows: NDArray[np.intp]
     train_rows: NDArray[np.intp]
-    quality: Mapping[str, NDArray[np.float32]]
+    quality: Mapping[str, NDArray[np.float32]]  # (k,): of each pair, by the names that a step reports
 
     def chosen(self, rows: NDArray[np.bool_]) -> "Matches":
         """Some of the pairs, by a mask (k,)."""

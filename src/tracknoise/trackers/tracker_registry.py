@@ -87,32 +87,17 @@ _FOLDER = resources.files("tracknoise.trackers") / "presets"
 
 @dataclass(frozen=True, slots=True)
 class TrackerPreset:
-    """Settings of a tracker that are those of a system, as far as a tracker has them.
+    """Settings of a tracker that are those of a system, as far as a tracker has them."""
 
-    Attributes
-    ----------
-    name
-        Of the preset.
-    system, repository, commit
-        Whose settings they are, and where they were read.
-    tracker
-        Kind of tracker.
-    description
-        What it does, in a few words.
-    differs
-        What the system does otherwise, one sentence each.
-    options
-        Options of the tracker, as a TOML file holds them.
-    """
-
-    name: str
+    name: str  # of the preset
+    # system, repository, commit: whose settings they are, and where they were read
     system: str
     repository: str
     commit: str
-    tracker: str
-    description: str
-    differs: tuple[str, ...]
-    options: Mapping[str, object]
+    tracker: str  # kind of tracker
+    description: str  # what it does, in a few words
+    differs: tuple[str, ...]  # what the system does otherwise, one sentence each
+    options: Mapping[str, object]  # options of the tracker, as a TOML file holds them
 
     def merged(self, options: Mapping[str, object]) -> dict[str, object]:
         """Its options with others that take precedence; nested ones are merged too."""

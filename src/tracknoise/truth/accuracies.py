@@ -63,20 +63,11 @@ class _Row:
 
 @dataclass(frozen=True, slots=True)
 class KnownAccuracy:
-    """Accuracy of the truth of one sequence.
+    """Accuracy of the truth of one sequence."""
 
-    Attributes
-    ----------
-    figures
-        What counts.
-    notes
-        One sentence for each topic whose error is above 0: its size, and where the figure is from.
-    is_complete
-        Whether something is known of poses and, where it counts, of depth: only then are errors of 0 an exact truth.
-    """
-
-    figures: TruthAccuracy
-    notes: tuple[str, ...]
+    figures: TruthAccuracy  # what counts
+    notes: tuple[str, ...]  # one sentence for each topic whose error is above 0: its size, and where the figure is from
+    # whether something is known of poses and, where it counts, of depth: only then are errors of 0 an exact truth
     is_complete: bool
 
 

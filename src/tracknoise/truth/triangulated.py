@@ -111,29 +111,15 @@ _SINGULAR = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackViews:
-    """Observations of tracks, in the order of tracks, then frames.
+    """Observations of tracks, in the order of tracks, then frames."""
 
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Observed positions, px.
-    bearings : (n, 3) float64
-        Rays through them, in their cameras.
-    camera_from_first : (n, 4, 4) float64
-        Pose of the track's first camera in the camera of each observation.
-    start : (m,) intp
-        Row of each track's first observation.
-    track : (n,) intp
-        Place of each observation's track, from 0.
-    project
-        Projects points (n, 3) of the cameras of the observations, (n, 2) px.
-    """
-
-    uv: NDArray[np.float64]
-    bearings: NDArray[np.float64]
+    uv: NDArray[np.float64]  # (n, 2): observed positions, px
+    bearings: NDArray[np.float64]  # (n, 3): rays through them, in their cameras
+    # (n, 4, 4): pose of the track's first camera in the camera of each observation
     camera_from_first: NDArray[np.float64]
-    start: NDArray[np.intp]
-    track: NDArray[np.intp]
+    start: NDArray[np.intp]  # (m,): row of each track's first observation
+    track: NDArray[np.intp]  # (n,): place of each observation's track, from 0
+    # projects points (n, 3) of the cameras of the observations, (n, 2) px
     project: Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
     def sums(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -143,24 +129,12 @@ class TrackViews:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Triangulation:
-    """Points that were fitted to tracks.
+    """Points that were fitted to tracks."""
 
-    Attributes
-    ----------
-    uv : (n, 2) float64
-        Position of the point in each frame, px; NaN where the point is unknown.
-    leverage : (n, 2, 2) float64
-        H_i: covariance of `uv` for white noise of 1 px.
-    points : (m, 3) float64
-        The point in the first camera of each track, metres; NaN where it is unknown.
-    known : (m,) bool
-        Whether the fit has a point whose depth is known.
-    """
-
-    uv: NDArray[np.float64]
-    leverage: NDArray[np.float64]
-    points: NDArray[np.float64]
-    known: NDArray[np.bool_]
+    uv: NDArray[np.float64]  # (n, 2): position of the point in each frame, px; NaN where the point is unknown
+    leverage: NDArray[np.float64]  # (n, 2, 2): H_i: covariance of `uv` for white noise of 1 px
+    points: NDArray[np.float64]  # (m, 3): the point in the first camera of each track, metres; NaN where it is unknown
+    known: NDArray[np.bool_]  # (m,): whether the fit has a point whose depth is known
 
 
 def triangulate(views: TrackViews) -> Triangulation:

@@ -38,18 +38,10 @@ from tracknoise.truth.truth import TruePositions
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservedCameras:
-    """Projects points into the frames of observations, and gives rays through their pixels.
+    """Projects points into the frames of observations, and gives rays through their pixels."""
 
-    Parameters
-    ----------
-    cameras
-        All different cameras.
-    which
-        (n,) integers: place of the camera of each observation.
-    """
-
-    cameras: tuple[CameraModel, ...]
-    which: NDArray[np.intp]
+    cameras: tuple[CameraModel, ...]  # all different cameras
+    which: NDArray[np.intp]  # (n,) integers: place of the camera of each observation
 
     @classmethod
     def of(cls, sequence: Sequence, frames: NDArray[np.intp]) -> "ObservedCameras":
@@ -105,19 +97,12 @@ _QUARTERS = (90, 270)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnchoredPoints:
-    """Observations with a true position, their frames, and their points in the world.
+    """Observations with a true position, their frames, and their points in the world."""
 
-    Attributes
-    ----------
-    anchor, frame : (n,) intp
-        The frame in which the point was fixed, and the frame of the observation.
-    points_world : (n, 3) float64
-        Metres.
-    """
-
+    # anchor, frame: (n,): the frame in which the point was fixed, and the frame of the observation
     anchor: NDArray[np.intp]
     frame: NDArray[np.intp]
-    points_world: NDArray[np.float64]
+    points_world: NDArray[np.float64]  # (n, 3): metres
 
     def part(self, rows: slice) -> "AnchoredPoints":
         """Some of the observations."""
@@ -126,32 +111,21 @@ class AnchoredPoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
-    """Derivatives of n true positions.
+    """Derivatives of n true positions."""
 
-    Attributes
-    ----------
-    translation : (n, 2, 3) float64
-        By the translation of the relative pose, in the camera frame of f, px per metre.
-    rotation_here, rotation_there : (n, 2, 3) float64
-        By its rotation, about the camera of f and about that of a, px per radian.
-    depth : (n, 2) float64
-        By the depth in a, px per metre.
-    depth_m : (n,) float64
-        That depth, metres.
-    clock, readout : (n, 2) float64
-        By the clock offset and by the readout time, px per second; NaN in a sequence without times.
-    focal : (n, 2) float64
-        By the relative focal length, px.
-    """
-
+    # (n, 2, 3): by the translation of the relative pose, in the camera frame of f, px per metre
     translation: NDArray[np.float64]
+    # rotation_here, rotation_there: (n, 2, 3): by its rotation, about the camera of f and about that of a, px per
+    # radian
     rotation_here: NDArray[np.float64]
     rotation_there: NDArray[np.float64]
-    depth: NDArray[np.float64]
-    depth_m: NDArray[np.float64]
+    depth: NDArray[np.float64]  # (n, 2): by the depth in a, px per metre
+    depth_m: NDArray[np.float64]  # (n,): that depth, metres
+    # clock, readout: (n, 2): by the clock offset and by the readout time, px per second; NaN in a sequence without
+    # times
     clock: NDArray[np.float64]
     readout: NDArray[np.float64]
-    focal: NDArray[np.float64]
+    focal: NDArray[np.float64]  # (n, 2): by the relative focal length, px
 
 
 class TruthDerivatives:
@@ -310,14 +284,9 @@ SOURCES: Mapping[FloorSource, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseLaws:
-    """Standard deviations of the errors of poses, for three translations (metres) and three rotations (rad).
+    """Standard deviations of the errors of poses, for three translations (metres) and three rotations (rad)."""
 
-    Attributes
-    ----------
-    white, walk, drift : (6,) float64
-        As in `tracknoise.geometry.accuracy.GrowthLaw`, per frame of the sequence.
-    """
-
+    # white, walk, drift: (6,): as in `tracknoise.geometry.accuracy.GrowthLaw`, per frame of the sequence
     white: NDArray[np.float64]
     walk: NDArray[np.float64]
     drift: NDArray[np.float64]
@@ -325,21 +294,13 @@ class PoseLaws:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Uncertainty:
-    """Errors of n true positions, each source by itself.
+    """Errors of n true positions, each source by itself."""
 
-    Attributes
-    ----------
-    covariance : mapping of (n, 2, 2) float64
-        By source, px^2.
-    by_pose : (n, 2, 6) float64
-        Derivative by translation and rotation of the relative pose, px per metre and px per radian.
-    moved_px : mapping of (n, 2) float64
-        By source other than the poses: displacement by one standard deviation, px. That of depth is independent from
-        track to track. All others have the same sign in the whole recording.
-    """
-
-    covariance: Mapping[FloorSource, NDArray[np.float64]]
+    covariance: Mapping[FloorSource, NDArray[np.float64]]  # by source, px^2
+    # (n, 2, 6): derivative by translation and rotation of the relative pose, px per metre and px per radian
     by_pose: NDArray[np.float64]
+    # By source other than the poses: displacement by one standard deviation, px. That of depth is independent from
+    # track to track. All others have the same sign in the whole recording.
     moved_px: Mapping[FloorSource, NDArray[np.float64]]
 
 

@@ -68,46 +68,22 @@ _SCENES = ("a", "b")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _World:
-    """How a world is measured.
+    """How a world is measured."""
 
-    Attributes
-    ----------
-    name
-        In `tracknoise.experiments.validation.comparison.CHECKS`.
-    folder
-        Run folder.
-    truth
-        Kind of truth.
-    trim
-        How scenes are trimmed.
-    speeds
-        Of every way to show a scene.
-    """
-
-    name: str
-    folder: Path
-    truth: str
-    trim: Trim
-    speeds: Sequence[int]
+    name: str  # in `tracknoise.experiments.validation.comparison.CHECKS`
+    folder: Path  # run folder
+    truth: str  # kind of truth
+    trim: Trim  # how scenes are trimmed
+    speeds: Sequence[int]  # of every way to show a scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Take:
-    """One way to show one scene, and the tracks through it.
+    """One way to show one scene, and the tracks through it."""
 
-    Attributes
-    ----------
-    sequence
-        The recording, in this view.
-    trackers
-        By name.
-    scripts
-        What each of them reports at each speed.
-    """
-
-    sequence: Recording
-    trackers: Mapping[str, TrackerSettings]
-    scripts: Mapping[tuple[str, int], Script]
+    sequence: Recording  # the recording, in this view
+    trackers: Mapping[str, TrackerSettings]  # by name
+    scripts: Mapping[tuple[str, int], Script]  # what each of them reports at each speed
 
 
 def exact_checks(folder: Path, *, seed: int) -> Iterator[pl.DataFrame]:

@@ -73,24 +73,13 @@ class Pinhole:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Panels and a camera path.
+    """Panels and a camera path."""
 
-    Attributes
-    ----------
-    camera
-        Its intrinsics.
-    panels : (panels, 3, 3)
-        a, b and c of each panel, metres, world frame.
-    quaternions : (frames, 4)
-        Unit quaternions (x, y, z, w) that turn directions from the frame of the camera to the world.
-    positions : (frames, 3)
-        Of the camera, metres, world frame.
-    """
-
-    camera: Pinhole
-    panels: Array
+    camera: Pinhole  # its intrinsics
+    panels: Array  # (panels, 3, 3): a, b and c of each panel, metres, world frame
+    # (frames, 4): unit quaternions (x, y, z, w) that turn directions from the frame of the camera to the world
     quaternions: Array
-    positions: Array
+    positions: Array  # (frames, 3): of the camera, metres, world frame
 
     @property
     def n_frames(self) -> int:
@@ -327,21 +316,11 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Lives:
-    """How tracks live.
+    """How tracks live."""
 
-    Attributes
-    ----------
-    n_tracks
-        Number of tracks that are tried; those that come near an outline are left out.
-    end_rate
-        Probability that a track ends at a step.
-    outlier_share
-        Share of these that end as an outlier; the others are lost.
-    """
-
-    n_tracks: int
-    end_rate: float
-    outlier_share: float
+    n_tracks: int  # number of tracks that are tried; those that come near an outline are left out
+    end_rate: float  # probability that a track ends at a step
+    outlier_share: float  # share of these that end as an outlier; the others are lost
 
 
 def scripted_tracks(
@@ -463,18 +442,10 @@ def in_memory(scene: Scene, name: SequenceId) -> RecordedSequence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WithSurface(View):
-    """A recording whose exact surface is known, and has been scanned.
+    """A recording whose exact surface is known, and has been scanned."""
 
-    Parameters
-    ----------
-    scene
-        What was recorded.
-    scanned
-        Scan points and key frame.
-    """
-
-    scene: Scene
-    scanned: Scan | None = None
+    scene: Scene  # what was recorded
+    scanned: Scan | None = None  # scan points and key frame
 
     @property
     def truths(self) -> tuple[str, ...]:

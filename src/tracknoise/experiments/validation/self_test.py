@@ -39,19 +39,12 @@ LEAST_SCENES = 12
 
 @dataclass(frozen=True, slots=True)
 class SelfTestResult:
-    """Result of a self-test.
+    """Result of a self-test."""
 
-    Attributes
-    ----------
-    n_values, n_wrong
-        Count of values that were compared, and of those that are wrong.
-    areas
-        Areas with wrong values, in the order of `Area`.
-    """
-
+    # n_values, n_wrong: count of values that were compared, and of those that are wrong
     n_values: int
     n_wrong: int
-    areas: tuple[Area, ...]
+    areas: tuple[Area, ...]  # areas with wrong values, in the order of `Area`
 
     @property
     def passes(self) -> bool:

@@ -174,21 +174,9 @@ def advise(
 ) -> Advice:
     """What to set in an estimator.
 
-    Parameters
-    ----------
-    model
-        In px and frames of the estimator.
-    landmark, purpose, window
-        How it uses the first observation of a track, what its sigma is to make right, and the length of its window.
-    kernel, knee
-        Its robust loss, None if it has none; and the knee in sigmas where the estimator fixes it.
-    gates
-        Its chi-square tests.
-
-    Raises
-    ------
-    SettingsError
-        If the model has no such sigma, or one that is not above 0.
+    `model`: in px and frames of the estimator; `landmark`, `purpose`, `window`: how it uses the first observation of a
+    track, what its sigma is to make right, and the length of its window; `kernel`, `knee`: its robust loss, None if it
+    has none; and the knee in sigmas where the estimator fixes it; `gates`: its chi-square tests.
     """
     if landmark is Landmark.KNOWN:
         return _of_known_point(model, window, kernel, knee, gates)

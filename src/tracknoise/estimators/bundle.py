@@ -312,14 +312,9 @@ _NORMS = np.concatenate([np.linspace(0.0, 40.0, 80_001), np.geomspace(40.0, 1e5,
 def expected_nees(loss: Loss, *, nu: float = np.inf, scale: float = 1.0) -> float:
     """(loss.nees) of observations.
 
-    Parameters
-    ----------
-    loss
-        Of whitened observations.
-    nu
-        Degrees of freedom of Student's distribution of the errors; infinite for a Gaussian.
-    scale
-        Standard deviation of a Gaussian, or square root of the scale of a Student, in units of the assumed one.
+    `loss`: of whitened observations; `nu`: degrees of freedom of Student's distribution of the errors; infinite for a
+    Gaussian; `scale`: standard deviation of a Gaussian, or square root of the scale of a Student, in units of the
+    assumed one.
     """
     density = _density(_NORMS / scale, nu) / scale
     weight = loss.weights(np.stack([_NORMS, np.zeros_like(_NORMS)], axis=1))[:, 0]

@@ -101,21 +101,10 @@ def learn_sigmas(problems: Sequence[Problem]) -> Sigmas:
 def triangulate(problems: Sequence[Problem], sigmas: Sigmas, noise: TrackNoise) -> pl.DataFrame:
     """Errors and coverage of distances under each covariance, with intervals over scenes.
 
-    Parameters
-    ----------
-    problems
-        Windows of scenes that nothing was learned from.
-    sigmas
-        Of training scenes.
-    noise
-        Components of the noise model.
-
-    Returns
-    -------
-    polars.DataFrame
-        One row per covariance and quantity: covariance, quantity, value, low, high, tracks, scenes. The error ratio is
-        the geometric mean of errors over those with 1 px; z_square is the mean square error over the claimed one;
-        coverage is the share of distances inside their claimed interval.
+    `problems`: windows of scenes that nothing was learned from; `sigmas`: of training scenes; `noise`: components of
+    the noise model. Returns one row per covariance and quantity: covariance, quantity, value, low, high, tracks,
+    scenes. The error ratio is the geometric mean of errors over those with 1 px; z_square is the mean square error over
+    the claimed one; coverage is the share of distances inside their claimed interval.
     """
     tried: Mapping[str, Covariances] = {
         _ONE_PX: lambda problem: one_sigma(problem, 1.0),

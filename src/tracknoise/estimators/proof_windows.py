@@ -207,13 +207,7 @@ def _read(folder: RunFolder, key: str, cut: Cut) -> _Sequence:
 
 
 def recorded_camera(table: pl.DataFrame, key: str) -> KnownCamera:
-    """The camera of a sequence, from its table `cameras`. `key`: of the sequence, for messages.
-
-    Raises
-    ------
-    StoreError
-        If it is not known, or changes.
-    """
+    """The camera of a sequence, from its table `cameras`. `key`: of the sequence, for messages."""
     names = ("model", "width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion")
     different = table.select(names).unique()
     if different.height != 1 or different["model"][0] is None:

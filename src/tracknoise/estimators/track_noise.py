@@ -67,22 +67,11 @@ class TrackNoise:
     ) -> NDArray[np.float64]:
         """Covariances of tracks of n observations, (noise_model.track).
 
-        Parameters
-        ----------
-        magnification
-            (tracks, n) float64: Z_0 / Z_k; 1 for motion across the optical axis.
-        ages
-            (tracks, n) integers: frames since the first observation, increasing from 0. By default 0 to n - 1. What
-            the walk adds in frames without an observation is magnified as in the next observed one.
-        factor
-            (tracks, n) float64: on W, and on Q since the observation before. By default 1.
-        reference
-            From where errors are counted.
-
-        Returns
-        -------
-        (tracks, 2 n, 2 n) float64
-            px^2, u and v of each observation in turn.
+        `magnification`: (tracks, n) float64: Z_0 / Z_k; 1 for motion across the optical axis; `ages`: (tracks, n)
+        integers: frames since the first observation, increasing from 0. By default 0 to n - 1. What the walk adds in
+        frames without an observation is magnified as in the next observed one; `factor`: (tracks, n) float64: on W, and
+        on Q since the observation before. By default 1; `reference`: from where errors are counted. Returns (tracks, 2
+        n, 2 n) float64: px^2, u and v of each observation in turn.
         """
         count = magnification.shape[1]
         aged = np.broadcast_to(np.arange(count), magnification.shape) if ages is None else ages

@@ -354,23 +354,10 @@ def try_arms(
 ) -> pl.DataFrame:
     """Adjust every window under every assumption, all from the same perturbed truth.
 
-    Parameters
-    ----------
-    problems
-        Windows of scenes that the beliefs were not learned from.
-    beliefs
-        What was learned from training scenes.
-    arms
-        Short names, of `tracknoise.estimators.trial`.
-    seed
-        Of the perturbation.
-
-    Returns
-    -------
-    polars.DataFrame
-        One row per window and arm: scene, window, arm, n_tracks, position_m and rotation_rad (norms of the errors of
-        the newest pose), nees_newest, nees_position, nees_rotation and nees_all (normalised errors squared over
-        their degrees of freedom), innovations, steps, converged.
+    `problems`: windows of scenes that the beliefs were not learned from; `beliefs`: what was learned from training
+    scenes; `arms`: short names, of `tracknoise.estimators.trial`. Returns one row per window and arm: scene, window,
+    arm, n_tracks, position_m and rotation_rad (norms of the errors of the newest pose), nees_newest, nees_position,
+    nees_rotation and nees_all (normalised errors squared over their degrees of freedom), innovations, steps, converged.
     """
     wanted = tuple(arms)
     rows = [

@@ -81,29 +81,11 @@ def run_batch(
 ) -> list[SequenceEntry] | InParts:
     """Measure the sequences of a batch, or a part of one, or join its parts, and write the tables into the run folder.
 
-    Parameters
-    ----------
-    batch
-        Sequences of one experiment that read the same files.
-    run
-        Where to write.
-    claim
-        Proof that the run holds the lock of the folder, checked before anything is written. Not needed by default.
-    progress
-        Called after each frame.
-    verify
-        Compare parts that an earlier start measured with their files by content.
-
-    Returns
-    -------
-    list of SequenceEntry or InParts
-        Entries for the manifest, one per task. A sequence counts as measured once the manifest contains its entry. Or
-        the parts in which a sequence is to be measured, which is too long for one piece.
-
-    Raises
-    ------
-    TracknoiseError
-        If the data cannot be used, or the folder cannot be written.
+    `batch`: sequences of one experiment that read the same files; `run`: where to write; `claim`: proof that the run
+    holds the lock of the folder, checked before anything is written. Not needed by default; `progress`: called after
+    each frame; `verify`: compare parts that an earlier start measured with their files by content. Returns entries for
+    the manifest, one per task. A sequence counts as measured once the manifest contains its entry. Or the parts in
+    which a sequence is to be measured, which is too long for one piece.
     """
     task = batch[0]
     if not task.parts:

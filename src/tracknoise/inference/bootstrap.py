@@ -38,19 +38,8 @@ N_DRAWS = 2000
 def draws(n_units: int, *, n_draws: int = N_DRAWS, seed: int = 0) -> NDArray[np.float64]:
     """How often each unit was drawn, with replacement, in each of many draws of as many units as there are.
 
-    Parameters
-    ----------
-    n_units
-        At least one.
-    n_draws
-        Number of draws.
-    seed
-        The same seed gives the same draws.
-
-    Returns
-    -------
-    (n_draws, n_units) float64
-        Counts; every row sums to `n_units`.
+    `n_units`: at least one; `n_draws`: number of draws; `seed`: the same seed gives the same draws. Returns (n_draws,
+    n_units) float64: counts; every row sums to `n_units`.
     """
     return draws_within([n_units], n_draws=n_draws, seed=seed)
 

@@ -554,13 +554,7 @@ class LitSequence:
         return None
 
     def image(self, index: int) -> NDArray[np.uint8]:
-        """(height, width) uint8, read-only: one frame in 8-bit grayscale.
-
-        Raises
-        ------
-        DataError
-            If a file is missing, truncated or of another size than the camera's.
-        """
+        """(height, width) uint8, read-only: one frame in 8-bit grayscale."""
         return self.shots.image(index, self.lighting)
 
     def depth(self, index: int) -> None:

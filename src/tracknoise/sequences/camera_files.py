@@ -589,22 +589,8 @@ def read_camera_file(path: Path, *, camera: str | None = None, size: tuple[int, 
 
     Positions are not converted: all of these put (0, 0) at the centre of the first pixel.
 
-    Parameters
-    ----------
-    path
-        The file.
-    camera
-        Which camera, where the file has several: ``cam0`` of Kalibr's chains, ``1`` of OpenCV's pairs; by default the
-        first.
-    size
-        Width and height of the images, px, for a file that does not say.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, is of no such kind, lacks something, or has an impossible value.
-    UnknownNameError
-        If there is no camera of that name.
+    `camera`: which camera, where the file has several: ``cam0`` of Kalibr's chains, ``1`` of OpenCV's pairs; by default
+    the first; `size`: width and height of the images, px, for a file that does not say.
     """
     entries = Entries(path, _values(path))
     if cameras_of(entries):

@@ -1,10 +1,7 @@
-"""Reconstructions of COLMAP: see docs/formats.md.
+"""The reader of reconstructions of COLMAP: see docs/formats.md.
 
-- What a reconstruction of COLMAP holds: its cameras and its registered images.
-- Text files of COLMAP: ``cameras.txt`` and ``images.txt``.
-- Binary files of COLMAP: ``cameras.bin`` and ``images.bin``, little-endian.
-- Dense depth maps of COLMAP: ``width&height&channels&`` in text, then float32 depths row by row.
-- The reader of reconstructions of COLMAP: see docs/formats.md.
+A reconstruction has cameras and registered images, in text files or in little-endian binary ones. Dense depth maps are
+``width&height&channels&`` in text, then float32 depths row by row.
 """
 
 import math
@@ -44,7 +41,7 @@ from tracknoise.sequences.recorded import (
     folders_of,
     image_names,
 )
-from tracknoise.sequences.scenes import find_scenes, scene_folder, with_option
+from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
 
@@ -329,7 +326,7 @@ class DepthMaps(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Colmap:
+class Colmap(SceneReader):
     """Reader of reconstructions of COLMAP.
 
     Parameters
@@ -354,27 +351,9 @@ class Colmap:
     folder: str | None = None
     depth_maps: DepthMaps = DepthMaps.geometric
 
-    def sequences(self) -> list[SequenceId]:
-        """All reconstructions, sorted.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in self._scenes()]
-
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one reconstruction, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If a file is missing or damaged, a camera model is not supported, or the images have several sizes.
-        UnknownNameError
-            If there is no such scene or lighting, or no such folder of images.
-        """
-        folder = scene_folder(self._scenes(), sequence)
+        """Read and check one reconstruction, except for its images and depths."""
+        folder = self._folder(sequence)
         model = _read(folder)
         images = self._images(folder)
         names = self._names(images, model)

@@ -1,10 +1,7 @@
 """Recordings in the ASL layout of EuRoC MAV (Burri et al., IJRR 2016) and TUM-VI: see docs/formats.md.
 
-- Where the files of a recording in the ASL layout lie: below ``mav0``, a folder for each sensor.
-- The ``data.csv`` files of the ASL layout: a time in nanoseconds in the first column, names in a header or none.
-- Where cameras and sensors of poses are on the body.
-- The other camera of a stereo pair, whose images were taken at the same times.
-- The reader of recordings in the ASL layout, such as EuRoC MAV and TUM-VI: see docs/formats.md.
+A folder for each sensor lies below ``mav0``. Its ``data.csv`` has a time in nanoseconds in the first column, and names
+of columns in a header, or none.
 """
 
 import re
@@ -25,7 +22,7 @@ from tracknoise.sequences.camera_files import CameraFile, read_camera_file, read
 from tracknoise.sequences.images import Levels, read_gray, require_levels
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence
-from tracknoise.sequences.scenes import find_scenes, scene_folder, with_option
+from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
 from tracknoise.sequences.sequence import SecondCamera
 from tracknoise.sequences.timed_poses import in_order, order_notes, path_through, poses_at, trajectory
 from tracknoise.tables.identity import SequenceId
@@ -106,15 +103,6 @@ class Files:
     def sensor(self, source: str) -> Path:
         """The file that states where a sensor of poses is on the body; it may be missing."""
         return self.device / source / _SENSOR
-
-
-def find_recordings(root: Path) -> dict[str, Path]:
-    """Find the recordings in or below a folder, by name, sorted."""
-
-    def is_recording(below: list[str], _files: list[str]) -> bool:
-        return _DEVICE in below or ("cam0" in below and not {*POSE_SOURCES, "imu0"}.isdisjoint(below))
-
-    return find_scenes(root, is_recording, expected=f"folders with {_DEVICE}/, which holds cam0/ and poses")
 
 
 def place_of(scene: str) -> str | None:
@@ -312,7 +300,7 @@ def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64]) -> tuple[P
 
 
 @dataclass(frozen=True, slots=True)
-class Euroc:
+class Euroc(SceneReader):
     """Reader of EuRoC MAV, TUM-VI and others in the ASL layout.
 
     Parameters
@@ -360,27 +348,9 @@ class Euroc:
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
 
-    def sequences(self) -> list[SequenceId]:
-        """All recordings, sorted: each folder with ``mav0``.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in find_recordings(self.root)]
-
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one recording, except for its images.
-
-        Raises
-        ------
-        DataError
-            If a table, the poses or the calibration is missing or damaged, or no image has a pose.
-        UnknownNameError
-            If there is no such scene, lighting, camera or source of poses.
-        """
-        files = Files(scene_folder(find_recordings(self.root), sequence))
+        """Read and check one recording, except for its images."""
+        files = Files(self._folder(sequence))
         images = read_table(files.list_of_images(self.camera), "a time and the name of an image")
         file = self.camera_file or files.calibration(self.camera)
         calibration = read_camera(file, self.camera)
@@ -420,6 +390,12 @@ class Euroc:
             shutter=calibration.shutter,
             path=path,
         )
+
+    def _scenes(self) -> dict[str, Path]:
+        def is_recording(below: list[str], _files: list[str]) -> bool:
+            return _DEVICE in below or ("cam0" in below and not {*POSE_SOURCES, "imu0"}.isdisjoint(below))
+
+        return find_scenes(self.root, is_recording, expected=f"folders with {_DEVICE}/, which holds cam0/ and poses")
 
     def _camera_poses(
         self,

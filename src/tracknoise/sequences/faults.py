@@ -332,19 +332,8 @@ class _Stream(IntEnum):
 def with_faults(sequence: Sequence, faults: Faults, *, seed: int = 0) -> Sequence:
     """The sequence with a stated truth that is wrong; the sequence itself without any fault.
 
-    Parameters
-    ----------
-    sequence
-        Any sequence. Its truth counts as correct.
-    faults
-        What is wrong.
-    seed
-        Random seed of noise. The noise of a scene depends on its name.
-
-    Raises
-    ------
-    SettingsError
-        If a fault does not suit the sequence.
+    `sequence`: any sequence. Its truth counts as correct; `seed`: random seed of noise. The noise of a scene depends on
+    its name.
     """
     if faults == NO_FAULTS:
         return sequence

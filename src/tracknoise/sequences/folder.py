@@ -26,7 +26,7 @@ from tracknoise.sequences.camera_files import CameraFile, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
+from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
 from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
 from tracknoise.sequences.writing import new_folder, only_camera
 from tracknoise.tables.identity import SequenceId
@@ -38,7 +38,7 @@ _DEFAULT_MODEL = "radtan"
 
 
 @dataclass(frozen=True, slots=True)
-class Folder:
+class Folder(SceneReader):
     """Reader of tracknoise's plain layout.
 
     Parameters
@@ -82,29 +82,9 @@ class Folder:
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
 
-    def sequences(self) -> list[SequenceId]:
-        """All sequences, sorted: each folder that holds two of ``images``, ``depth``, ``poses.txt``, ``camera.json``.
-
-        A sequence that lacks something is listed, so that `open` reports what is missing.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in self._scenes()]
-
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one sequence, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If an image is missing, or the poses or the camera are missing or damaged.
-        UnknownNameError
-            If there is no such scene or lighting.
-        """
-        folder = scene_folder(self._scenes(), sequence)
+        """Read and check one sequence, except for its images and depths."""
+        folder = self._folder(sequence)
         stated = None if self.camera_file is not None else read_camera_file(folder / _CAMERA)
         rows, places = read_rows(folder / _POSES, _COLUMNS)
         images, depths = _frame_files(folder, poses=len(rows))

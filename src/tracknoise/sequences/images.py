@@ -1,9 +1,5 @@
 """Image and depth files, and depth in NumPy files. A file that is not complete is refused.
 
-- Depth in NumPy files. Their sizes are read from headers first, so that a small file cannot become a huge array.
-
-Image and depth files. A file that is not complete is refused.
-
 A decoder accepts half a file: it leaves the missing part black and prints a warning at most. So every file is checked
 to be complete before it is decoded, and every image to have the camera's size. Sizes are read from headers first, so
 that a small file cannot become a huge array.
@@ -49,10 +45,7 @@ def image_size(path: Path, *, as_stored: bool = False) -> tuple[int, int]:
 def first_readable(paths: Iterable[Path]) -> Path:
     """The first image file that can be read, or the first of all if none can: damage matters in frames that are used.
 
-    Parameters
-    ----------
-    paths
-        At least one.
+    `paths`: at least one.
     """
     first, *others = paths
     return next((path for path in (first, *others) if is_readable(path)), first)
@@ -110,19 +103,7 @@ def require_levels(field: str, levels: Levels) -> None:
 def read_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:
     """Read depth from a PNG file of 16-bit integers. 0 and 65535, the largest that can be written, are no depth.
 
-    Parameters
-    ----------
-    path
-        The file.
-    camera
-        Whose size the depth map must have.
-    metres_per_unit
-        Depth of the integer 1, metres.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, truncated, no 16-bit single-channel PNG, or of another size.
+    `camera`: whose size the depth map must have; `metres_per_unit`: depth of the integer 1, metres.
     """
     return depth_map(path, _metres(path, metres_per_unit), camera)
 

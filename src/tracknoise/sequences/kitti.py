@@ -1,20 +1,13 @@
 """The reader of KITTI raw data (Geiger et al., IJRR 2013) with KITTI's completed depth: see docs/formats.md.
 
-- Poses of the camera: from OXTS, or from a file of poses instead.
-- Depth of a frame: a map of KITTI's depth completion, or a Velodyne scan that is projected into the image.
-- The reader of KITTI raw data with the depth of KITTI's depth completion: see docs/formats.md.
+A record of the OXTS files has the standard deviations of position (north and east, metres) and of velocity (north and
+east, metres per second). The error of the position is nearly the same in successive frames. Their relative error is
+that of the velocity times the time between them.
 
-What the OXTS files of a drive state about their own errors.
-
-A record has the standard deviations of position (north and east, metres) and of velocity (north and east, metres per
-second). The error of the position is nearly the same in successive frames. Their relative error is that of the velocity
-times the time between them.
-
-Still stretches: frames in which the camera does not move, so that tracks grow older without moving.
-
-At the reader's limit of 2 cm per frame, a point 15 m away and 300 px from the centre moves by 0.4 px per frame: less
-than the error of a tracker. A car at walking pace moves five times as far. The measured position of a car that stands
-jitters by millimetres. A car does not turn on the spot, so its position alone is enough.
+In still stretches the camera does not move, so that tracks grow older without moving. At the reader's limit of 2 cm per
+frame, a point 15 m away and 300 px from the centre moves by 0.4 px per frame: less than the error of a tracker. A car
+at walking pace moves five times as far. The measured position of a car that stands jitters by millimetres. A car does
+not turn on the spot, so its position alone is enough.
 """
 
 from dataclasses import KW_ONLY, dataclass, replace
@@ -115,21 +108,16 @@ def read_oxts_accuracy(drive: Drive, numbers: range, timestamps_s: NDArray[np.fl
     return OxtsAccuracy(PoseAccuracy(position_m, None), truth, (note,))
 
 
-@dataclass(frozen=True, slots=True)
-class StillRule:
-    """When a drive counts as having a still stretch."""
+def still_stretch(world_from_camera: NDArray[np.float64], *, frames: int, step_m: float) -> range | None:
+    """The longest still stretch, the first of several; None if none has so many frames, each so near the one before.
 
-    frames: int  # count of frames one after another
-    step_m: float  # each less than this from the one before, metres
-
-
-def still_stretch(world_from_camera: NDArray[np.float64], rule: StillRule) -> range | None:
-    """The longest still stretch, the first of several, or None. Shapes: world_from_camera (n, 4, 4)."""
+    Shapes: world_from_camera (n, 4, 4).
+    """
     steps_m = np.linalg.norm(np.diff(world_from_camera[:, :3, 3], axis=0), axis=1)
-    still = np.concatenate([[False], steps_m < rule.step_m, [False]])
+    still = np.concatenate([[False], steps_m < step_m, [False]])
     starts, stops = np.flatnonzero(still[1:] & ~still[:-1]), np.flatnonzero(still[:-1] & ~still[1:])
     lengths = stops - starts
-    if not lengths.size or lengths.max() < rule.frames:
+    if not lengths.size or lengths.max() < frames:
         return None
     longest = int(np.argmax(lengths))
     return range(int(starts[longest]) + 1, int(stops[longest]) + 1)
@@ -216,13 +204,7 @@ class Kitti:
         require_bounds(self)
 
     def sequences(self) -> list[SequenceId]:
-        """All drives without a still stretch, sorted. A drive whose poses cannot be read is listed; `open` says why.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
+        """All drives without a still stretch, sorted. A drive whose poses cannot be read is listed; `open` says why."""
         drives = self._drives()
         moving = [name for name, drive in drives.items() if self._reason_to_exclude(drive) is None]
         if not moving:
@@ -231,26 +213,12 @@ class Kitti:
         return [SequenceId(self.name, scene) for scene in moving]
 
     def excluded_scenes(self) -> dict[str, str]:
-        """The still stretch of each excluded drive, one sentence each, by name of the drive.
-
-        Raises
-        ------
-        DataError
-            If there is no drive.
-        """
+        """The still stretch of each excluded drive, one sentence each, by name of the drive."""
         reasons = {name: self._reason_to_exclude(drive) for name, drive in self._drives().items()}
         return {name: reason for name, reason in reasons.items() if reason is not None}
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one drive, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If a file is missing or damaged, or the drive is excluded because of a still stretch.
-        UnknownNameError
-            If there is no such drive or lighting.
-        """
+        """Read and check one drive, except for its images and depths."""
         drives = self._drives()
         scene_folder({name: drive.folder for name, drive in drives.items()}, sequence)
         drive = drives[sequence.scene]
@@ -296,7 +264,9 @@ class Kitti:
 
     def _still_stretch(self, poses: NDArray[np.float64], numbers: range) -> str | None:
         """A sentence on the longest still stretch, unless they are kept."""
-        stretch = None if self.keep_still else still_stretch(poses, StillRule(self.still_frames, self.still_m))
+        if self.keep_still:
+            return None
+        stretch = still_stretch(poses, frames=self.still_frames, step_m=self.still_m)
         if stretch is None:
             return None
         first, last = numbers[stretch[0]], numbers[stretch[-1]]

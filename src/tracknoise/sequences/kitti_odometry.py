@@ -1,13 +1,8 @@
-"""The reader of the KITTI odometry benchmark: see docs/formats.md.
-
-Where the files of the KITTI odometry benchmark lie, and of what is written like it.
+"""The reader of the KITTI odometry benchmark, and of what is written like it: see docs/formats.md.
 
 A sequence is a folder ``sequences/NN`` with ``calib.txt``, ``times.txt`` and ``image_0`` to ``image_3``. Its poses are
-in ``poses/NN.txt`` beside ``sequences``, or in its own ``poses.txt``.
-
-Calibration, times and poses of the KITTI odometry benchmark.
-
-All cameras are rectified: P_k = K (I | t_k), so X_k = X_0 + t_k. Poses are those of camera 0.
+in ``poses/NN.txt`` beside ``sequences``, or in its own ``poses.txt``. All cameras are rectified: P_k = K (I | t_k), so
+X_k = X_0 + t_k. Poses are those of camera 0.
 """
 
 import os
@@ -184,13 +179,7 @@ class KittiOdometry:
         require_bounds(self)
 
     def sequences(self) -> list[SequenceId]:
-        """All sequences with poses, sorted.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
+        """All sequences with poses, sorted."""
         courses = find_courses(self.root)
         posed = [name for name, course in courses.items() if course.poses.exists()]
         if not posed:
@@ -199,26 +188,12 @@ class KittiOdometry:
         return [SequenceId(self.name, scene) for scene in posed]
 
     def excluded_scenes(self) -> dict[str, str]:
-        """The sequences without poses, such as those that the benchmark tests on.
-
-        Raises
-        ------
-        DataError
-            If there is no sequence.
-        """
+        """The sequences without poses, such as those that the benchmark tests on."""
         courses = find_courses(self.root)
         return {name: f"no poses in {course.poses}" for name, course in courses.items() if not course.poses.exists()}
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one sequence, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If a file is missing or damaged, or there are fewer poses or times than images.
-        UnknownNameError
-            If there is no such sequence or lighting.
-        """
+        """Read and check one sequence, except for its images and depths."""
         courses = find_courses(self.root)
         scene_folder({name: course.folder for name, course in courses.items()}, sequence)
         course = courses[sequence.scene]

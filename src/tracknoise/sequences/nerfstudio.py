@@ -1,7 +1,4 @@
-"""The reader of data sets of nerfstudio: see docs/formats.md.
-
-- Cameras in ``transforms.json``: of all frames, or of one.
-"""
+"""The reader of data sets of nerfstudio: see docs/formats.md."""
 
 import json
 import math
@@ -30,7 +27,7 @@ from tracknoise.sequences.images import (
 )
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import find_scenes, parent_of, scene_folder
+from tracknoise.sequences.scenes import SceneReader, find_scenes, parent_of
 from tracknoise.tables.identity import SequenceId
 
 CORNER_PX = 0.5
@@ -156,7 +153,7 @@ class _Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class Nerfstudio:
+class Nerfstudio(SceneReader):
     """Reader of nerfstudio's ``transforms.json``, which Instant NGP and the original NeRF use too.
 
     Parameters
@@ -190,28 +187,9 @@ class Nerfstudio:
     def __post_init__(self) -> None:
         require_bounds(self)
 
-    def sequences(self) -> list[SequenceId]:
-        """All data sets, sorted: each folder with such a file.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in self._scenes()]
-
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one data set, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If the file is damaged, no image exists or can be read, a camera model is not supported, or the images have
-            several sizes.
-        UnknownNameError
-            If there is no such scene or lighting.
-        """
-        folder = scene_folder(self._scenes(), sequence)
+        """Read and check one data set, except for its images and depths."""
+        folder = self._folder(sequence)
         path = next(folder / name for name in self._files() if is_regular_file(folder / name))
         common = Entries(path, read_json_object(path, _EXPECTED))
         frames, missing = _existing(_frames(common))

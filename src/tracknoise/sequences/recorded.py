@@ -1,9 +1,4 @@
-"""A recorded sequence whose images and depths are read one frame at a time, from files or anything else.
-
-- A recorded sequence. Its images and depths are read one frame at a time, from files or any other source.
-- Images and depths that are files, one for each frame: what `RecordedSequence` calls to read a frame.
-- Names of image files that have no numbers of frames: their folders.
-"""
+"""A recorded sequence whose images and depths are read one frame at a time, from files or anything else."""
 
 from collections.abc import Callable, Iterable, Iterator, Sized
 from dataclasses import dataclass

@@ -28,7 +28,7 @@ from tracknoise.sequences.rosbag_frames import (
     scan_bag,
 )
 from tracknoise.sequences.rosbag_messages import Wanted, camera_of, frame_name
-from tracknoise.sequences.scenes import parent_of, scene_folder
+from tracknoise.sequences.scenes import SceneReader, parent_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
 
@@ -41,7 +41,7 @@ _DEPTH_UNIT_M = 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class Rosbag:
+class Rosbag(SceneReader):
     """Reader of bags of ROS 1 (.bag) and ROS 2 (.db3, .mcap). ROS is not needed.
 
     Parameters
@@ -113,27 +113,12 @@ class Rosbag:
             count = len(self.body_from_camera)
             require(count == _POSE_NUMBERS, "body_from_camera", self.body_from_camera, "16 numbers")
 
-    def sequences(self) -> list[SequenceId]:
-        """All bags, sorted.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in find_bags(self.root)]
+    def _scenes(self) -> dict[str, Path]:
+        return find_bags(self.root)
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Go through one bag once. Images and depths are read later.
-
-        Raises
-        ------
-        DataError
-            If the bag is damaged, a topic cannot be chosen, or the poses or intrinsics cannot be used.
-        UnknownNameError
-            If there is no such bag or lighting.
-        """
-        path = scene_folder(find_bags(self.root), sequence)
+        """Go through one bag once. Images and depths are read later."""
+        path = self._folder(sequence)
         file, calibration = BagFile.at(path), self._calibration()
         scan = scan_bag(path, self._wanted())
         times_ns, positions = in_order(str(path), scan.images, self.time)

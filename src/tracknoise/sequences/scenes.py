@@ -8,10 +8,30 @@ import os
 import re
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
+from typing import ClassVar
 
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.sequences.sequence import require_directory
 from tracknoise.tables.identity import DEFAULT_LIGHTING, SequenceId
+
+
+class SceneReader:
+    """A `tracknoise.sequences.sequence.Reader` of folders with a scene each, in a data set without lightings."""
+
+    __slots__ = ()
+
+    name: ClassVar[str]
+
+    def sequences(self) -> list[SequenceId]:
+        """All sequences, sorted: see `Reader.sequences`."""
+        return [SequenceId(self.name, scene) for scene in self._scenes()]
+
+    def _scenes(self) -> dict[str, Path]:
+        """Folder of each scene: see `find_scenes`."""
+        raise NotImplementedError
+
+    def _folder(self, sequence: SequenceId) -> Path:
+        return scene_folder(self._scenes(), sequence)
 
 
 def find_scenes(root: Path, is_scene: Callable[[list[str], list[str]], bool], *, expected: str) -> dict[str, Path]:

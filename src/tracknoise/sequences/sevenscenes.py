@@ -1,19 +1,13 @@
 """The reader of 7-Scenes (Shotton et al., CVPR 2013): see docs/formats.md.
 
-- The two cameras of the Kinect, and how they lie to each other.
-- Depth maps of the Kinect as the colour camera sees them.
-
-Poses from structure from motion, as published for 7-Scenes (Brachmann et al., ICCV 2021).
-
-Each row has the name of an image, camera_from_world as a quaternion (scalar first) and a translation in metres, and the
-focal length of the colour camera in px. There is one file per place and half of the data set, such as
-``chess_train.txt``; images are named ``seq-01/frame-000000.color.png``.
-
-The reader of 7-Scenes: see docs/formats.md.
-
 Layout of a scene: ``frame-NNNNNN.color.png`` (or .jpg), ``frame-NNNNNN.depth.png`` (16 bit, millimetres) and
 ``frame-NNNNNN.pose.txt`` (4x4, world_from_camera; NaN or infinity where the pose is unknown);
 ``camera-intrinsics.txt`` (3x3) there or in a folder above.
+
+Poses from structure from motion were published later (Brachmann et al., ICCV 2021). Each row has the name of an image,
+camera_from_world as a quaternion (scalar first) and a translation in metres, and the focal length of the colour camera
+in px. There is one file per place and half of the data set, such as ``chess_train.txt``; images are named
+``seq-01/frame-000000.color.png``.
 """
 
 import re
@@ -38,7 +32,7 @@ from tracknoise.geometry.pose import invert, nearest_rigid
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
 from tracknoise.sequences.poses import checked_poses, numbers, quaternion_poses, read_matrix, require_poses
 from tracknoise.sequences.recorded import DepthFiles, ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
+from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
 from tracknoise.tables.identity import SequenceId
 
 INTRINSICS = "camera-intrinsics.txt"
@@ -169,17 +163,8 @@ def find_depths(paths: tuple[Path | None, ...], cameras: Cameras) -> DepthFiles 
 _COLUMNS = "qw qx qy qz tx ty tz f"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SfmPoses:
-    """Poses of one recording."""
-
-    # (n, 4, 4) float64, metres: of the colour camera; all NaN for images that are not in the files
-    world_from_camera: NDArray[np.float64]
-    focal_px: float  # focal length of the colour camera, the median of its images, px
-
-
-def read_sfm_poses(path: Path, images: tuple[Path, ...]) -> SfmPoses:
-    """Find the poses of the images of one recording."""
+def read_sfm_poses(path: Path, images: tuple[Path, ...]) -> tuple[NDArray[np.float64], float]:
+    """Find the poses (n, 4, 4) of the colour camera, NaN for images without, and its median focal length, px."""
     rows: dict[str, tuple[str, NDArray[np.float64]]] = {}
     for file in _files(path, images[0].parent):
         _add_rows(rows, file)
@@ -191,13 +176,15 @@ def read_sfm_poses(path: Path, images: tuple[Path, ...]) -> SfmPoses:
     return _poses(np.stack(values), places, known, len(images))
 
 
-def _poses(values: NDArray[np.float64], places: tuple[str, ...], known: list[int], count: int) -> SfmPoses:
+def _poses(
+    values: NDArray[np.float64], places: tuple[str, ...], known: list[int], count: int
+) -> tuple[NDArray[np.float64], float]:
     focal_px = values[:, 7]
     for index in np.flatnonzero(~(np.isfinite(focal_px) & (focal_px > 0.0)))[:1]:
         raise DataError(places[index], f"a focal length of {focal_px[index]:g}", "a number above 0")
     poses = np.full((count, 4, 4), np.nan)
     poses[known] = invert(quaternion_poses(values[:, 4:7], values[:, [1, 2, 3, 0]], places))
-    return SfmPoses(poses, float(np.median(focal_px)))
+    return poses, float(np.median(focal_px))
 
 
 def _files(path: Path, recording: Path) -> list[Path]:
@@ -244,7 +231,7 @@ class Poses(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class SevenScenes:
+class SevenScenes(SceneReader):
     """Reader of 7-Scenes.
 
     Parameters
@@ -281,28 +268,9 @@ class SevenScenes:
         is_registered = self.calibration is Calibration.registered
         require(is_registered or not sfm, "calibration", str(self.calibration), "'registered' with poses = 'sfm'")
 
-    def sequences(self) -> list[SequenceId]:
-        """All sequences, sorted: each folder of ``frame-NNNNNN.pose.txt`` files.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in self._scenes()]
-
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one sequence, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If an image or pose file is missing or damaged, fewer than two frames have a pose, or the intrinsics cannot
-            be used.
-        UnknownNameError
-            If there is no such scene or lighting.
-        """
-        folder = scene_folder(self._scenes(), sequence)
+        """Read and check one sequence, except for its images and depths."""
+        folder = self._folder(sequence)
         images, poses, depths, numbers = _frame_files(folder)
         cameras, world_from_camera, notes = self._geometry(folder, images, poses)
         return RecordedSequence(
@@ -329,10 +297,10 @@ class SevenScenes:
             cameras = self._cameras(folder, images, COLOUR_FOCAL_PX)
             recorded, notes = _read_poses(poses)
             return cameras, _of_colour(recorded, cameras), (*cameras.notes, *notes)
-        found = read_sfm_poses(self.sfm_file, images)
-        cameras = self._cameras(folder, images, found.focal_px)
-        note = f"poses and focal length ({found.focal_px:g} px) are from structure from motion: {self.sfm_file}"
-        return cameras, found.world_from_camera, (*cameras.notes, note)
+        poses_of_images, focal_px = read_sfm_poses(self.sfm_file, images)
+        cameras = self._cameras(folder, images, focal_px)
+        note = f"poses and focal length ({focal_px:g} px) are from structure from motion: {self.sfm_file}"
+        return cameras, poses_of_images, (*cameras.notes, note)
 
     def _cameras(self, folder: Path, images: tuple[Path, ...], colour_focal_px: float) -> Cameras:
         """Intrinsics from the nearest file, from the scene's folder up to the root, or else the Kinect's."""

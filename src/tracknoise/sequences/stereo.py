@@ -86,13 +86,7 @@ class StereoDepth(View):
         return (*self.sequence.notes, note)
 
     def depth(self, index: int) -> DepthMap | None:
-        """Depth of the pixels of one frame for which a disparity was found; None where the second camera has no image.
-
-        Raises
-        ------
-        DataError
-            If an image cannot be read, or the images of the second camera are not of its size.
-        """
+        """Depth of the pixels for which a disparity was found; None where the second camera has no image."""
         second = self.second.images(index)
         if second is None:
             return None

@@ -24,7 +24,7 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png_float32
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import find_scenes, numbered_files, parent_of, require_unbroken, scene_folder
+from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
 from tracknoise.tables.identity import SequenceId
 
 SKY_M = 10_000.0
@@ -64,7 +64,7 @@ _VERSIONS = {
 
 
 @dataclass(frozen=True, slots=True)
-class TartanAir:
+class TartanAir(SceneReader):
     """Reader of TartanAir, v1 and v2.
 
     Parameters
@@ -92,27 +92,9 @@ class TartanAir:
         if self.camera is not None and self.camera not in _VERSIONS:
             raise UnknownNameError("camera", str(self.camera), _VERSIONS)
 
-    def sequences(self) -> list[SequenceId]:
-        """All sequences, sorted: each folder with images or poses of the camera.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in self._scenes()]
-
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one sequence, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If an image or pose is missing or damaged, or the images have not the data set's size.
-        UnknownNameError
-            If there is no such scene or lighting.
-        """
-        folder = scene_folder(self._scenes(), sequence)
+        """Read and check one sequence, except for its images and depths."""
+        folder = self._folder(sequence)
         camera = self._camera_of({path.name for path in folder.iterdir()})
         version = _VERSIONS[str(camera)]
         images = numbered_files(folder / f"image_{camera}", rf"(\d+)_{camera}\.png")

@@ -31,7 +31,7 @@ from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import find_scenes, scene_folder, with_option
+from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
 from tracknoise.sequences.timed_poses import (
     Trajectory,
     in_order,
@@ -375,7 +375,7 @@ _COLUMNS = "timestamp tx ty tz qx qy qz qw"
 
 
 @dataclass(frozen=True, slots=True)
-class Tum:
+class Tum(SceneReader):
     """Reader of the TUM RGB-D benchmark, ICL-NUIM, Bonn RGB-D, ETH3D SLAM and all that is written like them.
 
     Parameters
@@ -418,27 +418,9 @@ class Tum:
         require_bounds(self)
         require_finite("time_shift_s", self.time_shift_s)
 
-    def sequences(self) -> list[SequenceId]:
-        """All recordings, sorted: each folder with a list of images.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
-        return [SequenceId(self.name, scene) for scene in self._scenes()]
-
     def open(self, sequence: SequenceId) -> RecordedSequence:
-        """Read and check one recording, except for its images and depths.
-
-        Raises
-        ------
-        DataError
-            If a list, the poses or the camera is missing or damaged, or no image has a pose.
-        UnknownNameError
-            If there is no such scene or lighting.
-        """
-        folder = scene_folder(self._scenes(), sequence)
+        """Read and check one recording, except for its images and depths."""
+        folder = self._folder(sequence)
         images, depths = read_lists(folder)
         known = known_recording(self.root, folder)
         calibration = find_calibration(

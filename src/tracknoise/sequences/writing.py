@@ -1,8 +1,4 @@
-"""Writing sequences: folders that appear at once, and the camera of formats that can hold only one.
-
-- Folders of sequences that appear at once, when all their files are written.
-- The camera of a sequence, for formats that can hold only one, and for those that can hold only a pinhole camera.
-"""
+"""Writing sequences: folders that appear at once, and the camera of formats that can hold only one."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,23 +12,7 @@ from tracknoise.sequences.sequence import Sequence, camera_at
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """As `tracknoise.atomic.created_folder`.
-
-    Parameters
-    ----------
-    path
-        Where the folder is to be: new, or an empty one.
-
-    Yields
-    ------
-    Path
-        The folder under its temporary name, beside that place.
-
-    Raises
-    ------
-    DataError
-        If there is something already, or it cannot be written.
-    """
+    """As `tracknoise.atomic.created_folder`; DataError if there is something already, or it cannot be written."""
     path = Path(path).absolute()
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         raise DataError(path, "already exists", "a new or empty folder")

@@ -26,14 +26,7 @@ class Lamp:
     def irradiance(self, normals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Irradiance of surfaces, without shadows: strength max(0, n . l).
 
-        Parameters
-        ----------
-        normals
-            (n, 3) float64, unit, towards the visible side.
-
-        Returns
-        -------
-        (n,) float64
+        `normals`: (n, 3) float64, unit, towards the visible side. Returns (n,) float64.
         """
         lit: NDArray[np.float64] = self.strength * np.maximum(np.einsum("ni,i->n", normals, self.towards), 0.0)
         return lit

@@ -41,17 +41,8 @@ Motion = Callable[[int, np.random.Generator], NDArray[np.float64]]
 def sideways(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Translate to the right at constant speed, looking north; turn back at the end of the track.
 
-    Parameters
-    ----------
-    frames
-        Number of frames.
-    rng
-        Random generator of the small differences in position and speed.
-
-    Returns
-    -------
-    (n, 4, 4) float64
-        world_from_camera.
+    `frames`: number of frames; `rng`: random generator of the small differences in position and speed. Returns (n, 4,
+    4) float64: world_from_camera.
     """
     step = _SIDEWAYS_STEP_M * rng.uniform(0.9, 1.1)
     x = _back_and_forth(step, frames, 2.0 * TRACK_HALF_M) - TRACK_HALF_M

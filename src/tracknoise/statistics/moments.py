@@ -209,24 +209,10 @@ def tabulate(
 def merge(moments: pl.DataFrame, *, by: Sequence[str], orders: Sequence[Order] = FOURTH) -> pl.DataFrame:
     """Pool the rows that agree in `by`, as if the moments had been measured on all their observations at once.
 
-    Parameters
-    ----------
-    moments
-        A moments table, or what `merge` made of one. A row may occur several times, as in a bootstrap.
-    by
-        Key columns to keep, at least one.
-    orders
-        Which central power sums of signed errors. Those of absolute errors are pooled with the orders above 2 only.
-
-    Returns
-    -------
-    polars.DataFrame
-        Columns `by`, then `n` and the moments as in `MOMENTS`; sorted by `by`. Means are null where n is 0.
-
-    Raises
-    ------
-    SchemaError
-        If a column of moments is missing or of another type.
+    `moments`: a moments table, or what `merge` made of one. A row may occur several times, as in a bootstrap; `by`: key
+    columns to keep, at least one; `orders`: which central power sums of signed errors. Those of absolute errors are
+    pooled with the orders above 2 only. Returns columns `by`, then `n` and the moments as in `MOMENTS`; sorted by `by`.
+    Means are null where n is 0.
     """
     values = ["n", *_MEANS, *_sums(orders, "m_"), *_ABSOLUTE_MEANS, *_sums(_variances(orders), "m_abs_")]
     schema = {name: MOMENT_VALUES[name] for name in values}

@@ -62,10 +62,7 @@ def inside(squared: NDArray[np.float64]) -> list[NDArray[np.bool_]]:
 def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
     """Sums over the visible observations that have a predicted covariance, before and after trimming.
 
-    Returns
-    -------
-    polars.DataFrame
-        Schema `COVARIANCE_SUMS`, sorted: rows of the ages of `STEPS`, and of all ages together, whose `at` is null.
+    Returns schema `COVARIANCE_SUMS`, sorted: rows of the ages of `STEPS`, and of all ages together, whose `at` is null.
     """
     seen = sequence.seen
     zero = sequence.key_frame or 0

@@ -36,7 +36,7 @@ class Trimmed:
 class _Largest:
     """Largest error of every track."""
 
-    error_px: NDArray[np.float64]  # (tracks,): naN where a track has no error
+    error_px: NDArray[np.float64]  # (tracks,): NaN where a track has no error
     # (tracks,): whether a track has an error in a frame other than the one that fixes its true position
     followed: NDArray[np.bool_]
 
@@ -80,24 +80,10 @@ def trim_sequence(
     The true position of a track is fixed in one frame, its anchor, where the error is 0 or nearly so. A track that has
     no other error lowers the threshold. As in the paper such tracks count, unless `among` excludes them.
 
-    Parameters
-    ----------
-    sequence
-        Its `kept` and `max_error_px` are not read.
-    percentile
-        From 0 to 100; None keeps every track.
-    population
-        Which observations count: `visible` or `projected`.
-    among
-        Of which tracks the percentile is taken: of `all` that have a largest error, or of those that were `followed`,
-        which have an error in another frame than their anchor.
-
-    Raises
-    ------
-    SettingsError
-        If `percentile` is not between 0 and 100.
-    UnknownNameError
-        If there is no such population, or no such choice of tracks.
+    `sequence`: its `kept` and `max_error_px` are not read; `percentile`: from 0 to 100; None keeps every track;
+    `population`: which observations count: `visible` or `projected`; `among`: of which tracks the percentile is taken:
+    of `all` that have a largest error, or of those that were `followed`, which have an error in another frame than
+    their anchor.
     """
     if percentile is not None and not 0 <= percentile <= 100:
         raise SettingsError(f"trimming percentile is {percentile}, expected 0 to 100")

@@ -102,17 +102,7 @@ _KINDS: Mapping[str, Callable[[Any], _Seen]] = {
 def read_bag(path: Path, topic: str | None) -> Rows:
     """Read the tracks of one topic, in a process of its own, because a damaged bag may take all memory.
 
-    Parameters
-    ----------
-    path
-        File or folder of the bag.
-    topic
-        Its name. None: the only one that has tracks.
-
-    Raises
-    ------
-    DataError
-        If the bag is damaged, has no such topic or several, or the topic has no features.
+    `path`: file or folder of the bag; `topic`: its name. None: the only one that has tracks.
     """
     try:
         return call_in_child(_read, path, topic, size=bag_size(path))

@@ -160,17 +160,8 @@ def marginal_support(squared: Floats) -> Floats:
     is the density of an error r in four dimensions, averaged over all standard deviations up to threshold / 3.64, each
     cut off at 3.64 of its own.
 
-    Parameters
-    ----------
-    squared
-        (b, n) float64: squared errors in units of the squared threshold.
+    `squared`: (b, n) float64: squared errors in units of the squared threshold. Returns (b, n) float64.
 
-    Returns
-    -------
-    (b, n) float64
-
-    References
-    ----------
     D. Barath, J. Noskova, M. Ivashechkin, J. Matas, MAGSAC++, a Fast, Reliable and Accurate Robust Estimator, CVPR
     2020.
     """

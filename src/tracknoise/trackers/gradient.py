@@ -60,19 +60,9 @@ def shift_covariance(
     The sum is that of the window of `dominant_gradient`, scaled to the pixels of the patch. s is the standard deviation
     of Gaussian differences of gray values, sqrt(pi / 2) times their mean absolute value.
 
-    Parameters
-    ----------
-    frame, uv
-        The image, and positions (n, 2) in it, px.
-    residual
-        (n,) mean absolute differences of the patches, gray values.
-    window_px
-        Side of the patches, px.
-
-    Returns
-    -------
-    (n, 3) float32
-        uu, uv and vv, px^2; NaN where gradients have one direction only, and where the window is not in the image.
+    `frame`, `uv`: the image, and positions (n, 2) in it, px; `residual`: (n,) mean absolute differences of the patches,
+    gray values; `window_px`: side of the patches, px. Returns (n, 3) float32: uu, uv and vv, px^2; NaN where gradients
+    have one direction only, and where the window is not in the image.
     """
     uu, cross, vv = (
         _where_inside(frame, uv, lambda *tensor: np.stack(tensor, axis=1), columns=3).T

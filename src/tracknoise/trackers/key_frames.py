@@ -95,17 +95,8 @@ class Renewal:
     def rows(self, ids: NDArray[np.int64], index: int) -> NDArray[np.intp]:
         """Where the templates of the features in an image are.
 
-        Parameters
-        ----------
-        ids
-            (n,) int64: all features that are alive in the image, ascending.
-        index
-            Of the image.
-
-        Returns
-        -------
-        (n,) intp
-            The row that each had in the call before, whose template it keeps; -1 where it gets a new one.
+        `ids`: (n,) int64: all features that are alive in the image, ascending. Returns (n,) intp: the row that each had
+        in the call before, whose template it keeps; -1 where it gets a new one.
         """
         row = np.searchsorted(self._ids, ids)
         kept = np.isin(ids, self._ids)

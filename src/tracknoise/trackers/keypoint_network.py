@@ -48,28 +48,13 @@ class NetworkKeypoints:
 
 
 def require_network(path: Path) -> None:
-    """Check that a network can be used.
-
-    Raises
-    ------
-    SettingsError
-        If onnxruntime is not installed.
-    DataError
-        If the file is missing or no network of keypoints: one input (1, 1 or 3, height, width), and an output whose
-        name contains ``keypoints``.
-    """
+    """Check that a network can be used."""
     require_file(path, _WHAT, "such as SuperPoint, DISK or ALIKED exported for LightGlue")
     _open(path)
 
 
 def find_keypoints(image: NDArray[np.uint8], path: Path, units: NetworkUnits) -> NetworkKeypoints:
-    """Run a network on an image (height, width), which is stretched to the size of its input, if it has one.
-
-    Raises
-    ------
-    TrackerError
-        If the network fails on the image, or its outputs do not fit to each other.
-    """
+    """Run a network on an image (height, width), which is stretched to the size of its input, if it has one."""
     network = _open(path)
     size = network.input_size or image.shape[::-1]
     shown = image if size == image.shape[::-1] else cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)

@@ -22,16 +22,7 @@ Keypoints = tuple[NDArray[np.float64], NDArray[np.float32]]
 
 
 def require_matcher(path: Path) -> None:
-    """Check that a network of matches can be used.
-
-    Raises
-    ------
-    SettingsError
-        If onnxruntime is not installed.
-    DataError
-        If the file is missing or no network of matches: inputs ``kpts0``, ``kpts1``, ``desc0`` and ``desc1`` of floats,
-        and outputs ``matches0`` and ``mscores0``.
-    """
+    """Check that a network of matches can be used."""
     require_file(path, _WHAT, "such as LightGlue exported for the network of keypoints")
     _open(path)
 
@@ -45,28 +36,9 @@ def network_matches(
     No keypoint is in two pairs: where the network has several with the same keypoint, the one with the highest score
     stays, if it is that of the other keypoint too.
 
-    Parameters
-    ----------
-    path
-        The file: see `require_matcher`.
-    before, after
-        Keypoints of both images: of m and of n.
-    size
-        (width, height) of both images, px.
-    least_score
-        Pairs with a lower score are left out.
-
-    Returns
-    -------
-    Matches
-        With the score of each pair (``match_score``).
-
-    Raises
-    ------
-    TrackerError
-        If the network fails, or its outputs do not fit to the keypoints: ``matches0`` (k, 2) are pairs of rows, and
-        ``mscores0`` (k,) their scores; or ``matches0`` (1, m) is the row in the second image of each keypoint of the
-        first, -1 without one, and ``mscores0`` (1, m) its score.
+    `path`: the file: see `require_matcher`; `before`, `after`: keypoints of both images: of m and of n; `size`: (width,
+    height) of both images, px; `least_score`: pairs with a lower score are left out. Returns pairs with
+    their scores (``match_score``).
     """
     session = _open(path)
     inputs: dict[str, NDArray[np.float32]] = {}

@@ -33,17 +33,9 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Ma
     appended. All terms are whole numbers below 2^24, which float32 represents exactly, so that neither the order of
     summation nor the number of threads can change a match.
 
-    Parameters
-    ----------
-    query, train
-        (m, d) and (n, d) float32: descriptors of both images.
-
-    Returns
-    -------
-    Matches
-        With the Euclidean distance of each pair (``descriptor_distance``), and that distance over the distance of the
-        query to its second nearest in train (``descriptor_ratio``): from 0, unambiguous, to 1, ambiguous. NaN if there
-        is no second one.
+    `query`, `train`: (m, d) and (n, d) float32: descriptors of both images. Returns pairs with their Euclidean distance
+    (``descriptor_distance``), and that distance over the distance of the query to its second nearest in train
+    (``descriptor_ratio``): from 0, unambiguous, to 1, ambiguous. NaN if there is no second one.
     """
     if not (len(query) and len(train)):
         no_rows, nothing = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.float32)
@@ -93,19 +85,9 @@ def supported(source: NDArray[np.float64], target: NDArray[np.float64], size: tu
     first image shifted by half a cell in u, in v and in both too; one of the four is enough. Neither a turn beyond
     about 20 degrees nor a large change of size is allowed for. A few hundred matches are needed.
 
-    Parameters
-    ----------
-    source, target
-        (n, 2) float64, px: positions in the first and in the second image.
-    size
-        (width, height) of both, px.
+    `source`, `target`: (n, 2) float64, px: positions in the first and in the second image; `size`: (width, height) of
+    both, px. Returns (n,) bool.
 
-    Returns
-    -------
-    (n,) bool
-
-    References
-    ----------
     J. Bian, W.-Y. Lin, Y. Matsushita, S.-K. Yeung, T.-D. Nguyen, M.-M. Cheng, GMS: Grid-based Motion Statistics for
     Fast, Ultra-robust Feature Correspondence, CVPR 2017.
     """

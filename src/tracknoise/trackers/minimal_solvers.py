@@ -23,19 +23,9 @@ def through_seven(equations: Floats) -> tuple[Floats, NDArray[np.bool_]]:
 
     Those whose determinant is zero, of all that are combinations of the two that fulfil the equations.
 
-    Parameters
-    ----------
-    equations
-        (b, 7, 9) float64: rows whose product with the entries of F is x'^T F x.
+    `equations`: (b, 7, 9) float64: rows whose product with the entries of F is x'^T F x. Returns `models` (b, 3, 3, 3)
+    float64: three for each sample, arbitrary where there are fewer; `exists` (b, 3) bool.
 
-    Returns
-    -------
-    models : (b, 3, 3, 3) float64
-        Three for each sample, arbitrary where there are fewer.
-    exists : (b, 3) bool
-
-    References
-    ----------
     R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision, 2nd edition, 11.1.2.
     """
     basis, usable = _kernel(equations, 2)
@@ -58,21 +48,11 @@ def through_five(equations: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     Of all combinations x X + y Y + z Z + W that fulfil the equations, those with det E = 0 and
     2 E E^T E = trace(E E^T) E: ten cubics, which are solved by the eigenvectors of the multiplication by x.
 
-    Parameters
-    ----------
-    equations
-        (b, 5, 9) float64: rows whose product with the entries of E is x'^T E x, of rays with depth 1.
+    `equations`: (b, 5, 9) float64: rows whose product with the entries of E is x'^T E x, of rays with depth 1. Returns
+    `models` (b, 10, 3, 3) float64: ten for each sample, arbitrary where there are fewer; `exists` (b, 10) bool.
 
-    Returns
-    -------
-    models : (b, 10, 3, 3) float64
-        Ten for each sample, arbitrary where there are fewer.
-    exists : (b, 10) bool
-
-    References
-    ----------
-    D. Nister, An Efficient Solution to the Five-Point Relative Pose Problem, PAMI 26, 2004. H. Stewenius, C. Engels,
-    D. Nister, Recent Developments on Direct Relative Orientation, ISPRS Journal 60, 2006.
+    D. Nister, An Efficient Solution to the Five-Point Relative Pose Problem, PAMI 26, 2004. H. Stewenius, C. Engels, D.
+    Nister, Recent Developments on Direct Relative Orientation, ISPRS Journal 60, 2006.
     """
     basis, usable = _kernel(equations, 4)
     cubics = _cubics(basis)

@@ -12,31 +12,13 @@ from tracknoise.foreign_files import read_bytes
 def require_file(path: Path, what: str, such_as: str) -> None:
     """Read an ONNX file, so that it counts among the files that a run was measured from.
 
-    Parameters
-    ----------
-    path
-        The file.
-    what, such_as
-        What it should be, and where such a file is from, for the error.
-
-    Raises
-    ------
-    DataError
-        If it is missing or unreadable.
+    `what`, `such_as`: what it should be, and where such a file is from, for the error.
     """
     read_bytes(path, f"{what}, {such_as}")
 
 
 def session_of(path: Path, what: str) -> Any:
-    """Session of onnxruntime with a network, opened once for each version of its file.
-
-    Raises
-    ------
-    SettingsError
-        If onnxruntime is not installed.
-    DataError
-        If the file is no network.
-    """
+    """Session of onnxruntime with a network, opened once for each version of its file."""
     status = path.stat()
     return _opened(path, what, status.st_size, status.st_mtime_ns)
 
@@ -49,13 +31,7 @@ def described(values: Sequence[Any]) -> str:
 def run_network(
     path: Path, session: Any, outputs: Sequence[str], inputs: Mapping[str, Any], *, on: str, expected: str
 ) -> list[Any]:
-    """Outputs of a network, by their names.
-
-    Raises
-    ------
-    TrackerError
-        If it fails on its inputs, which `on` describes.
-    """
+    """Outputs of a network, by their names."""
     try:
         found: list[Any] = session.run([*outputs], {**inputs})
     except Exception as error:  # of its own types, which depend on the build

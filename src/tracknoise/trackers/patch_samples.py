@@ -35,17 +35,8 @@ def offsets(side_px: int, shape: Shape = Shape.square) -> Floats:
 def sampled(image: Floats, uv: Floats) -> Floats:
     """Values of an image at positions, bilinear.
 
-    Parameters
-    ----------
-    image
-        (height, width) float32.
-    uv
-        (n, p, 2) float32, px.
-
-    Returns
-    -------
-    (n, p) float32
-        NaN where a pixel around the position is not in the image.
+    `image`: (height, width) float32; `uv`: (n, p, 2) float32, px. Returns (n, p) float32: NaN where a pixel around the
+    position is not in the image.
     """
     values = np.empty(uv.shape[:2], dtype=np.float32)
     nothing: Any = None  # the second map, where the first has both coordinates

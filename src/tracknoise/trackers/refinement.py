@@ -86,19 +86,9 @@ class Refiner:
     ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Refined positions in an image, and how far each was moved, px, NaN where it stayed.
 
-        Parameters
-        ----------
-        before, after
-            The images of the latest positions, and of the new ones.
-        features
-            All n that are alive, with their latest positions.
-        uv
-            (n, 2) new positions, px, finite.
-
-        Returns
-        -------
-        uv : (n, 2) float64
-        shift_px : (n,) float32
+        `before`, `after`: the images of the latest positions, and of the new ones; `features`: all n that are alive,
+        with their latest positions; `uv`: (n, 2) new positions, px, finite. Returns `uv` (n, 2) float64; `shift_px`
+        (n,) float32.
         """
         if not len(features):
             return uv, np.empty(0, dtype=np.float32)

@@ -30,13 +30,7 @@ Guess = Callable[[Frame, Frame, Features], NDArray[np.float64]]
 
 
 def guess_from(start_at: Start, context: SequenceContext) -> Guess:
-    """How positions are guessed in a sequence.
-
-    Raises
-    ------
-    SettingsError
-        If a rotation is asked for, and the sequence has no camera or no poses.
-    """
+    """How positions are guessed in a sequence."""
     if start_at is Start.last:
         return at_last
     if start_at is Start.velocity:

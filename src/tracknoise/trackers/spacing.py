@@ -227,20 +227,9 @@ def suppression_radii(uv: Floats, response: NDArray[np.float32], live: Floats) -
     The keypoints with the largest radii are as many as wanted that are spread over the image. A response is clearly
     smaller below 0.9 of another.
 
-    Parameters
-    ----------
-    uv, response
-        (n, 2) float64, px, and (n,): keypoints.
-    live
-        (m, 2) float64, px: features that suppress all keypoints.
+    `uv`, `response`: (n, 2) float64, px, and (n,): keypoints; `live`: (m, 2) float64, px: features that suppress all
+    keypoints. Returns (n,) float64: px; infinite for the strongest without live features, 0 beyond the 3000 strongest.
 
-    Returns
-    -------
-    (n,) float64
-        px; infinite for the strongest without live features, 0 beyond the 3000 strongest.
-
-    References
-    ----------
     M. Brown, R. Szeliski, S. Winder, Multi-Image Matching using Multi-Scale Oriented Patches, CVPR 2005.
     """
     radii = np.zeros(len(uv))

@@ -53,15 +53,8 @@ class AnchoredTracks:
         The error of a track is exactly 0 where its point was taken from its own ray, without the rounding of the way to
         the point and back.
 
-        Parameters
-        ----------
-        index
-            Frame.
-        tracks
-            (n,) uint32.
-        anchors_uv
-            (n, 2) float64: pixel of this frame from which the point of a track was taken, px; NaN where it was taken
-            from another frame.
+        `tracks`: (n,) uint32; `anchors_uv`: (n, 2) float64: pixel of this frame from which the point of a track was
+        taken, px; NaN where it was taken from another frame.
         """
         projected, seen = self._locate(index, self._points[tracks])
         on_ray = np.abs(projected - anchors_uv).max(axis=1) < _ROUNDING_PX
@@ -151,25 +144,13 @@ class AnchoredTruth:
         return BirthSession(self)
 
     def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchors:
-        """World points of features by their positions in a frame: see `anchor_points`; no_pose if the frame has none.
-
-        Raises
-        ------
-        DataError
-            If the frame's depth cannot be read.
-        """
+        """World points of features by their positions in a frame: see `anchor_points`; no_pose if it has none."""
         if not self._geometry.has_pose(index):
             return np.full((len(uv), 3), np.nan), np.full(len(uv), TruthStatus.no_pose, np.int8)
         return self._anchor(index, uv)
 
     def surroundings(self, index: int, uv: NDArray[np.float64]) -> Surroundings:
-        """What lies around pixels (n, 2) of a frame: see `tracknoise.geometry.surroundings`.
-
-        Raises
-        ------
-        DataError
-            If the frame's depth cannot be read.
-        """
+        """What lies around pixels (n, 2) of a frame: see `tracknoise.geometry.surroundings`."""
         if self._surround is None or not len(uv):
             return unknown_surroundings(len(uv))
         return self._surround(index, uv)
@@ -185,13 +166,7 @@ class AnchoredTruth:
         return self._geometry.displaced(index, points_world, by_px)
 
     def locate(self, index: int, points_world: NDArray[np.float64]) -> Located:
-        """Positions of (n, 3) world points in a frame, and whether the points can be seen: see `locate`.
-
-        Raises
-        ------
-        DataError
-            If the frame's depth cannot be read.
-        """
+        """Positions of (n, 3) world points in a frame, and whether the points can be seen: see `locate`."""
         return locate(self._geometry, self._surface, index, points_world)
 
     def tracks(self) -> AnchoredTracks:

@@ -91,13 +91,7 @@ class SequenceGeometry:
         return bool(self._poses.known[index])
 
     def depth(self, index: int) -> DepthMap | None:
-        """Depth of one frame, or None where it has none. Repeated calls for one frame read it once.
-
-        Raises
-        ------
-        DataError
-            If the depth cannot be read.
-        """
+        """Depth of one frame, or None where it has none. Repeated calls for one frame read it once."""
         if index != self._index:
             self._depth, self._index = self.sequence.depth(index), index
         return self._depth
@@ -113,19 +107,8 @@ class SequenceGeometry:
     def seen(self, index: int, points_world: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World points in one frame; with a rolling shutter, at the time at which their own row was exposed.
 
-        Parameters
-        ----------
-        index
-            Frame.
-        points_world
-            (n, 3) float64, metres.
-
-        Returns
-        -------
-        uv : (n, 2) float64
-            px; NaN behind the camera and where distortion has no image.
-        points : (n, 3) float64
-            The points in the camera frame at that time, metres.
+        `points_world`: (n, 3) float64, metres. Returns `uv` (n, 2) float64: px; NaN behind the camera and where
+        distortion has no image; `points` (n, 3) float64: the points in the camera frame at that time, metres.
         """
         if self._poses.rows is not None:
             return project_by_rows(self._poses.rows, self.camera_at(index), index, points_world)
@@ -141,19 +124,8 @@ class SequenceGeometry:
     ) -> NDArray[np.float64]:
         """World points of the same depth whose positions in a frame lie beside those of others.
 
-        Parameters
-        ----------
-        index
-            Frame.
-        points_world
-            (n, 3) float64, metres.
-        by_px
-            (n, 2) float64: by how much their positions differ, px.
-
-        Returns
-        -------
-        (n, 3) float64
-            Metres; NaN where a point has no position, or the pixel no ray.
+        `points_world`: (n, 3) float64, metres; `by_px`: (n, 2) float64: by how much their positions differ, px. Returns
+        (n, 3) float64: metres; NaN where a point has no position, or the pixel no ray.
         """
         uv, points = self.seen(index, points_world)
         return self.to_world(index, uv + by_px, self.camera_at(index).unproject(uv + by_px, points[:, 2]))

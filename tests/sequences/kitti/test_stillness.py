@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from tracknoise.sequences.kitti import StillRule, still_stretch
+from tracknoise.sequences.kitti import still_stretch
 
-RULE = StillRule(frames=4, step_m=0.02)
+RULE = {"frames": 4, "step_m": 0.02}
 
 
 def moving_by(*steps_m: float) -> np.ndarray:
@@ -27,10 +27,10 @@ def moving_by(*steps_m: float) -> np.ndarray:
     ],
 )
 def test_by_hand(steps_m, expected):
-    assert still_stretch(moving_by(*steps_m), RULE) == expected
+    assert still_stretch(moving_by(*steps_m), **RULE) == expected
 
 
 def test_creeping_is_not_standing():
     """2.1 cm a frame for ever, and less than 2 cm in every frame but each fourth."""
-    assert still_stretch(moving_by(*[0.021] * 50), RULE) is None
-    assert still_stretch(moving_by(*[0.0, 0.0, 0.0, 0.021] * 12), RULE) is None
+    assert still_stretch(moving_by(*[0.021] * 50), **RULE) is None
+    assert still_stretch(moving_by(*[0.0, 0.0, 0.0, 0.021] * 12), **RULE) is None

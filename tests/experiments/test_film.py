@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.experiments import film as module
-from tracknoise.experiments.film import film
+from tracknoise.experiments import pictures as module
 from tracknoise.experiments.measure import measure
+from tracknoise.experiments.pictures import film
 from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.statistics.joining import Part, join
 from tracknoise.tables.schema import FILM, check
@@ -36,16 +36,16 @@ def test_it_holds_the_frames_in_order(measured):
 
 
 def test_wide_images_are_made_small(measured, monkeypatch):
-    monkeypatch.setattr(module, "WIDEST_PX", 80)
+    monkeypatch.setattr(module, "_WIDEST_PX", 80)
     assert {image_of(encoded).shape for encoded in film(measured)["image"]} == {(60, 80)}
 
 
 def test_it_has_a_limited_size(measured, monkeypatch):
     whole = film(measured)
     sizes = [len(encoded) for encoded in whole["image"]]
-    monkeypatch.setattr(module, "MOST_BYTES", sum(sizes[:2]))
+    monkeypatch.setattr(module, "_MOST_BYTES", sum(sizes[:2]))
     assert film(measured).equals(whole.head(2))
-    monkeypatch.setattr(module, "MOST_FRAMES", 1)
+    monkeypatch.setattr(module, "_MOST_FRAMES", 1)
     assert film(measured).equals(whole.head(1))
 
 

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from tracknoise.experiments.measure import Measurement, measure, measure_together
-from tracknoise.experiments.patches import track_patches
+from tracknoise.experiments.pictures import track_patches
 from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.definitions import PLACE_AGES

@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.simulation.inertial import (
     GRAVITY,
-    NO_NOISE,
     RATE_HZ,
     InertialNoise,
     SmoothPath,
@@ -15,6 +14,7 @@ from tracknoise.simulation.inertial import (
 from tracknoise.simulation.motion import MOTIONS
 
 _FRAMES, _FRAME_RATE_HZ = 201, 20.0
+NO_NOISE = InertialNoise(gyro=0.0, accelerometer=0.0, gyro_walk=0.0, accelerometer_walk=0.0)
 
 
 def path_of(motion: str) -> tuple[np.ndarray, np.ndarray, SmoothPath]:

@@ -149,7 +149,9 @@ def learn(
     components = noise or gaussian.without_factors.noise
     benchmarks = problems[:: max(1, len(problems) // _MOST_BENCHMARKS)][:_MOST_BENCHMARKS]
     newest, innovations = (
-        float(np.mean([_equivalent(problem, components, purpose) for problem in benchmarks]))
+        float(
+            np.mean([consistent_sigma(linear_window(problem), components, purpose=purpose) for problem in benchmarks])
+        )
         for purpose in (Purpose.NEWEST_POSE, Purpose.INNOVATIONS)
     )
     draft = Beliefs(
@@ -196,7 +198,3 @@ def _tuned_knee(beliefs: Beliefs, problems: Sequence[Problem], arm: str) -> Knee
         error, nees = (trial[column].to_numpy() for column in ("position_m", "nees_newest"))
         found.append((float(np.mean(np.log(error))), Knee(sigma_px=float(np.sqrt(nees.mean())), knee_px=knee.knee_px)))
     return min(found, key=lambda one: one[0])[1]
-
-
-def _equivalent(problem: Problem, noise: TrackNoise, purpose: Purpose) -> float:
-    return consistent_sigma(linear_window(problem), noise, purpose=purpose)

@@ -277,11 +277,7 @@ def sentence(summary: pl.DataFrame, arm: str) -> str:
 
 
 def _compared(name: str, row: Mapping[str, float | None]) -> str:
-    return f"{name} errors are {_stated(row)} times those of one tuned sigma ({_decision(row)})"
-
-
-def _decision(row: Mapping[str, float | None]) -> Verdict:
-    return verdict(row["low"], row["high"])
+    return f"{name} errors are {_stated(row)} times those of one tuned sigma ({verdict(row['low'], row['high'])})"
 
 
 def _consistent(rows: Mapping[str, Mapping[str, float | None]]) -> str:

@@ -237,14 +237,6 @@ def _cauchy_by_quality(problem: Problem, beliefs: Beliefs) -> list[NDArray[np.fl
     return [np.repeat(factor, 2, axis=1)[:, :, None] * part for factor, part in zip(factors, one, strict=True)]
 
 
-def _huber(_: Beliefs) -> Loss:
-    return Loss(LossKind.HUBER, 1.345)
-
-
-def _cauchy(_: Beliefs) -> Loss:
-    return Loss(LossKind.CAUCHY, 1.0)
-
-
 SCALARS: Mapping[str, tuple[str, Callable[[Beliefs], float]]] = MappingProxyType(
     {
         "0": ("1 px", lambda _: 1.0),
@@ -271,8 +263,8 @@ ARMS: Mapping[str, Arm] = MappingProxyType(
         "6g": Arm("whole tracks, gate .25", _modelled, gate=lambda _: _GATE_OF_WHOLE_TRACKS),
         "7": Arm("whole tracks, mean drift corrected", _modelled, unbiased=True),
         "7b": Arm("one sigma, mean drift corrected", _tuned, unbiased=True),
-        "8": Arm("one sigma, Huber 1.345", _tuned, _huber),
-        "8b": Arm("one sigma, Cauchy 1", _tuned, _cauchy),
+        "8": Arm("one sigma, Huber 1.345", _tuned, lambda _: Loss(LossKind.HUBER, 1.345)),
+        "8b": Arm("one sigma, Cauchy 1", _tuned, lambda _: Loss(LossKind.CAUCHY, 1.0)),
         "8c": Arm("core sigma, Cauchy of Student's knee", _student_core, _student),
         "8d": Arm("one sigma, Cauchy, knee tuned", _of_knee("8d"), lambda beliefs: beliefs.knees["8d"].loss),
         "8e": Arm("what is set in a sliding window", _of_knee(ADVISED), lambda beliefs: beliefs.knees[ADVISED].loss),

@@ -33,7 +33,6 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.paired_differences import average, half_widths_alone
 from tracknoise.inference.units import Resampled
-from tracknoise.measurement.tracking import Progress
 from tracknoise.processes import process_pool
 from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import Sequence, TruthKind
@@ -222,7 +221,7 @@ def simulated_reader(options: Options) -> Simulated:
     return made
 
 
-def measure_scene(study: Study, scene: str, size: Size, *, progress: Progress | None = None) -> pl.DataFrame:
+def measure_scene(study: Study, scene: str, size: Size) -> pl.DataFrame:
     """Values of every effect at one size in one scene, and without effects. Returns schema `EFFECT_VALUES`."""
     opened = _sequences(study, scene, size)
     trackers = {kind: SharedTracker(make_tracker(kind, options)) for kind, options in study.trackers.items()}
@@ -233,7 +232,6 @@ def measure_scene(study: Study, scene: str, size: Size, *, progress: Progress | 
         population=study.population,
         trim_percentile=study.trim_percentile,
         trim_among=study.trim_among,
-        progress=progress,
     )
     rows = [
         {"scene": scene, "effect": effect, "size": size, **row}

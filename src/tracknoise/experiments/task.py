@@ -16,7 +16,6 @@ import polars as pl
 from tracknoise.exceptions import DataWarning, NothingToMeasureError
 from tracknoise.experiments.doubts import Doubts, doubts, doubts_of_parts
 from tracknoise.experiments.failures import Batch, InParts, Result, diagnose
-from tracknoise.experiments.film import film
 from tracknoise.experiments.geometry_tables import camera_tables, geometry_tables
 from tracknoise.experiments.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.local_workers import notify
@@ -32,7 +31,7 @@ from tracknoise.experiments.parts import (
     note_of,
     parts_of,
 )
-from tracknoise.experiments.patches import KEPT_BYTES, track_patches
+from tracknoise.experiments.pictures import KEPT_BYTES, film, track_patches
 from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_second
 from tracknoise.experiments.resume import new_manifest, require_versions
 from tracknoise.experiments.run_lock import Claim
@@ -138,12 +137,13 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
     frames = [task.parts[one.part.place] for one in parts]
     doubted = [(one, Doubts(entry.doubts, entry.cautions)) for one, entry in zip(frames, entries, strict=True)]
     found = doubts_of_parts(sequence, doubted)
+    different = tuple(dict.fromkeys(note for entry in entries for note in entry.notes))
     entry = replace(
         middle.entry,
         n_frames=n_frames,
         snapshot_frame=middle.part.first_frame + middle.entry.snapshot_frame,
         seconds=round(sum(entry.seconds for entry in entries), 3),
-        notes=(note_of(task, parts, n_frames), *_notes(sequence, n_frames, middle.entry.truth, _different(entries))),
+        notes=(note_of(task, parts, n_frames), *_notes(sequence, n_frames, middle.entry.truth, different)),
         states_accuracy=all(entry.states_accuracy for entry in entries),
         doubts=found.mistakes,
         cautions=found.cautions,
@@ -152,10 +152,6 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         sha256=hashes,
     )
     return _with_inputs(entry, joined_inputs([one.folder for one in parts], task.key), run)
-
-
-def _different(entries: Iterable[SequenceEntry]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(note for entry in entries for note in entry.notes))
 
 
 def _measure_batch(

@@ -91,16 +91,12 @@ def _dataset(reader: Reader, path: Path | None, scenes: list[str]) -> list[str]:
 
 def _options(name: str, options: Mapping[str, object]) -> list[str]:
     """The options that were chosen; the defaults of all as comments."""
-    lines = [line.replace("[", "[dataset.options.", 1) if line.startswith("[") else line for line in _lines_of(name)]
+    shown = filter(None, reader_defaults(name).splitlines())
+    lines = [line.replace("[", "[dataset.options.", 1) if line.startswith("[") else line for line in shown]
     defaults = [line if line.startswith("#") else f"# {line}" for line in lines]
     if not defaults:
         return []
     return ["", "[dataset.options]", *(_entry(key, value) for key, value in options.items()), *defaults]
-
-
-def _lines_of(name: str) -> list[str]:
-    """Options of a reader with their defaults, without empty lines."""
-    return [line for line in reader_defaults(name).splitlines() if line]
 
 
 def _truth(first: Sequence, *, stereo: bool) -> list[str]:

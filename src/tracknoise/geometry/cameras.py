@@ -188,66 +188,24 @@ class Intrinsics(ABC):
             return bool(np.all(np.abs(there_and_back - outline) <= _ROUND_TRIP_PX))
 
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Project points of the camera frame: pi(X).
+        """Pixels (..., 2) of points (..., 3): see `CameraModel.project`.
 
-        Parameters
-        ----------
-        points
-            (..., 3) float64, metres, camera frame.
-
-        Returns
-        -------
-        (..., 2) float64
-            Pixel coordinates u, v. NaN for points that have no image: those with z <= 0, and those so far from the
-            axis that the distortion would fold them back.
+        NaN for points that have no image: those with z <= 0, and those so far from the axis that the distortion would
+        fold them back.
         """
         return self._seen_at(points) * (self.fx, self.fy) + (self.cx, self.cy)
 
     def bearings(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rays through pixels, scaled to depth 1.
-
-        Parameters
-        ----------
-        uv
-            (..., 2) float64, px.
-
-        Returns
-        -------
-        (..., 3) float64
-            Camera frame, z = 1; x and y are NaN where the pixel has no ray with z > 0 (see `is_invertible`).
-        """
+        """Rays (..., 3) through pixels (..., 2): see `CameraModel.bearings`, and `is_invertible`."""
         xy = self._looking_along((np.asarray(uv, dtype=np.float64) - (self.cx, self.cy)) / (self.fx, self.fy))
         return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
 
     def unproject(self, uv: NDArray[np.float64], depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the camera frame at given depths: pi^-1(x, Z).
-
-        Parameters
-        ----------
-        uv
-            (..., 2) float64, px.
-        depth_m
-            (...) float64, depth along z, metres.
-
-        Returns
-        -------
-        (..., 3) float64
-            Metres, camera frame.
-        """
+        """Points (..., 3) under pixels (..., 2): see `CameraModel.unproject`."""
         return self.bearings(uv) * np.asarray(depth_m, dtype=np.float64)[..., None]
 
     def contains(self, uv: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether pixels lie in the image, its outermost half pixels included; NaN does not.
-
-        Parameters
-        ----------
-        uv
-            (..., 2) float64, px.
-
-        Returns
-        -------
-        (...) bool
-        """
+        """Whether pixels (..., 2) lie in the image: see `CameraModel.contains`."""
         u, v = uv[..., 0], uv[..., 1]
         return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
 

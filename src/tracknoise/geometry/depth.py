@@ -231,8 +231,6 @@ def reproject_depth(
     camera: CameraModel,
     target: CameraModel,
     target_from_camera: NDArray[np.float64],
-    *,
-    spread: float = EDGE_RELATIVE_SPREAD,
 ) -> DepthMap:
     """Depth of every pixel of a target camera, from the dense depth map of another camera.
 
@@ -249,8 +247,6 @@ def reproject_depth(
         Both cameras.
     target_from_camera
         (4, 4) float64, metres: from the frame of `camera` to that of `target`.
-    spread
-        Largest relative difference between the depths of a triangle's corners, no unit.
 
     Returns
     -------
@@ -260,7 +256,7 @@ def reproject_depth(
     vertices = _vertices(depth, camera, target, target_from_camera)
     nearest = np.zeros(target.height * target.width)
     for top in range(0, len(vertices[0]) - 1, _STRIP):
-        _draw(nearest, target, vertices[:, top : top + _STRIP + 1], spread)
+        _draw(nearest, target, vertices[:, top : top + _STRIP + 1])
     seen = nearest > 0.0
     depth_m = np.divide(1.0, nearest, out=np.zeros_like(nearest), where=seen)
     size = (target.height, target.width)
@@ -294,16 +290,19 @@ def _rays(camera: CameraModel, height: int, width: int, rotation: bytes) -> NDAr
     return np.ascontiguousarray(np.moveaxis(rays @ np.frombuffer(rotation).reshape(3, 3).T, -1, 0))
 
 
-def _draw(nearest: NDArray[np.float64], target: CameraModel, vertices: NDArray[np.float64], spread: float) -> None:
+def _draw(nearest: NDArray[np.float64], target: CameraModel, vertices: NDArray[np.float64]) -> None:
     """Enter the inverse depth of triangles where it is the largest of a pixel so far.
 
     Each four neighbouring vertices (3, rows, columns) are two triangles, which share the side from the upper right to
-    the lower left. Those with a vertex that is unknown, or whose depths differ by more than `spread`, are left out.
+    the lower left. Those with a vertex that is unknown, or whose depths differ by more than `EDGE_RELATIVE_SPREAD`, are
+    left out.
     """
     halves = (slice(None, -1), slice(1, None))
     first, right, below, last = (vertices[:, rows, columns] for rows in halves for columns in halves)
     high, low = np.maximum(right[2], below[2]), np.minimum(right[2], below[2])
-    upper, lower = (np.maximum(high, end) <= (1.0 + spread) * np.minimum(low, end) for end in (first[2], last[2]))
+    upper, lower = (
+        np.maximum(high, end) <= (1.0 + EDGE_RELATIVE_SPREAD) * np.minimum(low, end) for end in (first[2], last[2])
+    )
     covers, starts, extents = upper | lower, [], []
     for axis, size in enumerate((target.width, target.height)):
         sides = right[axis], below[axis]

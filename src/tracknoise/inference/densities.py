@@ -245,7 +245,7 @@ def _newton(t: Array, scaled: Array, count: Array) -> Array:
     return stepped
 
 
-CYCLES = 10
+_CYCLES = 10
 """Of three steps each. Of a thousand points each of a dozen kinds, from Student's t of 2 to 10 degrees of freedom to
 mixtures, they leave 1e-5 nats an error at most to the likelihood of 1000 cycles; thirty plain steps leave 0.07."""
 _LEAST, _FARTHEST, _ALMOST = 1e-300, 500.0, 1 - 1e-12
@@ -275,19 +275,17 @@ class Mixture:
         return log_normaliser(self.scatter) + np.logaddexp(core, wide)
 
 
-def fit_mixture(points: Array, *, cycles: int = CYCLES) -> Mixture:
+def fit_mixture(points: Array) -> Mixture:
     """A likely (mixture) of each sample, from one start: a tenth of the points of ten times the covariance.
 
     Parameters
     ----------
     points : (samples, 6, points)
         What `elliptical.terms` made; at least three points a sample that are not on a line.
-    cycles
-        How many.
     """
     total = points.sum(axis=2)
     fit = _first(total)
-    for _ in range(cycles):
+    for _ in range(_CYCLES):
         one = _Expected.under(fit, points).next(points, total)
         at_one = _Expected.under(one, points)
         two = at_one.next(points, total)

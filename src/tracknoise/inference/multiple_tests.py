@@ -64,34 +64,12 @@ def holm(p: Values) -> NDArray[np.float64]:
 
 
 def hochberg(p: Values) -> NDArray[np.float64]:
-    """Adjusted p-values by (hochberg).
-
-    Parameters
-    ----------
-    p : (tests,)
-        P-values; None or NaN where there was no test, which then does not count.
-
-    Returns
-    -------
-    (tests,) float64
-        NaN where there was no test.
-    """
+    """Adjusted p-values by (hochberg): see `holm`."""
     return _adjusted(p, lambda ordered: _least_from(np.arange(len(ordered), 0, -1) * ordered))
 
 
 def benjamini_hochberg(p: Values) -> NDArray[np.float64]:
-    """q-values by (bh).
-
-    Parameters
-    ----------
-    p : (tests,)
-        P-values; None or NaN where there was no test, which then does not count.
-
-    Returns
-    -------
-    (tests,) float64
-        NaN where there was no test.
-    """
+    """q-values by (bh): see `holm`."""
     return _adjusted(p, lambda ordered: _least_from(len(ordered) / np.arange(1, len(ordered) + 1) * ordered))
 
 

@@ -42,11 +42,6 @@ class PoseNoise:
         White noise, independent from frame to frame: degrees, metres.
     rotation_walk_deg, position_walk_m
         Steps of a random walk: degrees and metres per frame. After k frames the error has sqrt(k) times this size.
-
-    Raises
-    ------
-    ValueError
-        If one is negative.
     """
 
     rotation_deg: NotNegative = 0.0
@@ -68,11 +63,6 @@ class Mounting:
         Rotation vector of the sensor in the frame of the camera, degrees.
     position_m
         Position of the sensor in the frame of the camera, metres.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite.
     """
 
     rotation_deg: Vector = (0.0, 0.0, 0.0)
@@ -101,11 +91,6 @@ class DepthFaults:
         The range of the sensor: there is no depth outside of it, metres; 0 for no limit.
     lag_frames
         The depth map of a frame is of a time this many frames earlier. Parts of a frame need a simulated sequence.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible.
     """
 
     scale: Positive = 1.0
@@ -148,11 +133,6 @@ class Faults:
         A rolling shutter is stated to be a global shutter.
     poses, mounting, depth
         Errors of poses, the sensor that they belong to, and errors of depth maps.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible, or the clock offset is given twice.
     """
 
     clock_s: float = 0.0

@@ -58,11 +58,6 @@ class Folder(SceneReader):
     image_levels
         Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
         of 8 bits are not changed.
-
-    Raises
-    ------
-    ValueError
-        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "folder"

@@ -181,11 +181,6 @@ class Kitti:
     still_frames, still_m
         A still stretch has at least `still_frames` consecutive frames, each less than `still_m` metres from the one
         before: see `tracknoise.sequences.kitti`.
-
-    Raises
-    ------
-    ValueError
-        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "kitti"

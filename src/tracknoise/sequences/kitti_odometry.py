@@ -159,11 +159,6 @@ class KittiOdometry:
         Number of the camera: 0 and 1 are grey, 2 and 3 are in colour. By default the first whose images are there.
     radius_px
         Largest distance from a feature to the nearest pixel with depth, px, where there are Velodyne scans.
-
-    Raises
-    ------
-    ValueError
-        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "kitti-odometry"

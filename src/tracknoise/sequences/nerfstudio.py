@@ -167,11 +167,6 @@ class Nerfstudio(SceneReader):
     depth_unit_m
         Depth of the number 1 in depth files, metres; by default what the file says, or 0.001. ``applied_scale`` of the
         file multiplies it, as it did the positions.
-
-    Raises
-    ------
-    ValueError
-        If `depth_unit_m` is not above 0.
     """
 
     name: ClassVar[str] = "nerfstudio"

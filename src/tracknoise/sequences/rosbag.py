@@ -74,11 +74,6 @@ class Rosbag(SceneReader):
         None for dense depth; for sparse depth, the largest distance to the nearest pixel with depth, px.
     image_levels
         Values of 16-bit images that become 0 and 255.
-
-    Raises
-    ------
-    ValueError
-        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "rosbag"

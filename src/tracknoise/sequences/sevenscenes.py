@@ -245,11 +245,6 @@ class SevenScenes(SceneReader):
         The recorded ones of `kinectfusion`, or those of structure from motion (`sfm`), from `sfm_file`.
     sfm_file
         Published poses from structure from motion: a file, or a folder of files such as `chess_train.txt`.
-
-    Raises
-    ------
-    ValueError
-        If options contradict each other.
     """
 
     name: ClassVar[str] = "sevenscenes"

@@ -394,11 +394,6 @@ class Tum(SceneReader):
         Longest time between two poses that are interpolated, seconds. Images in longer gaps have no pose.
     time_shift_s
         Added to the times of the images to get the clock of the poses, seconds.
-
-    Raises
-    ------
-    ValueError
-        If an option has an impossible value.
     """
 
     name: ClassVar[str] = "tum"

@@ -38,10 +38,6 @@ class InertialNoise:
     accelerometer_walk: float = 3.0e-3
 
 
-NO_NOISE = InertialNoise(gyro=0.0, accelerometer=0.0, gyro_walk=0.0, accelerometer_walk=0.0)
-"""An ideal sensor."""
-
-
 class SmoothPath:
     """A path through the poses of frames, whose angular rate and acceleration are continuous.
 

@@ -209,14 +209,10 @@ def _text_corners(path: Path, text: str) -> NDArray[np.float64]:
     """(t, 3, 3) float64: the numbers of all lines that begin with ``vertex``."""
     lines = (line.split() for line in text.lower().splitlines())
     with damage_reported(path, "a vertex that is not three numbers", "an STL file"):
-        vertices = [[float(x), float(y), float(z)] for key, x, y, z in filter(_is_vertex, lines)]
+        vertices = [[float(x), float(y), float(z)] for _, x, y, z in (line for line in lines if line[:1] == ["vertex"])]
     if len(vertices) % 3:
         raise DataError(path, counted(len(vertices), "vertex", "vertices"), "three for each triangle")
     return np.array(vertices, np.float64).reshape(-1, 3, 3)
-
-
-def _is_vertex(words: list[str]) -> bool:
-    return words[:1] == ["vertex"]
 
 
 _COLOUR = re.compile(rf"{NUMBER}(\s+{NUMBER}){{2}}")

@@ -70,8 +70,6 @@ _PER_OCTAVE = 8
 _LOWEST, _OCTAVES = -12, 24
 LOG_HISTOGRAM_BINS = _PER_OCTAVE * _OCTAVES
 """Number of bins: eight to a factor of two, from 2^-12 to 2^12. What lies beyond is in the first or the last."""
-EDGES = 2.0 ** (_LOWEST + np.arange(LOG_HISTOGRAM_BINS + 1) / _PER_OCTAVE)
-"""(BINS + 1,) float64: bounds of the bins."""
 
 
 def bin_of(values: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -22,7 +22,7 @@ AGE_THRESHOLDS = tuple(range(1, 32))
 class PointTracks:
     """True and reported positions of n points in the k frames that a tracker saw."""
 
-    reported_px: NDArray[np.float64]  # (n, k, 2): naN where the tracker did not report the point
+    reported_px: NDArray[np.float64]  # (n, k, 2): NaN where the tracker did not report the point
     true_px: NDArray[np.float64]  # (n, k, 2): arbitrary where not visible
     visible: NDArray[np.bool_]  # (n, k): whether the true position is known and visible
     known: NDArray[np.bool_]  # (n, k): whether it is known that the point is visible or that it is not

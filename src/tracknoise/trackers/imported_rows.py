@@ -42,7 +42,7 @@ class Rows:
     # (n,): number of the line, or of the row if the file has no lines; None where it has neither
     line: NDArray[np.int64] | None = None
     has_lines: bool = True  # whether `line` counts lines
-    response: NDArray[np.float32] | None = None  # (n,): naN where unknown; None where no response is known
+    response: NDArray[np.float32] | None = None  # (n,): NaN where unknown; None where no response is known
     quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (n,): by name; NaN where unknown
 
     def place(self, row: int) -> str:
@@ -80,7 +80,7 @@ class Tracks:
     track: NDArray[np.int64]
     frame: NDArray[np.int64]
     uv: NDArray[np.float64]  # (n, 2): px; an integer is the centre of a pixel
-    response: NDArray[np.float32]  # (n,): naN where unknown
+    response: NDArray[np.float32]  # (n,): NaN where unknown
     quality: Mapping[str, NDArray[np.float32]]  # (n,): columns ``quality_<name>`` by name; NaN where unknown
 
 

@@ -1,4 +1,4 @@
-"""Pictures of the tracks with the largest, middle and smallest errors: what the tracker saw."""
+"""Pictures of a sequence: its first frames as a film, and patches around tracks with large, middle and small errors."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,17 +8,20 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.sequences.images import encode_webp
+from tracknoise.sequences.images import encode_webp, reduced
 from tracknoise.statistics.samples import extreme_tracks
 from tracknoise.tables.defaults import LONGEST_STRIP, PATCH_PX
-from tracknoise.tables.schema import ORIGIN, PATCHES
+from tracknoise.tables.schema import FILM, ORIGIN, PATCHES
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
 
 KEPT_BYTES = 64 * 2**20
 """Size of the images of a sequence that are kept while it is measured. Others are read again where they are needed."""
-_QUALITY = 80
+_PATCH_QUALITY, _FILM_QUALITY = 80, 60
+_MOST_FRAMES, _MOST_BYTES = 120, 2_000_000
+"""Frames of a film, and its size."""
+_WIDEST_PX = 480
 
 _COLUMNS = (*ORIGIN, "track", "frame", "age", "u_px", "v_px", "truth", "du_px", "dv_px")
 Patch = NDArray[np.uint8]
@@ -33,6 +36,22 @@ class _Chosen:
     now: pl.DataFrame
     first: pl.DataFrame
     path: pl.DataFrame  # those of the worst track, from its anchor frame on
+
+
+def film(measurement: "Measurement") -> pl.DataFrame:
+    """Images of the first frames, at most `_WIDEST_PX` wide. Those that were not kept while tracking are read again.
+
+    Returns schema `FILM`.
+    """
+    rows: list[tuple[int, bytes]] = []
+    size = 0
+    for frame in range(min(measurement.n_frames, _MOST_FRAMES)):
+        image = encode_webp(reduced(_image(measurement, frame), _WIDEST_PX), quality=_FILM_QUALITY)
+        size += len(image)
+        if size > _MOST_BYTES:
+            break
+        rows.append((frame, image))
+    return pl.DataFrame(rows, schema=dict(FILM), orient="row")
 
 
 def track_patches(measurement: "Measurement", *, speed: int) -> pl.DataFrame:
@@ -72,6 +91,7 @@ def _cut(measurement: "Measurement", chosen: Sequence[_Chosen]) -> Mapping[tuple
 
 
 def _image(measurement: "Measurement", frame: Any) -> NDArray[np.uint8]:
+    """An image that was kept while tracking, or is read again."""
     kept = measurement.images.get(frame)
     return measurement.sequence.image(frame) if kept is None else kept
 
@@ -92,8 +112,8 @@ def _row(one: _Chosen, patches: Mapping[tuple[int, float, float], Patch]) -> dic
         **one.now.select(*ORIGIN, "at").row(0, named=True),
         "n_each": one.n_each,
         **lists,
-        "sheet": encode_webp(np.vstack(pairs), quality=_QUALITY),
-        "strip": encode_webp(strip, quality=_QUALITY),
+        "sheet": encode_webp(np.vstack(pairs), quality=_PATCH_QUALITY),
+        "strip": encode_webp(strip, quality=_PATCH_QUALITY),
     }
 
 

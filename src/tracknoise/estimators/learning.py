@@ -148,10 +148,9 @@ def learn(
     gaussian, scaled = (choose_law(sample, level=LEVEL, scales=scales) for scales in (False, True))
     components = noise or gaussian.without_factors.noise
     benchmarks = problems[:: max(1, len(problems) // _MOST_BENCHMARKS)][:_MOST_BENCHMARKS]
+    windows = [linear_window(problem) for problem in benchmarks]
     newest, innovations = (
-        float(
-            np.mean([consistent_sigma(linear_window(problem), components, purpose=purpose) for problem in benchmarks])
-        )
+        float(np.mean([consistent_sigma(window, components, purpose=purpose) for window in windows]))
         for purpose in (Purpose.NEWEST_POSE, Purpose.INNOVATIONS)
     )
     draft = Beliefs(

@@ -85,7 +85,7 @@ class Sequence(Protocol):
 
     @property
     def camera(self) -> CameraModel:
-        """Intrinsics of all images, or of the first if they change (`ChangingCamera`). All have the same size."""
+        """Intrinsics of all images, or of the first if they change (`FurtherFacts.camera_at`). All have the same size."""
         ...
 
     @property
@@ -171,130 +171,6 @@ def facts_of(sequence: Sequence) -> dict[str, object]:
     }
 
 
-@runtime_checkable
-class ChangingCamera(Protocol):
-    """A `Sequence` whose intrinsics change from frame to frame, such as those of a camera with autofocus."""
-
-    def camera_at(self, index: int) -> CameraModel:
-        """Intrinsics of one frame."""
-        ...
-
-
-def camera_at(sequence: Sequence, index: int) -> CameraModel:
-    """Intrinsics of one frame of a sequence; those of `Sequence.camera` if they do not change."""
-    return sequence.camera_at(index) if isinstance(sequence, ChangingCamera) else sequence.camera
-
-
-@runtime_checkable
-class GroupedSequence(Protocol):
-    """A `Sequence` whose scene is not independent of others: they show the same place, or are of one recording."""
-
-    @property
-    def group(self) -> str | None:
-        """Name of what these scenes have in common; None where the scene is independent of all others."""
-        ...
-
-
-def group_of(sequence: Sequence) -> str | None:
-    """Name of the group of a sequence's scene; None where it is independent of all others, or nothing is known."""
-    return sequence.group if isinstance(sequence, GroupedSequence) else None
-
-
-@runtime_checkable
-class DoubtfulSequence(Protocol):
-    """A `Sequence` whose reader met something that users should know before they measure it."""
-
-    @property
-    def caveats(self) -> tuple[str, ...]:
-        """Which of the notes say so."""
-        ...
-
-
-def caveats_of(sequence: Sequence) -> tuple[str, ...]:
-    """Notes of a sequence that are caveats; empty where nothing is known."""
-    return sequence.caveats if isinstance(sequence, DoubtfulSequence) else ()
-
-
-@runtime_checkable
-class ShutteredSequence(Protocol):
-    """A `Sequence` that may have a rolling shutter. One that has a shutter also has timestamps."""
-
-    @property
-    def shutter(self) -> RollingShutter | None:
-        """How its images are read out; None where all rows are exposed at the time of the frame."""
-        ...
-
-
-def shutter_of(sequence: Sequence) -> RollingShutter | None:
-    """The rolling shutter of a sequence; None where all rows of an image are exposed together."""
-    return sequence.shutter if isinstance(sequence, ShutteredSequence) else None
-
-
-def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
-    """(n,) float64: the time of each frame, seconds; None where unknown, as of sequences that have no such property."""
-    times: NDArray[np.float64] | None = getattr(sequence, "timestamps_s", None)
-    return times
-
-
-@runtime_checkable
-class PathSequence(Protocol):
-    """A `Sequence` that knows poses at other times than those of its frames, such as those of frames left out."""
-
-    @property
-    def path(self) -> PosePath | None:
-        """Poses over time, on the clock of the timestamps; None where only those of the frames are known.
-
-        At the time of a frame it has the pose of the frame.
-        """
-        ...
-
-
-def path_of(sequence: Sequence) -> PosePath | None:
-    """Poses of a sequence over time: its own, or those of its frames; None without two frames with timestamps."""
-    own = sequence.path if isinstance(sequence, PathSequence) else None
-    if own is not None:
-        return own
-    times = times_of(sequence)
-    return None if times is None or len(times) < 2 else PosePath(times, sequence.world_from_camera)
-
-
-@runtime_checkable
-class AccurateSequence(Protocol):
-    """A `Sequence` that states more about its truth than the accuracy of single poses and depths."""
-
-    @property
-    def truth_accuracy(self) -> TruthAccuracy | None:
-        """Such as the growth of the relative error of its poses; None where nothing is known."""
-        ...
-
-
-def accuracy_of(sequence: Sequence) -> TruthAccuracy:
-    """What a sequence states about the errors of its truth; figures that it does not state are None."""
-    pose, depth = (getattr(sequence, name, None) for name in ("pose_accuracy", "depth_accuracy"))
-    single = TruthAccuracy.of(pose, depth, source=sequence.id.dataset)
-    found = sequence.truth_accuracy if isinstance(sequence, AccurateSequence) else None
-    return single if found is None else found.over(single)
-
-
-@runtime_checkable
-class FileSequence(Protocol):
-    """A `Sequence` that states the files it is read from.
-
-    Without this, the files count that Python opens while it is measured. Compiled code, such as ``cv2.imread``, opens
-    files without Python.
-    """
-
-    @property
-    def files(self) -> Iterable[Path]:
-        """All files on which its images, poses, cameras and depths depend."""
-        ...
-
-
-def files_of(sequence: Sequence) -> tuple[Path, ...]:
-    """The files that a sequence states; none where it states nothing."""
-    return tuple(map(Path, sequence.files)) if isinstance(sequence, FileSequence) else ()
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SecondCamera:
     """A calibrated camera beside the first, which took images at the times of frames."""
@@ -307,37 +183,132 @@ class SecondCamera:
     images: Callable[[int], NDArray[np.uint8] | None]
 
 
-@runtime_checkable
-class StereoSequence(Protocol):
-    """A `Sequence` that may have a second camera, from which `tracknoise.sequences.stereo` computes depth."""
+class FurtherFacts(Protocol):
+    """What a `Sequence` may state besides. Any of these may be missing; the functions below read them."""
+
+    def camera_at(self, index: int) -> CameraModel:
+        """Intrinsics of one frame, where they change from frame to frame, such as those of a camera with autofocus."""
+        ...
+
+    @property
+    def group(self) -> str | None:
+        """Name of what this scene and others that are not independent have in common: a place, or a recording."""
+        ...
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """Which of the notes users should know before they measure."""
+        ...
+
+    @property
+    def shutter(self) -> RollingShutter | None:
+        """How its images are read out, which needs timestamps; None where all rows are exposed at the frame's time."""
+        ...
+
+    @property
+    def path(self) -> PosePath | None:
+        """Poses over time, on the clock of the timestamps, such as those of frames left out; None without others.
+
+        At the time of a frame it has the pose of the frame.
+        """
+        ...
+
+    @property
+    def truth_accuracy(self) -> TruthAccuracy | None:
+        """More than the accuracy of single poses and depths, such as the growth of the relative error of its poses."""
+        ...
+
+    @property
+    def files(self) -> Iterable[Path]:
+        """All files on which its images, poses, cameras and depths depend.
+
+        Without this, the files count that Python opens while it is measured. Compiled code, such as ``cv2.imread``,
+        opens files without Python.
+        """
+        ...
 
     @property
     def second(self) -> SecondCamera | None:
-        """The second camera; None where there is none."""
+        """A second camera, from which `tracknoise.sequences.stereo` computes depth."""
         ...
+
+    @property
+    def z_depth_from(self) -> str | None:
+        """What this program computed the depths of all frames from, along z; None where it read them, or has none.
+
+        What a format states of its files is no such knowledge: whatever wrote them may have followed another
+        convention.
+        """
+        ...
+
+
+def camera_at(sequence: Sequence, index: int) -> CameraModel:
+    """Intrinsics of one frame of a sequence; those of `Sequence.camera` if they do not change."""
+    changing: Callable[[int], CameraModel] | None = getattr(sequence, "camera_at", None)
+    return sequence.camera if changing is None else changing(index)
+
+
+def group_of(sequence: Sequence) -> str | None:
+    """Name of the group of a sequence's scene; None where it is independent of all others, or nothing is known."""
+    group: str | None = getattr(sequence, "group", None)
+    return group
+
+
+def caveats_of(sequence: Sequence) -> tuple[str, ...]:
+    """Notes of a sequence that are caveats; empty where nothing is known."""
+    caveats: tuple[str, ...] = getattr(sequence, "caveats", ())
+    return caveats
+
+
+def shutter_of(sequence: Sequence) -> RollingShutter | None:
+    """The rolling shutter of a sequence; None where all rows of an image are exposed together."""
+    shutter: RollingShutter | None = getattr(sequence, "shutter", None)
+    return shutter
+
+
+def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
+    """(n,) float64: the time of each frame, seconds; None where unknown, as of sequences that have no such property."""
+    times: NDArray[np.float64] | None = getattr(sequence, "timestamps_s", None)
+    return times
+
+
+def path_of(sequence: Sequence) -> PosePath | None:
+    """Poses of a sequence over time: its own, or those of its frames; None without two frames with timestamps."""
+    own: PosePath | None = getattr(sequence, "path", None)
+    times = times_of(sequence)
+    if own is not None or times is None or len(times) < 2:
+        return own
+    return PosePath(times, sequence.world_from_camera)
+
+
+def stated_accuracy(sequence: Sequence) -> TruthAccuracy | None:
+    """What a sequence states besides the accuracy of single poses and depths; None where nothing is known."""
+    stated: TruthAccuracy | None = getattr(sequence, "truth_accuracy", None)
+    return stated
+
+
+def accuracy_of(sequence: Sequence) -> TruthAccuracy:
+    """What a sequence states about the errors of its truth; figures that it does not state are None."""
+    pose, depth = (getattr(sequence, name, None) for name in ("pose_accuracy", "depth_accuracy"))
+    single, more = TruthAccuracy.of(pose, depth, source=sequence.id.dataset), stated_accuracy(sequence)
+    return single if more is None else more.over(single)
+
+
+def files_of(sequence: Sequence) -> tuple[Path, ...]:
+    """The files that a sequence states; none where it states nothing."""
+    return tuple(map(Path, getattr(sequence, "files", ())))
 
 
 def second_of(sequence: Sequence) -> SecondCamera | None:
     """The second camera of a sequence; None where there is none."""
-    return sequence.second if isinstance(sequence, StereoSequence) else None
-
-
-@runtime_checkable
-class ZDepthSequence(Protocol):
-    """A `Sequence` that may know the kind of its depths by construction: this program computed them along z.
-
-    What a format states of its files is no such knowledge: whatever wrote them may have followed another convention.
-    """
-
-    @property
-    def z_depth_from(self) -> str | None:
-        """What this program computed the depths of all frames from; None where it read them, or computes none."""
-        ...
+    second: SecondCamera | None = getattr(sequence, "second", None)
+    return second
 
 
 def z_depth_from(sequence: Sequence) -> str | None:
     """What depths that are along z by construction were computed from; None where their kind is only stated."""
-    return sequence.z_depth_from if isinstance(sequence, ZDepthSequence) else None
+    known: str | None = getattr(sequence, "z_depth_from", None)
+    return known
 
 
 class Reader(Protocol):

@@ -15,7 +15,6 @@ from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.frame_range import frame_range, range_note
 from tracknoise.sequences.sequence import (
-    AccurateSequence,
     Scan,
     Sequence,
     Surface,
@@ -24,6 +23,7 @@ from tracknoise.sequences.sequence import (
     group_of,
     path_of,
     shutter_of,
+    stated_accuracy,
     z_depth_from,
 )
 from tracknoise.tables.identity import Direction, SequenceId
@@ -159,7 +159,7 @@ class View:
     @property
     def truth_accuracy(self) -> TruthAccuracy | None:
         """That of the sequence shown; frames are those of the recording."""
-        return self.sequence.truth_accuracy if isinstance(self.sequence, AccurateSequence) else None
+        return stated_accuracy(self.sequence)
 
     @property
     def truths(self) -> tuple[str, ...]:

@@ -1,7 +1,5 @@
 """Bundle adjustment of a window: poses and points from tracks, with any covariance and robust loss.
 
-- Losses of whitened residuals, and how much less an outlying one counts.
-
 Bundle adjustment of a window: poses and points from tracks, with any covariance of a track.
 
 Residuals of a track are whitened by the covariance that is assumed, its point is eliminated, and Gauss-Newton steps are

@@ -1,7 +1,5 @@
 """The components of the noise of one tracker: which are there, and how large they are.
 
-- Sums of a condition and the weights of their equations: estimates from any of the components.
-
 What is independent of each other, and left out as a whole: groups of scenes, or blocks where scenes are few.
 
 With fewer than `LEAST_GROUPS` groups, single scenes are left out. What is found then holds for these groups only.

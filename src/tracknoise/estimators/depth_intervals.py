@@ -1,7 +1,5 @@
 """The cheap proof of every run: whether intervals of depths of points hold the true ones.
 
-- Windows of a sample of tracks, triangulated under noise that was learned from other scenes.
-
 Noise that is learned from some scenes, to be tried on others.
 
 Scenes are divided into at most `FOLDS` parts. Scenes of a group stay together. What is tried on the scenes of a part

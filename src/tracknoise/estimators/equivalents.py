@@ -1,7 +1,5 @@
 """Standard deviations and gates for estimators, each named by what it makes right.
 
-- Where several decreasing functions of one number are zero, if each evaluation gives the values of all of them.
-
 Gates that let through a stated share of good tracks, by length of the window and kind of landmark.
 
 Where the first observation has a residual like any other, gates are those of the measured windows, tails included, but

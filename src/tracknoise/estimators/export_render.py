@@ -1,8 +1,5 @@
 """Exports of a noise model: converted to the px and frames of an estimator, and filled into its template.
 
-- Parts of a noise model in other px.
-- Exports of a noise model: templates of estimators filled with its numbers.
-
 Sigmas for an estimator that uses every n-th frame of a tracker.
 
 Between two used frames the walks of n frames add up, while white noise is that of one frame. How much larger sigma must

@@ -1,7 +1,5 @@
 """The fit of a noise model to the scenes of a run: bias, shared noise, tails, and all other parts.
 
-- Tails of the errors: Student's t of untrimmed errors, in units of what the components give at their age.
-
 The mean error, and whether a correction by it is warranted.
 
 Two forms are tried: a mean by age, and an error along the motion of the image, e = beta f, with the motion f of the

@@ -1,7 +1,4 @@
-"""The noise model of one tracker at one speed: what an estimator asks it, and its file.
-
-- The document of a noise model: JSON with a published schema, checked when it is read.
-"""
+"""The noise model of one tracker at one speed: what an estimator asks it, and its file."""
 
 import hashlib
 import json

@@ -1,7 +1,4 @@
-"""Covariance and bias of each observation of tracks of a run or of a file, by a noise model.
-
-- Tracks of a run or of a file, as `observation_noise` takes them.
-"""
+"""Covariance and bias of each observation of tracks of a run or of a file, by a noise model."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

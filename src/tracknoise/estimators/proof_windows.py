@@ -1,7 +1,5 @@
 """Windows of tracks with the true poses and points, as an estimator would be given them.
 
-- What an estimator is given: a window of frames, tracks in it, and the truth to compare its answer with.
-
 Windows of the tracks of a run, with the true poses and points, as an estimator would be given them.
 
 Windows are those of the view that noise models are fitted to. Observations are images of the true points from the true

@@ -1,7 +1,5 @@
 """Covariances of the errors of a track, from the components of its noise.
 
-- Covariances of single errors, of changes and of whole tracks, from the components of a model.
-
 The covariance of all errors of a track, from the components of its noise.
 
 With the magnification M_k = Z_0 / Z_k of the image about the point since birth, the covariance of the errors about the

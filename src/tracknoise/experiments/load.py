@@ -1,9 +1,4 @@
-"""Read an experiment from a file or a preset, check it before any data are read, and write out its defaults.
-
-- The files and folders that an experiment's options name, found from the types of the options.
-- Write out every option that an experiment leaves to its defaults, so that its record does not depend on them.
-- Read an experiment from a file or a preset, and check all that can be checked before any data are read.
-"""
+"""Read an experiment from a file or a preset, check it before any data are read, and write out its defaults."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,8 +1,4 @@
-"""Worker processes on this machine: calls of functions, and measuring with them.
-
-- A process that calls functions for this one. The two share a pair of sockets that no other process can reach.
-- Measure in worker processes on this machine. No other process can connect to them, or to this one.
-"""
+"""Worker processes on this machine: calls of functions, and measuring with them."""
 
 import atexit
 import os

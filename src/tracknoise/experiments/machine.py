@@ -1,7 +1,5 @@
 """The machine that measures: threads of BLAS, machine code of libraries, and memory.
 
-- Memory that this machine, or its container, has, and what a process uses of it.
-
 Number of threads that BLAS uses.
 
 With several threads BLAS adds up in another order, so that results would depend on the number of cores.

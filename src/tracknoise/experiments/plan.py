@@ -1,7 +1,4 @@
-"""Which sequences and conditions an experiment consists of, and its second truth.
-
-- The second truth of an experiment: the same sequences with other poses, or with other options of the reader.
-"""
+"""Which sequences and conditions an experiment consists of, and its second truth."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace

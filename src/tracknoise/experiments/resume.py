@@ -1,8 +1,4 @@
-"""Start or resume a run: what it was made with, and which sequences are still to be measured.
-
-- What a run was made with: versions, machine and settings.
-- Start or resume a run: check the run folder, and find the sequences that are still to be measured.
-"""
+"""Start or resume a run: what it was made with, and which sequences are still to be measured."""
 
 import os
 import platform

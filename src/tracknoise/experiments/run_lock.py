@@ -1,7 +1,5 @@
 """Who may write into a run folder, and its manifest while it is measured.
 
-- Keeps the manifest of a run up to date while it is measured.
-
 The lock of a run folder: only one start at a time may write into it.
 
 The package `filelock` (4.2) gives less: it does not say who holds a lock; its file stays, while here a file tells other

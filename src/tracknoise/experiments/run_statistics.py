@@ -1,7 +1,4 @@
-"""From the tables of single sequences to the statistics of the whole run.
-
-- The condition at which factors are held while another one varies.
-"""
+"""From the tables of single sequences to the statistics of the whole run."""
 
 from collections.abc import Collection
 from functools import partial

@@ -1,8 +1,4 @@
-"""Measure a batch of sequences of an experiment and write their tables; what a worker does.
-
-- Measure a batch of sequences of an experiment and write their tables; what a worker runs.
-- Sequences of a run folder from measurements in memory.
-"""
+"""Measure a batch of sequences of an experiment and write their tables; what a worker does."""
 
 import socket
 import time

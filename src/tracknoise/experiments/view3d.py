@@ -1,7 +1,5 @@
 """One sequence of a run in space: images, tracks with their errors, true points and the path of the camera.
 
-- What a view of one sequence shows: its images, and the tracks and true points of each tracker.
-
 Write a recording for the viewer Rerun: images, tracks coloured by error, true points and the path of the camera.
 
 The package `rerun` is imported when a recording is written, because it is an extra.

@@ -1,7 +1,5 @@
 """The jackknife: Student's and lognormal intervals, and standard deviations, from estimates without each unit.
 
-- Standard deviations of estimates by leaving out stretches of a recording.
-
 Interval of a mean over units whose values are lognormal, or shares whose logits are Gaussian: arrays only.
 
 Where scenes differ much, the largest values decide a mean, and a sample with few scenes often has none of them. A

@@ -1,7 +1,5 @@
 """Differences that are paired by scene: means, and tests of whether they exceed a margin.
 
-- Differences between the levels of a factor, paired by scene: arrays only.
-
 Means over scenes and their standard errors, for scenes that may come in groups: arrays only.
 
 Every scene has the same weight. A value that a scene lacks is NaN, and the scene takes no part in that mean. With n

@@ -1,7 +1,5 @@
 """Robust linear fits: scales and weights of residuals, normal equations by cluster, and intervals without each cluster.
 
-- Scales of residuals, and weights by which outliers count little.
-
 Normal equations of robust fits: of all observations, and by tracker and cluster.
 
 Those by tracker and cluster are what jackknives and comparisons of trackers are made of. Each step of a fit needs the

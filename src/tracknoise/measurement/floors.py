@@ -1,7 +1,5 @@
 """The truth floor of one tracker setup: how large errors are that come from the truth alone.
 
-- Covariances of the true positions of one tracker setup, and its truth floor.
-
 The truth floor of one tracker setup: how large errors are that come from the truth alone, by age or frame.
 
 The second moment of these errors is the mean of the covariances of the true positions. The variance of their mean is

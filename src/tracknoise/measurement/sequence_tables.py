@@ -1,9 +1,4 @@
-"""Tables of sequences: what trackers reported, and its errors by one truth or two.
-
-- Columns of the tables of one sequence, from what one tracker setup reported and the true positions.
-- A second truth of the same images: other poses, another calibration, or both.
-- Measure sequences: tables of what trackers reported, and of its errors.
-"""
+"""Tables of sequences: what trackers reported, and its errors by one truth or two."""
 
 from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items

@@ -1,7 +1,4 @@
-"""Differences from the paper, and what they change in runs that repeat its experiments.
-
-- The texts on how tracknoise differs from the paper, and the page of the documentation that is made from them.
-"""
+"""Differences from the paper, and what they change in runs that repeat its experiments."""
 
 import sys
 import tomllib

@@ -1,8 +1,5 @@
 """A light stage: objects are photographed from an arc of positions, with one LED at a time.
 
-- Surfaces of revolution: bottles, cups and cones.
-- The light stage: cameras, LEDs, images and the scan.
-
 Objects on a table, from a random seed.
 
 World frame: x to the right and y away, as the cameras see it, z up, metres; the origin is the middle of the table.

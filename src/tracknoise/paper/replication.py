@@ -1,8 +1,4 @@
-"""The pages of a replication: the paper's claims, tables and figures beside those of the runs.
-
-- The paper's figures under every reading of its trimming, side by side on one page.
-- The pages of a replication: the paper's claims and tables compared with the runs, and the differences from it.
-"""
+"""The pages of a replication: the paper's claims, tables and figures beside those of the runs."""
 
 import os
 from collections.abc import Mapping, Sequence

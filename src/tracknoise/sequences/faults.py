@@ -1,9 +1,4 @@
-"""Sequences whose stated truth is wrong in a known way: the options, and the wrong cameras, poses and depths.
-
-- Settings of what is wrong with the stated truth of a sequence.
-- Stated cameras, poses and depth maps with faults, from correct ones.
-- Sequences whose stated truth is wrong in a known way: what an audit of the truth must find.
-"""
+"""Sequences whose stated truth is wrong in a known way: the options, and the wrong cameras, poses and depths."""
 
 import math
 import zlib

@@ -106,7 +106,7 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class DriveFrames:
-    """The frames of one drive."""
+    """The frames of one drive, or of a sequence of KITTI odometry."""
 
     numbers: range  # of the frames, without a gap
     images: tuple[Path, ...]  # an image for each

@@ -22,6 +22,7 @@ from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti import KittiDepth, z_depth_from
 from tracknoise.sequences.kitti_files import (
     POSE_COLUMNS,
+    DriveFrames,
     camera_from_reference,
     poses_of_rows,
     projection,
@@ -66,15 +67,6 @@ class Course:
         return self.folder / f"image_{camera}"
 
 
-@dataclass(frozen=True, slots=True)
-class CourseFrames:
-    """The frames of one sequence."""
-
-    numbers: range  # of the frames, without a gap
-    images: tuple[Path, ...]  # an image for each
-    scans: tuple[Path | None, ...]  # for each its Velodyne scan, or None
-
-
 def find_courses(root: Path) -> dict[str, Course]:
     """Find the sequences in or below a folder, by the names of their folders, sorted."""
     expected = f"sequences: folders with {CALIBRATION} and image_0 to image_3"
@@ -92,13 +84,13 @@ def find_courses(root: Path) -> dict[str, Course]:
     return dict(sorted(courses.items()))
 
 
-def find_frames(course: Course, camera: int) -> CourseFrames:
+def find_frames(course: Course, camera: int) -> DriveFrames:
     """Find the frames of a sequence."""
     folder, scans = course.images(camera), course.folder / _VELODYNE
     images = numbered_files(folder, IMAGE_NAME)
     numbers = require_unbroken(images, (), lambda number: folder / f"{number:06d}.png")
     scan_of = numbered_files(scans, r"(\d+)\.bin") if scans.exists() else {}
-    return CourseFrames(numbers, tuple(images.values()), tuple(map(scan_of.get, numbers)))
+    return DriveFrames(numbers, tuple(images.values()), tuple(map(scan_of.get, numbers)))
 
 
 _VELODYNE_KEY = "Tr"
@@ -198,23 +190,23 @@ class KittiOdometry:
         camera = _camera(P, frames.images)
         reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
         timestamps_s, time_notes = read_times(course.folder / TIMES, frames.numbers)
-        depth_of_scans = self._depth(course, number, frames.scans)
+        depth_of_scans = self._depth(course, number, frames.depths)
         return RecordedSequence(
             id=sequence,
             source=str(course.folder),
             camera=camera,
             world_from_camera=reference @ invert(camera_from_reference(P)),
             images=ImageFiles(frames.images, camera),
-            depths=None if depth_of_scans is None else depth_files(frames.scans, camera, depth_of_scans),
+            depths=None if depth_of_scans is None else depth_files(frames.depths, camera, depth_of_scans),
             notes=(
                 f"images are those of camera {number}",
                 *pose_notes,
                 *time_notes,
-                *(depth_notes(frames.scans) if depth_of_scans else ()),
+                *(depth_notes(frames.depths) if depth_of_scans else ()),
             ),
             timestamps_s=timestamps_s,
             second=_second(course, number, P, frames.numbers),
-            z_depth_from=z_depth_from(frames.scans),
+            z_depth_from=z_depth_from(frames.depths),
         )
 
     def _depth(self, course: Course, camera: int, scans: tuple[Path | None, ...]) -> KittiDepth | None:

@@ -1,8 +1,4 @@
-"""Poses of the same recording from elsewhere: of another estimator, or at times without a frame.
-
-- A sequence with other poses of the same images, such as those of another estimator.
-- Poses of a recording at times at which a sequence has no frame.
-"""
+"""Poses of the same recording from elsewhere: of another estimator, or at times without a frame."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,10 +1,4 @@
-"""One pass through a bag: the frames that it holds, and the poses of the camera at their times.
-
-- One pass through a bag: when and where its images and depths are, its intrinsics and its transforms.
-- Frames that are messages of a bag: their times, and what reads their images and depths.
-- Poses of the camera at the times of its images, from a chain of transforms.
-- Poses of the camera in a bag: from a topic of poses or from tf, for the frames that the user names or by default.
-"""
+"""One pass through a bag: the frames that it holds, and the poses of the camera at their times."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace

@@ -1,8 +1,4 @@
-"""The scenes of a data set in a tree of folders, and how the user gives an option of a reader.
-
-- Find the scenes of a data set in a tree of folders, and the frames of a scene, from file names alone.
-- How the user gives an option of a reader, for the errors that an option avoids.
-"""
+"""The scenes of a data set in a tree of folders, and how the user gives an option of a reader."""
 
 import os
 import re

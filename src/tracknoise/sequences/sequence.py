@@ -85,7 +85,7 @@ class Sequence(Protocol):
 
     @property
     def camera(self) -> CameraModel:
-        """Intrinsics of all images, or of the first if they change (`FurtherFacts.camera_at`). All have the same size."""
+        """Intrinsics of all images, or of the first if they change (`FurtherFacts.camera_at`), of one size."""
         ...
 
     @property

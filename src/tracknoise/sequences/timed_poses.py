@@ -1,8 +1,4 @@
-"""Recordings whose images, depths and poses have times of their own: their order, and poses between those recorded.
-
-- Rows of a file in the order of their times, each time once.
-- Recorded poses with times of their own, and the poses of images between them.
-"""
+"""Recordings whose images, depths and poses have times of their own: their order, and poses between those recorded."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

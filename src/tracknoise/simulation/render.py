@@ -1,7 +1,4 @@
-"""Images of a world through a camera of any model.
-
-- A world that is built when it is first rendered, and its renderers.
-"""
+"""Images of a world through a camera of any model."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Textures: filtered lookup in mip pyramids, and patterns from a random generator.
 
-- Textures from a random generator: natural 1/f content with crisp shapes on it, and plain ones with windows.
-
 Filtered texture lookup: mip pyramids with trilinear interpolation.
 
 OpenCV's remap rounds positions to 1/32 px, which would appear as tracker error. This lookup uses exact positions.

@@ -1,7 +1,5 @@
 """Changes of errors from one frame of the tracker to the next, and their autocorrelation.
 
-- Pairs of observations of one track that lie a number of steps of its tracker apart. Arrays only.
-
 At speed s, d_k = e_k - e_(k - s) is the change of a track's error that ends at age k. Over the pairs of changes of one
 track that are l steps apart:
 

@@ -1,8 +1,4 @@
-"""Histograms that can be added, quantiles from them, and the definition of what box plots show.
-
-- Histogram of the tracks' largest errors in fixed bins, so that histograms can be added.
-- Histograms of positive numbers in logarithmic bins, fine enough for quantiles, that can be added up.
-"""
+"""Histograms that can be added, quantiles from them, and the definition of what box plots show."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,8 +1,5 @@
 """Moments of errors in disjoint cells of observations, which can be pooled.
 
-- Moments of the errors in disjoint cells of observations, and of unions of cells.
-- Moments of du, dv by blocks of tracks, to be resampled where there are too few scenes.
-
 Joint central moments of grouped pairs of numbers, of any order, and the pooling of groups.
 
 Arrays only. A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean_y)^q), not divided by the count.

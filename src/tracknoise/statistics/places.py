@@ -1,7 +1,5 @@
 """Errors by where and how features move: places in the image, speed, parallax, depth edges.
 
-- Motion of true positions in the image, from one frame that the tracker saw to the next.
-
 Sums of errors by place, at a few ages: what the statistics of places in the image share.
 
 The sums are of untrimmed errors at the lowest speed, because trimming removes just the tracks that such places explain.

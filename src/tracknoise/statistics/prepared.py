@@ -1,7 +1,5 @@
 """The observations and tracks of a sequence, checked and grouped once for all of its statistics.
 
-- Which observations a statistic is about.
-
 Blocks of tracks that were born next to each other in time, to be resampled where there are too few scenes.
 
 The tracks of a sequence and condition are numbered from 0 in the order of their birth. Block b of B holds those with

@@ -1,7 +1,5 @@
 """A few single errors and tracks of each condition, for what moments do not hold.
 
-- Tracks with the largest, middle and smallest errors at an age, to look at.
-
 A few single errors of each condition, for what moments do not hold: tails, quantiles, likelihoods.
 
 They are chosen by a hash of track and frame. The choice therefore depends only on which observations exist, not on

@@ -1,7 +1,5 @@
 """Robust scale of errors: the core, which a few large errors do not change, by scene and over scenes.
 
-- Robust scale of errors by age or frame, over scenes: what `tracknoise.statistics.scales` measured in each.
-
 Robust scale of errors: the core, which a few large errors do not change, and how many errors lie far beyond it.
 
 - core_u(k) = 1.4826 median |du_i|, px (core): the sigma of the Gaussian that has the same median

@@ -1,8 +1,4 @@
-"""Counts of observations and of ends of tracks, and the share of features that a tracker rejects.
-
-- Number of observations with each truth status, and of tracks with each end.
-- Share of its features that a tracker rejects as outliers, by frame.
-"""
+"""Counts of observations and of ends of tracks, and the share of features that a tracker rejects."""
 
 from collections.abc import Iterable
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Windows of tracks, as an estimator sees them, and the noise in them that no fitted point absorbs.
 
-- Tracks that windows are cut from: their observations, and the derivatives of their positions by their points.
-
 Windows of the first N observations of a track, as an estimator sees them: with a 3-D point that is fitted to them.
 
 Errors e about the true point X are 2 N numbers. The point that least squares fit to the observations, with the true

@@ -1,8 +1,4 @@
-"""Correspondence: features are matched from frame to frame by their descriptors.
-
-- Descriptors of a frame's keypoints, shared by all trackers that see the frame.
-- The tracker: features and keypoints are matched by descriptor, or by a network.
-"""
+"""Correspondence: features are matched from frame to frame by their descriptors."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,9 +1,4 @@
-"""A program of your own that follows points through a folder of images: the folder protocol of the VOT challenge.
-
-- Settings: the command, when points begin, and how long it may take.
-- The folder that a command is given, and the output that it writes there.
-- One run of a command: its time limit, and what went wrong, in one line.
-"""
+"""A program of your own that follows points through a folder of images: the folder protocol of the VOT challenge."""
 
 import os
 import shlex

@@ -1,9 +1,4 @@
-"""Trackers that detect features and follow each from image to image, whatever finds it again.
-
-- Where features of one image are in another: what follows them.
-- In which order distances are kept, outliers rejected and new features detected.
-- The tracker itself: one step per frame.
-"""
+"""Trackers that detect features and follow each from image to image, whatever finds it again."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

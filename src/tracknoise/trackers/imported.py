@@ -1,8 +1,4 @@
-"""Imported tracks: what any other front end wrote to a file, or holds in memory.
-
-- Imported tracks, reported frame by frame as a tracker does.
-- Imported tracks that are in memory.
-"""
+"""Imported tracks: what any other front end wrote to a file, or holds in memory."""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field

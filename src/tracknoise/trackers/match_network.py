@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, TrackerError
+from tracknoise.foreign_files import read_bytes
 from tracknoise.text import counted
 from tracknoise.trackers.matching import Matches
-from tracknoise.trackers.onnx_files import described, require_file, run_network, session_of
+from tracknoise.trackers.onnx_files import described, run_network, session_of
 
 _WHAT = "an ONNX network of matches"
 _INPUTS = ("kpts0", "kpts1", "desc0", "desc1")
@@ -23,7 +24,9 @@ Keypoints = tuple[NDArray[np.float64], NDArray[np.float32]]
 
 def require_matcher(path: Path) -> None:
     """Check that a network of matches can be used."""
-    require_file(path, _WHAT, "such as LightGlue exported for the network of keypoints")
+    read_bytes(
+        path, f"{_WHAT}, such as LightGlue exported for the network of keypoints"
+    )  # a run counts it among its files
     _open(path)
 
 

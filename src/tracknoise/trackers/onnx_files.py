@@ -6,15 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.exceptions import DataError, TrackerError, first_line, missing_extra
-from tracknoise.foreign_files import read_bytes
-
-
-def require_file(path: Path, what: str, such_as: str) -> None:
-    """Read an ONNX file, so that it counts among the files that a run was measured from.
-
-    `what`, `such_as`: what it should be, and where such a file is from, for the error.
-    """
-    read_bytes(path, f"{what}, {such_as}")
 
 
 def session_of(path: Path, what: str) -> Any:

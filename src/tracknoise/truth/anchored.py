@@ -1,7 +1,4 @@
-"""Truth by anchors: each track gets one world point, which is projected into all frames in which it was observed.
-
-- World points of the tracks of one tracker setup, and their true positions in each observed frame.
-"""
+"""Truth by anchors: each track gets one world point, which is projected into all frames in which it was observed."""
 
 from collections.abc import Callable
 from dataclasses import replace

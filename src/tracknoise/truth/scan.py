@@ -1,9 +1,4 @@
-"""Truth from a single scan: features found in the key frame are associated with the scan points nearest to them.
-
-- How features are associated with a scan.
-- The scan points that features are associated with, by their projections into a frame.
-- Truth from a single scan: features found in the key frame are associated with the scan points seen there.
-"""
+"""Truth from a single scan: features found in the key frame are associated with the scan points nearest to them."""
 
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """How true positions move with errors of what the truth states, and their covariance.
 
-- The cameras of observations of many frames, so that all are projected at once.
-
 How true positions move with errors of poses, depth, clock, shutter and focal length.
 
 A track is anchored in frame a, as a point X_a of its camera, and seen in frame f as X_f = R X_a + t. All derivatives

@@ -1,8 +1,4 @@
-"""What the self-test compares: a row for each quantity with its limits, measured and known.
-
-- What the self-test compares: a row for each quantity, with its limits and the part of the package that it tests.
-- Compare what was measured in scripted worlds with the scripts, and with statistics that are computed from them.
-"""
+"""What the self-test compares: a row for each quantity with its limits, measured and known."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from enum import StrEnum

@@ -1,8 +1,5 @@
 """Scenes whose true positions have a closed form, and tracks in them that are written down in advance.
 
-- Scripts of the self-test's closed-form scenes: true positions from closed forms, and errors that are drawn.
-- Closed-form scenes as recordings that the package reads: files in its plain layout, and exact surfaces and scans.
-
 Scenes whose true positions have a closed form: planes, seen by a pinhole camera that moves and turns.
 
 All formulas of projection are written out here. The self-test compares them with `tracknoise.geometry` and

@@ -187,12 +187,13 @@ def prepare_sequence(
     tracks: pl.DataFrame,
     *,
     key_frame: int | None = None,
+    axis: Axis | None = None,
 ) -> PreparedSequence:
     """Check the tables of any number of sequences and group their rows."""
     check(observations, OBSERVATIONS, "observations")
     check(tracks, TRACKS, "tracks")
     of_observations, of_tracks = group_runs([observations, tracks], list(ORIGIN))
-    seen = _as_arrays(observations, of_observations, Axis.age if key_frame is None else Axis.frame)
+    seen = _as_arrays(observations, of_observations, axis or (Axis.age if key_frame is None else Axis.frame))
     numbers, track_row = _rows_of_tracks(seen, tracks["track"].to_numpy().astype(np.int64), of_tracks)
     return PreparedSequence(
         observations=observations,

@@ -34,6 +34,7 @@ from tracknoise.report.figures.figure import Figure, require_distinct
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
@@ -147,6 +148,7 @@ def _page(
     return template("index.html.j2").render(
         data=data,
         summary=answered,
+        verdict=TruthVerdict.of(data.trust),
         scales=small_plots.scales(answered.cards),
         interval_plot=small_plots,
         picture=shown,

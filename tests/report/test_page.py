@@ -12,12 +12,14 @@ import cv2
 import pytest
 
 from tracknoise.exceptions import StoreError, UnknownNameError
+from tracknoise.phrases.sentences import sentences_of
 from tracknoise.report import page as page_module
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.measured import truth_was_read
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 MAGIC = {".png": b"\x89PNG\r\n", ".svg": b"<svg"}
 
@@ -209,6 +211,7 @@ def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Calla
     first = page.split("<table")[0]
     assert "Errors of the truth can explain up to" in first
     assert '<a href="#truth">' in first
+    assert f"<p>Next: {sentences_of(TruthVerdict.of_run(run).step)[0]}</p>" in first
     assert "100.0\N{NO-BREAK SPACE}% of the observations have no true position" in first
     assert "<strong>The whole run</strong>: the true position of 100.0" in page.split('<section id="truth"')[1]
 

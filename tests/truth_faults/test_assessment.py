@@ -132,7 +132,7 @@ def test_a_fault_decides_by_the_tracker_of_which_it_explains_most() -> None:
     found = verdict(audit=pl.concat([plain, of_each]))
     assert found.verdict == Trust.not_trusted
     assert "This explains 30.0 % of the squared errors of lk." in found.text
-    assert found.step.endswith("squared errors of held-out tracks of lk fall by 30.0 %.")
+    assert found.step.endswith("Squared errors of held-out tracks of lk then fall by 30.0 %.")
     noisy = of_each.filter(component="noisy")
     assert verdict(audit=pl.concat([little, noisy])).verdict == Trust.limited
 

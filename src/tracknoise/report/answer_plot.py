@@ -129,7 +129,7 @@ class AnswerPlot:
     @property
     def key(self) -> str:
         """What the lines are, where their ends are called by trackers; empty elsewhere."""
-        return " Solid lines: what to set; dashed: residuals." if len(self.curves) > 1 else ""
+        return " Solid: set; dashed: residuals." if len(self.curves) > 1 else ""
 
     def frames(self) -> Markup:
         """The strip, as a part of a page; empty where there is none."""

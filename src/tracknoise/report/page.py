@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from tracknoise.report.figures.figure import Figure, require_distinct
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
@@ -64,11 +66,13 @@ def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
     for name in figure_formats:
         if name not in figure_files.FORMATS:
             raise UnknownNameError("figure format", name, figure_files.FORMATS)
-    files = _files(ReportData.of(run), tuple(figure_formats))
+    data = ReportData.of(run)
+    with ThreadPoolExecutor(1) as beside:  # the converter bundles the scripts without holding back this thread
+        files = _files(data, tuple(figure_formats), beside.submit(figure_files.scripts))
     return _replace(run.path / "report", files) / "index.html"
 
 
-def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
+def _files(data: ReportData, formats: tuple[str, ...], scripts: Future[str]) -> dict[str, bytes]:
     """Content of every file of the report, by its path within it."""
     below = {family.id: family.tables(data) for family in FAMILIES}
     sections = [
@@ -89,7 +93,8 @@ def _files(data: ReportData, formats: tuple[str, ...]) -> dict[str, bytes]:
     files[CONTENTS] = contents_json(data.name, arranged.every, formats).encode()
     files[SUMMARY] = summary_json(answered).encode()
     family_of = {item.id: section.id for section in sections for item in section.items}
-    files["index.html"] = _page(data, answered, fits, arranged, family_of, below, specs, seen, shown, frames).encode()
+    page = _page(data, answered, fits, arranged, family_of, below, specs, seen, shown, frames, scripts)
+    files["index.html"] = page.encode()
     return files
 
 
@@ -137,11 +142,13 @@ def _page(
     seen: Mapping[str, Any],
     shown: answer_plot.AnswerPlot | None,
     frames: Mapping[str, Any] | None,
+    scripts: Future[str],
 ) -> str:
     families = {family.id: family for family in FAMILIES}
     return template("index.html.j2").render(
         data=data,
         summary=answered,
+        verdict=TruthVerdict.of(data.trust),
         scales=small_plots.scales(answered.cards),
         interval_plot=small_plots,
         picture=shown,
@@ -171,7 +178,7 @@ def _page(
         looked=_embedded(seen),
         filmed=frames,
         filmed_json=_embedded(frames or {}),
-        vega=figure_files.scripts(),
+        vega=scripts.result(),
     )
 
 

@@ -417,7 +417,7 @@ def _corrected(faults: Sequence[Mapping[str, Any]], audit: pl.DataFrame) -> str:
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
     tracker, share = _most_named(audit)
-    return f"{block}; squared errors of held-out tracks{_of(tracker)} fall by {percent(share.value)}."
+    return f"{block}. Squared errors of held-out tracks{_of(tracker)} then fall by {percent(share.value)}."
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:

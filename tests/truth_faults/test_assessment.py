@@ -194,6 +194,24 @@ def test_too_few_tracks_leave_what_is_stated() -> None:
         assert verdict(audit=few, sizes={"lk": ErrorSize(10, 0.5, stated)}).verdict == expected
 
 
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [({}, "limited"), ({"audit": audit(depths=(0.7, 0.6, 0.8))}, "unknown"),
+     ({"audit": not_audited("3 observations", "d").audit}, "unknown"),
+     ({"pose_shares": poses(lk=((0.3, 0.0, 0.9), None))}, "unknown")],
+)  # fmt: skip
+def test_noise_of_depths_that_takes_the_truth_from_features_is_named_with_what_helps(
+    given: dict[str, Any], expected: str
+) -> None:
+    found = verdict(**given, depth_edges=0.82)
+    assert found.verdict == expected
+    assert "At 82.0" in found.text
+    assert "depths of neighbours differ by more than 2.0" in found.text
+    assert found.step.startswith("Smooth the depth maps, or use others")
+    assert "Measure more frames" not in found.step
+    assert "neighbours" not in verdict(**given, depth_edges=0.1).text
+
+
 def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
     rows = [
         {"tracker": name, "correction": "measured", "age": 8, "n": 500, "core_u_px": core, "core_v_px": core}

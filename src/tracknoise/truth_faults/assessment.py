@@ -19,11 +19,13 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
+from tracknoise.truth_faults.depth_checks import MOST_EDGES
 from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
 from tracknoise.words import SPACE, listing, percent, pixels, sentence_case
@@ -75,6 +77,8 @@ class TruthEvidence:
         Sentences about data that cannot be right.
     cautions
         Sentences about single parts of the data that look wrong.
+    depth_edges
+        Share of the pixels with depth at which depths of neighbours differ: features there have no true position.
     is_fitted
         Whether points are fitted to the tracks.
     scene_shares
@@ -87,6 +91,7 @@ class TruthEvidence:
     curves: pl.DataFrame = field(default_factory=lambda: empty(AUDIT_CURVES))
     mistakes: Sequence[str] = ()
     cautions: Sequence[str] = ()
+    depth_edges: float = 0.0
     is_fitted: bool = False
     scene_shares: Mapping[str, float] = field(default_factory=dict)
 
@@ -324,25 +329,26 @@ def _verdict(
         rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
         text = f"{_faults_text(faults)} {_explains(len(faults), share)}{_of(tracker)}.{rest}"
         return _Found(Trust.not_trusted, text, _corrected(faults, evidence.audit))
-    return _unmeasured(evidence.audit, sizes) if worst is None else _measured(evidence, worst, faults)
+    return _unmeasured(evidence, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
 def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[str, Any]]) -> _Found:
     """By how much the truth can explain of the errors of the tracker of which it can explain most."""
-    sure = worst.established
+    sure, noise = worst.established, _noise_text(evidence)
     if worst.high > MOST and sure is not None:
         of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
-        return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.", _of_cause(evidence, sure))
+        return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.{noise}", _of_cause(evidence, sure))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
     known = f" {_faults_text(faults)} But that explains little." if faults else _like_bias(evidence.audit)
-    step = _corrected(faults, evidence.audit) if faults else _of_cause(evidence, worst.largest)
+    cause = TruthCause.depths if noise else worst.largest
+    step = _corrected(faults, evidence.audit) if faults else _of_cause(evidence, cause)
     if worst.high > MOST:
         nothing = "" if faults else ", and nothing is established"
-        text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}"
+        text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}{noise}"
         return _Found(Trust.unknown, text, step)
-    if worst.high > SMALL or faults or evidence.cautions:
+    if worst.high > SMALL or faults or evidence.cautions or noise:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
-        text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{known}{caution}"
+        text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{known}{noise}{caution}"
         return _Found(Trust.limited, text, step)
     stated = worst.size.stated_share
     if stated is not None and stated < _EXACT:
@@ -350,17 +356,27 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
     return _Found(Trust.trusted, f"No fault was found. Errors of the truth can explain at most {part}.{size}")
 
 
-def _unmeasured(audit: pl.DataFrame, sizes: Mapping[str, _Size]) -> _Found:
+def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     """Where tracks are too few, or see too little: by what is stated."""
     stated = [size.stated_share for size in sizes.values()]
-    why = audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW]
-    if stated and all(share is not None and share < _EXACT for share in stated):
+    why = (evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW])[0]
+    noise = _noise_text(evidence)
+    step = _SMOOTH if noise else _MORE_DATA
+    if stated and not noise and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
     known = [share for share in stated if share is not None]
     if known and len(known) == len(stated) and max(known) <= MOST:
-        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why[0]}"
-        return _Found(Trust.limited, text, _MORE_DATA)
-    return _Found(Trust.unknown, why[0], _MORE_DATA)
+        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why}{noise}"
+        return _Found(Trust.limited, text, step)
+    return _Found(Trust.unknown, f"{why}{noise}", step)
+
+
+def _noise_text(evidence: TruthEvidence) -> str:
+    """That depths have so much noise that features lack a true position, after a space; empty where they do not."""
+    if evidence.depth_edges <= MOST_EDGES:
+        return ""
+    share, spread = (percent(value) for value in (evidence.depth_edges, EDGE_RELATIVE_SPREAD))
+    return f" At {share} of the pixels depths of neighbours differ by more than {spread}: features there have no truth."
 
 
 def _of_causes(bounds: _Bounds) -> str:
@@ -421,13 +437,14 @@ def _corrected(faults: Sequence[Mapping[str, Any]], audit: pl.DataFrame) -> str:
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
+    """What would help against a cause."""
     if cause is TruthCause.poses:
         clearer = min(evidence.scene_shares, key=evidence.scene_shares.__getitem__, default=None)
         every = sorted(evidence.scene_shares.values())
         if clearer is not None and len(every) > 1 and every[0] <= _CLEARER * every[len(every) // 2]:
             return f"Measure {clearer} alone: poses explain {percent(every[0])} there. {_POSES}"
         return _POSES
-    return _STEPS[cause]
+    return _SMOOTH if cause is TruthCause.depths and _noise_text(evidence) else _STEPS[cause]
 
 
 _MOST_OTHERS = 2
@@ -438,6 +455,7 @@ _FITTED = "True positions are fitted to the tracks, so that errors of the poses 
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
+_SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
 _POSES = "Use poses of a global bundle adjustment, or compare trackers at the same corners, which needs no poses."
 _CAUSES: Mapping[TruthCause, str] = {
     TruthCause.poses: "motions of the camera that the poses lack could explain",

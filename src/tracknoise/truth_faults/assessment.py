@@ -169,6 +169,34 @@ class _Bounds:
 
 
 @dataclass(frozen=True, slots=True)
+class _Named:
+    """Established faults, and what they explain together of errors that took no part in their fit.
+
+    Of the tracker of which they explain most: little of the errors of all together can be most of those of an accurate
+    one. Of all, without a name, where no tracker's share is known. `rows`: the first of each fault, in their order.
+    """
+
+    rows: Sequence[Mapping[str, Any]]
+    tracker: str
+    share: _Share
+
+    @classmethod
+    def of(cls, audit: pl.DataFrame) -> "_Named":
+        """From schema `AUDIT`."""
+        ranked = audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first").sort("rank").to_dicts()
+        by_tracker = audit.filter(family=str(Family.at_most), parameter=NAMED_FAULTS).sort("gain").to_dicts()
+        if by_tracker:
+            return cls(ranked, by_tracker[-1]["component"], _of_row(by_tracker[-1]))
+        together = audit.filter(family=str(Family.named)).to_dicts()
+        return cls(ranked, "", _of_row(together[0]) if together else _Share(0.0, 0.0, 0.0))
+
+    @property
+    def of_tracker(self) -> str:
+        """Whose errors the share is of, after a space; empty for those of all trackers."""
+        return f" of {self.tracker}" if self.tracker else ""
+
+
+@dataclass(frozen=True, slots=True)
 class _Found:
     """A verdict with its sentence, and what would help most."""
 
@@ -185,9 +213,9 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     polars.DataFrame
         Schema `TRUST`: the verdict first.
     """
-    faults = _named(evidence.audit)
+    faults = _Named.of(evidence.audit)
     sizes = {tracker: _Size.of(tracker, size, evidence.curves) for tracker, size in evidence.sizes.items()}
-    bounds = _bounds(evidence, sizes, faults)
+    bounds = _bounds(evidence, sizes, is_faulty=bool(faults.rows))
     found = _verdict(evidence, sizes, bounds, faults)
     rows = [
         {"cause": TruthCause.every, "verdict": found.verdict, "text": found.text, "step": found.step or None},
@@ -196,25 +224,6 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(TRUST))
     plain = table.with_columns(pl.col("text", "step").str.replace_all(SPACE, " ", literal=True))  # files have it too
     return check(plain, TRUST, "trust")
-
-
-def _named(audit: pl.DataFrame) -> list[dict[str, Any]]:
-    """The first row of each established fault, in their order."""
-    ranked = audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first").sort("rank")
-    return ranked.to_dicts()
-
-
-def _most_named(audit: pl.DataFrame) -> tuple[str, _Share]:
-    """What all established faults together explain of errors that took no part in their fit, and of which tracker.
-
-    Of the tracker of which they explain most: little of the errors of all together can be most of those of an accurate
-    one. Of all, without a name, where no tracker's share is known.
-    """
-    rows = audit.filter(family=str(Family.at_most), parameter=NAMED_FAULTS).sort("gain").to_dicts()
-    if rows:
-        return rows[-1]["component"], _of_row(rows[-1])
-    together = audit.filter(family=str(Family.named)).to_dicts()
-    return "", _of_row(together[0]) if together else _Share(0.0, 0.0, 0.0)
 
 
 def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:
@@ -236,7 +245,7 @@ def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Shar
     return found.get(FittedTo.own), found.get(FittedTo.others)
 
 
-def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:
+def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: bool) -> list[_Bounds]:
     """Of each tracker; none where the causes could not be measured.
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
@@ -264,7 +273,7 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
             by_poses.append(poses.low > max(stated, MOST if others is None else SMALL))
     is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
-    return _common(found if faults or is_refuted else [_as_stated(one) for one in found], evidence.curves)
+    return _common(found if is_faulty or is_refuted else [_as_stated(one) for one in found], evidence.curves)
 
 
 def _as_stated(bounds: _Bounds) -> _Bounds:
@@ -311,42 +320,37 @@ def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
     return {name: square for name, square in table.iter_rows() if square > 0.0}
 
 
-def _verdict(
-    evidence: TruthEvidence,
-    sizes: Mapping[str, _Size],
-    bounds: Sequence[_Bounds],
-    faults: Sequence[Mapping[str, Any]],
-) -> _Found:
+def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequence[_Bounds], faults: _Named) -> _Found:
     if evidence.mistakes:
         more = len(evidence.mistakes) - 1
         others = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
         return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _CORRECT_DATA)
     if evidence.is_fitted:
         return _Found(Trust.unknown, _FITTED, _FITTED_STEP)
-    (tracker, share), worst = _most_named(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
-    if share.value > SMALL:
+    worst = max(bounds, key=lambda one: one.high, default=None)
+    if faults.share.value > SMALL:
         high = 0.0 if worst is None else worst.high
-        rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
-        text = f"{_faults_text(faults)} {_explains(len(faults), share)}{_of(tracker)}.{rest}"
-        return _Found(Trust.not_trusted, text, _corrected(faults, evidence.audit))
+        rest = f" In all, up to {percent(high)} can be due to the truth." if high > faults.share.value else ""
+        text = f"{_faults_text(faults)} {_explains(faults)}.{rest}"
+        return _Found(Trust.not_trusted, text, _corrected(faults))
     return _unmeasured(evidence, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
-def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[str, Any]]) -> _Found:
+def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found:
     """By how much the truth can explain of the errors of the tracker of which it can explain most."""
     sure, noise = worst.established, _noise_text(evidence)
     if worst.high > MOST and sure is not None:
         of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
         return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.{noise}", _of_cause(evidence, sure))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
-    known = f" {_faults_text(faults)} But that explains little." if faults else _like_bias(evidence.audit)
+    known = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
-    step = _corrected(faults, evidence.audit) if faults else _of_cause(evidence, cause)
+    step = _corrected(faults) if faults.rows else _of_cause(evidence, cause)
     if worst.high > MOST:
-        nothing = "" if faults else ", and nothing is established"
+        nothing = "" if faults.rows else ", and nothing is established"
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}{noise}"
         return _Found(Trust.unknown, text, step)
-    if worst.high > SMALL or faults or evidence.cautions or noise:
+    if worst.high > SMALL or faults.rows or evidence.cautions or noise:
         caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
         text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{known}{noise}{caution}"
         return _Found(Trust.limited, text, step)
@@ -407,33 +411,28 @@ def _in_px(bounds: _Bounds) -> str:
     return f" That is {pixels(sqrt(bounds.high) * size.px)} of {of}." if size.px > 0.0 else ""
 
 
-def _faults_text(faults: Sequence[Mapping[str, Any]]) -> str:
+def _faults_text(faults: _Named) -> str:
     """``The focal length is 12 % too long.``, and names of others."""
-    others = [f"the {FAULTS[Parameter(row['parameter'])].name}" for row in faults[1:]]
+    others = [f"the {FAULTS[Parameter(row['parameter'])].name}" for row in faults.rows[1:]]
     named = [*others[:_MOST_OTHERS], *(["another parameter"] if len(others) > _MOST_OTHERS else [])]
     more = f" {sentence_case(listing(named))} {'is' if len(others) == 1 else 'are'} wrong too." if others else ""
-    return f"{fault_brief(faults[0])}.{more}"
+    return f"{fault_brief(faults.rows[0])}.{more}"
 
 
-def _explains(n: int, share: _Share) -> str:
-    return f"{'This explains' if n == 1 else 'Together they explain'} {percent(share.value)} of the squared errors"
+def _explains(faults: _Named) -> str:
+    verb = "This explains" if len(faults.rows) == 1 else "Together they explain"
+    return f"{verb} {percent(faults.share.value)} of the squared errors{faults.of_tracker}"
 
 
-def _of(tracker: str) -> str:
-    """Whose errors a share is of, after a space; empty for those of all trackers."""
-    return f" of {tracker}" if tracker else ""
-
-
-def _corrected(faults: Sequence[Mapping[str, Any]], audit: pl.DataFrame) -> str:
+def _corrected(faults: _Named) -> str:
     """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
-    undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults]
+    undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults.rows]
     if not any(undone):
         return "No setting undoes this: use other poses, and measure again."
     block = "Apply the corrections that `tracknoise audit` prints"
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
-    tracker, share = _most_named(audit)
-    return f"{block}; squared errors of held-out tracks{_of(tracker)} fall by {percent(share.value)}."
+    return f"{block}; squared errors of held-out tracks{faults.of_tracker} fall by {percent(faults.share.value)}."
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
@@ -475,9 +474,7 @@ _STEPS: Mapping[TruthCause, str] = {
 }
 
 
-def _rows(
-    evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequence[Mapping[str, Any]]
-) -> Iterator[dict[str, Any]]:
+def _rows(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: _Named) -> Iterator[dict[str, Any]]:
     """Shares of each tracker, then what is established for all."""
     for one in bounds:
         size = one.size
@@ -488,9 +485,9 @@ def _rows(
             yield {"cause": cause, **_columns(one.causes[cause]), "tracker": one.tracker}
         if size.stated_share is not None:
             yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
-    if faults:
-        tracker, share = _most_named(evidence.audit)
-        yield {"cause": TruthCause.faults, **_columns(share), "tracker": tracker or None, "text": _faults_text(faults)}
+    if faults.rows:
+        named = {"tracker": faults.tracker or None, "text": _faults_text(faults)}
+        yield {"cause": TruthCause.faults, **_columns(faults.share), **named}
     for sentence in evidence.mistakes:
         yield {"cause": TruthCause.mistakes, "text": sentence}
 

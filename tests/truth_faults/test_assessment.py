@@ -16,7 +16,7 @@ from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_selection import available
 from tracknoise.truth_faults.audit_tables import not_audited
 from tracknoise.truth_faults.corrected_positions import predict
-from tracknoise.truth_faults.explained import explained
+from tracknoise.truth_faults.explained import explained, moved
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter
 
 Share = tuple[float, float, float]
@@ -212,18 +212,44 @@ def test_noise_of_depths_that_takes_the_truth_from_features_is_named_with_what_h
     assert "neighbours" not in verdict(**given, depth_edges=0.1).text
 
 
-def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
+def with_moved(**by_tracker: float | None) -> pl.DataFrame:
+    rows = [
+        {"family": "at_most", "parameter": "moved", "component": name, "value": by_tracker[name]} for name in by_tracker
+    ]
+    return pl.concat([audit(), pl.DataFrame(rows, schema=dict(AUDIT))])
+
+
+@pytest.mark.parametrize(
+    ("factor", "expected", "times"),
+    [(1.0, "trusted", 0.25), (2.0, "trusted", 0.5), (None, "unknown", None)],
+)  # fmt: skip
+def test_what_one_tracker_bounds_in_px_bounds_others_by_how_far_faults_move_them(
+    factor: float | None, expected: str, times: float | None
+) -> None:
     rows = [
         {"tracker": name, "correction": "measured", "age": 8, "n": 500, "core_u_px": core, "core_v_px": core}
         for name, core in (("lk", 1.0), ("sift", 2.0))
     ]
     found = table(
+        audit=with_moved(lk=1.0, sift=factor),
         pose_shares=poses(lk=(SMALL, SMALL), sift=((0.3, 0.0, 0.9), SMALL)),
         sizes={"lk": ErrorSize(8, 1.4), "sift": ErrorSize(8, 2.8)},
         curves=pl.DataFrame(rows, schema=dict(AUDIT_CURVES)),
     )
-    assert TruthVerdict.of(found).verdict == Trust.trusted
-    assert explained_share(found, "sift") == pytest.approx(explained_share(found, "lk") / 4.0)
+    assert TruthVerdict.of(found).verdict == expected
+    if times is not None:
+        assert explained_share(found, "sift") == pytest.approx(times * explained_share(found, "lk"))
+
+
+def test_faults_move_near_points_farther() -> None:
+    """One tracker has points at 1 to 5 m; the other one has these too, or only those nearer than 1.5 m."""
+    rng = np.random.default_rng(2)
+    samples = make_samples(rng, World(), theta_of({}))
+    assert max(moved(samples, available(samples)).values()) < 1.5
+    near = samples.chosen(np.flatnonzero((samples.tracker == 0) | (samples.depth < 1.5)))
+    factors = moved(near, available(near))
+    assert factors[1] > 4.0
+    assert factors[0] < 2.0
 
 
 def test_each_tracker_is_bounded_by_what_explains_its_own_errors() -> None:

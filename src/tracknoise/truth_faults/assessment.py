@@ -9,7 +9,11 @@ the trackers is in the bound. With shares s and upper bounds h,
     bound = sum s + sqrt(sum (h - s)^2)    (truth.bound)
 
 A stated accuracy of poses and depths replaces the bound where it is smaller, nothing established contradicts it, and
-the tracks do not show more. All trackers have the same truth: what one bounds in px^2 bounds the others too.
+the tracks do not show more. All trackers have the same truth: what one bounds in px^2 bounds the others too. With the
+mean square e of the errors of each tracker, at ages that all have, and m by (truth.moved), which is how much more
+faults move the points that it follows,
+
+    bound_i <= m_i min over j of bound_j e_j / e_i    (truth.common)
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +30,7 @@ from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, Aud
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.depth_checks import MOST_EDGES
-from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, MOVED, NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
 from tracknoise.words import SPACE, listing, percent, pixels, sentence_case
 
@@ -273,7 +277,7 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
             by_poses.append(poses.low > max(stated, MOST if others is None else SMALL))
     is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
-    return _common(found if is_faulty or is_refuted else [_as_stated(one) for one in found], evidence.curves)
+    return _common(found if is_faulty or is_refuted else [_as_stated(one) for one in found], evidence)
 
 
 def _as_stated(bounds: _Bounds) -> _Bounds:
@@ -299,13 +303,16 @@ def _with_stated(stated: float, causes: Mapping[TruthCause, _Share]) -> float:
     return stated if stated < _EXACT else max(stated, *measured)
 
 
-def _common(bounds: Sequence[_Bounds], curves: pl.DataFrame) -> list[_Bounds]:
-    """Bounds of trackers by what others bound, at the ages that all of them have."""
-    squares = _squares(curves, [one.tracker for one in bounds])
-    if len(squares) < len(bounds):
+def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence) -> list[_Bounds]:
+    """Bounds of trackers by what others bound, at the ages that all of them have: (truth.common)."""
+    squares = _squares(evidence.curves, [one.tracker for one in bounds])
+    rows = evidence.audit.filter(family=str(Family.at_most), parameter=MOVED).drop_nulls("value")
+    moved = dict(rows.select("component", "value").iter_rows())
+    if not bounds or len(squares) < len(bounds):
         return list(bounds)
-    least = min((one.high * squares[one.tracker] for one in bounds), default=0.0)
-    return [replace(one, high=min(one.high, least / squares[one.tracker])) for one in bounds]
+    least = min(one.high * squares[one.tracker] for one in bounds)
+    most = {name: factor * least / squares[name] for name, factor in moved.items() if name in squares}
+    return [replace(one, high=min(one.high, most.get(one.tracker, 1.0))) for one in bounds]
 
 
 def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:

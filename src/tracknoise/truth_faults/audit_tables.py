@@ -41,7 +41,7 @@ from tracknoise.truth_faults.audit_summary import (
     other_text,
 )
 from tracknoise.truth_faults.corrected_positions import predict
-from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS, explained
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, MOVED, NAMED_FAULTS, explained, moved
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, JOINT, TIMED, Family, Fit, Parameter, Shown, shown
 from tracknoise.words import listing
 
@@ -309,15 +309,21 @@ def _bounds(samples: AuditSamples) -> Iterator[Row]:
 
     The same error of the truth is a larger share of smaller errors: a share of all trackers together bounds none.
     """
+    known = []
     for number, tracker in enumerate(samples.trackers):
         own = enough(samples.chosen(np.flatnonzero(samples.tracker == number)))
         if isinstance(own, str):
             continue
+        known.append(number)
         found = explained(own, available(own))
         for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths), (DEPTH_MAPS, found.depth_maps)):
             if share is None:
                 continue
             yield _share_row(name, tracker, share, own)
+    of_known = samples.chosen(np.flatnonzero(np.isin(samples.tracker, known)))
+    for number, factor in moved(of_known, available(of_known)).items():
+        row = {"family": Family.at_most, "parameter": MOVED, "component": samples.trackers[number], "unit": "times"}
+        yield {**row, "value": factor}
 
 
 def _share_row(name: str, tracker: str, share: Gain, samples: AuditSamples) -> Row:

@@ -59,7 +59,7 @@ class Family(StrEnum):
     joint fits: optics (focal length, principal point, k1), timing (clock offset and drift, readout), depth (scale,
     offset), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
     at_most: what all faults, or random errors of depths, can explain at most of a tracker, which is the component
-    (`tracknoise.truth_faults.explained`), and what the named faults explain of it.
+    (`tracknoise.truth_faults.explained`), what named faults explain of it, and how much more they move it than others.
     """
 
     alone = "alone"

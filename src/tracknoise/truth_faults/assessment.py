@@ -358,8 +358,8 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}{noise}"
         return _Found(Trust.unknown, text, step)
     if worst.high > SMALL or faults.rows or evidence.cautions or noise:
-        caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
-        text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{known}{noise}{caution}"
+        rest = f"{known}{noise}{_caution(evidence)}"
+        text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{rest}"
         return _Found(Trust.limited, text, step)
     stated = worst.size.stated_share
     if stated is not None and stated < _EXACT:
@@ -371,15 +371,20 @@ def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     """Where tracks are too few, or see too little: by what is stated."""
     stated = [size.stated_share for size in sizes.values()]
     why = (evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW])[0]
-    noise = _noise_text(evidence)
+    noise, caution = _noise_text(evidence), _caution(evidence)
     step = _SMOOTH if noise else _MORE_DATA
     if stated and not noise and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
     known = [share for share in stated if share is not None]
     if known and len(known) == len(stated) and max(known) <= MOST:
-        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why}{noise}"
+        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why}{noise}{caution}"
         return _Found(Trust.limited, text, step)
-    return _Found(Trust.unknown, f"{why}{noise}", step)
+    return _Found(Trust.unknown, f"{why}{noise}{caution}", step)
+
+
+def _caution(evidence: TruthEvidence) -> str:
+    """What looks wrong in single parts of the data, after a space; empty where nothing does."""
+    return f" {evidence.cautions[0]}" if evidence.cautions else ""
 
 
 def _noise_text(evidence: TruthEvidence) -> str:

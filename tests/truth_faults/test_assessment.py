@@ -84,6 +84,20 @@ def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
     assert verdict(pose_shares=poses(lk=(large, seen))).verdict == Trust.not_trusted
 
 
+def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> None:
+    """Depths that are wrong by their distance look like motions of the camera where the scene changes little."""
+    seen = {"pose_shares": poses(lk=((0.31, 0.27, 0.35), None))}
+    either = verdict(audit=audit(faults=(0.28, 0.25, 0.32)), **seen)
+    assert either.verdict is Trust.not_trusted
+    assert either.text.startswith(
+        "Motions of the camera that the poses lack, or constant faults that look like them, explain 31.0"
+    )
+    assert "calibration" in either.step
+    motion = verdict(audit=audit(faults=(0.28, 0.0, 0.5)), **seen)
+    assert motion.text.startswith("Motions of the camera that the poses lack explain 31.0")
+    assert "bundle adjustment" in motion.step
+
+
 @pytest.mark.parametrize(
     ("cause", "share", "expected"),
     [("faults", (0.3, 0.2, 0.4), "limited"), ("depths", (0.3, 0.2, 0.4), "limited"),

@@ -40,6 +40,8 @@ _EXACT = 1e-3
 """A smaller stated share is that of a truth that is exact but for rounding."""
 _REPEATED = 0.02
 """What depth maps that disagree explain, with which a smaller stated accuracy is wrong: no tracker has a part in it."""
+_ALIKE = 0.5
+"""Where constant faults surely explain more than this part of what motions of the camera do, they may be the cause."""
 _CLEARER = 0.5
 """A scene is recommended if poses explain at most this part of what they explain of all scenes."""
 
@@ -170,6 +172,19 @@ class _Bounds:
         shares = {TruthCause.poses: self.causes[TruthCause.poses], TruthCause.depths: self.depth_maps}
         sure = {cause: share.value for cause, share in shares.items() if share is not None and share.low > SMALL}
         return max(sure, key=sure.__getitem__, default=None)
+
+    @property
+    def established_text(self) -> str:
+        """What is established, with its verb; empty where nothing is."""
+        if self.established is None:
+            return ""
+        return _EITHER if self.is_like_fault else _ESTABLISHED[self.established]
+
+    @property
+    def is_like_fault(self) -> bool:
+        """Whether constant faults surely explain most of what motions that are established explain."""
+        least = _ALIKE * self.causes[TruthCause.poses].value
+        return self.established is TruthCause.poses and self.causes[TruthCause.any_fault].low > least
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,7 +363,9 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
     sure, noise = worst.established, _noise_text(evidence)
     if worst.high > MOST and sure is not None:
         of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
-        return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.{noise}", _of_cause(evidence, sure))
+        cause = TruthCause.any_fault if worst.is_like_fault else sure
+        text = f"{sentence_case(worst.established_text)} {of}.{noise}"
+        return _Found(Trust.not_trusted, text, _of_cause(evidence, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
     known = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
@@ -399,7 +416,7 @@ def _of_causes(bounds: _Bounds) -> str:
     """What single causes explain, where it is not small, the largest first, in a sentence each; begins with a space."""
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
-    said = {**_CAUSES, **({bounds.established: _ESTABLISHED[bounds.established]} if bounds.established else {})}
+    said = {**_CAUSES, **({bounds.established: bounds.established_text} if bounds.established else {})}
     return "".join(f" {sentence_case(said[cause])} {percent(shares[cause])}." for cause in causes)
 
 
@@ -477,6 +494,7 @@ _ESTABLISHED: Mapping[TruthCause, str] = {
     TruthCause.poses: "motions of the camera that the poses lack explain",
     TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
 }
+_EITHER = "motions of the camera that the poses lack, or constant faults that look like them, explain"
 _STEPS: Mapping[TruthCause, str] = {
     TruthCause.any_fault: (
         "Measure a recording with more motion and more different depths, or state the accuracy of the calibration and "

@@ -20,8 +20,8 @@ a. The share is that of sum s^2 g^2 in the sum of both variances. Where depth ma
 but the share of what the maps do not repeat.
 
 The same fault moves the true positions of one tracker farther than those of another, which follows other points. With
-the median q of the squares of derivatives of true positions by a number c of the faults, in the mean over ages that all
-trackers have, tracker i is moved
+the median q of the squares of derivatives of true positions by a number c of the faults, relative to that of all
+trackers at the same age, tracker i is moved
 
     m_i = max over c of q_ic / min over j of q_jc                                             (truth.moved)
 

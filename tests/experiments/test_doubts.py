@@ -10,7 +10,7 @@ from tests.lean import without_depths
 from tests.truth_faults.planted import MISTAKES, Planted, scaled_positions
 
 import tracknoise
-from tracknoise.experiments.doubts import Doubts, doubts
+from tracknoise.experiments.doubts import Doubts, depth_edges, doubts
 from tracknoise.experiments.measure import measure
 from tracknoise.sequences.arrays import Sequence
 from tracknoise.sequences.reader_registry import open_sequence
@@ -172,3 +172,20 @@ def test_depths_that_cannot_be_metres_are_named():
     right = measured(simulated())
     far = replace(right, tracks=right.tracks.with_columns(pl.col("depth_m") * 1e4))
     assert any("not metres" in sentence for sentence in doubts(far, KINDS).mistakes)
+
+
+def test_noise_of_depths_looks_like_edges():
+    exact = simulated()
+    rng = np.random.default_rng(1)
+    noisy = replace(
+        measured(exact, most=2),
+        sequence=Sequence.from_arrays(
+            [exact.image(index) for index in range(4)],
+            exact.world_from_camera[:4],
+            exact.camera,
+            [exact.depth(index).depth_m * (1.0 + 0.015 * rng.normal(size=(240, 320))) for index in range(4)],
+        ),
+    )
+    assert depth_edges(noisy) > 0.7
+    assert depth_edges(measured(exact, most=2)) < 0.2
+    assert depth_edges(replace(noisy, truth="raycast")) == 0.0

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import polar
 
-from tracknoise.geometry.pose import from_quaternion, invert, nearest_rigid, transform
+from tracknoise.geometry.pose import first_visits, from_quaternion, invert, nearest_rigid, transform
 
 
 def random_poses(count: int, seed: int = 0) -> np.ndarray:
@@ -78,3 +78,14 @@ def test_no_poses():
     assert nearest_rigid(none)[1].shape == (0,)
     assert transform(np.eye(4), np.empty((0, 3))).shape == (0, 3)
     assert transform(none, np.empty((0, 3))).shape == (0, 3)
+
+
+def test_a_recording_that_repeats_itself_visits_poses_again() -> None:
+    """A camera that stands still visits nothing again, nor does one whose pose is unknown."""
+    at = np.array([0, 0, 1, 2, 1, 0, 0, 3, np.nan, np.nan])
+    poses = np.tile(np.eye(4), (len(at), 1, 1))
+    poses[:, 0, 3] = at
+    poses[5, 1, 3] = -0.0
+    assert first_visits(poses).tolist() == [0, 1, 2, 3, 2, 0, 0, 7, 8, 9]
+    assert first_visits(np.tile(np.eye(4), (3, 1, 1))).tolist() == [0, 1, 2]
+    assert first_visits(np.empty((0, 4, 4))).tolist() == []

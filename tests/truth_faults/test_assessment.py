@@ -16,7 +16,7 @@ from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_selection import available
 from tracknoise.truth_faults.audit_tables import not_audited
 from tracknoise.truth_faults.corrected_positions import predict
-from tracknoise.truth_faults.explained import explained
+from tracknoise.truth_faults.explained import explained, moved
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter
 
 Share = tuple[float, float, float]
@@ -82,6 +82,20 @@ def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
     large, seen = (0.9, 0.8, 0.95), (0.3, 0.1, 0.5)
     assert verdict(pose_shares=poses(lk=(large, (0.0, -0.1, 0.1)))).verdict == Trust.unknown
     assert verdict(pose_shares=poses(lk=(large, seen))).verdict == Trust.not_trusted
+
+
+def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> None:
+    """Depths that are wrong by their distance look like motions of the camera where the scene changes little."""
+    seen = {"pose_shares": poses(lk=((0.31, 0.27, 0.35), None))}
+    either = verdict(audit=audit(faults=(0.28, 0.25, 0.32)), **seen)
+    assert either.verdict is Trust.not_trusted
+    assert either.text.startswith(
+        "Motions of the camera that the poses lack, or constant faults that look like them, explain 31.0"
+    )
+    assert "calibration" in either.step
+    motion = verdict(audit=audit(faults=(0.28, 0.0, 0.5)), **seen)
+    assert motion.text.startswith("Motions of the camera that the poses lack explain 31.0")
+    assert "bundle adjustment" in motion.step
 
 
 @pytest.mark.parametrize(
@@ -194,18 +208,62 @@ def test_too_few_tracks_leave_what_is_stated() -> None:
         assert verdict(audit=few, sizes={"lk": ErrorSize(10, 0.5, stated)}).verdict == expected
 
 
-def test_what_one_tracker_bounds_in_px_bounds_the_others() -> None:
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [({}, "limited"), ({"audit": audit(depths=(0.7, 0.6, 0.8))}, "unknown"),
+     ({"audit": not_audited("3 observations", "d").audit}, "unknown"),
+     ({"pose_shares": poses(lk=((0.3, 0.0, 0.9), None))}, "unknown")],
+)  # fmt: skip
+def test_noise_of_depths_that_takes_the_truth_from_features_is_named_with_what_helps(
+    given: dict[str, Any], expected: str
+) -> None:
+    found = verdict(**given, depth_edges=0.82)
+    assert found.verdict == expected
+    assert "At 82.0" in found.text
+    assert "depths of neighbours differ by more than 2.0" in found.text
+    assert found.step.startswith("Smooth the depth maps, or use others")
+    assert "Measure more frames" not in found.step
+    assert "neighbours" not in verdict(**given, depth_edges=0.1).text
+
+
+def with_moved(**by_tracker: float | None) -> pl.DataFrame:
+    rows = [
+        {"family": "at_most", "parameter": "moved", "component": name, "value": by_tracker[name]} for name in by_tracker
+    ]
+    return pl.concat([audit(), pl.DataFrame(rows, schema=dict(AUDIT))])
+
+
+@pytest.mark.parametrize(
+    ("factor", "expected", "times"),
+    [(1.0, "trusted", 0.25), (2.0, "trusted", 0.5), (None, "unknown", None)],
+)  # fmt: skip
+def test_what_one_tracker_bounds_in_px_bounds_others_by_how_far_faults_move_them(
+    factor: float | None, expected: str, times: float | None
+) -> None:
     rows = [
         {"tracker": name, "correction": "measured", "age": 8, "n": 500, "core_u_px": core, "core_v_px": core}
         for name, core in (("lk", 1.0), ("sift", 2.0))
     ]
     found = table(
+        audit=with_moved(lk=1.0, sift=factor),
         pose_shares=poses(lk=(SMALL, SMALL), sift=((0.3, 0.0, 0.9), SMALL)),
         sizes={"lk": ErrorSize(8, 1.4), "sift": ErrorSize(8, 2.8)},
         curves=pl.DataFrame(rows, schema=dict(AUDIT_CURVES)),
     )
-    assert TruthVerdict.of(found).verdict == Trust.trusted
-    assert explained_share(found, "sift") == pytest.approx(explained_share(found, "lk") / 4.0)
+    assert TruthVerdict.of(found).verdict == expected
+    if times is not None:
+        assert explained_share(found, "sift") == pytest.approx(times * explained_share(found, "lk"))
+
+
+def test_faults_move_near_points_farther() -> None:
+    """One tracker has points at 1 to 5 m; the other one has these too, or only those nearer than 1.5 m."""
+    rng = np.random.default_rng(2)
+    samples = make_samples(rng, World(), theta_of({}))
+    assert max(moved(samples, available(samples)).values()) < 1.5
+    near = samples.chosen(np.flatnonzero((samples.tracker == 0) | (samples.depth < 1.5)))
+    factors = moved(near, available(near))
+    assert factors[1] > 4.0
+    assert factors[0] < 2.0
 
 
 def test_each_tracker_is_bounded_by_what_explains_its_own_errors() -> None:

@@ -11,8 +11,10 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.tables.identity import SequenceId
 from tracknoise.truth_faults.audit_selection import select
 from tracknoise.truth_faults.check_evidence import Followed, check_rigid, check_samples
+from tracknoise.truth_faults.check_report import Severity
 from tracknoise.truth_faults.image_evidence import Evidence, Flow, Pair
 from tracknoise.truth_faults.pose_accuracy import pose_share
+from tracknoise.truth_faults.recording_checks import repeated_frames
 
 FRAMES = 60
 EXACT = by_hand(FRAMES)
@@ -103,3 +105,20 @@ def test_stretches_of_a_long_recording_are_not_joined():
     rows = check_rigid(Followed.of(*found(EXACT, Flow(*some))))
     assert rows["age"].max() == 4
     assert rows["n"].sum() == 150 * (len(some[0]) + len(some[1]))
+
+
+def test_passes_that_repeat_each_other_are_one_sample():
+    """A recording of a third of the frames, shown three times: its blocks are those of the first pass."""
+    once = FRAMES // 3
+    again = np.concatenate([EXACT[:once]] * 3)
+    pairs = [pair for pair in flow().steps if pair.second < once]
+    starts = (0, once, 2 * once)
+    passes = [replace(pair, first=pair.first + at, second=pair.second + at) for at in starts for pair in pairs]
+    evidence, sequence = found(again, Flow(tuple(passes), ()))
+    repeated, whole = (Followed.of(*one) for one in ((evidence, sequence), found(EXACT)))
+    assert repeated.samples.n_clusters == -(-whole.samples.n_clusters // 3)
+    assert check_rigid(repeated)["block"].max() <= check_rigid(whole)["block"].max() // 3
+    item = repeated_frames(sequence)
+    assert item.severity is Severity.caveat
+    assert item.text.startswith("The recording repeats itself: 40 of 60 frames have exactly the pose of an earlier")
+    assert repeated_frames(found(EXACT)[1]) is None

@@ -35,6 +35,7 @@ def test_noise_that_looks_like_edges_is_a_caveat(noisy) -> None:
     assert item.severity is Severity.caveat
     assert item.values["edges"] > 0.9
     assert "features there count as beside an edge, and have no truth" in item.text
+    assert noisy.truth.step.startswith("Smooth the depth maps, or use others")
 
 
 def test_small_noise_is_none() -> None:
@@ -46,6 +47,6 @@ def test_small_noise_is_none() -> None:
 def test_points_are_called_fitted_only_where_there_is_no_depth(noisy) -> None:
     assert noisy.truth.verdict is Trust.unknown
     assert "fitted" not in noisy.truth.text
-    assert "depth maps" not in noisy.truth.step
+    assert "stereo depth maps" not in noisy.truth.step
     without = check_sequence(recording(None))
     assert without.truth.text.startswith("True positions are fitted to the tracks")

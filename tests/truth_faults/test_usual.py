@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
+from scipy.spatial.transform import Rotation
 
+from tracknoise.truth_faults.audit_samples import Paths
 from tracknoise.truth_faults.audit_summary import (
     audit_sentences,
     corrections_toml,
@@ -15,7 +17,8 @@ from tracknoise.truth_faults.audit_summary import (
     whole_frames,
 )
 from tracknoise.truth_faults.audit_tables import tables_of
-from tracknoise.truth_faults.fault_parameters import Parameter
+from tracknoise.truth_faults.corrected_positions import predict
+from tracknoise.truth_faults.fault_parameters import COUNT, Parameter
 from tracknoise.words import SPACE
 
 WORLD = World(per_scene=40, n_frames=60)
@@ -100,7 +103,7 @@ def test_a_drift_without_timestamps_is_one_of_frames_and_has_no_setting() -> Non
     ("faults", "opening", "to_do"),
     [
         ({"smoothing": 1.0}, "The poses are smoothed (1.0", "use the poses as they were before the filter."),
-        ({"smoothing": -1.0}, "The poses overshoot, as a sharpened path does (", "use the poses as they were before"),
+        ({"smoothing": -1.0}, "The poses overshoot, as a sharpened path does (", "use smoother poses, or the poses as"),
         (
             {"rotation_delay": (0.5, 0.5, 0.5)},
             "The rotations of the poses are not of the times of their positions (late by (16.",
@@ -114,6 +117,22 @@ def test_what_no_setting_undoes_is_said_with_what_to_do(faults, opening, to_do) 
     assert text.startswith(opening)
     assert f" No setting undoes this: {to_do}" in text
     assert corrections_toml(found) is None
+
+
+def test_white_noise_of_poses_is_called_jitter() -> None:
+    """Noise of 0.3 degrees and 1 cm on poses that were exact."""
+    rng = np.random.default_rng(1)
+    exact = make_samples(rng, WORLD, theta_of({}))
+    paths = exact.paths
+    turned, moved = rng.normal(size=(2, len(paths.times), 3)) * np.array([0.005, 0.01])[:, None, None]
+    poses = np.tile(np.eye(4), (len(paths.times), 1, 1))
+    poses[:, :3, :3] = paths.rotation @ Rotation.from_rotvec(turned).as_matrix()
+    poses[:, :3, 3] = paths.position + moved
+    jittered = replace(exact, paths=Paths.of(paths.times, poses, np.cumsum(paths.first == np.arange(len(poses)))))
+    stated = replace(jittered, stated=predict(jittered, np.zeros(COUNT)).uv)
+    text = audit_sentences(tables_of(stated, "made-up").audit)[0]
+    assert text.startswith("The poses jitter from frame to frame, or overshoot as a sharpened path does (")
+    assert " No setting undoes this: use smoother poses, or the poses as they were before the filter." in text
 
 
 def test_a_kind_of_depth_that_is_known_is_not_tried() -> None:

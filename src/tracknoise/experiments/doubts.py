@@ -17,10 +17,10 @@ from tracknoise.experiments.settings import SYNTHETIC
 from tracknoise.sequences.sequence import Sequence, TruthKind, z_depth_from
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity
-from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth
+from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth, edge_share, sampled_depths
 from tracknoise.truth_faults.image_evidence import FEWEST_POINTS, Evidence, Flow, Pair, seen_by_one_camera
 from tracknoise.truth_faults.motion_checks import mistakes
-from tracknoise.truth_faults.recording_checks import intrinsics, pose_jumps
+from tracknoise.truth_faults.recording_checks import intrinsics, pose_jumps, repeated_frames
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -57,9 +57,16 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
     return Doubts((*fatal, *_of_errors(slowest), *_of_depths(measurement)), cautions)
 
 
+def depth_edges(measurement: "Measurement") -> float:
+    """Share of the pixels with depth at which depths of neighbours differ; 0 where features have no depth of a map."""
+    if measurement.truth != TruthKind.birth:
+        return 0.0
+    return edge_share(sampled_depths(measurement.sequence, measurement.n_frames))
+
+
 def _of_poses(sequence: Sequence) -> list[Item]:
     """Topics that need poses and intrinsics alone."""
-    return [pose_jumps(sequence), intrinsics(sequence)]
+    return [pose_jumps(sequence), intrinsics(sequence), *filter(None, [repeated_frames(sequence)])]
 
 
 def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> Doubts:

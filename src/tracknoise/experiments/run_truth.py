@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from math import hypot
+from statistics import fmean
 
 import polars as pl
 
@@ -83,6 +84,7 @@ def trust_table(
         curves=tables["audit_curves"],
         mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
         cautions=_each(entries, "cautions"),
+        depth_edges=fmean(entry.depth_edges for entry in entries),
         is_fitted=any(entry.truth == TRIANGULATED for entry in entries),
         scene_shares=scene_shares(pl.concat(rigid)),
     )

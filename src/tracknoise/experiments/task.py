@@ -6,11 +6,12 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
+from statistics import fmean
 
 import polars as pl
 
 from tracknoise.exceptions import DataWarning, NothingToMeasureError
-from tracknoise.experiments.doubts import Doubts, doubts, doubts_of_parts
+from tracknoise.experiments.doubts import Doubts, depth_edges, doubts, doubts_of_parts
 from tracknoise.experiments.failures import Batch, InParts, Result, diagnose
 from tracknoise.experiments.geometry_tables import camera_tables, geometry_tables
 from tracknoise.experiments.inputs import digest_of, input_tables, recording
@@ -143,6 +144,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         states_accuracy=all(entry.states_accuracy for entry in entries),
         doubts=found.mistakes,
         cautions=found.cautions,
+        depth_edges=fmean(entry.depth_edges for entry in entries),
         kernels=" and ".join(sorted({entry.kernels for entry in entries})),
         parts=tuple((one.start, one.stop) for one in task.parts),
         sha256=hashes,
@@ -209,6 +211,7 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         group=group_of(sequence),
         kernels=kernels(),
         z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
+        depth_edges=depth_edges(measurement),
         states_accuracy=measurement.states_accuracy,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,

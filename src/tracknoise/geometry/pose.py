@@ -102,6 +102,29 @@ def transform(pose: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray
     return each
 
 
+def first_visits(poses: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Frame in which the camera was first exactly where it is in each frame, as in a recording that repeats itself.
+
+    Parameters
+    ----------
+    poses
+        (n, ...) float64: one of each frame; NaN where there is none.
+
+    Returns
+    -------
+    (n,) intp
+        The frame itself where its pose is new or unknown, or the camera has not left it since it was new.
+    """
+    frames, rows = np.arange(len(poses)), poses.reshape(len(poses), int(np.prod(poses.shape[1:])))
+    known = np.isfinite(rows).all(axis=1)
+    rows = np.nan_to_num(rows) + 0.0  # -0 is 0
+    starts = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1))[: len(rows)])
+    stay = np.searchsorted(starts, frames, side="right") - 1
+    first, code = np.unique(rows[starts], axis=0, return_index=True, return_inverse=True)[1:]
+    earlier = first[code.ravel()]
+    return np.asarray(np.where(known & (earlier[stay] < stay), starts[earlier[stay]], frames), dtype=np.intp)
+
+
 def nearest_rigid(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Replace each rotation block by the nearest rotation (orthogonal Procrustes, Frobenius norm).
 

@@ -52,6 +52,8 @@ class SequenceEntry:
         Why its data cannot be right, one or two sentences each; empty where nothing looks wrong.
     cautions
         What looks wrong in single parts of its data, likewise.
+    depth_edges
+        Share of the pixels with depth at which depths of neighbours differ, if features have the depth of dense maps.
     states_accuracy
         Whether the errors of its poses, and of its depths where they count, are stated.
     inputs
@@ -87,6 +89,7 @@ class SequenceEntry:
     kernels: str = ""
     doubts: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    depth_edges: float = 0.0
     states_accuracy: bool = False
     image: str = ""
     parts: tuple[tuple[int, int], ...] = ()

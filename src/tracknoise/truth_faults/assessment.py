@@ -9,7 +9,11 @@ the trackers is in the bound. With shares s and upper bounds h,
     bound = sum s + sqrt(sum (h - s)^2)    (truth.bound)
 
 A stated accuracy of poses and depths replaces the bound where it is smaller, nothing established contradicts it, and
-the tracks do not show more. All trackers have the same truth: what one bounds in px^2 bounds the others too.
+the tracks do not show more. All trackers have the same truth: what one bounds in px^2 bounds the others too. With the
+mean square e of the errors of each tracker, at ages that all have, and m by (truth.moved), which is how much more
+faults move the points that it follows,
+
+    bound_i <= m_i min over j of bound_j e_j / e_i    (truth.common)
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,12 +23,14 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
-from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS
+from tracknoise.truth_faults.depth_checks import MOST_EDGES
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, MOVED, NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
 from tracknoise.words import SPACE, listing, percent, pixels, sentence_case
 
@@ -34,6 +40,8 @@ _EXACT = 1e-3
 """A smaller stated share is that of a truth that is exact but for rounding."""
 _REPEATED = 0.02
 """What depth maps that disagree explain, with which a smaller stated accuracy is wrong: no tracker has a part in it."""
+_ALIKE = 0.5
+"""Where constant faults surely explain more than this part of what motions of the camera do, they may be the cause."""
 _CLEARER = 0.5
 """A scene is recommended if poses explain at most this part of what they explain of all scenes."""
 
@@ -75,6 +83,8 @@ class TruthEvidence:
         Sentences about data that cannot be right.
     cautions
         Sentences about single parts of the data that look wrong.
+    depth_edges
+        Share of the pixels with depth at which depths of neighbours differ: features there have no true position.
     is_fitted
         Whether points are fitted to the tracks.
     scene_shares
@@ -87,6 +97,7 @@ class TruthEvidence:
     curves: pl.DataFrame = field(default_factory=lambda: empty(AUDIT_CURVES))
     mistakes: Sequence[str] = ()
     cautions: Sequence[str] = ()
+    depth_edges: float = 0.0
     is_fitted: bool = False
     scene_shares: Mapping[str, float] = field(default_factory=dict)
 
@@ -162,6 +173,47 @@ class _Bounds:
         sure = {cause: share.value for cause, share in shares.items() if share is not None and share.low > SMALL}
         return max(sure, key=sure.__getitem__, default=None)
 
+    @property
+    def established_text(self) -> str:
+        """What is established, with its verb; empty where nothing is."""
+        if self.established is None:
+            return ""
+        return _EITHER if self.is_like_fault else _ESTABLISHED[self.established]
+
+    @property
+    def is_like_fault(self) -> bool:
+        """Whether constant faults surely explain most of what motions that are established explain."""
+        least = _ALIKE * self.causes[TruthCause.poses].value
+        return self.established is TruthCause.poses and self.causes[TruthCause.any_fault].low > least
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    """Established faults, and what they explain together of errors that took no part in their fit.
+
+    Of the tracker of which they explain most: little of the errors of all together can be most of those of an accurate
+    one. Of all, without a name, where no tracker's share is known. `rows`: the first of each fault, in their order.
+    """
+
+    rows: Sequence[Mapping[str, Any]]
+    tracker: str
+    share: _Share
+
+    @classmethod
+    def of(cls, audit: pl.DataFrame) -> "_Named":
+        """From schema `AUDIT`."""
+        ranked = audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first").sort("rank").to_dicts()
+        by_tracker = audit.filter(family=str(Family.at_most), parameter=NAMED_FAULTS).sort("gain").to_dicts()
+        if by_tracker:
+            return cls(ranked, by_tracker[-1]["component"], _of_row(by_tracker[-1]))
+        together = audit.filter(family=str(Family.named)).to_dicts()
+        return cls(ranked, "", _of_row(together[0]) if together else _Share(0.0, 0.0, 0.0))
+
+    @property
+    def of_tracker(self) -> str:
+        """Whose errors the share is of, after a space; empty for those of all trackers."""
+        return f" of {self.tracker}" if self.tracker else ""
+
 
 @dataclass(frozen=True, slots=True)
 class _Found:
@@ -180,9 +232,9 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     polars.DataFrame
         Schema `TRUST`: the verdict first.
     """
-    faults = _named(evidence.audit)
+    faults = _Named.of(evidence.audit)
     sizes = {tracker: _Size.of(tracker, size, evidence.curves) for tracker, size in evidence.sizes.items()}
-    bounds = _bounds(evidence, sizes, faults)
+    bounds = _bounds(evidence, sizes, is_faulty=bool(faults.rows))
     found = _verdict(evidence, sizes, bounds, faults)
     rows = [
         {"cause": TruthCause.every, "verdict": found.verdict, "text": found.text, "step": found.step or None},
@@ -191,25 +243,6 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(TRUST))
     plain = table.with_columns(pl.col("text", "step").str.replace_all(SPACE, " ", literal=True))  # files have it too
     return check(plain, TRUST, "trust")
-
-
-def _named(audit: pl.DataFrame) -> list[dict[str, Any]]:
-    """The first row of each established fault, in their order."""
-    ranked = audit.filter(pl.col("rank").is_not_null()).unique("rank", keep="first").sort("rank")
-    return ranked.to_dicts()
-
-
-def _most_named(audit: pl.DataFrame) -> tuple[str, _Share]:
-    """What all established faults together explain of errors that took no part in their fit, and of which tracker.
-
-    Of the tracker of which they explain most: little of the errors of all together can be most of those of an accurate
-    one. Of all, without a name, where no tracker's share is known.
-    """
-    rows = audit.filter(family=str(Family.at_most), parameter=NAMED_FAULTS).sort("gain").to_dicts()
-    if rows:
-        return rows[-1]["component"], _of_row(rows[-1])
-    together = audit.filter(family=str(Family.named)).to_dicts()
-    return "", _of_row(together[0]) if together else _Share(0.0, 0.0, 0.0)
 
 
 def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:
@@ -231,7 +264,7 @@ def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Shar
     return found.get(FittedTo.own), found.get(FittedTo.others)
 
 
-def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequence[Mapping[str, Any]]) -> list[_Bounds]:
+def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: bool) -> list[_Bounds]:
     """Of each tracker; none where the causes could not be measured.
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
@@ -259,7 +292,7 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], faults: Sequenc
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
             by_poses.append(poses.low > max(stated, MOST if others is None else SMALL))
     is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
-    return _common(found if faults or is_refuted else [_as_stated(one) for one in found], evidence.curves)
+    return _common(found if is_faulty or is_refuted else [_as_stated(one) for one in found], evidence)
 
 
 def _as_stated(bounds: _Bounds) -> _Bounds:
@@ -285,13 +318,16 @@ def _with_stated(stated: float, causes: Mapping[TruthCause, _Share]) -> float:
     return stated if stated < _EXACT else max(stated, *measured)
 
 
-def _common(bounds: Sequence[_Bounds], curves: pl.DataFrame) -> list[_Bounds]:
-    """Bounds of trackers by what others bound, at the ages that all of them have."""
-    squares = _squares(curves, [one.tracker for one in bounds])
-    if len(squares) < len(bounds):
+def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence) -> list[_Bounds]:
+    """Bounds of trackers by what others bound, at the ages that all of them have: (truth.common)."""
+    squares = _squares(evidence.curves, [one.tracker for one in bounds])
+    rows = evidence.audit.filter(family=str(Family.at_most), parameter=MOVED).drop_nulls("value")
+    moved = dict(rows.select("component", "value").iter_rows())
+    if not bounds or len(squares) < len(bounds):
         return list(bounds)
-    least = min((one.high * squares[one.tracker] for one in bounds), default=0.0)
-    return [replace(one, high=min(one.high, least / squares[one.tracker])) for one in bounds]
+    least = min(one.high * squares[one.tracker] for one in bounds)
+    most = {name: factor * least / squares[name] for name, factor in moved.items() if name in squares}
+    return [replace(one, high=min(one.high, most.get(one.tracker, 1.0))) for one in bounds]
 
 
 def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
@@ -306,43 +342,41 @@ def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
     return {name: square for name, square in table.iter_rows() if square > 0.0}
 
 
-def _verdict(
-    evidence: TruthEvidence,
-    sizes: Mapping[str, _Size],
-    bounds: Sequence[_Bounds],
-    faults: Sequence[Mapping[str, Any]],
-) -> _Found:
+def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequence[_Bounds], faults: _Named) -> _Found:
     if evidence.mistakes:
         more = len(evidence.mistakes) - 1
         others = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
         return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _CORRECT_DATA)
     if evidence.is_fitted:
         return _Found(Trust.unknown, _FITTED, _FITTED_STEP)
-    (tracker, share), worst = _most_named(evidence.audit), max(bounds, key=lambda one: one.high, default=None)
-    if share.value > SMALL:
+    worst = max(bounds, key=lambda one: one.high, default=None)
+    if faults.share.value > SMALL:
         high = 0.0 if worst is None else worst.high
-        rest = f" In all, up to {percent(high)} can be due to the truth." if high > share.value else ""
-        text = f"{_faults_text(faults)} {_explains(len(faults), share)}{_of(tracker)}.{rest}"
-        return _Found(Trust.not_trusted, text, _corrected(faults, evidence.audit))
-    return _unmeasured(evidence.audit, sizes) if worst is None else _measured(evidence, worst, faults)
+        rest = f" In all, up to {percent(high)} can be due to the truth." if high > faults.share.value else ""
+        text = f"{_faults_text(faults)} {_explains(faults)}.{rest}"
+        return _Found(Trust.not_trusted, text, _corrected(faults))
+    return _unmeasured(evidence, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
-def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[str, Any]]) -> _Found:
+def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found:
     """By how much the truth can explain of the errors of the tracker of which it can explain most."""
-    sure = worst.established
+    sure, noise = worst.established, _noise_text(evidence)
     if worst.high > MOST and sure is not None:
         of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
-        return _Found(Trust.not_trusted, f"{sentence_case(_ESTABLISHED[sure])} {of}.", _of_cause(evidence, sure))
+        cause = TruthCause.any_fault if worst.is_like_fault else sure
+        text = f"{sentence_case(worst.established_text)} {of}.{noise}"
+        return _Found(Trust.not_trusted, text, _of_cause(evidence, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
-    known = f" {_faults_text(faults)} But that explains little." if faults else _like_bias(evidence.audit)
-    step = _corrected(faults, evidence.audit) if faults else _of_cause(evidence, worst.largest)
+    known = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
+    cause = TruthCause.depths if noise else worst.largest
+    step = _corrected(faults) if faults.rows else _of_cause(evidence, cause)
     if worst.high > MOST:
-        nothing = "" if faults else ", and nothing is established"
-        text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}"
+        nothing = "" if faults.rows else ", and nothing is established"
+        text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}{noise}"
         return _Found(Trust.unknown, text, step)
-    if worst.high > SMALL or faults or evidence.cautions:
-        caution = f" {evidence.cautions[0]}" if evidence.cautions else ""
-        text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{known}{caution}"
+    if worst.high > SMALL or faults.rows or evidence.cautions or noise:
+        rest = f"{known}{noise}{_caution(evidence)}"
+        text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{rest}"
         return _Found(Trust.limited, text, step)
     stated = worst.size.stated_share
     if stated is not None and stated < _EXACT:
@@ -350,24 +384,39 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: Sequence[Mapping[
     return _Found(Trust.trusted, f"No fault was found. Errors of the truth can explain at most {part}.{size}")
 
 
-def _unmeasured(audit: pl.DataFrame, sizes: Mapping[str, _Size]) -> _Found:
+def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     """Where tracks are too few, or see too little: by what is stated."""
     stated = [size.stated_share for size in sizes.values()]
-    why = audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW]
-    if stated and all(share is not None and share < _EXACT for share in stated):
+    why = (evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW])[0]
+    noise, caution = _noise_text(evidence), _caution(evidence)
+    step = _SMOOTH if noise else _MORE_DATA
+    if stated and not noise and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
     known = [share for share in stated if share is not None]
     if known and len(known) == len(stated) and max(known) <= MOST:
-        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why[0]}"
-        return _Found(Trust.limited, text, _MORE_DATA)
-    return _Found(Trust.unknown, why[0], _MORE_DATA)
+        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why}{noise}{caution}"
+        return _Found(Trust.limited, text, step)
+    return _Found(Trust.unknown, f"{why}{noise}{caution}", step)
+
+
+def _caution(evidence: TruthEvidence) -> str:
+    """What looks wrong in single parts of the data, after a space; empty where nothing does."""
+    return f" {evidence.cautions[0]}" if evidence.cautions else ""
+
+
+def _noise_text(evidence: TruthEvidence) -> str:
+    """That depths have so much noise that features lack a true position, after a space; empty where they do not."""
+    if evidence.depth_edges <= MOST_EDGES:
+        return ""
+    share, spread = (percent(value) for value in (evidence.depth_edges, EDGE_RELATIVE_SPREAD))
+    return f" At {share} of the pixels depths of neighbours differ by more than {spread}: features there have no truth."
 
 
 def _of_causes(bounds: _Bounds) -> str:
     """What single causes explain, where it is not small, the largest first, in a sentence each; begins with a space."""
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
-    said = {**_CAUSES, **({bounds.established: _ESTABLISHED[bounds.established]} if bounds.established else {})}
+    said = {**_CAUSES, **({bounds.established: bounds.established_text} if bounds.established else {})}
     return "".join(f" {sentence_case(said[cause])} {percent(shares[cause])}." for cause in causes)
 
 
@@ -391,43 +440,39 @@ def _in_px(bounds: _Bounds) -> str:
     return f" That is {pixels(sqrt(bounds.high) * size.px)} of {of}." if size.px > 0.0 else ""
 
 
-def _faults_text(faults: Sequence[Mapping[str, Any]]) -> str:
+def _faults_text(faults: _Named) -> str:
     """``The focal length is 12 % too long.``, and names of others."""
-    others = [f"the {FAULTS[Parameter(row['parameter'])].name}" for row in faults[1:]]
+    others = [f"the {FAULTS[Parameter(row['parameter'])].name}" for row in faults.rows[1:]]
     named = [*others[:_MOST_OTHERS], *(["another parameter"] if len(others) > _MOST_OTHERS else [])]
     more = f" {sentence_case(listing(named))} {'is' if len(others) == 1 else 'are'} wrong too." if others else ""
-    return f"{fault_brief(faults[0])}.{more}"
+    return f"{fault_brief(faults.rows[0])}.{more}"
 
 
-def _explains(n: int, share: _Share) -> str:
-    return f"{'This explains' if n == 1 else 'Together they explain'} {percent(share.value)} of the squared errors"
+def _explains(faults: _Named) -> str:
+    verb = "This explains" if len(faults.rows) == 1 else "Together they explain"
+    return f"{verb} {percent(faults.share.value)} of the squared errors{faults.of_tracker}"
 
 
-def _of(tracker: str) -> str:
-    """Whose errors a share is of, after a space; empty for those of all trackers."""
-    return f" of {tracker}" if tracker else ""
-
-
-def _corrected(faults: Sequence[Mapping[str, Any]], audit: pl.DataFrame) -> str:
+def _corrected(faults: _Named) -> str:
     """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
-    undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults]
+    undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults.rows]
     if not any(undone):
         return "No setting undoes this: use other poses, and measure again."
     block = "Apply the corrections that `tracknoise audit` prints"
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
-    tracker, share = _most_named(audit)
-    return f"{block}. Squared errors of held-out tracks{_of(tracker)} then fall by {percent(share.value)}."
+    return f"{block}. Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."
 
 
 def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
+    """What would help against a cause."""
     if cause is TruthCause.poses:
         clearer = min(evidence.scene_shares, key=evidence.scene_shares.__getitem__, default=None)
         every = sorted(evidence.scene_shares.values())
         if clearer is not None and len(every) > 1 and every[0] <= _CLEARER * every[len(every) // 2]:
             return f"Measure {clearer} alone: poses explain {percent(every[0])} there. {_POSES}"
         return _POSES
-    return _STEPS[cause]
+    return _SMOOTH if cause is TruthCause.depths and _noise_text(evidence) else _STEPS[cause]
 
 
 _MOST_OTHERS = 2
@@ -438,6 +483,7 @@ _FITTED = "True positions are fitted to the tracks, so that errors of the poses 
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
+_SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
 _POSES = "Use poses of a global bundle adjustment, or compare trackers at the same corners, which needs no poses."
 _CAUSES: Mapping[TruthCause, str] = {
     TruthCause.poses: "motions of the camera that the poses lack could explain",
@@ -448,6 +494,7 @@ _ESTABLISHED: Mapping[TruthCause, str] = {
     TruthCause.poses: "motions of the camera that the poses lack explain",
     TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
 }
+_EITHER = "motions of the camera that the poses lack, or constant faults that look like them, explain"
 _STEPS: Mapping[TruthCause, str] = {
     TruthCause.any_fault: (
         "Measure a recording with more motion and more different depths, or state the accuracy of the calibration and "
@@ -457,9 +504,7 @@ _STEPS: Mapping[TruthCause, str] = {
 }
 
 
-def _rows(
-    evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: Sequence[Mapping[str, Any]]
-) -> Iterator[dict[str, Any]]:
+def _rows(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: _Named) -> Iterator[dict[str, Any]]:
     """Shares of each tracker, then what is established for all."""
     for one in bounds:
         size = one.size
@@ -470,9 +515,9 @@ def _rows(
             yield {"cause": cause, **_columns(one.causes[cause]), "tracker": one.tracker}
         if size.stated_share is not None:
             yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
-    if faults:
-        tracker, share = _most_named(evidence.audit)
-        yield {"cause": TruthCause.faults, **_columns(share), "tracker": tracker or None, "text": _faults_text(faults)}
+    if faults.rows:
+        named = {"tracker": faults.tracker or None, "text": _faults_text(faults)}
+        yield {"cause": TruthCause.faults, **_columns(faults.share), **named}
     for sentence in evidence.mistakes:
         yield {"cause": TruthCause.mistakes, "text": sentence}
 

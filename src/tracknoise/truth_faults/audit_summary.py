@@ -121,15 +121,12 @@ def _advice(parameter: Parameter, found: Estimate) -> str:
     if parameter is Parameter.depth_scale:
         length = "short" if float(found.values[0]) < 1.0 else "long"
         return f" A path that is too {length} by the same factor is the same fault."
-    return _TO_DO.get(parameter, "")
-
-
-_TO_DO: Mapping[Parameter, str] = MappingProxyType(
-    {
-        Parameter.rotation_delay: " No setting undoes this: make poses whose rotations and positions have one clock.",
-        Parameter.smoothing: " No setting undoes this: use the poses as they were before the filter.",
-    }
-)
+    if parameter is Parameter.smoothing:
+        use = "the poses as they were before the filter"
+        return f" No setting undoes this: use {use if float(found.values[0]) > 0.0 else f'smoother poses, or {use}'}."
+    if parameter is Parameter.rotation_delay:
+        return " No setting undoes this: make poses whose rotations and positions have one clock."
+    return ""
 
 
 def _claim(parameter: Parameter, found: Estimate) -> str:
@@ -149,6 +146,8 @@ def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> 
         return "Depth is the distance along the ray, not along the optical axis"
     if frames:
         return shifted_text(frames)
+    if parameter is Parameter.smoothing and -_MOST_OF_JITTER <= value < 0.0:
+        return _JITTER
     if parameter in _OPENINGS:
         return _OPENINGS[parameter][value < 0.0]
     name = FAULTS[parameter].name
@@ -170,6 +169,9 @@ _OPENINGS: Mapping[Parameter, tuple[str, str]] = MappingProxyType(
     }
 )
 """What is wrong where a number is positive, and where it is negative."""
+_JITTER = "The poses jitter from frame to frame, or overshoot as a sharpened path does"
+_MOST_OF_JITTER = 0.5
+"""Most negative smoothing that removes noise of poses: 1/3 if it is white, 1 / (3 - r) at a correlation r of frames."""
 
 
 def fault_brief(row: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.geometry.cameras import KnownCamera, make_camera
+from tracknoise.geometry.pose import first_visits
 from tracknoise.inference.bootstrap import scattered
 from tracknoise.inference.robust_fits import condition_number
 from tracknoise.inference.units import Resampled, SceneGroups, scheme
@@ -41,7 +42,7 @@ from tracknoise.truth_faults.audit_summary import (
     other_text,
 )
 from tracknoise.truth_faults.corrected_positions import predict
-from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, NAMED_FAULTS, explained
+from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, MOVED, NAMED_FAULTS, explained, moved
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, JOINT, TIMED, Family, Fit, Parameter, Shown, shown
 from tracknoise.words import listing
 
@@ -150,7 +151,8 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
     unit = interval or 1.0
     times = [one.cameras["time_s" if timed else "frame"].to_numpy() / unit for one in instants]
     shutters = pl.concat([one.cameras.select("readout_s", "shutter_axis") for one in instants])
-    table = pl.concat(parts)
+    visits = [first_visits(one.poses[one.place]) for one in instants]
+    table = pl.concat([_in_blocks(*both) for both in zip(parts, visits, strict=True)])
     cluster, block, resampled, n_scenes = _clusters(table, groups)
     return AuditSamples(
         trackers=trackers,
@@ -181,6 +183,16 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
         interval_s=interval,
         z_depth_from=_z_depth_from(used),
     )
+
+
+def _in_blocks(part: pl.DataFrame, visits: NDArray[np.intp]) -> pl.DataFrame:
+    """Rows of a sequence; those born where the camera was before are in the block of its first visit."""
+    birth, block = part["birth_frame"].to_numpy(), part["block"].to_numpy()
+    first = visits[birth]
+    of_frame = np.zeros(len(visits), block.dtype)
+    np.maximum.at(of_frame, birth, block)
+    at_first = np.maximum.accumulate(of_frame)[first]
+    return part.with_columns(block=pl.Series(np.where(first < birth, at_first, block), dtype=part["block"].dtype))
 
 
 def _z_depth_from(used: Sequence[AuditedTables]) -> str | None:
@@ -309,15 +321,21 @@ def _bounds(samples: AuditSamples) -> Iterator[Row]:
 
     The same error of the truth is a larger share of smaller errors: a share of all trackers together bounds none.
     """
+    known = []
     for number, tracker in enumerate(samples.trackers):
         own = enough(samples.chosen(np.flatnonzero(samples.tracker == number)))
         if isinstance(own, str):
             continue
+        known.append(number)
         found = explained(own, available(own))
         for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths), (DEPTH_MAPS, found.depth_maps)):
             if share is None:
                 continue
             yield _share_row(name, tracker, share, own)
+    of_known = samples.chosen(np.flatnonzero(np.isin(samples.tracker, known)))
+    for number, factor in moved(of_known, available(of_known)).items():
+        row = {"family": Family.at_most, "parameter": MOVED, "component": samples.trackers[number], "unit": "times"}
+        yield {**row, "value": factor}
 
 
 def _share_row(name: str, tracker: str, share: Gain, samples: AuditSamples) -> Row:

@@ -16,6 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.geometry.cameras import Intrinsics
+from tracknoise.geometry.pose import first_visits
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.inference.units import BLOCKS, Resampled
 from tracknoise.sequences.other_poses import path_between_frames
@@ -97,7 +98,8 @@ class Followed:
         number[place[read]] = np.arange(read.sum())
         points = _Points.of(pairs)
         first = place[points.first]
-        block = number[first] * BLOCKS // (BLOCKS_JOINED * int(read.sum()))
+        visits = first_visits(evidence.poses[read])
+        block = visits[number[first]] * BLOCKS // (BLOCKS_JOINED * len(visits))
         cluster = np.unique(block, return_inverse=True)[1].astype(np.intp)
         shutter, n = shutter_of(sequence), len(first)
         samples = AuditSamples(

@@ -32,6 +32,7 @@ from tracknoise.truth_faults.recording_checks import (
     intrinsics,
     pose_jumps,
     reader_notes,
+    repeated_frames,
     rotations,
     timestamps,
 )
@@ -99,6 +100,7 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
     evidence = None
     try:
         items += (topic(sequence) for topic in _FROM_POSES)
+        items += filter(None, [repeated_frames(sequence)])
         items += reader_notes(sequence)
         if not any(item.topic == "counts" and item.severity is Severity.fatal for item in items):
             evidence = Evidence.measured(sequence)

@@ -56,6 +56,7 @@ def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[
         curves=tables.audit_curves,
         mistakes=[*mistakes, *usual_mistakes(tables.audit)],
         cautions=cautions,
+        depth_edges=max((float(item.values.get("edges") or 0.0) for item in items), default=0.0),
         is_fitted=evidence is not None and not evidence.has_depth and set(TruthKind).isdisjoint(sequence.truths),
     )
     return assess(found, dataset)

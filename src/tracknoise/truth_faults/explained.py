@@ -18,6 +18,14 @@ is fitted to the cells of each tracker and age. A tracker whose noise is larger 
 a. The share is that of sum s^2 g^2 in the sum of both variances. Where depth maps of different frames were compared
 (`tracknoise.truth_faults.depth_repeats`), s is also known from them at each depth, whatever the trackers do: no bound,
 but the share of what the maps do not repeat.
+
+The same fault moves the true positions of one tracker farther than those of another, which follows other points. With
+the median q of the squares of derivatives of true positions by a number c of the faults, relative to that of all
+trackers at the same age, tracker i is moved
+
+    m_i = max over c of q_ic / min over j of q_jc                                             (truth.moved)
+
+times as much, in px^2, as the tracker that c moves least.
 """
 
 from collections.abc import Sequence
@@ -27,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.inference.robust_fits import scales, summed
+from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.truth_faults.audit_fit import LEVEL, MEDIAN_TO_CORE, Gain, gain, jackknife_half_width, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import predict
@@ -34,6 +43,10 @@ from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
 
 NAMED_FAULTS, EVERY_FAULT, DEPTHS, DEPTH_MAPS = "named_faults", "every_fault", "depths", "depth_maps"
 """Names of the shares in the family `at_most` of an audit."""
+MOVED = "moved"
+"""Name of (truth.moved) there."""
+_STILL_PX = 1e-3
+"""A number whose largest change moves a true position less than this says nothing."""
 _ROUNDS = 8
 _CELLS, _LEAST_IN_CELL = 5, 12
 """Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
@@ -116,6 +129,43 @@ def _by_depths(
     clusters = np.unique(samples.cluster[used])
     without = np.array([share(rows, samples.cluster[used] != one) for one in clusters])
     return _interval(share(rows, every), without)
+
+
+def moved(samples: AuditSamples, parameters: Sequence[Parameter]) -> dict[int, float | None]:
+    """How much more faults move the true positions of each tracker than those of another: (truth.moved).
+
+    Parameters
+    ----------
+    samples
+        Of several trackers.
+    parameters
+        Those that can be fitted.
+
+    Returns
+    -------
+    dict of float
+        At least 1, by place of the tracker; None where a fault does not move another one at all. Empty where trackers
+        share no age up to `REFERENCE_AGE`.
+    """
+    moves = np.sum(np.square(predict(samples, np.zeros(COUNT)).by(parameters)), axis=1) * furthest(parameters) ** 2
+    used = np.flatnonzero(np.isfinite(moves).all(axis=1) & (samples.age <= REFERENCE_AGE))
+    trackers, place = np.unique(samples.tracker, return_inverse=True)
+    ages, age = np.unique(samples.age[used], return_inverse=True)
+    counts = np.bincount(place[used] * len(ages) + age, minlength=len(trackers) * len(ages)).reshape(len(trackers), -1)
+    shared = np.flatnonzero((counts >= _LEAST_IN_CELL).all(axis=0))
+    if not len(shared):
+        return {}
+    parts = [used[age == one] for one in shared]
+    typical = [np.median(moves[part], axis=0) for part in parts]
+    moving = np.min(typical, axis=0) > _STILL_PX**2
+    rows = np.concatenate(parts)
+    relative = np.concatenate(
+        [moves[part] / np.where(moving, one, 1.0) for part, one in zip(parts, typical, strict=True)]
+    )
+    squares = np.stack([np.median(relative[place[rows] == one], axis=0) for one in range(len(trackers))])[:, moving]
+    least = squares.min(axis=0, initial=np.inf)
+    ratio = np.divide(squares, least, out=np.full_like(squares, np.inf), where=least > 0.0).max(axis=1, initial=1.0)
+    return {int(one): float(value) if value < np.inf else None for one, value in zip(trackers, ratio, strict=True)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

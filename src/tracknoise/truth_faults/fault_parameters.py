@@ -32,8 +32,8 @@ class Parameter(StrEnum):
     sequence, and this at the end of the longest. readout: time from the first row of an image to the last.
     rotation_delay: rotations are late by this against positions, about each axis of the camera. smoothing: the true
     pose is the stated one minus this times its second difference in time, for positions and rotations; it is half the
-    variance of a smoothing filter, and negative for a sharpened path. ray_depth: 1 if depths are distances along the
-    ray, 0 if they are distances along the optical axis.
+    variance of a smoothing filter, and negative for poses that jitter and for a sharpened path. ray_depth: 1 if depths
+    are distances along the ray, 0 if they are distances along the optical axis.
     """
 
     focal_length = "focal_length"
@@ -59,7 +59,7 @@ class Family(StrEnum):
     joint fits: optics (focal length, principal point, k1), timing (clock offset and drift, readout), depth (scale,
     offset), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
     at_most: what all faults, or random errors of depths, can explain at most of a tracker, which is the component
-    (`tracknoise.truth_faults.explained`), and what the named faults explain of it.
+    (`tracknoise.truth_faults.explained`), what named faults explain of it, and how much more they move it than others.
     """
 
     alone = "alone"

@@ -67,7 +67,7 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.linalg import solveh_banded
 
-from tracknoise.geometry.pose import invert
+from tracknoise.geometry.pose import first_visits, invert
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.inference.bootstrap import scattered
 from tracknoise.inference.conventions import LEVEL
@@ -581,9 +581,9 @@ def rigid_sums(
     by_own = np.nan_to_num(_cross_predicted(tracker.rows, [tracker], axes))
     by_others = _cross_predicted(tracker.rows, others, axes)
     taken = np.isin(np.abs(tracker.rows.frame - tracker.rows.zero), list(steps))
+    block = first_visits(axes) * BLOCKS // len(axes)
     tables = [
-        _summed(tracker, by, name, len(axes), taken)
-        for name, by in ((FittedTo.own, by_own), (FittedTo.others, by_others))
+        _summed(tracker, by, name, block, taken) for name, by in ((FittedTo.own, by_own), (FittedTo.others, by_others))
     ]
     return pl.concat([empty(RIGID), *tables])
 
@@ -600,12 +600,16 @@ def _cross_predicted(rows: RigidRows, sources: Sequence[PoseWitness], axes: NDAr
 
 
 def _summed(
-    tracker: PoseWitness, prediction: NDArray[np.float64], name: FittedTo, n_frames: int, taken: NDArray[np.bool_]
+    tracker: PoseWitness,
+    prediction: NDArray[np.float64],
+    name: FittedTo,
+    block_of: NDArray[np.intp],
+    taken: NDArray[np.bool_],
 ) -> pl.DataFrame:
     """Sums of squares and products by block of frames and distance from where errors are zero; of what is predicted."""
     rows, fitted = tracker.rows, prediction
     chosen = taken & np.isfinite(fitted).all(axis=1)
-    error, fitted, block = rows.error_px[chosen], fitted[chosen], rows.frame[chosen] * BLOCKS // n_frames
+    error, fitted, block = rows.error_px[chosen], fitted[chosen], block_of[rows.frame[chosen]]
     steps = np.abs(rows.frame - rows.zero)[chosen]
     (block, step), group = number_combinations([block, steps])
     products = {"error": error * error, "left": np.square(error - fitted), "rigid": error * fitted}

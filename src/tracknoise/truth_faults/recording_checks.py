@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.pose import first_visits
 from tracknoise.sequences.images import content_hash
 from tracknoise.sequences.sequence import Sequence, caveats_of, group_of
 from tracknoise.text import counted, counted_of, significant
@@ -139,6 +140,22 @@ def pose_jumps(sequence: Sequence) -> Item:
         f"{significant(moved_m[worst], 3)} m and {significant(turned_deg[worst], 3)} deg. {typical}."
     )
     return Item("pose jumps", Severity.caveat, text, {**values, "worst_frame": worst})
+
+
+_MOST_REPEATED = 0.1
+
+
+def repeated_frames(sequence: Sequence) -> Item | None:
+    """Frames with exactly the pose of an earlier one, which the camera has left since; None where there are few."""
+    visits = first_visits(sequence.world_from_camera)
+    repeated = int(np.sum(visits < np.arange(len(visits))))
+    if repeated <= _MOST_REPEATED * len(visits):
+        return None
+    text = (
+        f"The recording repeats itself: {repeated} of {len(visits)} frames have exactly the pose of an earlier one. "
+        "Intervals are too narrow; measure one pass."
+    )
+    return Item("repeated frames", Severity.caveat, text, {"n_repeated": repeated})
 
 
 def steps_of(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -10,11 +10,16 @@ JSON schema too.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import is_dataclass
 from enum import StrEnum
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
+from numbers import Real
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Interval, Le, Lt
+
+from tracknoise.exceptions import InvalidValueError
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -31,9 +36,9 @@ _WHOLE = range(-(2**63), 2**63)
 
 
 def require(holds: bool, field: str, value: object, expected: str) -> None:
-    """Raise ValueError, naming field, value and what was expected, unless `holds`."""
+    """Raise InvalidValueError, naming field, value and what was expected, unless `holds`."""
     if not holds:
-        raise ValueError(f"{field} is {value!r}, expected {expected}")
+        raise InvalidValueError(f"{field} is {value!r}, expected {expected}")
 
 
 def settle_members(settings: object, **kinds: type[StrEnum]) -> None:
@@ -50,12 +55,27 @@ def settle_members(settings: object, **kinds: type[StrEnum]) -> None:
 def require_bounds(settings: Any) -> None:
     """Raise ValueError unless all fields of a dataclass that have bounds are finite and within them.
 
-    A field may be None, or a tuple of numbers with the same bounds.
+    A field may be None, or several numbers with the same bounds. A field that is settings must be settings.
     """
     for name, bounds in bounds_of(settings.__class__).items():
         value = getattr(settings, name)
-        for number in value if isinstance(value, tuple) else (value,):
+        for number in value if isinstance(value, tuple | list) else (value,):
             require(number is None or _is_within(number, bounds), name, number, in_words(bounds))
+    for name, kinds in _settings_among(settings.__class__).items():
+        value = getattr(settings, name)
+        require(isinstance(value, kinds), name, value, " or ".join(f"{kind.__name__}(...)" for kind in kinds))
+
+
+@cache
+def _settings_among(settings_type: type) -> dict[str, tuple[type, ...]]:
+    """The fields that are dataclasses themselves, and the classes that their values may have."""
+    hints = get_type_hints(settings_type).items()
+    kinds = {name: get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,) for name, hint in hints}
+    return {
+        name: parts
+        for name, parts in kinds.items()
+        if any(map(is_dataclass, parts)) and all(isinstance(part, type) for part in parts)
+    }
 
 
 def require_finite(field: str, value: float) -> None:
@@ -98,9 +118,12 @@ def in_words(bounds: Mapping[str, float]) -> str:
     return f"a number {' and '.join(f'{words[name]} {bound}' for name, bound in shown.items())}"
 
 
-def _is_within(value: float, bounds: Mapping[str, float]) -> bool:
-    above = value > bounds.get("gt", -math.inf) and value >= bounds.get("ge", -math.inf)
-    return above and value < bounds.get("lt", math.inf) and value <= bounds.get("le", math.inf)
+def _is_within(value: object, bounds: Mapping[str, float]) -> bool:
+    if not isinstance(value, Real):
+        return False
+    number: Any = value  # a Real has no type that floats are compared with
+    above = number > bounds.get("gt", -math.inf) and number >= bounds.get("ge", -math.inf)
+    return bool(above and number < bounds.get("lt", math.inf) and number <= bounds.get("le", math.inf))
 
 
 def require_storable(value: object) -> None:
@@ -134,8 +157,9 @@ def _parts(value: object) -> Iterable[object]:
     return value if isinstance(value, list | tuple) else ()
 
 
-def _is_finite(value: float) -> bool:
-    return -math.inf < value < math.inf  # unlike math.isfinite, without an error for whole numbers of any size
+def _is_finite(value: object) -> bool:
+    bounds = {"gt": -math.inf, "lt": math.inf}  # unlike math.isfinite, without an error for whole numbers of any size
+    return _is_within(value, bounds)
 
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")

@@ -49,6 +49,10 @@ class SettingsError(TracknoiseError):
     """A setting has an unknown name, a wrong type or an invalid value."""
 
 
+class InvalidValueError(SettingsError, ValueError):
+    """A field of settings has a value that it cannot have. A ValueError too, which libraries of settings expect."""
+
+
 def missing_extra(what: str, extra: str) -> SettingsError:
     """The error of what needs an extra that is not installed."""
     return SettingsError(f"{what}: needs the extra `{extra}`: pip install 'tracknoise[{extra}]'")

@@ -68,6 +68,14 @@ def test_shares_of_a_class_are_of_all_features_even_where_a_block_has_none_of_it
     assert far["mean"]["resampled"] == ("scenes" if n_scenes == SCENES else "blocks")
 
 
+def test_no_more_than_all_of_the_second_moment_is_removed() -> None:
+    far = sided(np.random.default_rng(3), far_px=-20.0, n_scenes=1).with_columns(
+        pl.col("sum_uu") * pl.col("block").replace_strict({1: 9.0}, default=1.0)
+    )
+    removed = read(surrounding_errors(far), surrounding="side", coordinate="u", **{"class": "far"})["second_removed"]
+    assert 0.9 < removed["low"] < removed["value"] < removed["high"] <= 1.0
+
+
 def test_intervals_of_a_class_without_effect_contain_zero_as_often_as_they_say() -> None:
     seeds = range(200)
     hits = 0

@@ -59,3 +59,35 @@ def test_a_preset_is_named_after_its_system(sequence):
 def test_what_is_no_sequence_is_refused(wrong):
     with pytest.raises(SettingsError, match=r"expected a sequence, from tracknoise.open_sequence"):
         tn.measure(wrong, tn.LucasKanade())
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: tn.LucasKanade(window_px="15"), "window_px is '15', expected a number from 3 to 999"),
+        (lambda: tn.LucasKanade(window_px=-1), "window_px is -1, expected a number from 3 to 999"),
+        (lambda: tn.LucasKanade(detection={"detector": "gftt"}), r"detection is {'detector': 'gftt'}, expected Detec"),
+        (lambda: tn.Correspondence(rejection=None), r"rejection is None, expected Rejection\(...\)"),
+        (lambda: tn.Imported("a.csv", format="csv"), "format is 'csv', expected one of table, xivo"),
+        (lambda: tn.Imported("a.csv", units="px"), "units is 'px', expected one of pixels, normalised"),
+        (lambda: tn.Imported("a.csv", origin="top"), "origin is 'top', expected one of centre, corner"),
+    ],
+)
+def test_a_wrong_option_in_python_is_an_error_of_the_input(make, message):
+    with pytest.raises(tn.TracknoiseError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"corrections": {"focal_scale": 1.1}}, r"corrections = {'focal_scale': 1.1}, expected tracknoise.Corrections"),
+        ({"accuracy": 0.1}, r"accuracy = 0.1, expected tracknoise.AccuracyRule"),
+        ({"max_frames": 0}, "max_frames = 0, expected a whole number of 2 or more"),
+        ({"max_frames": 2.5}, "max_frames = 2.5, expected a whole number of 2 or more"),
+        ({"second_truth": 3}, "found 3, expected a sequence"),
+    ],
+)
+def test_wrong_options_of_measure_are_refused_with_what_to_write(sequence, options, message):
+    with pytest.raises(SettingsError, match=message):
+        tn.measure(sequence, tn.LucasKanade(), **options)

@@ -111,3 +111,15 @@ def test_samples_of_other_sizes_beside_it_change_nothing(fit, heavy) -> None:
     assert beside.scatter[0] == pytest.approx(alone.scatter[0], rel=1e-9)
     points = terms([heavy[:100]])
     assert beside.log_density(terms([heavy[:100]] * 2))[0] == pytest.approx(alone.log_density(points)[0], rel=1e-9)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_step_too_far_does_not_make_a_scatter_a_line() -> None:
+    """Few points near a line, one of them far away: an extrapolated correlation was 1, and its inverse infinite."""
+    rng = np.random.default_rng(5433)
+    n = int(rng.integers(4, 14))
+    points = rng.normal(size=(n, 2))
+    points[:, 1] = points[:, 0] * rng.uniform(-1, 1) + 0.05 * points[:, 1]
+    points[-1] *= rng.uniform(1, 60)
+    fit = fit_mixture(terms([points]))
+    assert np.isfinite(fit.log_density(terms([points]))).all()

@@ -215,6 +215,22 @@ def test_of_one_scene_the_disagreement_is_told_too(data: ReportData) -> None:
     assert "RMS" not in summarise(agreed).accuracy.text
 
 
+def test_an_rms_is_not_contrasted_with_itself(data: ReportData) -> None:
+    """Without a core, the cards show the RMS of one coordinate, whose order may be another one than that of both."""
+    first, *others = data.trackers
+    sizes = {"u": {first: 1.0, **dict.fromkeys(others, 2.0)}, "v": {first: 1.1, **dict.fromkeys(others, 1.0)}}
+    name = pl.col("tracker")
+    columns = [pl.lit(None, pl.Float64).alias(f"{data.trimming}_core_{axis}_px") for axis in sizes]
+    columns += [
+        name.replace_strict(of, return_dtype=pl.Float64).alias(f"{data.trimming}_rms_{axis}_px")
+        for axis, of in sizes.items()
+    ]
+    bare = dataclasses.replace(data, dependence=data.dependence.clear(), summary=data.summary.with_columns(columns))
+    text = summarise(bare).accuracy.text
+    assert f"the RMS over the kept tracks in v of {first} is 1.10 times that of " in text.replace(SPACE, " ")
+    assert text.endswith(" there.")
+
+
 def test_a_tracker_that_is_better_at_one_age_is_not_more_accurate(data: ReportData) -> None:
     """Only the comparison at that age and in that coordinate is established, which the sentence names."""
     everywhere = compared(data, "yes")

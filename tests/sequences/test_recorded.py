@@ -115,10 +115,14 @@ def test_the_camera_may_change_from_frame_to_frame():
         ),
         ({"timestamps_s": np.arange(3.0)}, "test a: 3 timestamps, expected one for each of the 2 poses"),
         ({"cameras": (CAMERA,)}, "test a: 1 camera, expected one for each of the 2 poses"),
-        ({"timestamps_s": np.zeros(2)}, "test a: timestamps that do not increase, expected increasing timestamps"),
         (
-            {"timestamps_s": np.array([0.0, np.nan])},
-            "test a: timestamps that do not increase, expected increasing timestamps",
+            {"timestamps_s": np.array([0.5, 0.25])},
+            "test a: timestamps that do not increase (frame 1: 0.250000000 after 0.500000000 s), expected increasing"
+            " timestamps",
+        ),
+        (
+            {"timestamps_s": np.array([np.nan, 0.0])},
+            "test a: timestamps that do not increase (frame 0: nan s), expected increasing timestamps",
         ),
         (
             {"cameras": (CAMERA, Camera(63, 48, 50.0, 50.0, 31.5, 23.5))},

@@ -284,3 +284,12 @@ def test_only_names_of_placeholders_are_between_braces(path):
 def test_quality_that_is_no_dictionary_is_refused():
     with pytest.raises(SettingsError, match="found quality of type list, expected a dictionary of arrays"):
         Imported.from_arrays([0], [0], [1.0], [1.0], quality=[1.0])
+
+
+def test_a_path_and_a_list_are_taken_as_text_and_pair(tmp_path, setting):
+    path, here = written(tmp_path / "a.csv").path, setting()
+    as_text, as_given = Imported(path), Imported(Path(path), raster=[*here.size])
+    assert as_given.path == path
+    assert [step.uv.tolist() for step in run(as_given, here, range(5))] == [
+        step.uv.tolist() for step in run(as_text, here, range(5))
+    ]

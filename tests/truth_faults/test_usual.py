@@ -51,9 +51,9 @@ def test_an_offset_is_one_of_whole_frames_only_if_this_is_sure(offset, half, fra
 def test_poses_of_the_next_frame_are_named_as_such() -> None:
     found = audit(clock_offset=-1.0)
     (text,) = usual_mistakes(found)
-    assert text.startswith("Poses are off by 1 frame: pose i -1 belongs to frame i (clock offset −33.39 ± 0.")
+    assert text.startswith("Poses are off by 1 frame: pose i - 1 belongs to frame i (clock offset −33.39 ± 0.")
     assert audit_sentences(found)[0] == text
-    assert shifted_text(2) == "Poses are off by 2 frames: pose i +2 belongs to frame i"
+    assert shifted_text(2) == "Poses are off by 2 frames: pose i + 2 belongs to frame i"
 
 
 def test_distances_along_the_ray_are_named_with_their_correction() -> None:

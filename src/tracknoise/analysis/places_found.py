@@ -242,6 +242,8 @@ _STATISTICS = {
     "second_removed_by_others": ("share", "linear"),
 }
 """Unit of each statistic, and the scale on which its intervals are made."""
+_REMOVED = ("second_removed", "second_removed_by_others")
+"""Parts of a second moment: at most all of it, but may be negative, so that no scale but the linear one has both."""
 
 
 def surrounding_errors(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
@@ -285,7 +287,9 @@ def _surrounding_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
     found = pooled(units, draws.weights(units), _statistics, method, scales=scales, sizes=sizes)
     points = units.points.with_columns_seq(pl.Series("n", n.sum(axis=1), dtype=pl.Float64))
     kinds = pl.DataFrame({"statistic": list(_STATISTICS), "unit": [unit for unit, _ in _STATISTICS.values()]})
-    return estimated(kinds.join(points, how="cross"), found, units, SURROUNDING_ERRORS, value="value")
+    rows = estimated(kinds.join(points, how="cross"), found, units, SURROUNDING_ERRORS, value="value")
+    no_more_than_all = pl.when(pl.col("statistic").is_in(_REMOVED)).then(pl.col("high").clip(upper_bound=1.0))
+    return rows.with_columns_seq(no_more_than_all.otherwise("high").alias("high"))
 
 
 def _statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:

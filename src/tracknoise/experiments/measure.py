@@ -75,6 +75,15 @@ def require_sequences(sequences: Items[object]) -> None:
             raise SettingsError(f"found {sequence!r}, expected {expected}")
 
 
+def require_options(corrections: object, accuracy: object, max_frames: object) -> None:
+    """Check options that have another type in an experiment file."""
+    for name, value, kind in (("corrections", corrections, Corrections), ("accuracy", accuracy, AccuracyRule)):
+        if not isinstance(value, kind):
+            raise SettingsError(f"{name} = {value!r}, expected tracknoise.{kind.__name__}(...)")
+    if max_frames is not None and (not isinstance(max_frames, int | np.integer) or max_frames < 2):
+        raise SettingsError(f"max_frames = {max_frames!r}, expected a whole number of 2 or more")
+
+
 def _several(trackers: object) -> Iterable[object]:
     return trackers if isinstance(trackers, Iterable) and not isinstance(trackers, str | type) else [trackers]
 
@@ -237,7 +246,8 @@ def measure_together(
     kept_bytes: int = 0,
 ) -> Iterator[Measurement]:
     """Run trackers on sequences that advance together, because they share what they read."""
-    require_sequences(sequences)
+    require_sequences([*sequences, *second_truth])
+    require_options(corrections, accuracy, max_frames)
     setups = _setups(trackers, speeds)
     sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
     measured = measure_sequences(

@@ -357,7 +357,7 @@ def _bound(free: Array) -> Mixture:
     """The mixture of such parameters, within its limits."""
     u, v, log_uu, log_vv, shape, odds, log_ratio = free
     uu, vv = np.exp(log_uu), np.exp(log_vv)
-    scatter = np.array([uu, np.tanh(shape) * np.sqrt(uu * vv), vv]).T
+    scatter = np.array([uu, np.tanh(shape).clip(-_ALMOST, _ALMOST) * np.sqrt(uu * vv), vv]).T
     share = (1 / (1 + np.exp(-odds))).clip(*_SHARES)
     return Mixture(np.array([u, v]).T, scatter, share, np.exp(log_ratio).clip(1.0, _MAX_RATIO))
 

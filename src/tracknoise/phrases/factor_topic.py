@@ -338,8 +338,10 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     low, high = min(sizes, key=lambda name: sizes[name] or 0.0), max(sizes, key=lambda name: sizes[name] or 0.0)
     what = "noise" if data.truth_is_fitted else _core_or_rms(data)
     text = f"Undecided from {scenes}: the {what} of {high} is {ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))} times"
-    reverse = "" if data.truth_is_fitted or _rms_ratio(data, low, high) <= 1.0 else rms_of_tracks(data.trimming)
-    text += f" that of {low}, but its {reverse} is smaller." if reverse else f" that of {low} there."
+    of_core = not data.truth_is_fitted and shown_size(data)[0] == "core"
+    reverse = of_core and _rms_ratio(data, low, high) > 1.0
+    end = f", but its {rms_of_tracks(data.trimming)} is smaller." if reverse else " there."
+    text += f" that of {low}{end}"
     return Judgement(undecided, text, _SECTION)
 
 

@@ -100,8 +100,8 @@ class RecordedSequence:
             if count != len(self):
                 raise DataError(place, counted(count, name), f"one for each of the {counted(len(self), 'pose')}")
         require_some_poses(self.world_from_camera, place)
-        if self.timestamps_s is not None and not _increase(self.timestamps_s):
-            raise DataError(place, "timestamps that do not increase", "increasing timestamps")
+        if self.timestamps_s is not None and (found := _out_of_order(self.timestamps_s)):
+            raise DataError(place, f"timestamps that do not increase ({found})", "increasing timestamps")
         if self.shutter is not None and self.timestamps_s is None:
             raise DataError(place, "a rolling shutter without timestamps", "the time of each frame, seconds")
         if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:
@@ -177,8 +177,14 @@ class RecordedSequence:
                 yield name, len(part)
 
 
-def _increase(times_s: NDArray[np.float64]) -> bool:
-    return bool(np.isfinite(times_s).all() and np.all(np.diff(times_s) > 0.0))
+def _out_of_order(times_s: NDArray[np.float64]) -> str:
+    """The first time that is not finite, or not later than the one before it; empty if there is none."""
+    later = np.append(True, np.diff(times_s) > 0.0) & np.isfinite(times_s)
+    if later.all():
+        return ""
+    number = int(np.argmin(later))
+    before = f" after {times_s[number - 1]:.9f}" if number else ""
+    return f"frame {number}: {times_s[number]:.9f}{before} s"
 
 
 DepthReader = Callable[[Path, CameraModel], DepthMap]

@@ -194,6 +194,7 @@ class Correspondence:
 
     def __post_init__(self) -> None:
         settle_members(self, descriptor=Descriptor)
+        require_bounds(self)
         known = self.descriptor is not Descriptor.network or self.detection.network is not None
         require(known, "descriptor", str(self.descriptor), "another one, or detection.network")
         learned = self.matcher is None or self.descriptor is Descriptor.network
@@ -207,7 +208,6 @@ class Correspondence:
         require(known, "rejection.reference", "keyframe", "previous or first, without key frames")
         one_step = self.rejection.model is not Model.two_point or not self.max_missed_frames
         require(one_step, "max_missed_frames", self.max_missed_frames, "0 with two-point, which knows one rotation")
-        require_bounds(self)
 
     def start(self, context: SequenceContext) -> "CorrespondenceTracker":
         """Start the tracker on one sequence at one speed."""

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
-from tracknoise.checks import Positive, require, require_bounds
+from tracknoise.checks import Positive, require, require_bounds, settle_members
 from tracknoise.exceptions import SettingsError, first_line
 from tracknoise.options import PathTemplate
 from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
@@ -280,6 +280,10 @@ class Imported:
     refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "path", str(self.path))
+        optional = {"format": TrackFormat, "origin": PixelOrigin}
+        stated = {name: kind for name, kind in optional.items() if getattr(self, name) is not None}
+        settle_members(self, units=Units, **stated)
         try:
             SequenceId("", "").expand(self.path, speed=1)
             known = True

@@ -42,9 +42,10 @@ def whole_frames(offset: float, half: float) -> int:
 
 
 def shifted_text(frames: int) -> str:
-    """``Poses are off by 1 frame: pose i +1 belongs to frame i``."""
+    """``Poses are off by 1 frame: pose i + 1 belongs to frame i``."""
     plural = "s" if abs(frames) > 1 else ""
-    return f"Poses are off by {abs(frames)} frame{plural}: pose i {frames:+d} belongs to frame i"
+    sign = "+" if frames > 0 else "-"
+    return f"Poses are off by {abs(frames)} frame{plural}: pose i {sign} {abs(frames)} belongs to frame i"
 
 
 def usual_mistakes(audit: pl.DataFrame) -> list[str]:

@@ -54,6 +54,8 @@ BLOCKS_JOINED = 2
 """Neighbouring blocks of tracks are joined, so that few errors are common to two of them."""
 _REPRODUCED_PX = 0.01
 """An observation is used if its stated true position is reproduced this well."""
+_STILL_PX = 1e-6
+"""True positions that move less are those of a camera that stands still."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +117,8 @@ def enough(samples: AuditSamples, *, unlike: int = 0) -> AuditSamples | str:
     """The samples, or why they are too few, where those of `unlike` more are not what poses and cameras give."""
     if len(samples.age) < LEAST_SAMPLES or samples.n_clusters < LEAST_CLUSTERS:
         return _too_few(samples, unlike=unlike)
+    if np.abs(samples.stated - samples.uv_at_birth).max() < _STILL_PX:
+        return "no true position moves in the images, so that nothing shows whether poses, depths and cameras are right"
     return samples
 
 

@@ -89,9 +89,11 @@ class Followed:
         """Those of a sequence; or why there are none."""
         if not isinstance(evidence.camera, Intrinsics):
             return "the camera model is not known"
-        pairs = [pair for pair in (*evidence.flow.steps, *evidence.flow.wide) if np.isfinite(pair.depth_first_m).any()]
+        followed = [*evidence.flow.steps, *evidence.flow.wide]
+        pairs = [pair for pair in followed if np.isfinite(pair.depth_first_m).any()]
         if not pairs:
-            return "no point that was followed has a depth"
+            any_point = any(len(pair.depth_first_m) for pair in followed)
+            return "no point that was followed has a depth" if any_point else "no point could be followed"
         read = _are_read(pairs, len(evidence.poses))
         place, paths, unit = _paths(evidence, sequence)
         number = np.full(len(paths.times), -1)

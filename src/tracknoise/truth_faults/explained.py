@@ -210,11 +210,15 @@ class _Cells:
         return cls(some, names[full] // _CELLS, counts[full], np.array(variance).reshape(-1, 2))
 
     def share(self, part: NDArray[np.float64]) -> float:
-        """Share of the variances that a part (cells,) of them is, in units of the mean variance of each group."""
+        """Share of the variances that a part (cells,) of them is, in units of the mean variance of each group.
+
+        Groups without errors have no part; 0 where no group has any.
+        """
         total = self.variance.sum(axis=1)
         sums = np.bincount(self.group, self.count * total) / np.maximum(np.bincount(self.group, self.count), 1)
-        of_part, of_all = (np.sum(self.count * values / sums[self.group]) for values in (part, total))
-        return float(of_part / of_all)
+        weight = np.divide(self.count, sums[self.group], out=np.zeros(len(total)), where=sums[self.group] > 0.0)
+        of_all = float(np.sum(weight * total))
+        return float(np.sum(weight * part)) / of_all if of_all > 0.0 else 0.0
 
 
 def _fitted_share(rows: _Rows, used: NDArray[np.bool_]) -> float:

@@ -269,7 +269,7 @@ def _resolution(factor: float) -> Hypothesis:
 
 def _shifted(n: int) -> Hypothesis:
     plural = "s" if abs(n) > 1 else ""
-    text = f"poses are off by {abs(n)} frame{plural}: pose i {n:+d} belongs to frame i"
+    text = f"poses are off by {abs(n)} frame{plural}: pose i {'+' if n > 0 else '-'} {abs(n)} belongs to frame i"
     return Hypothesis("shift", text, lambda poses: _rolled(poses, n), moves_frames=True)
 
 

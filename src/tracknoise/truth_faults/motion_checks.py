@@ -113,8 +113,8 @@ def mistakes(evidence: Evidence) -> Item:
     better with turned poses, so residuals must rival the motion too, or fall to those of the tracking.
     """
     if len(evidence.pairs) < _MISTAKE_FEWEST_PAIRS:
-        few = counted(len(evidence.pairs), "pair")
-        text = f"Mistakes in poses cannot be looked for: only {few} of images with motion."
+        few = f"only {counted(len(evidence.pairs), 'pair')}" if evidence.pairs else "no pair"
+        text = f"Mistakes in poses cannot be looked for: {few} of images with motion."
         return Item("usual mistakes", Severity.unknown, text)
     candidates = hypotheses(has_depth=evidence.has_depth, is_z=evidence.z_depth_from is not None)
     pairs = thinned(evidence.pairs)

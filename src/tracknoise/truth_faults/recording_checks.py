@@ -127,12 +127,9 @@ def pose_jumps(sequence: Sequence) -> Item:
         return Item("pose jumps", Severity.unknown, "There are too few poses in a row to look for jumps.")
     jumped = is_jump(moved_m, _JUMP_M) | is_jump(turned_deg, _JUMP_DEG)
     worst = int(np.nanargmax(np.where(jumped, moved_m / _median(moved_m) + turned_deg / _median(turned_deg), -1.0)))
-    values: Values = {
-        "n_jumps": int(jumped.sum()),
-        "median_step_m": _median(moved_m),
-        "median_step_deg": _median(turned_deg),
-    }
-    typical = f"The median step is {significant(_median(moved_m), 3)} m and {significant(_median(turned_deg), 3)} deg"
+    median_m, median_deg = float(np.nanmedian(moved_m)), float(np.nanmedian(turned_deg))
+    values: Values = {"n_jumps": int(jumped.sum()), "median_step_m": median_m, "median_step_deg": median_deg}
+    typical = f"The median step is {significant(median_m, 3)} m and {significant(median_deg, 3)} deg"
     if not jumped.any():
         return Item("pose jumps", Severity.ok, f"{typical}; no step is far larger than those around it.", values)
     text = (
@@ -177,6 +174,7 @@ def is_jump(steps: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
 
 
 def _median(values: NDArray[np.float64]) -> float:
+    """The median, which steps are divided by: never 0."""
     known = values[np.isfinite(values)]
     return max(float(np.median(known)), 1e-12) if len(known) else 1e-12
 

@@ -57,11 +57,7 @@ _ROUNDING = 1e-12
 
 
 def verdicts(
-    asked: Sequence[Asked],
-    *,
-    margin: float = MARGIN,
-    level: float = LEVEL,
-    ages: ComparedAges = ComparedAges.every,
+    asked: Sequence[Asked], *, margin: float = MARGIN, level: float = LEVEL, ages: ComparedAges = ComparedAges.every
 ) -> list[Row]:
     """One row per question, in their order.
 

@@ -141,11 +141,7 @@ def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
 
 
 def _pooled(
-    units: Units,
-    weights: Array,
-    ages: NDArray[np.bool_],
-    method: Method,
-    fits: Callable[[Array, Array], _Fit],
+    units: Units, weights: Array, ages: NDArray[np.bool_], method: Method, fits: Callable[[Array, Array], _Fit]
 ) -> tuple[list[Estimate], list[Estimate]]:
     """What the fits at some ages with some weights find of u and of v, with intervals."""
     part = replace(units, sums=units.sums[:, ages], points=units.points[np.flatnonzero(ages)])

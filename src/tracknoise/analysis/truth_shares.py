@@ -196,9 +196,7 @@ def covered_by_floor(*found: FloorCover | None) -> bool:
 
 _TWO_TRUTH_SUMS = ["n", "u", "v", "uu", "vv", "uv"]
 _TWO_TRUTH_POINT = ["quantity", "trimming", "age"]
-_VALUES = pl.DataFrame(
-    {"statistic": ["mean"] * 2 + ["second"] * 3, "coordinate": ["u", "v", "u", "v", "uv"]},
-)
+_VALUES = pl.DataFrame({"statistic": ["mean"] * 2 + ["second"] * 3, "coordinate": ["u", "v", "u", "v", "uv"]})
 _TWO_TRUTH_SCALES = ("linear", "linear", "log", "log", "linear")
 _POSES = pl.DataFrame({"quantity": ["rotation", "translation"], "unit": ["deg", "m"]})
 _POSE_KEYS = [*(name for name in POSE_DISAGREEMENT if name in POOLED), "lag", "quantity"]

@@ -62,8 +62,7 @@ def run(
         ),
     ] = None,
     quick: Annotated[
-        bool,
-        typer.Option("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report."),
+        bool, typer.Option("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report.")
     ] = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
     table: TableOption = False,

@@ -17,31 +17,11 @@ from tracknoise.phrases.headline import (
     curve_bounds,
     curve_scenes,
 )
-from tracknoise.phrases.measures import (
-    Subject,
-    answer,
-    card_number,
-    first,
-    trimmed_word,
-    with_interval,
-)
+from tracknoise.phrases.measures import Subject, answer, card_number, first, trimmed_word, with_interval
 from tracknoise.phrases.sentences import because, each_axis, joined
-from tracknoise.phrases.withheld import (
-    audited_bias,
-    bias_covers,
-    covered_coordinates,
-    withheld_bias,
-)
+from tracknoise.phrases.withheld import audited_bias, bias_covers, covered_coordinates, withheld_bias
 from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
-from tracknoise.words import (
-    chance,
-    count,
-    format_estimate,
-    listing,
-    percent,
-    px,
-    sentence_case,
-)
+from tracknoise.words import chance, count, format_estimate, listing, percent, px, sentence_case
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

@@ -6,13 +6,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-)
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.phrases.measures import short
 from tracknoise.tables.enumerations import EdgeSide, Surrounding
 from tracknoise.words import format_estimate, percent, px

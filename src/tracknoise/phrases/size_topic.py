@@ -24,20 +24,8 @@ from tracknoise.phrases.measures import Subject, card_number, first, with_interv
 from tracknoise.phrases.sentences import each_axis, joined
 from tracknoise.phrases.truth_topic import fitted_measure
 from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.tables.enumerations import (
-    Aspect,
-    Population,
-    Trimming,
-    Weighting,
-)
-from tracknoise.words import (
-    RMS_OF_SCENE,
-    SPACE,
-    count,
-    format_estimate,
-    listing,
-    percent,
-)
+from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
+from tracknoise.words import RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent
 
 _SECTION = "error-by-tracker"
 

@@ -1,13 +1,6 @@
 """Survivorship bias: whether tracks that live long have other errors."""
 
-from tracknoise.phrases.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-    curve_bounds,
-)
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, curve_bounds
 from tracknoise.phrases.measures import POOLED_WORDS, first, short, trimmed_word
 from tracknoise.phrases.size_topic import rms
 from tracknoise.tables.enumerations import Aspect

@@ -15,11 +15,7 @@ from tracknoise.phrases.headline import (
 )
 from tracknoise.phrases.measures import Subject, card_number, with_interval
 from tracknoise.text import counted
-from tracknoise.words import (
-    count,
-    format_estimate,
-    percent,
-)
+from tracknoise.words import count, format_estimate, percent
 
 _ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
 

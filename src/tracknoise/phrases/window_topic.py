@@ -9,30 +9,14 @@ import polars as pl
 from tracknoise.estimators.exports import PURPOSES, estimator
 from tracknoise.estimators.model import Purpose
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-    in_brackets,
-)
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.phrases.measures import reported_conditions, short
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.trust import TruthVerdict, explained_share
-from tracknoise.words import (
-    SPACE,
-    format_as,
-    format_estimate,
-    listing,
-    number,
-    pixels,
-    px,
-    ratio,
-)
+from tracknoise.words import SPACE, format_as, format_estimate, listing, number, pixels, px, ratio
 
 LONGEST_WINDOW = 15
 """Longest window that is reported, in observations."""

@@ -315,10 +315,7 @@ def _sentence(data: ReportData, bands: pl.DataFrame) -> str:
     return f"{_SHAPES.get(verdict, verdict)} at {what} {listing(bands['band'])}{tail}"
 
 
-FIGURES: Sections = {
-    "gaussianity": (gaussianity_figures,),
-    "trimming": (trimming_figures,),
-}
+FIGURES: Sections = {"gaussianity": (gaussianity_figures,), "trimming": (trimming_figures,)}
 """What this module draws, by the section of the report."""
 TABLES: SectionTables = {"gaussianity": tables}
 """Tables below the figures of a section."""

@@ -526,10 +526,7 @@ def _occlusion_panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]
 
 
 FIGURES: Sections = {
-    "error-by-tracker": (
-        curve_figures,
-        second_moment_figures,
-    ),
+    "error-by-tracker": (curve_figures, second_moment_figures),
     "survivorship-bias": (survivorship_figures,),
     "along-and-across": (direction_figures,),
     "occlusion": (occlusion_figures,),

@@ -606,10 +606,7 @@ def _trajectory_spread(n: int, most: int) -> NDArray[np.intp]:
 
 
 FIGURES: Sections = {
-    "example-frames": (
-        example_frame_figures,
-        light_stage_figures,
-    ),
+    "example-frames": (example_frame_figures, light_stage_figures),
     "trajectory": (trajectory_figures,),
 }
 """What this module draws, by the section of the report."""

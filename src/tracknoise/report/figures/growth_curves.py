@@ -410,10 +410,7 @@ def _estimate(row: Mapping[str, Any], name: str, unit: str) -> Estimate:
     return Estimate.of_row(row, name, f"{name}_low", f"{name}_high", unit)
 
 
-FIGURES: Sections = {
-    "time-structure": (time_structure_figures,),
-    "changes": (change_figures,),
-}
+FIGURES: Sections = {"time-structure": (time_structure_figures,), "changes": (change_figures,)}
 """What this module draws, by the section of the report."""
 TABLES: SectionTables = {"time-structure": tables}
 """Tables below the figures of a section."""

@@ -404,11 +404,5 @@ def _in_u(table: pl.DataFrame, surrounding: Surrounding) -> pl.DataFrame:
     return table.filter(surrounding=surrounding, coordinate="u")
 
 
-FIGURES: Sections = {
-    "error-by-place": (
-        image_map_figures,
-        image_speed_figures,
-        surrounding_figures,
-    ),
-}
+FIGURES: Sections = {"error-by-place": (image_map_figures, image_speed_figures, surrounding_figures)}
 """What this module draws, by the section of the report."""

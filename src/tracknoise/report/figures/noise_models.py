@@ -387,12 +387,5 @@ def _covariance_panel(
     return lined(columns, "line", x, y, hue, colours, tips, title=title, height=230, below=[right])
 
 
-FIGURES: Sections = {
-    "estimator": (
-        window_sigma_figures,
-        depth_interval_figures,
-        covariance_figures,
-        model_fit_figures,
-    ),
-}
+FIGURES: Sections = {"estimator": (window_sigma_figures, depth_interval_figures, covariance_figures, model_fit_figures)}
 """What this module draws, by the section of the report."""

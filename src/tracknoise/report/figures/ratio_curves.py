@@ -48,7 +48,5 @@ def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
     return lined(columns, "tracker", x, y, hue, colours, [*tips, alt.Tooltip("u:Q")])
 
 
-FIGURES: Sections = {
-    "error-by-tracker": (ratio_figures,),
-}
+FIGURES: Sections = {"error-by-tracker": (ratio_figures,)}
 """What this module draws, by the section of the report."""

@@ -502,10 +502,7 @@ def _ratio(data: ReportData) -> alt.Y:
 
 
 FIGURES: Sections = {
-    "lifetimes": (
-        lifetime_figures,
-        incidence_figures,
-    ),
+    "lifetimes": (lifetime_figures, incidence_figures),
     "outlier-ratio": (outlier_ratio_figures,),
     "feature-counts": (feature_count_figures,),
 }

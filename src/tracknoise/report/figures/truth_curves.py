@@ -185,10 +185,7 @@ _TWO_TRUTH_NAMES = {
 }
 _COLOURS = dict(zip(_TWO_TRUTH_NAMES.values(), style.colours([*_TWO_TRUTH_NAMES]), strict=True))
 _LAG = alt.X("at:Q", title="frames between the two poses", axis=alt.Axis(tickMinStep=1))
-_POSES = {
-    "rotation": "rotation per axis (degrees)",
-    "translation": "translation per axis (metres)",
-}
+_POSES = {"rotation": "rotation per axis (degrees)", "translation": "translation per axis (metres)"}
 
 
 def two_truth_figures(data: ReportData) -> Sequence[Figure]:
@@ -367,10 +364,7 @@ def _audit_curve_sentence(curves: pl.DataFrame) -> str:
 
 
 FIGURES: Sections = {
-    "truth-audit": (
-        audit_curve_figures,
-        two_truth_figures,
-    ),
+    "truth-audit": (audit_curve_figures, two_truth_figures),
     "pose-errors": (pose_error_figures,),
     "between-trackers": (tracker_difference_figures,),
 }

@@ -223,7 +223,6 @@ def _judged(rows: pl.DataFrame) -> pl.DataFrame:
     among = pl.when(of_ages <= ALPHA).then(pl.lit(" in one of the conditions that were asked"))
     others = among.when(own <= ALPHA).then(pl.lit(" at one of the ages that were asked")).otherwise(pl.lit(""))
     why = pl.when(~differs).then(pl.lit(_CHANCE) + others)
-    why = pl.when(~differs).then(pl.coalesce(others, pl.lit(_CHANCE)))
     untested = pl.when(p.is_null()).then(pl.lit(_FEW_GROUPS))
     limits = pl.when("within").then(pl.lit("; for these groups of scenes only")).otherwise(pl.lit(""))
     said = (

@@ -26,11 +26,6 @@ from tracknoise.sequences.frame_range import parse_numbers
 _PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti, tournament"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("run", no_args_is_help=True)(run)
-
-
 def _print_schema(asked: bool) -> None:
     if asked:
         from tracknoise.experiments.settings import experiment_schema

@@ -12,6 +12,7 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, SceneGroups
+from tracknoise.phrases.bands import interval_texts
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION, TRIMMING
@@ -20,7 +21,6 @@ from tracknoise.tables.schema import VIEW
 from tracknoise.words import (
     count,
     coverage_text,
-    interval_text,
     next_scene_text,
     opening_place,
     place,
@@ -171,11 +171,7 @@ def in_brackets(rows: pl.DataFrame) -> str:
 
     `rows`: those reported, with columns low, high, level, resampled and n_scenes.
     """
-    made = rows.drop_nulls(["low", "high"])
-    if made.is_empty():
-        return ""
-    kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
-    texts = [interval_text(*row) for row in kinds.iter_rows()]
+    texts = interval_texts(rows.drop_nulls(["low", "high"]), "n_scenes")
     return "".join(f" {'Others are' if place else 'In brackets:'} {text}." for place, text in enumerate(texts))
 
 

@@ -296,6 +296,12 @@ class RunData:
         """The lowest speed: 1 is the nominal sequence."""
         return self.speeds[0] if self.speeds else 1
 
+    @property
+    def tracker_place(self) -> pl.Expr:
+        """Position of the tracker of a row in every list of trackers; others come last."""
+        order = {name: place for place, name in enumerate(self.trackers)}
+        return pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
+
     def place(self, tracker: str) -> int:
         """Position of a tracker in every list of trackers."""
         return self.trackers.index(tracker)

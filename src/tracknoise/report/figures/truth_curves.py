@@ -215,7 +215,7 @@ def _two_truths_of_tracker(data: ReportData, tracker: str, table: pl.DataFrame) 
         title=f"{tracker}, by two truths",
         shows=f"Root second moment about zero by age at speed {data.slowest}{data.where}, of observations that both "
         "truths know. The disagreement is the distance between the true positions by the two truths. It does not "
-        f"depend on the errors of the tracker. {describe_intervals(points, of='the curves')}",
+        f"depend on the errors of the tracker. {describe_intervals(points, of='the curves', n_scenes='n_scenes')}",
         look_for=_two_truth_sentence(tracker, points),
         spec=arranged(panels, columns=2, independent=["fill"]),
         message=_two_truth_message(tracker, points.filter(coordinate="u")),
@@ -243,7 +243,7 @@ def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:
         id="two-truths-poses",
         title="Disagreement of the poses",
         shows="Root mean square difference per axis between the relative poses of the two truths, by the number of "
-        f"frames between the two poses{data.where}. {describe_intervals(points, of='the curves')}",
+        f"frames between the two poses{data.where}. {describe_intervals(points, of='the curves', n_scenes='n_scenes')}",
         look_for=f"Over {first['at'].item(0)} frame the relative poses differ by {number(value['rotation'])} degrees "
         f"and {number(1e3 * value['translation'])} mm per axis. Errors that are independent from frame to frame give "
         "a level curve. A random walk grows with the square root of the number of frames.",
@@ -256,7 +256,7 @@ def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:
 def _points(table: pl.DataFrame, *, least: int) -> pl.DataFrame:
     """Columns that panels and descriptions need, where there are enough observations."""
     known = table.filter(pl.col("n") >= least, pl.col("value").is_not_null())
-    return known.with_columns(n_resampled=pl.col("n_scenes")).sort("coordinate", "series", "at")
+    return known.sort("coordinate", "series", "at")
 
 
 def _two_truth_panel(points: pl.DataFrame, title: str, x: alt.X) -> Panel:

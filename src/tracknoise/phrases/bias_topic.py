@@ -14,7 +14,8 @@ from tracknoise.phrases.headline import (
     ReportedConditions,
     RunTables,
     by_tracker,
-    curve_bounds,
+    curve_estimate,
+    curve_rows,
     curve_scenes,
 )
 from tracknoise.phrases.measures import Subject, answer, card_number, first, trimmed_word, with_interval
@@ -133,8 +134,8 @@ def _means(
         value = row[f"{name}_px"]
         one = Estimate.of_row(row, f"{name}_px", f"{name}_low_px", f"{name}_high_px", "px")
         if row["sign_flip_p"] is None:
-            where = intervals, conditions, "mean", row["at"], coordinate
-            one = Estimate.of(value, curve_bounds(*where, trimming=trimming, weighting=scenes), "px")
+            rows = curve_rows(intervals, conditions, "mean", row["at"], coordinate, trimming=trimming, weighting=scenes)
+            one = Estimate.of(value, curve_estimate(rows), "px")
         found += [] if value is None else [one]
     return found
 

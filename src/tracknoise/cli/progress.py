@@ -20,7 +20,7 @@ from rich.progress import (
 )
 
 from tracknoise.cli.terminal import Terminal
-from tracknoise.phrases.names import together
+from tracknoise.phrases.sentences import together
 from tracknoise.tables.identity import readable
 from tracknoise.text import counted, printable
 

@@ -10,7 +10,7 @@ from tracknoise.cli.run_answer import answer_lines, sentences_to_set, wrapped
 from tracknoise.cli.terminal import Terminal
 from tracknoise.cli.text_table import aligned, show
 from tracknoise.phrases.headline import MOST_TRACKERS
-from tracknoise.phrases.names import by_statement, together
+from tracknoise.phrases.sentences import by_statement, together
 from tracknoise.report.answer import accuracy
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.ranking_table import ranking_table

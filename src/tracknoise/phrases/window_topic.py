@@ -148,14 +148,20 @@ def _too_few(length: int) -> str:
 
 
 def _quantities(rows: pl.DataFrame) -> Quantities:
-    """Quantities of one length of window; those about depth only where enough windows show it."""
-    of = {row["quantity"]: row for row in rows.to_dicts()}
-    n_depth = of["depth_share"]["value"] * of["depth_share"]["n"] if "depth_share" in of else 0
+    """Quantities of one length of window."""
     return {
         name: Estimate.of_row(row, "value", "low", "high", _UNITS.get(name, ""))
-        for name, row in of.items()
-        if name not in _ABOUT_DEPTH or n_depth >= LEAST_WINDOWS
+        for name, row in _by_quantity(rows).items()
     }
+
+
+def _by_quantity(rows: pl.DataFrame) -> dict[str, dict[str, Any]]:
+    """Rows of one length of window; those about depth only where enough windows show it."""
+    found = {row["quantity"]: row for row in rows.to_dicts()}
+    shares = found.get("depth_share")
+    if shares is None or shares["n"] * shares["value"] < LEAST_WINDOWS:
+        return {name: row for name, row in found.items() if name not in _ABOUT_DEPTH}
+    return found
 
 
 def _with_depth(found: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
@@ -289,9 +295,4 @@ def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     length = None if data.truth_is_fitted else shown_window(data.window_sigmas, conditions)
     if length is None:
         return {}
-    rows = conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length)
-    found = {row["quantity"]: row for row in rows.to_dicts()}
-    shares = found.get("depth_share")
-    if shares is None or shares["n"] * shares["value"] < LEAST_WINDOWS:
-        return {name: row for name, row in found.items() if name not in _ABOUT_DEPTH}
-    return found
+    return _by_quantity(conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length))

@@ -1,11 +1,5 @@
 """From tables of a run to units that are resampled, and back to tables of estimates by condition.
 
-- Groups of scenes of a run: those of the experiment, or those that readers know.
-- Sums by scene and by block, of every condition and aspect, from which intervals of curves are computed.
-- Tables of estimates with their intervals, in which each condition has rows of its own.
-
-The units that are resampled, as arrays of sums: scenes, or blocks of tracks within them if there are few scenes.
-
 Scenes are the sampling units: findings about a condition hold for scenes like those that were measured. If scenes come
 in groups, such as pieces of one recording, whole groups are resampled, or scenes within their groups
 (`tracknoise.inference.units`). With fewer than `MIN_SCENES` scenes no such finding is possible. Blocks are

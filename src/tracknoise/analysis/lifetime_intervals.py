@@ -217,8 +217,6 @@ _CURVES: Mapping[Statistics, _Names] = {
         "survival_until_failure", "restricted_mean_until_failure", {"median_until_failure": 0.5}
     ),
 }
-
-
 _COLUMNS = ["n_censored", *BY_CAUSE]
 
 

@@ -3,7 +3,6 @@
 - ``tracknoise noise check``: whether a noise model, or what a front end reports itself, is right on other scenes.
 - ``tracknoise noise export``: the noise of a model in the syntax of an estimator.
 - ``tracknoise noise table``: noise by tracker, speed and motion.
-- ``tracknoise noise``: noise models, for estimators.
 """
 
 import re

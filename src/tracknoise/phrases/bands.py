@@ -66,8 +66,6 @@ class Axis:
 
 AGE = Axis("age", "age (frames of the sequence)", "age 0", "age")
 FRAME = Axis("frame", "frame", "the key frame", "distance from the key frame")
-
-
 BOUNDS = ("u_low", "u_high", "v_low", "v_high")
 KIND: Schema = {"level": pl.Float64, "resampled": RESAMPLED, "n_resampled": pl.Int32}
 """Level of an interval, what was resampled, and in how many scenes."""

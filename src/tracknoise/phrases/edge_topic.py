@@ -13,11 +13,7 @@ from tracknoise.words import format_estimate, percent, px
 
 IN = {"u": "in u", "v": "in v", "along": "along the motion"}
 """What an error is in, or along."""
-
-
 _SIDES = {EdgeSide.far: "the far side", EdgeSide.near: "the near side"}
-
-
 _MOST = 0.5
 
 

@@ -136,8 +136,6 @@ def _undecided(rows: pl.DataFrame) -> list[str]:
 
 
 _SECTION = "factor-effects"
-
-
 _QUESTION = "shown"
 
 

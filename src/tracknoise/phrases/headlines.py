@@ -52,7 +52,6 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
 )
 """Each makes a headline, or none where the tables have no rows about it; the most important first."""
 
-
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     copied_scenes,
     self_referential,

@@ -84,8 +84,6 @@ def band_text(axis: Axis, low: int, high: int | None) -> str:
 
 _GAUSSIAN_KURTOSIS = 8.0
 """Of two coordinates."""
-
-
 _HEAVY = (Shape.heavy_tailed, Shape.contaminated)
 
 

@@ -17,16 +17,12 @@ from tracknoise.text import counted
 from tracknoise.words import count, format_estimate, percent
 
 _ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
-
-
 _LIFETIMES = {
     "median_lifetime": "",
     "restricted_mean_lifetime": "The restricted mean is {}.",
     "restricted_mean_until_failure": "Until failure it is {}.",
 }
 """Lifetimes that are reported, and their sentences after that of the median."""
-
-
 _FAILURE = (
     "A failure is a lost track or an outlier. Masked and displaced tracks then count as censored, which assumes that "
     "they would have failed like the others."

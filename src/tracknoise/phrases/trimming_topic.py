@@ -16,8 +16,6 @@ from tracknoise.tables.schema import VERDICT
 from tracknoise.words import count, listing, number, percent, px, rms_of_tracks
 
 _BOTH = (Trimming.untrimmed, Trimming.trimmed)
-
-
 _WORDS: Mapping[str, str] = {Behaviour.none: "no model fits", Behaviour.white: "constant"}
 """Verdicts that are clearer in other words."""
 

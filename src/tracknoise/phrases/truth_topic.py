@@ -128,8 +128,6 @@ _WITHHELD = (
     "Bias, shape and growth of the errors, survivorship bias, and effects of factors on errors are therefore not "
     "reported. True positions also contain the errors of poses and calibration."
 )
-
-
 _MEASURES = {
     FittedMeasure.triangulated: "From errors about the fitted points",
     FittedMeasure.epipolar: "From distances to epipolar lines",

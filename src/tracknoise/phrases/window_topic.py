@@ -20,20 +20,12 @@ from tracknoise.words import SPACE, format_as, format_estimate, listing, number,
 
 LONGEST_WINDOW = 15
 """Longest window that is reported, in observations."""
-
-
 LEAST_WINDOWS = 100
 """With fewer windows than this, or fewer that show the depth of their point, a number is not reported."""
-
-
 _ALIKE = 1.1
 """An uncertainty that is at most this many times another one counts as the same."""
-
-
 _UNITS = dict.fromkeys(("consistent_sigma", "residual_core", "sigma", "innovations"), "px")
 _ABOUT_DEPTH = ("consistent_sigma", "core_overconfidence")
-
-
 Quantities = Mapping[str, Estimate]
 
 

@@ -1,10 +1,5 @@
 """Columns of the tables that hold findings, the audit of the truth, and effects.
 
-- Columns of the tables of the audit of the truth: what it is made from, and what it finds.
-- Columns of the tables of `tracknoise effects`.
-
-Columns of the tables that hold findings: intervals, tests, verdicts, and the sentences made of them.
-
 Every interval states its level, its method (`kind`), and what was resampled: `scenes`, `groups` of scenes, scenes
 `within` their groups, or, if there are too few scenes, `blocks` of tracks within them. An interval from blocks holds
 for these scenes only, one from scenes within their groups for these groups only. `kind` is the one that the experiment
@@ -402,7 +397,6 @@ difference is at least the margin. q_yes and q_no are adjusted p-values: q_yes b
 moment; lifetime and outlier ratio; the others) of one cell, such as one tracker at one speed, and both by Benjamini and
 Hochberg over the rows of a factor about the same statistic.
 """
-
 
 RIGID_SHARE: Schema = {
     **POOLED,

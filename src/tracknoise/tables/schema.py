@@ -84,12 +84,8 @@ FITTED_MEASURE = pl.Enum(FittedMeasure)
 INPUT_KIND = pl.Enum(InputKind)
 FLOOR_SOURCE = pl.Enum(FloorSource)
 PRODUCT = pl.Enum(Product)
-
-
 FITTED_TO = pl.Enum(FittedTo)
 TRUTH_QUANTITY = pl.Enum(TruthQuantity)
-
-
 EDGE_SIDE = pl.Enum(EdgeSide)
 SURROUNDING = pl.Enum(Surrounding)
 OCCLUSION = pl.Enum(Occlusion)
@@ -357,7 +353,6 @@ the root mean square residual of each window, and of |z|, in the bins of `trackn
 WINDOW_BLOCKS: Schema = {**ORIGIN, "block": pl.UInt8, **_WINDOW_SUMS}
 """The same by blocks of tracks, at the slowest speed."""
 
-
 NOISE_SUMS: Schema = {
     **ORIGIN,
     "block": pl.UInt8,
@@ -418,7 +413,6 @@ derivatives of the true position, px: by motions of the point in two directions 
 (depth), each by the length of the ray.
 """
 
-
 NOISE_PAIRS: Schema = {
     **ORIGIN,
     **dict.fromkeys(("first", "second"), pl.String),
@@ -446,7 +440,6 @@ magnification is Z_0 / Z_k, and motion_px the motion of the true position since 
 Further columns ``quality_<name>`` are those of the observations.
 """
 
-
 FLOORS: Schema = {
     **ORIGIN,
     "source": FLOOR_SOURCE,
@@ -461,7 +454,6 @@ sum is the sum of the covariances of the n true positions (px^2). own is n^2 tim
 far as it is independent from scene to scene; shared is the sum of displacements by an error that all scenes share, px
 (`tracknoise.measurement.floors`). Sources whose size is unknown have no rows. Exact sources have zeros.
 """
-
 
 BETWEEN_TRACKERS: Schema = {
     **ORIGIN,

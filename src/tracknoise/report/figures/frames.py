@@ -289,8 +289,6 @@ _TIPS = {
     "age": "age (frames)",
     "track": "track",
 }
-
-
 _DROPPED_TRACK_COLOURS = {"kept": style.PALETTE[4], "dropped": style.PALETTE[1]}
 _DROPPED_TRACK_WIDTH = 400
 

@@ -21,7 +21,7 @@ import argparse
 import numpy as np
 from scipy import stats
 
-from tracknoise.analysis.mean_regions import ALPHA, mean_bounds
+from tracknoise.analysis.zero_mean import ALPHA, mean_bounds
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.sign_flips import Chance, family_p, flip_test
 from tracknoise.inference.units import MIN_SCENES

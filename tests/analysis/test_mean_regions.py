@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracknoise.analysis.mean_regions import BOUNDS, mean_bounds
+from tracknoise.analysis.zero_mean import BOUNDS, mean_bounds
 from tracknoise.inference.sign_flips import Chance, flip_test
 
 FOUR_GROUPS = np.repeat(np.arange(4), 2)

@@ -8,12 +8,6 @@ from tracknoise.experiments import effects_study
 SMALL = ("effects", "--scenes", "1", "--frames", "4", "--age", "2", "--workers", "1", "--only", "JPEG")
 
 
-def test_help_has_an_example(tracknoise):
-    code, out, _ = tracknoise("effects", "--help")
-    assert code == 0
-    assert "Examples: tracknoise effects --scenes 4" in " ".join(out.replace("│", " ").split())
-
-
 def test_it_measures_once_and_writes_table_and_figure(tracknoise, tmp_path, monkeypatch):
     small = {**effects_study.base_options(), "width": 160, "height": 120, "supersampling": 1}
     monkeypatch.setattr(effects_study, "base_options", lambda: small)

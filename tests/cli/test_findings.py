@@ -71,9 +71,3 @@ def test_a_run_without_findings_says_what_makes_them(tracknoise, finished, tmp_p
     code, out, err = tracknoise("findings", str(run.path))
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert "holds no findings" in err
-
-
-def test_a_folder_that_is_no_run_is_one_line(tracknoise, tmp_path):
-    code, _, err = tracknoise("findings", str(tmp_path / "nowhere"))
-    assert (code, err.count("\n")) == (1, 1)
-    assert "nowhere" in err

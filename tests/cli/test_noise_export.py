@@ -32,12 +32,6 @@ def file(tmp_path):
     return str(tmp_path / "lk.noise.json")
 
 
-def test_help_has_an_example(tracknoise):
-    code, out, _ = tracknoise("noise", "export", "--help")
-    assert code == 0
-    assert "--to openvins" in " ".join(out.replace("│", " ").split())
-
-
 def test_files_are_printed(tracknoise, file):
     code, out, err = tracknoise("noise", "export", file, "--to", "openvins", "--focal", "458.6", "--rate", "20")
     assert (code, err) == (0, "")

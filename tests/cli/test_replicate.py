@@ -30,12 +30,6 @@ def small(monkeypatch):
 ONCE = ("--scenes", "1", "--frames", "2", "-w", "1")
 
 
-def test_help_has_an_example(tracknoise):
-    code, out, _ = tracknoise("replicate", "--help")
-    assert code == 0
-    assert "tracknoise replicate --data /data" in " ".join(out.replace("│", " ").split())
-
-
 def test_one_experiment_that_fails_does_not_stop_the_others_and_nothing_is_measured_again(
     tracknoise, small, tmp_path, monkeypatch
 ):

@@ -30,12 +30,6 @@ def half_a_pixel_off(monkeypatch):
     monkeypatch.setattr(BirthSession, "resolve", shifted)
 
 
-def test_help_has_an_example(tracknoise):
-    code, out, _ = tracknoise("selfcheck", "--help")
-    assert code == 0
-    assert "Example: tracknoise selfcheck" in " ".join(out.replace("│", " ").split())
-
-
 def test_a_correct_program_passes_and_an_earlier_self_test_is_replaced(tracknoise, tmp_path):
     out = tmp_path / "kept"
     (out / "files-run").mkdir(parents=True)

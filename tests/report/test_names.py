@@ -1,6 +1,6 @@
 import pytest
 
-from tracknoise.phrases.names import by_statement, together
+from tracknoise.phrases.sentences import by_statement, together
 from tracknoise.tables.identity import identifiers
 
 

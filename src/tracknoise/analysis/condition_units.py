@@ -1,11 +1,5 @@
 """From tables of a run to units that are resampled, and back to tables of estimates by condition.
 
-- Groups of scenes of a run: those of the experiment, or those that readers know.
-- Sums by scene and by block, of every condition and aspect, from which intervals of curves are computed.
-- Tables of estimates with their intervals, in which each condition has rows of its own.
-
-The units that are resampled, as arrays of sums: scenes, or blocks of tracks within them if there are few scenes.
-
 Scenes are the sampling units: findings about a condition hold for scenes like those that were measured. If scenes come
 in groups, such as pieces of one recording, whole groups are resampled, or scenes within their groups
 (`tracknoise.inference.units`). With fewer than `MIN_SCENES` scenes no such finding is possible. Blocks are
@@ -286,8 +280,10 @@ def condition_table(
 
     Raises
     ------
+    SchemaError
+        If a table has other columns; of the tables that `by_condition` makes conditions of.
     SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+        If there is no such kind of interval, or the level is not between 0 and 1.
     """
     method = Method(sampling.kind, sampling.level)
     needed = sampling if method.kind != IntervalKind.student else replace(sampling, n_draws=0)
@@ -302,10 +298,26 @@ def condition_table(
 
 
 def estimated(labels: pl.DataFrame, found: EstimateArray, units: Units, schema: Schema, *, value: str) -> pl.DataFrame:
-    """Labels with the estimates that they are of, in a column named `value`, their bounds, and how these were made."""
+    """Labels with the estimates that they are of, in a column named `value`, their bounds, and how these were made.
+
+    Numbers that are unknown are null.
+    """
     columns = {value: "value", **{name: name for name in _NUMBERS}}
-    numbers = pl.DataFrame({name: getattr(found, source).ravel() for name, source in columns.items()})
+    arrays = {name: getattr(found, source).ravel() for name, source in columns.items()}
+    numbers = pl.DataFrame(arrays, nan_to_null=True)
     made = {"kind": found.kind, "level": found.level, "resampled": units.resampled}
     return labels.hstack(numbers).with_columns_seq(
         pl.lit(text, dtype=schema[name]).alias(name) for name, text in made.items()
     )
+
+
+def estimates_by_point(
+    found: EstimateArray, units: Units, schema: Schema, *, value: str = "value", statistics: pl.DataFrame | None = None
+) -> pl.DataFrame:
+    """Rows of every statistic at every point as `estimated` makes them, and n.
+
+    `statistics`: their labels, a row for each, where there are several. n is the sum of the first column of `units`.
+    """
+    labels = units.points if statistics is None else statistics.join(units.points, how="cross")
+    n = np.tile(units.sums[..., 0].sum(axis=0), len(found.value))
+    return estimated(labels, found, units, schema, value=value).with_columns_seq(pl.Series("n", n, dtype=pl.Float64))

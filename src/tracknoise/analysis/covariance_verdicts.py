@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
+from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimates_by_point, units_of
 from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.intervals import Method, Statistics, column_means, pooled
 from tracknoise.inference.units import Units, by_number
@@ -24,7 +24,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import OWN_COVARIANCES
-from tracknoise.tables.schema import COVARIANCE_SUMS, check
+from tracknoise.tables.schema import COVARIANCE_SUMS
 from tracknoise.tables.trust import explained_share
 
 ALIKE = 1.1
@@ -63,28 +63,11 @@ def are_of_use(low: float | None, high: float | None) -> Verdict:
 def own_covariances(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Coverage, NEES (by age too), gain and the share that is not positive definite, of every predicted covariance.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `COVARIANCE_SUMS`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `OWN_COVARIANCES`, sorted.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind of interval, or the level is not between 0 and 1.
+    `sums`: tables of all scenes, schema `COVARIANCE_SUMS`. Returns: schema `OWN_COVARIANCES`, sorted. Raises as
+    `condition_table`.
     """
     conditions = by_condition(sums, COVARIANCE_SUMS, "sums of covariances")
-    table = condition_table(conditions, OWN_COVARIANCES, _rows, sampling)
-    return check(table.sort(_SORTED), OWN_COVARIANCES, "own covariances")
+    return condition_table(conditions, OWN_COVARIANCES, _rows, sampling).sort(_SORTED)
 
 
 def allowing_for_truth(rows: pl.DataFrame, trust: pl.DataFrame) -> pl.DataFrame:
@@ -160,16 +143,12 @@ def _estimates(
 ) -> pl.DataFrame:
     """One row per statistic, named by `scales`, and point."""
     found = pooled(units, draws.weights(units), statistics, method, scales=list(scales.values()))
-    n = units.sums[..., 0].sum(axis=0).astype(np.int64)
-    labels = pl.concat(
-        [units.points.with_columns(pl.Series("n", n), quantity=pl.lit(name, dtype=pl.String)) for name in scales]
-    )
-    return estimated(labels, found, units, OWN_COVARIANCES, value="value")
+    return estimates_by_point(found, units, OWN_COVARIANCES, statistics=pl.DataFrame({"quantity": list(scales)}))
 
 
 def _with_verdicts(rows: pl.DataFrame) -> pl.DataFrame:
     """Rows that have a value, with the verdicts on those of all ages together."""
-    known = rows.with_columns(pl.col("value", "low", "high").fill_nan(None)).drop_nulls("value")
+    known = rows.drop_nulls("value")
     decide = {"nees": are_right, "gain": are_of_use}
     bounds: Sequence[tuple[str, int | None, float | None, float | None]] = known.select(
         "quantity", "at", "low", "high"

@@ -83,11 +83,7 @@ _SUMS = ("known_u", "log_u", "known_v", "log_v")
 
 
 def core_bounds(
-    scales: pl.DataFrame,
-    blocks: pl.DataFrame | None,
-    draws: Draws,
-    method: Method,
-    groups: SceneGroups = NO_GROUPS,
+    scales: pl.DataFrame, blocks: pl.DataFrame | None, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
 ) -> LabelledEstimates:
     """Geometric mean over scenes of their cores, of u and of v at every point.
 

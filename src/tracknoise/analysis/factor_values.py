@@ -1,7 +1,5 @@
 """What factors are compared by: which conditions are their levels, and what single scenes measured in each.
 
-- The questions about factors: which conditions are the levels of a factor, and which statistics are compared.
-
 What single scenes measured in each condition: the values that the levels of a factor are compared by, as arrays.
 
 At each age (or frame) and coordinate, a scene has the mean of its errors (px), and the logarithms of their mean

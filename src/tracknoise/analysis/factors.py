@@ -1,11 +1,5 @@
 """Whether a factor changes a statistic by more than a margin: differences paired within scenes, and a verdict.
 
-- Roles of the statistics on which the effects of factors are tested.
-- What is asked of differences between levels: the margin, the level, and which scenes or groups are averaged.
-- Rows of the table of factor effects: what was found about each question, and the verdict.
-
-Answer to one question: does a factor change a statistic by more than a margin, and by how much: arrays only.
-
 The differences are of logarithms (scales), or in px (means). They are averaged over scenes at each point: a pair of
 levels at one age and coordinate. Points that too few scenes have are left out.
 
@@ -18,8 +12,6 @@ levels at one age and coordinate. Points that too few scenes have are left out.
 
 What is reported is the pair with the clearest overall difference, or the clearest point where only that exceeds the
 margin. Its interval holds for all pairs, or all points, together.
-
-Factor effects: differences between the levels of a factor, paired by scene, with intervals, tests and verdicts.
 
 Scenes are the sampling units. A scene is seen at all levels of a factor, so that what the levels have in common cancels
 in their difference. Scales of errors, lifetimes and outlier ratios are compared as ratios: the mean over scenes of the
@@ -89,8 +81,6 @@ ROLES: Mapping[str, str] = {
     "outlier_ratio": "outlier_ratio",
 }
 """Role of each statistic, by its name in the tables."""
-
-
 _OTHERS = "others"
 _FAMILIES: Mapping[str, str] = {
     **dict.fromkeys(("core", "second", "second_moment", "consistent_sigma"), "sizes"),

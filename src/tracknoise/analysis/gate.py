@@ -1,7 +1,5 @@
 """Whether changes between runs pass a gate of tolerances.
 
-- A comparison as one JSON document, for programs.
-
 Verdicts of a comparison: worse, better, no difference or undecided, for all statistics together.
 
 Statistics form families, each with the whole level: sizes (core, second moment and sigma for depths), ends of tracks
@@ -57,11 +55,7 @@ _ROUNDING = 1e-12
 
 
 def verdicts(
-    asked: Sequence[Asked],
-    *,
-    margin: float = MARGIN,
-    level: float = LEVEL,
-    ages: ComparedAges = ComparedAges.every,
+    asked: Sequence[Asked], *, margin: float = MARGIN, level: float = LEVEL, ages: ComparedAges = ComparedAges.every
 ) -> list[Row]:
     """One row per question, in their order.
 

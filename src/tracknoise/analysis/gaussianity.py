@@ -1,7 +1,5 @@
 """Whether errors are Gaussian: by condition, in bands of ages, with intervals and a verdict.
 
-- Mardia's numbers, and the gains of other densities, for the bands of one condition, with intervals.
-
 The shape of errors: a verdict from effect sizes, all of them in nats per error.
 
 An effect size is what an estimator loses by assuming Gaussian errors, so one margin applies to all. All are of errors
@@ -17,8 +15,6 @@ bounds of the intervals (shape):
    distribution is that far from the Gaussian, and fewer errors than expected are beyond d2 = 9.21.
 6. Gaussian: both gains and b1 / 12 lie below the margin, and kurtosis above that bound.
 7. undecided: some interval contains its limit.
-
-Whether errors are Gaussian: by condition, in bands of ages, before and after trimming.
 
 Skewness and kurtosis come from the moments of all errors. Tails, quantiles and likelihoods come from a sample of errors
 (`tracknoise.statistics.samples`). Errors are standardised at each age (`tracknoise.analysis.error_shape`), so

@@ -1,7 +1,5 @@
 """Models of how errors grow with age, their fits, and whether they agree with curves and changes.
 
-- The two models of growth, fitted in units of the scale of each scene, and how they agree with what was measured.
-
 Curves and changes of all units of a condition, each in units of the scale of its own scene.
 
 Scenes differ in how large their errors are. In units of their own scale they all count alike, and what is left to

@@ -36,7 +36,7 @@ from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.lifetimes import RESTRICTED
 from tracknoise.statistics.prepared import block_of
 from tracknoise.tables.findings_schema import INCIDENCE
-from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, FAILURES, check, empty
+from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, FAILURES, empty
 
 QUANTILES: Mapping[str, float] = {
     "lower_quartile_lifetime": 0.75,
@@ -217,38 +217,18 @@ _CURVES: Mapping[Statistics, _Names] = {
         "survival_until_failure", "restricted_mean_until_failure", {"median_until_failure": 0.5}
     ),
 }
-
-
 _COLUMNS = ["n_censored", *BY_CAUSE]
 
 
 def incidence_table(ends: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Cumulative incidence of every cause of ending, in every condition, with intervals.
 
-    Parameters
-    ----------
-    ends
-        Tables of all scenes, schema `ENDS`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `INCIDENCE`, sorted. Conditions whose tracker does not report causes have no row. Bounds are on the logit
-        scale. They are null where the incidence is 0 or 1, and in conditions of too few units.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `ends`: tables of all scenes, schema `ENDS`. Returns: schema `INCIDENCE`, sorted. Conditions whose tracker does
+    not report causes have no row. Bounds are on the logit scale. They are null where the incidence is 0 or 1, and
+    in conditions of too few units. Raises as `condition_table`.
     """
     conditions = by_condition(ends, ENDS, "ends")
-    table = condition_table(conditions, INCIDENCE, _rows, sampling)
-    table = table.with_columns_seq(pl.col("incidence", "low", "high").fill_nan(None))
-    return check(table.sort(*POOLED, "cause", "lifetime"), INCIDENCE, "incidence")
+    return condition_table(conditions, INCIDENCE, _rows, sampling).sort(*POOLED, "cause", "lifetime")
 
 
 def cumulative_incidence(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,14 +22,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
+from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimates_by_point, units_of
 from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.statistics.definitions import NEAR_EDGE_PX, POOLED
 from tracknoise.statistics.grouping import Tables, by_condition, group_rows
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
 from tracknoise.tables.findings_schema import IMAGE_CELLS, SPEED_ERRORS, SURROUNDING_ERRORS
-from tracknoise.tables.schema import IMAGE_MAP, IMAGE_SPEEDS, SURROUNDING, SURROUNDINGS, check, empty
+from tracknoise.tables.schema import IMAGE_MAP, IMAGE_SPEEDS, SURROUNDING, SURROUNDINGS, empty
 
 POINT = ["surrounding", "class", "class_low", "class_high", "axis", "at", "coordinate"]
 """Columns that identify a class at one age, and one coordinate of its errors."""
@@ -129,32 +129,15 @@ _CELL_POINT = ["axis", "at", "row", "column"]
 def image_cells(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean error of every cell of the image that has an error, in every condition.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `IMAGE_MAP`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `IMAGE_CELLS`, sorted. The bounds in u and in v hold together with the probability of the level.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `sums`: tables of all scenes, schema `IMAGE_MAP`. Returns: schema `IMAGE_CELLS`, sorted. The bounds in u and in
+    v hold together with the probability of the level. Raises as `condition_table`.
     """
     conditions = by_condition(
         sums, IMAGE_MAP, "image map", lambda table: table.with_columns_seq(pl.col("n").cast(pl.Int64))
     )
     rows = partial(_cell_rows, level=sampling.level)
     in_each_axis = replace(sampling, level=1.0 - (1.0 - sampling.level) / 2.0)  # Bonferroni's, for u and v
-    table = condition_table(conditions, IMAGE_CELLS, rows, in_each_axis)
-    return check(table.sort(*POOLED, *_CELL_POINT), IMAGE_CELLS, "image cells")
+    return condition_table(conditions, IMAGE_CELLS, rows, in_each_axis).sort(*POOLED, *_CELL_POINT)
 
 
 def _cell_rows(sums: pl.DataFrame, draws: Draws, method: Method, level: float) -> pl.DataFrame:
@@ -195,29 +178,11 @@ _SPEED_COORDINATES = ("along", "across")
 def speed_errors(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean errors along and across the image motion in every class of its speed, in every condition.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `IMAGE_SPEEDS`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `SPEED_ERRORS`, sorted.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `sums`: tables of all scenes, schema `IMAGE_SPEEDS`. Returns: schema `SPEED_ERRORS`, sorted. Raises as
+    `condition_table`.
     """
     conditions = by_condition(sums, IMAGE_SPEEDS, "image speeds")
-    table = condition_table(conditions, SPEED_ERRORS, _speed_rows, sampling)
-    table = table.with_columns_seq(pl.col("mean_px", "low", "high").fill_nan(None))
-    return check(table.sort(*POOLED, *_SPEED_POINT, "coordinate"), SPEED_ERRORS, "speed errors")
+    return condition_table(conditions, SPEED_ERRORS, _speed_rows, sampling).sort(*POOLED, *_SPEED_POINT, "coordinate")
 
 
 def _speed_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -225,10 +190,8 @@ def _speed_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFram
     named = sums.rename({"low": "class_low", "high": "class_high"})
     units = units_of(named, named, points=_SPEED_POINT, columns=_SPEED_COLUMNS, groups=draws.groups)
     found = pooled(units, draws.weights(units), column_means, method)
-    n = pl.Series("n", units.sums[..., 0].sum(axis=0), dtype=pl.Float64)
-    points = units.points.with_columns_seq(pl.col("axis").cast(pl.String), n)
-    labels = pl.DataFrame({"coordinate": _SPEED_COORDINATES}).join(points, how="cross")
-    return estimated(labels, found, units, SPEED_ERRORS, value="mean_px")
+    statistics = pl.DataFrame({"coordinate": _SPEED_COORDINATES})
+    return estimates_by_point(found, units, SPEED_ERRORS, value="mean_px", statistics=statistics)
 
 
 _STATISTICS = {
@@ -249,30 +212,12 @@ _REMOVED = ("second_removed", "second_removed_by_others")
 def surrounding_errors(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Statistics of every class of every property, in every condition.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `SURROUNDINGS`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `SURROUNDING_ERRORS`, sorted.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `sums`: tables of all scenes, schema `SURROUNDINGS`. Returns: schema `SURROUNDING_ERRORS`, sorted. Raises as
+    `condition_table`.
     """
     conditions = by_condition(sums, SURROUNDINGS, "surroundings")
     table = condition_table(conditions, SURROUNDING_ERRORS, _surrounding_rows, sampling)
-    order = [*POOLED, *POINT, "statistic"]
-    table = table.with_columns_seq(pl.col("value", "low", "high").fill_nan(None)).drop_nulls("value")
-    return check(table.sort(order), SURROUNDING_ERRORS, "surrounding errors")
+    return table.drop_nulls("value").sort(*POOLED, *POINT, "statistic")
 
 
 def _surrounding_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -285,9 +230,8 @@ def _surrounding_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
     sizes = np.stack([n, n, of_all, of_all, of_all, of_all - n, of_all - n, n])
     scales = [scale for _, scale in _STATISTICS.values()]
     found = pooled(units, draws.weights(units), _statistics, method, scales=scales, sizes=sizes)
-    points = units.points.with_columns_seq(pl.Series("n", n.sum(axis=1), dtype=pl.Float64))
     kinds = pl.DataFrame({"statistic": list(_STATISTICS), "unit": [unit for unit, _ in _STATISTICS.values()]})
-    rows = estimated(kinds.join(points, how="cross"), found, units, SURROUNDING_ERRORS, value="value")
+    rows = estimates_by_point(found, units, SURROUNDING_ERRORS, statistics=kinds)
     no_more_than_all = pl.when(pl.col("statistic").is_in(_REMOVED)).then(pl.col("high").clip(upper_bound=1.0))
     return rows.with_columns_seq(no_more_than_all.otherwise("high").alias("high"))
 

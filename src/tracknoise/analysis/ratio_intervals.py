@@ -1,45 +1,32 @@
-"""Ratios of two sums over features, with intervals over scenes: see `tracknoise.statistics.ratios`."""
+"""Ratios and means with intervals over scenes.
 
-import numpy as np
+- Ratios of two sums over features: see `tracknoise.statistics.ratios`.
+- Metrics of TAP-Vid and expected feature age, averaged over sequences.
+"""
+
 import polars as pl
-from numpy.typing import NDArray
 
-from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
+from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimates_by_point, units_of
 from tracknoise.inference.bootstrap import Draws
-from tracknoise.inference.intervals import Method, pooled
+from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
-from tracknoise.tables.findings_schema import RATIO_VALUES
+from tracknoise.tables.findings_schema import POINT_TRACKING_METRICS, RATIO_VALUES
 from tracknoise.tables.quantities import QUANTITIES, ComparedBy
-from tracknoise.tables.schema import RATIOS, check
+from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, RATIOS
 
 _POINT = ["quantity", "trimming", "axis", "at"]
+_METRIC = ["raster", "metric"]
 
 
 def ratio_intervals(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Every ratio at every age, features pooled.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `RATIOS`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `RATIO_VALUES`, sorted.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `sums`: tables of all scenes, schema `RATIOS`. Returns: schema `RATIO_VALUES`, sorted. Raises as
+    `condition_table`.
     """
-    table = condition_table(by_condition(sums, RATIOS, "ratio sums"), RATIO_VALUES, _rows, sampling)
-    return check(table.sort(*POOLED, *_POINT), RATIO_VALUES, "ratios")
+    conditions = by_condition(sums, RATIOS, "ratio sums")
+    return condition_table(conditions, RATIO_VALUES, _rows, sampling).sort(*POOLED, *_POINT)
 
 
 def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -47,15 +34,9 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     parts = []
     for (name,), part in sums.partition_by("quantity", as_dict=True, maintain_order=True).items():
         units = units_of(part, part, points=_POINT, columns=["n", "sum"], groups=draws.groups)
-        found = pooled(units, draws.weights(units), _ratio, method, scales=[_scale(str(name))])
-        n = pl.Series("n", units.sums[..., 0].sum(axis=0).astype(np.int64))
-        parts.append(estimated(units.points, found, units, RATIO_VALUES, value="value").with_columns(n))
-    return pl.concat(parts).with_columns(pl.col("value", "low", "high").fill_nan(None)).drop_nulls("value")
-
-
-def _ratio(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(ratio), of sums (2, ...)."""
-    return np.asarray(sums[1:] / np.where(sums[:1] > 0.0, sums[:1], np.nan))
+        found = pooled(units, draws.weights(units), column_means, method, scales=[_scale(str(name))])
+        parts.append(estimates_by_point(found, units, RATIO_VALUES))
+    return pl.concat(parts).drop_nulls("value")
 
 
 def _scale(name: str) -> str:
@@ -63,3 +44,24 @@ def _scale(name: str) -> str:
     if QUANTITIES[name].unit == "share":
         return "logit"
     return "log" if QUANTITIES[name].compared == ComparedBy.ratio else "linear"
+
+
+def point_tracking_metrics(metrics: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
+    """Mean of each metric over the sequences of a condition, all of equal weight.
+
+    `metrics`: tables of all scenes, schema `POINT_TRACKING`. Returns: schema `POINT_TRACKING_METRICS`, sorted.
+    Raises as `condition_table`.
+    """
+    conditions = by_condition(metrics, POINT_TRACKING, "point tracking")
+    return condition_table(conditions, POINT_TRACKING_METRICS, _metric_rows, sampling).sort(*POOLED, *_METRIC)
+
+
+def _metric_rows(metrics: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
+    """One row per raster and metric of a condition."""
+    named = [name for name in metrics.columns if name not in (*ORIGIN, "raster", "n_points")]
+    labels = [name for name in metrics.columns if name not in (*named, "n_points")]
+    long = metrics.unpivot(named, index=labels, variable_name="metric").drop_nulls("value")
+    counted = long.with_columns_seq(n=pl.lit(1.0))
+    units = units_of(counted, points=_METRIC, columns=["n", "value"], groups=draws.groups)
+    found = pooled(units, draws.weights(units), column_means, method, scales=["logit"], sizes=units.sums[..., :1].T)
+    return estimates_by_point(found, units, POINT_TRACKING_METRICS)

@@ -1,8 +1,5 @@
 """What changed between two runs: paired values, tests, and the rows of the result.
 
-- The result of a comparison as plain data.
-- One question of a comparison: paired values, and the tests of both directions.
-
 The statistics by which two runs are compared: what is estimated, in which unit, and which way is better.
 
 All of them are differences within scenes, averaged over scenes of equal weight. Scales, shares of events, lifetimes and

@@ -1,9 +1,5 @@
 """How much scenes differ, and intervals that hold for scenes that have biases of their own.
 
-- How much scenes differ, where the next scene is expected, and the coverage of intervals that were not tested.
-
-Intervals of second moments over scenes that have biases of their own.
-
 A second moment is the mean over scenes of a variance within scenes, W, and of a squared bias, B. Variances differ by
 factors, so that their logarithms are close to Gaussian. Biases are close to Gaussian themselves, and some are near
 zero: the logarithms of their squares have a long tail. Each part therefore has its own interval, and both are combined

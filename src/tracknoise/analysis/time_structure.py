@@ -1,11 +1,5 @@
 """How errors behave in time: white, a random walk, a drift, or saturating, by condition.
 
-- What is fitted to the errors of one condition as they grow, with intervals: (growth) and (saturating).
-- What the models of growth are fitted to and compared with, by unit: one condition and trimming.
-- Everything that is fitted to the errors of one condition, for the verdict on their growth.
-
-How errors behave in time: white, a random walk, a drift, or saturating, by condition, trimming and coordinate.
-
 The second moment about zero is fitted over the ages by (growth) and, where that fails, by (saturating). The changes of
 errors from one frame that the tracker saw to the next are correlated by (autocorrelation) of
 `tracknoise.statistics.changes`. A verdict agrees with the curve, with the autocorrelations at lags 1 to
@@ -141,11 +135,7 @@ def mean_drift(moments: pl.DataFrame) -> tuple[float, float]:
 
 
 def _pooled(
-    units: Units,
-    weights: Array,
-    ages: NDArray[np.bool_],
-    method: Method,
-    fits: Callable[[Array, Array], _Fit],
+    units: Units, weights: Array, ages: NDArray[np.bool_], method: Method, fits: Callable[[Array, Array], _Fit]
 ) -> tuple[list[Estimate], list[Estimate]]:
     """What the fits at some ages with some weights find of u and of v, with intervals."""
     part = replace(units, sums=units.sums[:, ages], points=units.points[np.flatnonzero(ages)])

@@ -27,9 +27,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
+from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimates_by_point, units_of
 from tracknoise.inference.bootstrap import Draws
-from tracknoise.inference.intervals import Method, pooled
+from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.statistics.definitions import LENGTHS, POOLED, UNITS
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.moments import ABOUT_ZERO
@@ -196,9 +196,7 @@ def covered_by_floor(*found: FloorCover | None) -> bool:
 
 _TWO_TRUTH_SUMS = ["n", "u", "v", "uu", "vv", "uv"]
 _TWO_TRUTH_POINT = ["quantity", "trimming", "age"]
-_VALUES = pl.DataFrame(
-    {"statistic": ["mean"] * 2 + ["second"] * 3, "coordinate": ["u", "v", "u", "v", "uv"]},
-)
+_VALUES = pl.DataFrame({"statistic": ["mean"] * 2 + ["second"] * 3, "coordinate": ["u", "v", "u", "v", "uv"]})
 _TWO_TRUTH_SCALES = ("linear", "linear", "log", "log", "linear")
 _POSES = pl.DataFrame({"quantity": ["rotation", "translation"], "unit": ["deg", "m"]})
 _POSE_KEYS = [*(name for name in POSE_DISAGREEMENT if name in POOLED), "lag", "quantity"]
@@ -209,49 +207,19 @@ _ANY_CONDITION = {"tracker": pl.lit(""), "speed": pl.lit(1, dtype=ORIGIN["speed"
 def two_truths_table(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean and second moment of the disagreement of true positions, and of the errors by each truth, by age.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `TRUTH_DIFFERENCES`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `TWO_TRUTHS`, sorted by its columns before `n`.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `sums`: tables of all scenes, schema `TRUTH_DIFFERENCES`. Returns: schema `TWO_TRUTHS`, sorted by its columns
+    before `n`. Raises as `condition_table`.
     """
     conditions = by_condition(sums, TRUTH_DIFFERENCES, "truth differences")
-    table = condition_table(conditions, TWO_TRUTHS, _of_positions, sampling)
-    return check(table.sort(*POOLED, *_TWO_TRUTH_POINT, "statistic", "coordinate"), TWO_TRUTHS, "two truths")
+    order = [*POOLED, *_TWO_TRUTH_POINT, "statistic", "coordinate"]
+    return condition_table(conditions, TWO_TRUTHS, _of_positions, sampling).sort(order)
 
 
 def pose_disagreement_table(sums: pl.DataFrame | Iterable[pl.DataFrame], sampling: Sampling = USUAL) -> pl.DataFrame:
     """Root mean square difference of the relative poses of two truths, by lag: see `two_truths_table`.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `POSE_DIFFERENCES`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `POSE_DISAGREEMENT`, sorted by its columns before `n`.
-
-    Raises
-    ------
-    SchemaError, SettingsError
-        As `two_truths_table`.
+    `sums`: tables of all scenes, schema `POSE_DIFFERENCES`. Returns: schema `POSE_DISAGREEMENT`, sorted by its
+    columns before `n`. Raises as `condition_table`.
     """
     tables = [sums] if isinstance(sums, pl.DataFrame) else sums
     named = (check(table, POSE_DIFFERENCES, "pose differences").with_columns_seq(**_ANY_CONDITION) for table in tables)
@@ -260,16 +228,14 @@ def pose_disagreement_table(sums: pl.DataFrame | Iterable[pl.DataFrame], samplin
     wide = {**TWO_TRUTHS, **POSE_DISAGREEMENT}
     columns = {name: wide[name] for name in (*POOLED, *(name for name in POSE_DISAGREEMENT if name not in POOLED))}
     table = condition_table(conditions, columns, _of_poses, sampling)
-    return check(table.select_seq(*POSE_DISAGREEMENT).sort(_POSE_KEYS), POSE_DISAGREEMENT, "pose disagreement")
+    return table.select_seq(*POSE_DISAGREEMENT).sort(_POSE_KEYS)
 
 
 def _of_positions(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per quantity, trimming, age, statistic and coordinate of a condition."""
     units = units_of(sums, sums, points=_TWO_TRUTH_POINT, columns=_TWO_TRUTH_SUMS, groups=draws.groups)
-    found = pooled(units, draws.weights(units), _moments, method, scales=_TWO_TRUTH_SCALES)
-    labels = _VALUES.join(units.points, how="cross")
-    table = estimated(labels, found, units, TWO_TRUTHS, value="value")
-    return _counted(table, units.sums[..., 0], _VALUES.height)
+    found = pooled(units, draws.weights(units), column_means, method, scales=_TWO_TRUTH_SCALES)
+    return estimates_by_point(found, units, TWO_TRUTHS, statistics=_VALUES)
 
 
 def _of_poses(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -277,30 +243,18 @@ def _of_poses(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     columns = ["n", "rotation_rad2", "translation_m2"]
     units = units_of(sums, sums, points=["lag"], columns=columns, groups=draws.groups)
     found = pooled(units, draws.weights(units), _two_truth_deviations, method, scales=["log"] * _POSES.height)
-    labels = _POSES.join(units.points, how="cross")
-    table = estimated(labels, found, units, POSE_DISAGREEMENT, value="value")
-    return _counted(table, units.sums[..., 0], _POSES.height)
-
-
-def _counted(table: pl.DataFrame, counts: NDArray[np.float64], times: int) -> pl.DataFrame:
-    n = np.tile(counts.sum(axis=0), times)
-    return table.with_columns_seq(pl.col("value", "low", "high").fill_nan(None), pl.Series("n", n, dtype=pl.Float64))
-
-
-def _moments(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means and second moments about zero, (5, points, ...), NaN where there are no observations."""
-    return np.asarray(sums[1:] / np.where(sums[:1] > 0, sums[:1], np.nan))
+    return estimates_by_point(found, units, POSE_DISAGREEMENT, statistics=_POSES)
 
 
 def _two_truth_deviations(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation in degrees and translation in metres, (2, points, ...), NaN where there are no pairs."""
-    deviations = np.sqrt(_moments(sums))
+    deviations = np.sqrt(column_means(sums))
     return np.asarray(np.stack([np.degrees(deviations[0]), deviations[1]]))
 
 
 _TRACKER_DIFFERENCE_SUMS = ["n", "u", "v", "uu", "uv", "vv"]
 _TRACKER_DIFFERENCE_POINT = ["other", "age"]
-_ROWS = (("mean", "u"), ("mean", "v"), ("central", "u"), ("central", "uv"), ("central", "v"))
+_ROWS = pl.DataFrame({"statistic": ["mean"] * 2 + ["central"] * 3, "coordinate": ["u", "v", "u", "uv", "v"]})
 """Statistic and coordinate of the rows of each point."""
 _TRACKER_DIFFERENCE_SCALES = ("linear", "linear", "log", "linear", "log")
 
@@ -308,29 +262,12 @@ _TRACKER_DIFFERENCE_SCALES = ("linear", "linear", "log", "linear", "log")
 def tracker_differences(moments: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Mean and covariance of the differences of every two trackers, by age.
 
-    Parameters
-    ----------
-    moments
-        Tables of all scenes, schema `BETWEEN_TRACKERS`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `TRACKER_DIFFERENCES`, sorted. Without rows where no two trackers had tracks of the same corner.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `moments`: tables of all scenes, schema `BETWEEN_TRACKERS`. Returns: schema `TRACKER_DIFFERENCES`, sorted.
+    Without rows where no two trackers had tracks of the same corner. Raises as `condition_table`.
     """
     conditions = by_condition(moments, BETWEEN_TRACKERS, "between trackers")
-    table = condition_table(conditions, TRACKER_DIFFERENCES, _tracker_difference_rows, sampling)
     order = [*POOLED, "other", "statistic", "age", "coordinate"]
-    return check(table.sort(order), TRACKER_DIFFERENCES, "tracker differences")
+    return condition_table(conditions, TRACKER_DIFFERENCES, _tracker_difference_rows, sampling).sort(order)
 
 
 def _tracker_difference_rows(moments: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -341,15 +278,12 @@ def _tracker_difference_rows(moments: pl.DataFrame, draws: Draws, method: Method
     )
     weights = draws.weights(units)
     found = pooled(units, weights, _statistics, method, scales=_TRACKER_DIFFERENCE_SCALES)
-    labels = pl.DataFrame(_ROWS, schema=["statistic", "coordinate"], orient="row").join(units.points, how="cross")
-    n = np.tile(units.sums[..., 0].sum(axis=0), len(_ROWS))
-    rows = estimated(labels, found, units, TRACKER_DIFFERENCES, value="value").with_columns_seq(
-        pl.col("statistic").replace_strict(UNITS).alias("unit"), pl.Series("n", n)
-    )
+    rows = estimates_by_point(found, units, TRACKER_DIFFERENCES, statistics=_ROWS)
     strict = pooled(units, weights, _statistics, _corrected(method, units.points), scales=_TRACKER_DIFFERENCE_SCALES)
     nonzero = (strict.low > 0.0) | (strict.high < 0.0)
     means = pl.when(pl.col("statistic") == "mean").then(pl.Series(nonzero.ravel()))
-    return rows.with_columns_seq(pl.col("value", "low", "high").fill_nan(None), established=means).drop_nulls("value")
+    units_of_rows = pl.col("statistic").replace_strict(UNITS)
+    return rows.with_columns_seq(unit=units_of_rows, established=means).drop_nulls("value")
 
 
 def _corrected(method: Method, points: pl.DataFrame) -> Method:
@@ -377,29 +311,12 @@ _FITTED_NOISE_POINT = ["measure", "trimming", "length_low"]
 def fitted_noise_table(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
     """Standard deviation of the noise of one coordinate, by length of the track and for all lengths together.
 
-    Parameters
-    ----------
-    sums
-        Tables of all scenes, schema `FITTED_NOISE`.
-    sampling
-        How scenes are resampled.
-
-    Returns
-    -------
-    polars.DataFrame
-        Schema `TRIANGULATED_NOISE`, sorted. Without rows unless true positions are triangulated.
-
-    Raises
-    ------
-    SchemaError
-        If a table has other columns.
-    SettingsError
-        If there is no such kind, or the level is not between 0 and 1.
+    `sums`: tables of all scenes, schema `FITTED_NOISE`. Returns: schema `TRIANGULATED_NOISE`, sorted. Without rows
+    unless true positions are triangulated. Raises as `condition_table`.
     """
     conditions = by_condition(sums, FITTED_NOISE, "fitted noise")
-    table = condition_table(conditions, TRIANGULATED_NOISE, _fitted_noise_rows, sampling)
     order = [*POOLED, "measure", "trimming", "length_low", "coordinate"]
-    return check(table.sort(order), TRIANGULATED_NOISE, "triangulated noise")
+    return condition_table(conditions, TRIANGULATED_NOISE, _fitted_noise_rows, sampling).sort(order)
 
 
 def _fitted_noise_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -411,19 +328,13 @@ def _fitted_noise_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.D
     found = pooled(
         units, draws.weights(units), _fitted_noise_deviations, method, scales=["log"] * len(_COORDINATES), sizes=sizes
     )
-    labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")
-    n = np.tile(units.sums[..., 0].sum(axis=0), len(_COORDINATES))
-    table = estimated(labels, found, units, TRIANGULATED_NOISE, value="sigma_px").with_columns_seq(
-        _lengths(), pl.Series("n", n, dtype=pl.Float64)
-    )
-    return table.with_columns_seq(
-        pl.col("sigma_px", "low", "high").fill_nan(None), length_low=pl.col("length_low").replace({0: None})
-    ).drop_nulls("sigma_px")
-
-
-def _lengths() -> pl.Expr:
+    statistics = pl.DataFrame({"coordinate": _COORDINATES})
+    rows = estimates_by_point(found, units, TRIANGULATED_NOISE, value="sigma_px", statistics=statistics)
     highest = {low: high for low, high in LENGTHS if high is not None}
-    return pl.col("length_low").replace_strict(highest, default=None, return_dtype=pl.Int64).alias("length_high")
+    low = pl.col("length_low")
+    high = low.replace_strict(highest, default=None, return_dtype=pl.Int64)
+    known = rows.drop_nulls("sigma_px")
+    return known.with_columns_seq(length_low=low.replace({0: None}), length_high=high)
 
 
 def _fitted_noise_deviations(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,9 +1,5 @@
 """The ``tracknoise`` command: how it ends, by itself, with an error or by a signal.
 
-- Signals that end the program: one exception where it runs, however often they are repeated.
-
-The ``tracknoise`` command: how it ends, by itself, with an error or by a signal.
-
 Exit status: 0 success, 1 user error, 2 some scenes failed, 4 of ``tracknoise check`` and ``tracknoise audit`` (the
 truth is not trusted, or this is unknown), 3 and 4 of ``tracknoise compare --gate`` (worse, undecided), 128 + N ended by
 signal N (130 for Ctrl-C). Results go to stdout, everything else to stderr.

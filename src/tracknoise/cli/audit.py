@@ -10,24 +10,15 @@ import typer
 from tracknoise.cli.shared_options import (
     UNUSABLE,
     DebugOption,
-    JsonCommand,
     JsonFileOption,
     JsonOption,
     QuietOption,
     write_json,
 )
+from tracknoise.cli.terminal import WIDTH, Terminal
 
 if TYPE_CHECKING:
     import polars as pl
-
-    from tracknoise.cli.terminal import Terminal
-
-_WIDTH = 110
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("audit", cls=JsonCommand, no_args_is_help=True)(audit)
 
 
 def audit(
@@ -63,7 +54,7 @@ def audit(
     document = _json(trust, found, curves, corrections, accuracy)
     write_json(context.obj, document, as_json=as_json, file=json_file)
     if not as_json:
-        context.obj.result(f"{textwrap.fill(verdict.sentence, _WIDTH)}\n")
+        context.obj.result(f"{textwrap.fill(verdict.sentence, WIDTH)}\n")
         _print(context.obj, found, curves, corrections, accuracy)
     return 0 if verdict.is_usable else UNUSABLE
 
@@ -86,14 +77,14 @@ def _json(
 
 
 def _print(
-    terminal: "Terminal", found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None
+    terminal: Terminal, found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None
 ) -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report.truth_section import curve_cells, parameter_cells
     from tracknoise.truth_faults.audit_summary import audit_sentences
 
     for sentence in audit_sentences(found, every=True):
-        terminal.result(textwrap.fill(sentence, _WIDTH))
+        terminal.result(textwrap.fill(sentence, WIDTH))
     if corrections:
         how = "put this block into the experiment file, in place of one that it has, and run it again"
         terminal.result(f"\nTo correct this, {how}:\n\n{corrections}")

@@ -11,23 +11,15 @@ from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument
 from tracknoise.cli.shared_options import (
     UNUSABLE,
     DebugOption,
-    JsonCommand,
     JsonFileOption,
     JsonOption,
     QuietOption,
     write_json,
 )
+from tracknoise.cli.terminal import WIDTH, Terminal
 
 if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
     from tracknoise.truth_faults.check_report import CheckReport, Item
-
-_WIDTH = 110
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("check", cls=JsonCommand, no_args_is_help=True)(check)
 
 
 def check(
@@ -75,7 +67,7 @@ _COLOURS: Mapping[str, str] = {
 """Of items by their severity, and of verdicts on the truth."""
 
 
-def _print(terminal: "Terminal", report: "CheckReport") -> None:
+def _print(terminal: Terminal, report: "CheckReport") -> None:
     """The verdict on the truth, then all items; of several sequences, the verdict on each before its items."""
     _say(terminal, report.truth.sentence, "", report.truth.verdict)
     terminal.result("")
@@ -88,14 +80,11 @@ def _print(terminal: "Terminal", report: "CheckReport") -> None:
         _say_item(terminal, item)
 
 
-def _say_item(terminal: "Terminal", item: "Item") -> None:
+def _say_item(terminal: Terminal, item: "Item") -> None:
     _say(terminal, f"  {item.severity:<7}  {item.topic}: {item.text}", " " * 11, item.severity)
 
 
-def _say(terminal: "Terminal", text: str, indent: str, status: str) -> None:
+def _say(terminal: Terminal, text: str, indent: str, status: str) -> None:
     """Print a text whose first `status` has its colour."""
-    terminal.result(_filled(text, indent), coloured=status, colour=_COLOURS[status])
-
-
-def _filled(text: str, indent: str) -> str:
-    return textwrap.fill(text, _WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    terminal.result(lines, coloured=status, colour=_COLOURS[status])

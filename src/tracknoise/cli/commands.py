@@ -1,33 +1,37 @@
 """The subcommands of ``tracknoise``."""
 
+from collections.abc import Mapping
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from tracknoise import __version__
+from tracknoise.cli.shared_options import JsonCommand
 from tracknoise.cli.terminal import write_result
 
-_COMMANDS = (
-    "demo",
-    "tournament",
-    "check",
-    "init",
-    "run",
-    "replicate",
-    "report",
-    "findings",
-    "compare",
-    "audit",
-    "noise",
-    "prove",
-    "simulate",
-    "effects",
-    "datasets",
-    "trackers",
-    "selfcheck",
-)
-"""Modules of this package, in the order of the help. Each has a function `register`."""
+_ASKS_FOR_MORE: Mapping[str, Any] = {"no_args_is_help": True}
+_PRINTS_JSON: Mapping[str, Any] = {"no_args_is_help": True, "cls": JsonCommand}
+_COMMANDS: Mapping[str, Mapping[str, Any]] = {
+    "demo": {},
+    "tournament": {},
+    "check": _PRINTS_JSON,
+    "init": _ASKS_FOR_MORE,
+    "run": _ASKS_FOR_MORE,
+    "replicate": {},
+    "report": _ASKS_FOR_MORE,
+    "findings": _PRINTS_JSON,
+    "compare": _PRINTS_JSON,
+    "audit": _PRINTS_JSON,
+    "noise": {},
+    "prove": _ASKS_FOR_MORE,
+    "simulate": _ASKS_FOR_MORE,
+    "effects": {},
+    "datasets": {},
+    "trackers": {},
+    "selfcheck": {},
+}
+"""Settings of each command, in the order of the help. It is what has its name in the module of the same name."""
 
 app = typer.Typer(
     name="tracknoise",
@@ -36,8 +40,12 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-for command in _COMMANDS:
-    import_module(f"tracknoise.cli.{command}").register(app)
+for name, settings in _COMMANDS.items():
+    command = getattr(import_module(f"tracknoise.cli.{name}"), name)
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=name)
+    else:
+        app.command(name, **settings)(command)
 
 
 def _print_version(asked: bool) -> None:

@@ -7,23 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.shared_options import DebugOption, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.terminal import WIDTH, Terminal
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import ComparedAges
 
 if TYPE_CHECKING:
     from tracknoise.analysis.run_changes import Comparison
-    from tracknoise.cli.terminal import Terminal
 
 STATUS = {"pass": 0, "worse": 3, "undecided": 4}
 """Exit status of each outcome of a gate."""
-_WIDTH = 110
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("compare", cls=JsonCommand, no_args_is_help=True)(compare)
 
 
 def compare(
@@ -89,7 +83,7 @@ def _written(found: "Comparison", *, html: Path | None, markdown: Path | None) -
             yield path
 
 
-def _print_notes(terminal: "Terminal", found: "Comparison") -> None:
+def _print_notes(terminal: Terminal, found: "Comparison") -> None:
     for doubt in found.doubts:
         terminal.warn(doubt)
     for side in found.others:
@@ -97,7 +91,7 @@ def _print_notes(terminal: "Terminal", found: "Comparison") -> None:
             terminal.warn(f"{side.name}: {note}")
 
 
-def _print(terminal: "Terminal", found: "Comparison") -> None:
+def _print(terminal: Terminal, found: "Comparison") -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report.comparison_page import answers, by_run, clearest, gate_cells, gate_sentences, verdict_cells
 
@@ -106,7 +100,7 @@ def _print(terminal: "Terminal", found: "Comparison") -> None:
             show(terminal.result, cells)
             terminal.result("")
         for sentence in [*answers(rows), *clearest(rows)]:
-            terminal.result(textwrap.fill(sentence, _WIDTH, subsequent_indent="  "))
+            terminal.result(textwrap.fill(sentence, WIDTH, subsequent_indent="  "))
         terminal.result("")
     if found.gate is not None:
         show(terminal.result, gate_cells(found.gate))

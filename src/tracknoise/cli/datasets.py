@@ -2,24 +2,16 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from tracknoise.cli.recording_arguments import OptionOption, Recording
 from tracknoise.cli.shared_options import DebugOption, QuietOption
-from tracknoise.cli.terminal import listing
+from tracknoise.cli.terminal import Terminal, listing
 from tracknoise.text import significant
 
-if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
-
 _HEADINGS = ("sequence", "frames", "with pose", "size", "rate", "depth")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("datasets")(datasets)
 
 
 def datasets(
@@ -59,7 +51,7 @@ def _is_path(word: str) -> bool:
     return word not in READERS and (Path(word).exists() or len(Path(word).parts) > 1)
 
 
-def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:
+def _show_reader(terminal: Terminal, reader: str, data: Path | None) -> None:
     """The options of a reader, or the sequences of its data."""
     from tracknoise.sequences.reader_registry import READERS, make_reader
 
@@ -73,7 +65,7 @@ def _show_reader(terminal: "Terminal", reader: str, data: Path | None) -> None:
         terminal.result(f"{item.scene}  {item.lighting}{rotation}")
 
 
-def _show_recording(terminal: "Terminal", words: list[str], option: list[str] | None) -> int:
+def _show_recording(terminal: Terminal, words: list[str], option: list[str] | None) -> int:
     """A table of the sequences of a recording, and the options of its reader. Status 1 if one cannot be read."""
     from tracknoise.cli.recording_arguments import open_recording
     from tracknoise.cli.text_table import aligned

@@ -8,11 +8,6 @@ import typer
 from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption, WorkersOption
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("demo")(demo)
-
-
 def demo(
     context: typer.Context,
     out: Annotated[Path, typer.Option("--out", "-o", help="Run folder; an earlier run is replaced.")] = Path(

@@ -9,11 +9,6 @@ from tracknoise.cli.measuring import processes
 from tracknoise.cli.shared_options import DebugOption, FreshOption, QuietOption, WorkersOption, parse_names
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("effects")(effects)
-
-
 def effects(
     context: typer.Context,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path("runs/effects"),

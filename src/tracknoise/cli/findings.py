@@ -6,19 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, JsonCommand, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.shared_options import DebugOption, JsonFileOption, JsonOption, QuietOption, write_json
+from tracknoise.cli.terminal import WIDTH, Terminal
 
 if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
     from tracknoise.report.report_data import ReportData
 
 _MOST = 10
 """Sentences that are printed unless all are asked for."""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("findings", cls=JsonCommand, no_args_is_help=True)(findings)
 
 
 def findings(
@@ -56,8 +51,8 @@ def findings(
     return 0
 
 
-def _print_sentences(terminal: "Terminal", data: "ReportData", *, every: bool) -> None:
-    from tracknoise.cli.run_answer import WIDTH, most_important
+def _print_sentences(terminal: Terminal, data: "ReportData", *, every: bool) -> None:
+    from tracknoise.cli.run_answer import most_important
     from tracknoise.report import findings_section
 
     whole = [row["text"] for row in findings_section.sentences(data)]
@@ -68,7 +63,7 @@ def _print_sentences(terminal: "Terminal", data: "ReportData", *, every: bool) -
         terminal.result(f"All {len(whole)} findings: --all; verdicts with their intervals: --table")
 
 
-def _print_tables(terminal: "Terminal", data: "ReportData") -> None:
+def _print_tables(terminal: Terminal, data: "ReportData") -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report import factor_section, findings_section
 

@@ -9,11 +9,6 @@ from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument
 from tracknoise.cli.shared_options import DebugOption, QuietOption
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("init", no_args_is_help=True)(init)
-
-
 def init(
     context: typer.Context,
     recording: RecordingArgument,

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tracknoise import processes as signals
+from tracknoise.cli.terminal import Terminal
 
 if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
     from tracknoise.experiments.execute import Outcome
     from tracknoise.experiments.settings import Experiment
 
@@ -18,7 +18,7 @@ def processes(workers: int | None) -> int:
 
 
 def measure(
-    terminal: "Terminal",
+    terminal: Terminal,
     experiment: "Experiment",
     out: Path,
     workers: int | None,

@@ -3,7 +3,6 @@
 - ``tracknoise noise check``: whether a noise model, or what a front end reports itself, is right on other scenes.
 - ``tracknoise noise export``: the noise of a model in the syntax of an estimator.
 - ``tracknoise noise table``: noise by tracker, speed and motion.
-- ``tracknoise noise``: noise models, for estimators.
 """
 
 import re
@@ -35,11 +34,6 @@ if TYPE_CHECKING:
 ForOption = Annotated[
     str, typer.Option("--for", help="Estimator to say what to set in, or a kind: see `noise export --list`.")
 ]
-
-
-def register_check(app: typer.Typer) -> None:
-    """Add the command to those of ``tracknoise noise``."""
-    app.command("check", no_args_is_help=True)(check)
 
 
 def check(
@@ -119,11 +113,6 @@ def _found(
     return check_model(NoiseModel.read(file), RunFolder(on), scenes=scenes)
 
 
-def register_export(app: typer.Typer) -> None:
-    """Add the command to those of ``tracknoise noise``."""
-    app.command("export", no_args_is_help=True)(export_command)
-
-
 def export_command(
     context: typer.Context,
     file: Annotated[Path | None, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")] = None,
@@ -159,6 +148,7 @@ def export_command(
     from tracknoise.estimators.exports import estimator_name
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.exceptions import SettingsError
+    from tracknoise.tables.files import write_atomically
 
     if show_list:
         context.obj.result(_estimators())
@@ -173,7 +163,8 @@ def export_command(
     if out is None:
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0
-    _write(out, files)
+    for name, content in files.items():
+        write_atomically(out / name, content.encode())
     context.obj.result("\n".join(f"written: {(out / name).resolve()}" for name in files))
     return 0
 
@@ -222,18 +213,6 @@ def _estimators() -> str:
     return f"{known}\n\nWithout an export:\n{without}"
 
 
-def _write(folder: Path, files: Mapping[str, str]) -> None:
-    from tracknoise.tables.files import write_atomically
-
-    for name, content in files.items():
-        write_atomically(folder / name, content.encode())
-
-
-def register_table(app: typer.Typer) -> None:
-    """Add the command to those of ``tracknoise noise``."""
-    app.command("table", cls=JsonCommand, no_args_is_help=True)(table)
-
-
 def table(
     context: typer.Context,
     run: Annotated[Path, typer.Argument(help="Folder of a finished run.")],
@@ -278,17 +257,6 @@ def _print(context: typer.Context, found: "NoiseTable") -> None:
     for cells in (noise_table_cells(found), gain_cells(found)):
         context.obj.result("")
         show(context.obj.result, cells)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    noise = typer.Typer(no_args_is_help=True)
-    noise.command("fit", no_args_is_help=True)(fit)
-    noise.command("show", no_args_is_help=True)(show_model)
-    register_table(noise)
-    register_check(noise)
-    register_export(noise)
-    app.add_typer(noise, name="noise", help="Fit noise models to a run, check them, and export them to estimators.")
 
 
 def fit(
@@ -403,3 +371,11 @@ def _show(context: typer.Context, model: "NoiseModel", window: int) -> None:
     for cells in (component_cells(model), equivalent_cells(model, window)):
         context.obj.result("")
         show(context.obj.result, cells)
+
+
+noise = typer.Typer(no_args_is_help=True, help="Fit noise models to a run, check them, and export them to estimators.")
+noise.command("fit", no_args_is_help=True)(fit)
+noise.command("show", no_args_is_help=True)(show_model)
+noise.command("table", no_args_is_help=True, cls=JsonCommand)(table)
+noise.command("check", no_args_is_help=True)(check)
+noise.command("export", no_args_is_help=True)(export_command)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
 from rich.markup import escape
@@ -19,7 +19,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from tracknoise.phrases.names import together
+from tracknoise.cli.terminal import Terminal
+from tracknoise.phrases.sentences import together
 from tracknoise.tables.identity import readable
 from tracknoise.text import counted, printable
 
@@ -28,30 +29,6 @@ if TYPE_CHECKING:
 
 SILENCE_S = 10.0
 """Shortest time between two status lines, seconds. They are printed only where there are no bars."""
-
-
-class Output(Protocol):
-    """Where progress is printed.
-
-    Attributes
-    ----------
-    quiet
-        Whether bars are not shown.
-    """
-
-    quiet: bool
-
-    def say(self, text: str) -> None:
-        """Print a message."""
-        ...
-
-    def warn(self, text: str) -> None:
-        """Print a warning."""
-        ...
-
-    def error(self, text: str) -> None:
-        """Print an error."""
-        ...
 
 
 class Pace:
@@ -170,7 +147,7 @@ class RunProgress:
         Prints status lines where there are no bars.
     """
 
-    def __init__(self, terminal: Output, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, terminal: Terminal, clock: Callable[[], float] = time.monotonic) -> None:
         self._terminal, self._clock = terminal, clock
         self._bars = _bars(terminal, TextColumn("{task.fields[pace]}"))
         self.heartbeat = Heartbeat(terminal.say, self._status, clock=clock)
@@ -250,7 +227,7 @@ class RunProgress:
 
 
 @contextmanager
-def frame_progress(terminal: Output, label: str) -> Iterator[Callable[[int, int], None]]:
+def frame_progress(terminal: Terminal, label: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar over frames. Yields a function that takes the number of frames done and the total."""
     with _bars(terminal, TimeRemainingColumn()) as bars:
         bar = bars.add_task(label, total=None)
@@ -271,7 +248,7 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def _bars(terminal: Output, last: ProgressColumn) -> Progress:
+def _bars(terminal: Terminal, last: ProgressColumn) -> Progress:
     console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),

@@ -8,23 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tracknoise.cli.shared_options import AcceptTruthOption, DebugOption, QuietOption, require_truth
+from tracknoise.cli.terminal import WIDTH
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import polars as pl
 
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.estimators.proof import Proof
     from tracknoise.report.cells import Cells
     from tracknoise.tables.trust import TruthVerdict
-
-_WIDTH = 110
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("prove", no_args_is_help=True)(prove)
 
 
 def prove(
@@ -64,7 +56,7 @@ def prove(
             context.obj.warn(f"{whose}: {verdict.caveat}")
     found = proof_of(RunFolder(run), read, length=window, per_sequence=per_sequence, most_tracks=tracks, seed=seed)
     for sentence in found.sentences:
-        context.obj.result(textwrap.fill(sentence, _WIDTH))
+        context.obj.result(textwrap.fill(sentence, WIDTH))
     for cells in _tables(found):
         context.obj.result("")
         show(context.obj.result, cells)
@@ -104,20 +96,14 @@ def _tables(found: "Proof") -> "list[Cells]":
 
 
 def _cells(caption: str, table: "pl.DataFrame", labels: list[str], quantities: tuple[str, ...]) -> "Cells":
+    from tracknoise.inference.estimates import Estimate
     from tracknoise.report.cells import Cells
+    from tracknoise.words import format_estimate
 
     rows = []
     for key, part in table.group_by(labels, maintain_order=True):
         by_name = {row["quantity"]: row for row in part.iter_rows(named=True)}
-        rows.append([*(str(one) for one in key), *(_estimate(by_name[name]) for name in quantities)])
+        found = (Estimate.of_row(by_name[name], "value", "low", "high") for name in quantities)
+        rows.append([*map(str, key), *map(format_estimate, found)])
     headings = [*labels, *(name.replace("_", " ") for name in quantities)]
     return Cells(caption, headings, rows, [False] * len(labels) + [True] * len(quantities))
-
-
-def _estimate(row: "Mapping[str, float | None]") -> str:
-    from tracknoise.words import number
-
-    value = number(row["value"], digits=3)
-    if row["low"] is None or row["high"] is None:
-        return value
-    return f"{value} ({number(row['low'], digits=3)} to {number(row['high'], digits=3)})"

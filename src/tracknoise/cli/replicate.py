@@ -19,10 +19,10 @@ from tracknoise.cli.shared_options import (
     WorkersOption,
     parse_frames,
 )
+from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
 
 if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
     from tracknoise.experiments.settings import Experiment
     from tracknoise.paper.replication import Replicated
     from tracknoise.paper.variants import Candidate, Limits
@@ -31,11 +31,6 @@ if TYPE_CHECKING:
 
 
 _CAPTION = "verdicts with untrimmed errors (none) and with two readings of the paper's trimming"
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("replicate")(replicate)
 
 
 def replicate(
@@ -81,7 +76,7 @@ def replicate(
 class _Runs:
     """Runs experiments into folders of one parent folder. A failure does not stop the others."""
 
-    def __init__(self, terminal: "Terminal", out: Path, workers: int, *, fresh: bool) -> None:
+    def __init__(self, terminal: Terminal, out: Path, workers: int, *, fresh: bool) -> None:
         self._terminal, self._out, self._workers, self._fresh = terminal, out, workers, fresh
         self.failed = False
 
@@ -167,7 +162,7 @@ def _other_readings(name: str, run: "RunFolder", runs: _Runs) -> "dict[Reading, 
     return {reading: folder for reading, folder in made if folder}
 
 
-def _print_claims(terminal: "Terminal", replicated: "list[Replicated]") -> None:
+def _print_claims(terminal: Terminal, replicated: "list[Replicated]") -> None:
     """Print the verdict on every claim under each reading of the paper's trimming."""
     from tracknoise.cli.text_table import show
     from tracknoise.paper.claim_verdicts import best_reading, verdicts

@@ -8,11 +8,6 @@ import typer
 from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("report", no_args_is_help=True)(report)
-
-
 def report(
     context: typer.Context,
     run: Annotated[Path, typer.Argument(help="Run folder.")],

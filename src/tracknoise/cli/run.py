@@ -26,11 +26,6 @@ from tracknoise.sequences.frame_range import parse_numbers
 _PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti, tournament"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("run", no_args_is_help=True)(run)
-
-
 def _print_schema(asked: bool) -> None:
     if asked:
         from tracknoise.experiments.settings import experiment_schema
@@ -62,8 +57,7 @@ def run(
         ),
     ] = None,
     quick: Annotated[
-        bool,
-        typer.Option("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report."),
+        bool, typer.Option("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report.")
     ] = False,
     report: Annotated[bool, typer.Option(help="Write the report.")] = True,
     table: TableOption = False,

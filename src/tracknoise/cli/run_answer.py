@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Iterable, Sequence
 
+from tracknoise.cli.terminal import WIDTH
 from tracknoise.phrases.factor_topic import changes
 from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.measures import Subject, shown_size
@@ -15,7 +16,6 @@ from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.check_change import truth_change
 
-WIDTH = 110
 _CLAIMS = ("growth", "bias", "tails")
 """Measures of a card that answer yes or no, the most important first."""
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from tracknoise.cli.run_answer import answer_lines, sentences_to_set, wrapped
+from tracknoise.cli.terminal import Terminal
 from tracknoise.cli.text_table import aligned, show
 from tracknoise.phrases.headline import MOST_TRACKERS
-from tracknoise.phrases.names import by_statement, together
-from tracknoise.phrases.quick import quick_limits
+from tracknoise.phrases.sentences import by_statement, together
 from tracknoise.report.answer import accuracy
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.ranking_table import ranking_table
@@ -25,7 +25,6 @@ from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import rms_of_tracks
 
 if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
     from tracknoise.experiments.execute import Outcome
 
 MOST_LINES = 12
@@ -57,7 +56,7 @@ _NOISE = (
 
 
 def print_outcome(
-    terminal: "Terminal",
+    terminal: Terminal,
     out: Path,
     outcome: "Outcome",
     *,
@@ -90,13 +89,13 @@ def print_outcome(
         return 1 if outcome.failures else 0
     run = RunFolder(out)
     failed = _failed(outcome) if outcome.failures else []
-    limits = wrapped(quick_limits(run)) if quick else []
+    limits = wrapped(_quick_limits(run)) if quick else []
     print_results(terminal, run, report=report, table=table, ranked=ranked, failed=failed, limits=limits)
     return 2 if outcome.failures else 0
 
 
 def print_results(
-    terminal: "Terminal",
+    terminal: Terminal,
     run: RunFolder,
     *,
     report: bool,
@@ -130,6 +129,18 @@ def print_results(
 
         terminal.say("writing the report")
         terminal.result(f"report: {write_report(run, figure_formats=FORMATS if figures else ()).resolve()}")
+
+
+def _quick_limits(run: RunFolder) -> str:
+    """What a quick run was measured on, and what the whole run adds."""
+    entries = list(run.manifest().sequences.values())
+    measured = sum(sum(stop - start for start, stop in entry.parts) or entry.n_frames for entry in entries)
+    total = sum(entry.n_frames for entry in entries)
+    longest = max(max((stop - start for start, stop in entry.parts), default=entry.n_frames) for entry in entries)
+    return (
+        f"Quick: {measured} of {counted(total, 'frame')} of {counted(len(entries), 'sequence')}. Tracks end after "
+        f"{longest} frames, and intervals are wide. Without --quick: all frames and speeds, and the report."
+    )
 
 
 _HINT = "The numbers of every tracker and speed: --table"

@@ -22,11 +22,6 @@ _SHOWN = 6
 """Maximum number of wrong quantities that are listed."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("selfcheck")(selfcheck)
-
-
 def selfcheck(
     context: typer.Context,
     scenes: Annotated[

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import SettingsError
 from tracknoise.sequences.frame_range import frames_of
 
 if TYPE_CHECKING:
-    from tracknoise.cli.terminal import Terminal
     from tracknoise.tables.trust import TruthVerdict
 
 UNUSABLE = 4
@@ -124,7 +124,7 @@ def _refuse_file(word: str) -> None:
     raise SettingsError(f"{_JSON} {word}: {_JSON} prints to standard output, expected {_JSON_FILE} {word}")
 
 
-def write_json(terminal: "Terminal", document: str, *, as_json: bool, file: Path | None) -> None:
+def write_json(terminal: Terminal, document: str, *, as_json: bool, file: Path | None) -> None:
     """Print a JSON document if it is asked for, and write it to a file if one is given."""
     from tracknoise.tables.files import write_atomically
 

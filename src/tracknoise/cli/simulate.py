@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import SettingsError
 from tracknoise.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tracknoise.cli.terminal import Terminal
     from tracknoise.sequences.sequence import Reader
     from tracknoise.tables.identity import SequenceId
 
@@ -50,11 +50,6 @@ _DEFAULTS: dict[Layout, dict[str, Any]] = {
 
 _EUROC_RATE_HZ = 20.0
 """Frames per second of EuRoC's cameras."""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("simulate", no_args_is_help=True)(simulate)
 
 
 def simulate(
@@ -115,7 +110,7 @@ def _flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _write_stages(terminal: "Terminal", out: Path, scenes: int, options: dict[str, Any]) -> str:
+def _write_stages(terminal: Terminal, out: Path, scenes: int, options: dict[str, Any]) -> str:
     """Write scenes on the light stage. Returns their number as text."""
     from tracknoise.cli.progress import frame_progress
     from tracknoise.paper.dtu_writer import IMAGE_FORMATS, write_dtu
@@ -134,7 +129,7 @@ def _write_stages(terminal: "Terminal", out: Path, scenes: int, options: dict[st
     return counted(scenes, "scene")
 
 
-def _write_sequences(terminal: "Terminal", layout: Layout, out: Path, scenes: int, options: dict[str, Any]) -> str:
+def _write_sequences(terminal: Terminal, layout: Layout, out: Path, scenes: int, options: dict[str, Any]) -> str:
     """Write sequences of a moving camera. Returns the number of frames as text."""
     from tracknoise.cli.progress import frame_progress
     from tracknoise.sequences.reader_registry import make_reader

@@ -13,6 +13,8 @@ from tracknoise.processes import error_of_stdout
 from tracknoise.text import printable
 
 _LAYOUT = "\n\t"
+WIDTH = 110
+"""Characters of a line of prose, at most."""
 
 
 def write_result(text: str) -> None:

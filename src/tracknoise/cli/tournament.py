@@ -18,11 +18,6 @@ from tracknoise.cli.shared_options import (
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("tournament")(tournament)
-
-
 def tournament(
     context: typer.Context,
     experiment: Annotated[

@@ -8,11 +8,6 @@ from tracknoise.cli.shared_options import DebugOption, QuietOption
 from tracknoise.cli.terminal import listing
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("trackers")(trackers)
-
-
 def trackers(
     context: typer.Context,
     kind: Annotated[str | None, typer.Argument(help="Tracker whose settings to show.")] = None,

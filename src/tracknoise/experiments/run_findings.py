@@ -22,9 +22,8 @@ from tracknoise.analysis.factors import dependence
 from tracknoise.analysis.gaussianity import gaussianity
 from tracknoise.analysis.lifetime_intervals import incidence_table
 from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
-from tracknoise.analysis.point_tracking import point_tracking_metrics
 from tracknoise.analysis.ranking import LEAST_TRACKERS, ranking
-from tracknoise.analysis.ratio_intervals import ratio_intervals
+from tracknoise.analysis.ratio_intervals import point_tracking_metrics, ratio_intervals
 from tracknoise.analysis.seed_spread import Repeat, seed_spread, widened
 from tracknoise.analysis.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.analysis.truth_shares import (

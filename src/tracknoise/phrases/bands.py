@@ -66,8 +66,6 @@ class Axis:
 
 AGE = Axis("age", "age (frames of the sequence)", "age 0", "age")
 FRAME = Axis("frame", "frame", "the key frame", "distance from the key frame")
-
-
 BOUNDS = ("u_low", "u_high", "v_low", "v_high")
 KIND: Schema = {"level": pl.Float64, "resampled": RESAMPLED, "n_resampled": pl.Int32}
 """Level of an interval, what was resampled, and in how many scenes."""
@@ -130,14 +128,27 @@ def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
     return values.with_columns(**ends, **{name: floor[axis] for name, axis in zip(FLOOR_COLUMNS, "uv", strict=True)})
 
 
-def describe_intervals(points: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:
+def interval_texts(rows: pl.DataFrame, n_scenes: str) -> list[str]:
+    """How intervals were made, each kind once. `rows`: columns level, resampled and the one named `n_scenes`."""
+    known = rows.drop_nulls(["level", "resampled", n_scenes])
+    kinds = known.group_by("level", "resampled").agg(pl.col(n_scenes).unique()).sort("level", "resampled")
+    return [interval_text(*row) for row in kinds.iter_rows()]
+
+
+def describe_bounds(rows: pl.DataFrame, *, of: str, marks: str = "Bands around") -> str:
+    """As `describe_intervals`, for the rows of a table that have bounds: columns low, high and n_scenes."""
+    return describe_intervals(rows.drop_nulls(["low", "high"]), of=of, marks=marks, n_scenes="n_scenes")
+
+
+def describe_intervals(
+    points: pl.DataFrame, *, of: str, marks: str = "Bands around", n_scenes: str = "n_resampled"
+) -> str:
     """Describe the bands, or other `marks`, that show intervals, or say that there are none.
 
-    `points`: columns `KIND`.
+    `points`: columns `KIND`; the count of scenes may have another name.
     """
-    known = points.drop_nulls(list(KIND))
-    groups = known.group_by("level", "resampled").agg(pl.col("n_resampled").unique()).sort("level", "resampled")
-    kinds = listing(interval_text(*row) for row in groups.iter_rows())
+    known = points.drop_nulls(["level", "resampled", n_scenes])
+    kinds = listing(interval_texts(known, n_scenes))
     if not kinds:
         return f"No intervals were computed for {of}."
     which = "Those from blocks" if known["resampled"].n_unique() > 1 else "They"

@@ -14,34 +14,15 @@ from tracknoise.phrases.headline import (
     ReportedConditions,
     RunTables,
     by_tracker,
-    curve_bounds,
+    curve_estimate,
+    curve_rows,
     curve_scenes,
 )
-from tracknoise.phrases.measures import (
-    Subject,
-    answer,
-    card_number,
-    first,
-    trimmed_word,
-    with_interval,
-)
+from tracknoise.phrases.measures import Subject, answer, card_number, first, trimmed_word, with_interval
 from tracknoise.phrases.sentences import because, each_axis, joined
-from tracknoise.phrases.withheld import (
-    audited_bias,
-    bias_covers,
-    covered_coordinates,
-    withheld_bias,
-)
+from tracknoise.phrases.withheld import audited_bias, bias_covers, covered_coordinates, withheld_bias
 from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
-from tracknoise.words import (
-    chance,
-    count,
-    format_estimate,
-    listing,
-    percent,
-    px,
-    sentence_case,
-)
+from tracknoise.words import chance, count, format_estimate, listing, percent, px, sentence_case
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -153,8 +134,8 @@ def _means(
         value = row[f"{name}_px"]
         one = Estimate.of_row(row, f"{name}_px", f"{name}_low_px", f"{name}_high_px", "px")
         if row["sign_flip_p"] is None:
-            where = intervals, conditions, "mean", row["at"], coordinate
-            one = Estimate.of(value, curve_bounds(*where, trimming=trimming, weighting=scenes), "px")
+            rows = curve_rows(intervals, conditions, "mean", row["at"], coordinate, trimming=trimming, weighting=scenes)
+            one = Estimate.of(value, curve_estimate(rows), "px")
         found += [] if value is None else [one]
     return found
 

@@ -6,24 +6,14 @@ from typing import Any
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-)
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.phrases.measures import short
 from tracknoise.tables.enumerations import EdgeSide, Surrounding
 from tracknoise.words import format_estimate, percent, px
 
 IN = {"u": "in u", "v": "in v", "along": "along the motion"}
 """What an error is in, or along."""
-
-
 _SIDES = {EdgeSide.far: "the far side", EdgeSide.near: "the near side"}
-
-
 _MOST = 0.5
 
 

@@ -11,14 +11,7 @@ import polars as pl
 from tracknoise.analysis.factors import ROLES
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.answer_summary import Answer, Judgement, Measure
-from tracknoise.phrases.headline import (
-    Headline,
-    ReportedConditions,
-    RunTables,
-    TrackerPart,
-    ids_of,
-    leading,
-)
+from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables, TrackerPart, ids_of, leading
 from tracknoise.phrases.measures import answer, reported_conditions, shown_size
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import because, joined
@@ -143,8 +136,6 @@ def _undecided(rows: pl.DataFrame) -> list[str]:
 
 
 _SECTION = "factor-effects"
-
-
 _QUESTION = "shown"
 
 

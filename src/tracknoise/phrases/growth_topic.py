@@ -8,13 +8,7 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.answer_summary import Measure
-from tracknoise.phrases.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-)
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.phrases.measures import (
     Subject,
     answer,
@@ -27,20 +21,9 @@ from tracknoise.phrases.measures import (
 )
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import because, joined
-from tracknoise.phrases.withheld import (
-    audited_rise,
-    growth_cover,
-    withheld_growth,
-)
+from tracknoise.phrases.withheld import audited_rise, growth_cover, withheld_growth
 from tracknoise.tables.enumerations import Axis, Behaviour, Verdict
-from tracknoise.words import (
-    count,
-    coverage_text,
-    format_estimate,
-    listing,
-    ratio,
-    sentence_case,
-)
+from tracknoise.words import count, coverage_text, format_estimate, listing, ratio, sentence_case
 
 _PARTS: Mapping[str, tuple[str, str]] = {
     "white_px_geometric": ("constant part", "px"),

@@ -12,6 +12,7 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, SceneGroups
+from tracknoise.phrases.bands import interval_texts
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION, TRIMMING
@@ -20,7 +21,6 @@ from tracknoise.tables.schema import VIEW
 from tracknoise.words import (
     count,
     coverage_text,
-    interval_text,
     next_scene_text,
     opening_place,
     place,
@@ -171,11 +171,7 @@ def in_brackets(rows: pl.DataFrame) -> str:
 
     `rows`: those reported, with columns low, high, level, resampled and n_scenes.
     """
-    made = rows.drop_nulls(["low", "high"])
-    if made.is_empty():
-        return ""
-    kinds = made.group_by("level", "resampled").agg(pl.col("n_scenes").unique()).sort("level", "resampled")
-    texts = [interval_text(*row) for row in kinds.iter_rows()]
+    texts = interval_texts(rows.drop_nulls(["low", "high"]), "n_scenes")
     return "".join(f" {'Others are' if place else 'In brackets:'} {text}." for place, text in enumerate(texts))
 
 
@@ -268,47 +264,6 @@ class ReportedConditions:
         return f"at speed {self.reference.speed}{view_text(view, several)}{limits}"
 
 
-def curve_bounds(
-    intervals: pl.DataFrame,
-    conditions: ReportedConditions,
-    role: str,
-    at: int,
-    coordinate: str,
-    *,
-    trimming: str | None = None,
-    weighting: str = Weighting.features,
-    aspect: Aspect = Aspect.all,
-    at_least: int | None = None,
-) -> Estimate | None:
-    """Estimate at a point of a curve, px; None where there is no interval. Second moments are given as roots.
-
-    Parameters
-    ----------
-    intervals
-        Rows of one condition.
-    conditions
-        Say which population and axis.
-    role
-        Of the statistic, as in `tracknoise.statistics.definitions.NAMES`, or core.
-    at, coordinate, trimming, weighting, aspect, at_least
-        As in the table; by default the trimming is that of the conditions.
-    """
-    found = curve_rows(
-        intervals,
-        conditions,
-        role,
-        at,
-        coordinate,
-        trimming=trimming,
-        weighting=weighting,
-        aspect=aspect,
-        at_least=at_least,
-    )
-    if role in ("second", "central"):
-        found = found.with_columns_seq(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
-    return _estimate(found.with_columns_seq(unit=pl.lit("px")))
-
-
 def curve_rows(
     intervals: pl.DataFrame,
     conditions: ReportedConditions,
@@ -321,7 +276,19 @@ def curve_rows(
     aspect: str = Aspect.all,
     at_least: int | None = None,
 ) -> pl.DataFrame:
-    """The row of a point of a curve, if there is one: see `curve_bounds`."""
+    """The row of a point of a curve, if there is one.
+
+    Parameters
+    ----------
+    intervals
+        Rows of one condition.
+    conditions
+        Say which population and axis.
+    role
+        Of the statistic, as in `tracknoise.statistics.definitions.NAMES`, or core.
+    at, coordinate, trimming, weighting, aspect, at_least
+        As in the table; by default the trimming is that of the conditions.
+    """
     return intervals.filter(
         pl.col("at_least").eq_missing(at_least),
         aspect=aspect,
@@ -333,6 +300,47 @@ def curve_rows(
         at=at,
         coordinate=coordinate,
     )
+
+
+_SQUARES = [NAMES[axis][role] for axis in Axis for role in ("second", "central")]
+
+
+def curve_estimate(rows: pl.DataFrame) -> Estimate | None:
+    """Estimate of a row of `curve_rows`, px; None where there is no interval. Second moments are given as roots."""
+    if rows["statistic"].is_in(_SQUARES).any():
+        rows = rows.with_columns_seq(pl.col("value", "low", "high").clip(lower_bound=0.0).sqrt())
+    return _estimate(rows.with_columns_seq(unit=pl.lit("px")))
+
+
+def size_estimate(
+    row: Mapping[str, Any],
+    intervals: pl.DataFrame,
+    conditions: ReportedConditions,
+    name: str,
+    coordinate: str,
+    trimming: str | None = None,
+) -> Estimate:
+    """Size of the errors of a condition at its reference age, px; without a number where it has no such age.
+
+    Parameters
+    ----------
+    row
+        Of schema `SUMMARY`.
+    intervals
+        Rows of the condition.
+    conditions
+        Say which population and axis.
+    name
+        core, as geometric mean over scenes, or rms, with features pooled.
+    coordinate, trimming
+        By default the trimming is that of the conditions.
+    """
+    at, trimming = row["at"], trimming or conditions.trimming
+    if at is None:
+        return Estimate(None, unit="px")
+    role, weighting = ("core", Weighting.geometric) if name == "core" else ("second", Weighting.features)
+    rows = curve_rows(intervals, conditions, role, at, coordinate, trimming=trimming, weighting=weighting)
+    return Estimate.of(row[f"{trimming}_{name}_{coordinate}_px"], curve_estimate(rows), "px")
 
 
 def curve_scenes(
@@ -368,43 +376,9 @@ def _scenes(found: pl.DataFrame, of: str, *, is_scale: bool) -> str:
     return " ".join([*texts, *untested])
 
 
-def scale_estimate(
-    intervals: pl.DataFrame,
-    conditions: ReportedConditions,
-    role: str,
-    at: int,
-    coordinate: str,
-    *,
-    trimming: str | None = None,
-) -> Estimate | None:
-    """Scale of the errors at a point of a curve, px, as the geometric mean over scenes of each scene's own.
-
-    Parameters
-    ----------
-    intervals
-        Rows of one condition.
-    conditions
-        Say which population and axis.
-    role
-        core, absolute or second, whose root is given.
-    at, coordinate, trimming
-        As in `curve_bounds`.
-    """
-    weighting = Weighting.geometric
-    return curve_bounds(intervals, conditions, role, at, coordinate, trimming=trimming, weighting=weighting)
-
-
-def scalar_bounds(intervals: pl.DataFrame, statistic: str) -> Estimate | None:
-    """Estimate of a statistic of which each condition has one number; None where there is no interval.
-
-    Parameters
-    ----------
-    intervals
-        Rows of one condition.
-    statistic
-        As in the table.
-    """
-    return _estimate(intervals.filter(statistic=statistic))
+def scalar_estimate(row: Mapping[str, Any], intervals: pl.DataFrame, statistic: str, unit: str) -> Estimate:
+    """A number of a row of `SUMMARY`, with its interval in the rows of the condition, if there is one."""
+    return Estimate.of(row[statistic], _estimate(intervals.filter(statistic=statistic)), unit)
 
 
 def _estimate(found: pl.DataFrame) -> Estimate | None:

@@ -18,8 +18,7 @@ from tracknoise.phrases.lookup_topic import noise_by_condition
 from tracknoise.phrases.ratio_topic import ratios
 from tracknoise.phrases.scene_topic import copied_scenes, few_scenes, grouped_scenes
 from tracknoise.phrases.shape_topic import shape
-from tracknoise.phrases.size_topic import size
-from tracknoise.phrases.survivor_topic import survivorship
+from tracknoise.phrases.size_topic import size, survivorship
 from tracknoise.phrases.track_topics import lifetimes, outliers
 from tracknoise.phrases.trimming_topic import trimming_matters
 from tracknoise.phrases.truth_topic import between_trackers, noise, pose_errors, self_referential, verdict_on_truth
@@ -52,7 +51,6 @@ _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] 
     lifetimes,
 )
 """Each makes a headline, or none where the tables have no rows about it; the most important first."""
-
 
 _FITTED_TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     copied_scenes,

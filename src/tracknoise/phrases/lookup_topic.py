@@ -12,15 +12,8 @@ from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.words import SPACE, format_as, listing, thousandths, times
 
 _BY = {Lookup.tracker: "tracker", Lookup.speed: "speed", Lookup.motion: "motion"}
-
-
 _ADDED = {Lookup.tracker: "The tracker", Lookup.speed: "The speed", Lookup.motion: "The motion of the scene"}
-
-
-_WHAT = {
-    Product.error: "errors about the first position",
-    Product.change: "changes of errors between observations",
-}
+_WHAT = {Product.error: "errors about the first position", Product.change: "changes of errors between observations"}
 
 
 def noise_by_condition(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:

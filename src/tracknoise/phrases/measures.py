@@ -13,14 +13,8 @@ from tracknoise.phrases.answer_summary import Answer, Number
 from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.phrases.run_data import RunData
 from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.enumerations import (
-    Verdict,
-)
-from tracknoise.words import (
-    bounds_text,
-    format_estimate,
-    sentence_case,
-)
+from tracknoise.tables.enumerations import Verdict
+from tracknoise.words import bounds_text, format_estimate, sentence_case
 
 
 def first(rows: pl.DataFrame) -> dict[str, Any] | None:
@@ -167,10 +161,5 @@ def reported_conditions(data: RunData, speed: int) -> ReportedConditions:
     frames = {name: frame for name, frame in found.items() if frame is not None}
     reference = ReferenceCondition(**data.view, speed=speed, key_frames=frames)
     return ReportedConditions(
-        reference,
-        data.trackers,
-        data.population,
-        data.percentile,
-        fitted=data.truth_is_fitted,
-        trimming=data.trimming,
+        reference, data.trackers, data.population, data.percentile, fitted=data.truth_is_fitted, trimming=data.trimming
     )

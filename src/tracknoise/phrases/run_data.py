@@ -32,15 +32,9 @@ class RunData:
         The run folder, which has the tables of single sequences.
     manifest, settings
         State of the run, and its resolved experiment.
-    curves, cores, lifetimes, outliers, trims, errors, counts, summary, effects, aspect_curves, changes
-        Its pooled tables.
-    two_truths, pose_disagreement, rigid_share, pose_share, pose_law, tracker_differences, intervals, incidence,
-    seed_spread, triangulated_noise, point_tracking_metrics, zero_mean, gaussianity, radii, time_structure, dependence,
-    ranks, advice, noise_lookup, window_sigmas, depth_intervals, own_covariances, surrounding_errors, image_cells,
-    speed_errors, findings
-        Its findings. These tables have no rows where findings were not computed.
-    audit, audit_curves, trust
-        What is wrong with the stated truth, and the verdict on it, see `tracknoise.tables.findings_schema`.
+    curves and all others
+        Tables of the run by their names in `tracknoise.tables.store`. Those of findings, and of the audit of the truth,
+        have no rows where these were not computed.
     """
 
     run: RunFolder
@@ -295,6 +289,12 @@ class RunData:
     def slowest(self) -> int:
         """The lowest speed: 1 is the nominal sequence."""
         return self.speeds[0] if self.speeds else 1
+
+    @property
+    def tracker_place(self) -> pl.Expr:
+        """Position of the tracker of a row in every list of trackers; others come last."""
+        order = {name: place for place, name in enumerate(self.trackers)}
+        return pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
 
     def place(self, tracker: str) -> int:
         """Position of a tracker in every list of trackers."""

@@ -1,12 +1,16 @@
-"""Sentences are short: how long they may be, and how a text or a reason becomes several of them."""
+"""Sentences: how long they may be, how a text or a reason becomes several of them, and the names in them."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from tracknoise.words import sentence_case
+from tracknoise.tables.schema import VIEW
+from tracknoise.words import listing, sentence_case, view_text
 
 MOST_WORDS, MOST_NUMBERS = 25, 3
 """No sentence has more words or numbers, apart from names."""
+MOST_NAMED = 4
+"""Of more names than this, only the first few are listed."""
 _END = re.compile(r"(?<=[.!?]) +")
 _CLAUSE = re.compile(r"[:;.] ")
 
@@ -44,3 +48,28 @@ def each_axis(texts: Sequence[str], opening: str = "In u it is") -> list[str]:
     """Sentences about u and v: `opening` and the first text, then ``In v it is`` and the second."""
     u, v = texts
     return [f"{opening} {u}.", f"In v it is {v}."]
+
+
+def by_statement(statements: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """Names by their statement.
+
+    Parameters
+    ----------
+    statements
+        Pairs of a name and its statement.
+    """
+    names: dict[str, list[str]] = {}
+    for name, statement in statements:
+        names.setdefault(statement, []).append(name)
+    return names
+
+
+def together(names: Sequence[str]) -> str:
+    """Names as part of a sentence: ``a and b``, or ``a, b, c and 17 others``."""
+    named = names if len(names) <= MOST_NAMED else [*names[: MOST_NAMED - 1], f"{len(names) - MOST_NAMED + 1} others"]
+    return listing(named)
+
+
+def condition_name(names: Mapping[str, Any]) -> str:
+    """Name a condition."""
+    return f"{names['tracker']} at speed {names['speed']}{view_text(names, [name for name in VIEW if name in names])}"

@@ -8,24 +8,11 @@ import polars as pl
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import Resampled
 from tracknoise.phrases.answer_summary import Measure
-from tracknoise.phrases.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-)
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.phrases.measures import Subject, answer, card_number, first, with_interval
 from tracknoise.phrases.sentences import reasons
 from tracknoise.tables.enumerations import Axis, Shape, Verdict
-from tracknoise.words import (
-    SHAPES,
-    SPACE,
-    format_estimate,
-    number,
-    percent,
-    sentence_case,
-)
+from tracknoise.words import SHAPES, SPACE, format_estimate, number, percent, sentence_case
 
 _MEANINGS = {Shape.contaminated: " (as if some came from a wider Gaussian)"}
 """What is added to the name of a shape that says little by itself."""
@@ -97,8 +84,6 @@ def band_text(axis: Axis, low: int, high: int | None) -> str:
 
 _GAUSSIAN_KURTOSIS = 8.0
 """Of two coordinates."""
-
-
 _HEAVY = (Shape.heavy_tailed, Shape.contaminated)
 
 

@@ -1,6 +1,6 @@
-"""How large errors are: the core, the root mean square, and how many errors lie far out."""
+"""How large errors are: the core, the root mean square, how many lie far out, and those of tracks that live long."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import polars as pl
@@ -14,30 +14,18 @@ from tracknoise.phrases.headline import (
     ReportedConditions,
     RunTables,
     by_tracker,
-    curve_bounds,
+    curve_estimate,
     curve_rows,
     curve_scenes,
     in_brackets,
-    scale_estimate,
+    size_estimate,
 )
-from tracknoise.phrases.measures import Subject, card_number, first, with_interval
+from tracknoise.phrases.measures import POOLED_WORDS, Subject, card_number, first, short, trimmed_word, with_interval
 from tracknoise.phrases.sentences import each_axis, joined
 from tracknoise.phrases.truth_topic import fitted_measure
 from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.tables.enumerations import (
-    Aspect,
-    Population,
-    Trimming,
-    Weighting,
-)
-from tracknoise.words import (
-    RMS_OF_SCENE,
-    SPACE,
-    count,
-    format_estimate,
-    listing,
-    percent,
-)
+from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
+from tracknoise.words import RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent
 
 _SECTION = "error-by-tracker"
 
@@ -64,22 +52,26 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     if row is None or row["at"] is None:
         return None
     intervals = conditions.of(tables["intervals"], tracker)
-    cores = [_core(intervals, conditions, row, axis) for axis in "uv"]
-    lengths = [scale_estimate(intervals, conditions, "second", row["at"], axis) for axis in "uv"]
-    pooled = [rms(intervals, conditions, row, axis, conditions.trimming) for axis in "uv"]
+    cores, pooled = (
+        {axis: size_estimate(row, intervals, conditions, name, axis) for axis in "uv"} for name in ("core", "rms")
+    )
+    cores = {axis: core for axis, core in cores.items() if core.value is not None}
+    lengths = [
+        curve_estimate(curve_rows(intervals, conditions, "second", row["at"], axis, weighting=Weighting.geometric))
+        for axis in "uv"
+    ]
     sentences = list(_cores(intervals, conditions, row["at"], tracker, cores))
-    which, roots = (RMS_OF_SCENE, lengths) if all(lengths) else (conditions.rms, pooled)
+    which, roots = (RMS_OF_SCENE, lengths) if all(lengths) else (conditions.rms, [*pooled.values()])
     sentences += each_axis([format_estimate(one) for one in roots if one is not None], f"Its {which} in u is")
     sentences += [*_beyond(row, conditions.trimming), *_grid(tables, conditions, tracker)]
-    every = [*cores, *roots]
-    return Part(" ".join(sentences), [one for one in every if one is not None])
+    return Part(" ".join(sentences), [one for one in (*cores.values(), *roots) if one is not None])
 
 
 def _cores(
-    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, tracker: str, cores: Sequence[Estimate | None]
+    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, tracker: str, cores: Mapping[str, Estimate]
 ) -> Iterator[str]:
     """Sentences about the cores in u and in v, of which either may be missing."""
-    known = {axis: format_estimate(core) for axis, core in zip("uv", cores, strict=True) if core is not None}
+    known = {axis: format_estimate(core) for axis, core in cores.items()}
     if not known:
         return
     axis, *_ = known
@@ -87,7 +79,7 @@ def _cores(
     yield f"The core of {tracker} in {axis} is {known[axis]}.{few[axis]}"
     if scenes := curve_scenes(intervals, conditions, "core", at, axis, weighting=Weighting.geometric):
         yield scenes
-    if len(known) == len(cores):
+    if len(known) == 2:
         yield f"In v the core is {known['v']}.{few['v']}"
     else:
         yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly zero."
@@ -103,14 +95,6 @@ def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int
     if not own or own[0] == max([*own, *other, *errors]):
         return ""
     return f" It is of {count(own[0], 'scene')}; the others have few errors, or mostly errors of exactly zero."
-
-
-def _core(
-    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str
-) -> Estimate | None:
-    value = row[f"{conditions.trimming}_core_{coordinate}_px"]
-    bounds = scale_estimate(intervals, conditions, "core", row["at"], coordinate)
-    return None if value is None else Estimate.of(value, bounds, "px")
 
 
 def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
@@ -144,7 +128,8 @@ def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
         return None
     intervals = conditions.of(tables["intervals"], tracker)
     trimmed, untrimmed = (
-        [rms(intervals, conditions, row, axis, trimming) for axis in "uv"] for trimming in conditions.trimmings
+        [size_estimate(row, intervals, conditions, "rms", axis, trimming) for axis in "uv"]
+        for trimming in conditions.trimmings
     )
     sentences = [
         *each_axis([*map(format_estimate, trimmed)], f"After trimming, the error of {tracker} in u is"),
@@ -183,14 +168,6 @@ def _places(tables: RunTables, conditions: ReportedConditions) -> str:
     return "".join(f" Those of {names} are {where}." for where, names in places)
 
 
-def rms(
-    intervals: pl.DataFrame, conditions: ReportedConditions, row: Mapping[str, Any], coordinate: str, trimming: str
-) -> Estimate:
-    """Root mean square error of a condition at its reference age, features pooled."""
-    bounds = curve_bounds(intervals, conditions, "second", row["at"], coordinate, trimming=trimming)
-    return Estimate.of(row[f"{trimming}_rms_{coordinate}_px"], bounds, "px")
-
-
 def _population(conditions: ReportedConditions) -> str:
     return " Occluded features are included." if conditions.population == Population.projected else ""
 
@@ -204,6 +181,40 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
     return in_brackets(conditions.reported(known))
 
 
+def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
+    """Whether long-lived tracks have smaller errors than all tracks."""
+    errors = f"{trimmed_word(conditions)}root mean square errors, {POOLED_WORDS}"
+    return by_tracker(
+        conditions.trackers,
+        lambda tracker: _survivorship_of(tables, conditions, tracker),
+        opening=f"Survivorship bias {conditions.where(tables['summary'])}, in {errors}.",
+        topic="survivorship",
+        figure="survivorship-bias",
+        table="intervals",
+    )
+
+
+def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
+    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    if row is None or row["at"] is None:
+        return None
+    since, trimming = abs(conditions.since(row["at"])), conditions.trimmings[0]
+    aspect = Aspect.long_lived
+    for age in sorted(intervals.filter(aspect=aspect)["at_least"].unique()):
+        rows = curve_rows(
+            intervals, conditions, "second", row["at"], "u", trimming=trimming, aspect=aspect, at_least=age
+        )
+        if age > since and (long := curve_estimate(rows)):
+            every = size_estimate(row, intervals, conditions, "rms", "u", trimming)
+            text = (
+                f"{conditions.opening_place(row['at'])}, tracks of {tracker} that live to age {age} are compared with "
+                f"all. Their error in u is {format_estimate(long)}. For all tracks it is {format_estimate(every)}."
+            )
+            brief = f"The RMS over the tracks of {tracker} that live long is {short(long)} in u."
+            return Part(text, [long, every], brief)
+    return None
+
+
 def size_measure(subject: Subject, smallest: Answer | None, *, shown: tuple[str, str]) -> Measure | None:
     """Size of the error at the reference age. `shown`: see `tracknoise.phrases.measures.shown_size`."""
     if subject.data.truth_is_fitted:
@@ -211,26 +222,16 @@ def size_measure(subject: Subject, smallest: Answer | None, *, shown: tuple[str,
     (name, axis), at = shown, subject.shared_at
     if at is None or subject.row is None:
         return None
+    rest = "v" if axis == "u" else "u"
     what, place = "core error" if name == "core" else subject.conditions.rms, subject.conditions.place(at)
-    number = card_number(_own_size(subject, name, axis))
+    number, other = (
+        card_number(size_estimate(subject.row, subject.intervals, subject.conditions, name, coordinate))
+        for coordinate in (axis, rest)
+    )
     if number.value is None:
         missing = f"unknown {place}: too few features"
         sentence = f"The error of {subject.tracker} is {missing}."
         return Measure("error", "px", number, None, smallest, f"{what} in {axis} {missing}", sentence, _SECTION)
-    rest = "v" if axis == "u" else "u"
-    note = f"{what} in {axis} {place}; in {rest} {card_number(_own_size(subject, name, rest)).text}"
+    note = f"{what} in {axis} {place}; in {rest} {other.text}"
     sentence = f"The {what} of {subject.tracker} in {axis} is {with_interval(number)}."
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
-
-
-def _own_size(subject: Subject, name: str, axis: str) -> Estimate | None:
-    """Core or RMS at the reference age, in one coordinate."""
-    row, at, trimming = subject.row, subject.at, subject.conditions.trimming
-    value = None if row is None else row[f"{trimming}_{name}_{axis}_px"]
-    if value is None or at is None:
-        return None
-    if name == "core":
-        bounds = scale_estimate(subject.intervals, subject.conditions, "core", at, axis)
-    else:
-        bounds = curve_bounds(subject.intervals, subject.conditions, "second", at, axis)
-    return Estimate.of(value, bounds, "px")

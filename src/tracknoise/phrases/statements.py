@@ -21,17 +21,9 @@ _MEASURES = {
     "lifetimes": ("lifetime",),
 }
 """Topics whose sentences are those of the cards, and the names of the measures."""
-
-
 _NUMBERS = ("ratios", "survivorship", "pose errors", "differences", "depth edges")
 """Topics whose sentences are numbers of the measured scenes."""
-
-
-_OF_TRACKERS = {
-    "covariances": covariance_sentence,
-    "depth": depth_sentence,
-    "depth noise": depth_noise_sentence,
-}
+_OF_TRACKERS = {"covariances": covariance_sentence, "depth": depth_sentence, "depth noise": depth_noise_sentence}
 """Topics with a sentence for each tracker."""
 
 

@@ -2,7 +2,6 @@
 
 import polars as pl
 
-from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.answer_summary import Answer, Measure
 from tracknoise.phrases.headline import (
     Headline,
@@ -10,28 +9,20 @@ from tracknoise.phrases.headline import (
     ReportedConditions,
     RunTables,
     by_tracker,
-    scalar_bounds,
+    scalar_estimate,
     scalar_scenes,
 )
-from tracknoise.phrases.measures import Subject, card_number, with_interval
+from tracknoise.phrases.measures import Subject, card_number, first, with_interval
 from tracknoise.text import counted
-from tracknoise.words import (
-    count,
-    format_estimate,
-    percent,
-)
+from tracknoise.words import count, format_estimate, percent
 
 _ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
-
-
 _LIFETIMES = {
     "median_lifetime": "",
     "restricted_mean_lifetime": "The restricted mean is {}.",
     "restricted_mean_until_failure": "Until failure it is {}.",
 }
 """Lifetimes that are reported, and their sentences after that of the median."""
-
-
 _FAILURE = (
     "A failure is a lost track or an outlier. Masked and displaced tracks then count as censored, which assumes that "
     "they would have failed like the others."
@@ -53,12 +44,11 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
 
 def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
     summary = conditions.of(tables["summary"], tracker)
-    ratio = _value(summary, "outlier_ratio")
-    if ratio is None:
+    if _value(summary, "outlier_ratio") is None:
         text = f"The outliers of {tracker} are not recorded."
         return None if _reports_causes(summary) else Part(text, [], text)
     intervals = conditions.of(tables["intervals"], tracker)
-    estimate = Estimate.of(ratio, scalar_bounds(intervals, "outlier_ratio"), "share")
+    estimate = scalar_estimate(summary.row(0, named=True), intervals, "outlier_ratio", "share")
     text = f"{tracker} rejects {format_estimate(estimate)} of its features per frame."
     text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
     return Part(text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate])
@@ -97,31 +87,20 @@ def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | N
 
 
 def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    rows = conditions.of(tables["summary"], tracker)
-    if not _value(rows, "n_tracks"):
+    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    if row is None or not row["n_tracks"]:
         return None
-    found = {name: _estimate(tables, conditions, tracker, name) for name in _LIFETIMES}
-    known = {name: format_estimate(estimate) for name, estimate in found.items() if estimate is not None}
+    found = {name: scalar_estimate(row, intervals, name, "frames") for name in _LIFETIMES if row[name] is not None}
+    known = {name: format_estimate(estimate) for name, estimate in found.items()}
     median = known.get(
         "median_lifetime", "unknown, because more than half of the tracks are alive at the end of the data"
     )
-    scenes = scalar_scenes(
-        conditions.of(tables["intervals"], tracker), "restricted_mean_lifetime", of="Of the restricted mean"
-    )
+    scenes = scalar_scenes(intervals, "restricted_mean_lifetime", of="Of the restricted mean")
     texts = [
         f"{tracker}: the median is {median}.",
         *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known),
     ]
-    return Part(
-        " ".join(filter(None, [*texts, scenes])), [estimate for estimate in found.values() if estimate is not None]
-    )
-
-
-def _estimate(tables: RunTables, conditions: ReportedConditions, tracker: str, statistic: str) -> Estimate | None:
-    """A lifetime of the summary, with its interval."""
-    value = _value(conditions.of(tables["summary"], tracker), statistic)
-    bounds = scalar_bounds(conditions.of(tables["intervals"], tracker), statistic)
-    return None if value is None else Estimate.of(value, bounds, "frames")
+    return Part(" ".join(filter(None, [*texts, scenes])), [*found.values()])
 
 
 def _value(rows: pl.DataFrame, column: str) -> float | None:
@@ -131,10 +110,9 @@ def _value(rows: pl.DataFrame, column: str) -> float | None:
 
 def outliers_measure(subject: Subject, fewest: Answer | None) -> Measure | None:
     """Share of features that the tracker rejects."""
-    value = None if subject.row is None else subject.row["outlier_ratio"]
-    if value is None:
+    if subject.row is None or subject.row["outlier_ratio"] is None:
         return None
-    shown = card_number(Estimate.of(value, scalar_bounds(subject.intervals, "outlier_ratio"), "share"))
+    shown = card_number(scalar_estimate(subject.row, subject.intervals, "outlier_ratio", "share"))
     sentence = f"{subject.tracker} rejects {with_interval(shown)} of its features per frame."
     note = "share of its features that a tracker rejects per frame"
     return Measure("outliers", "share", shown, None, fewest, note, sentence, "outlier-ratio")
@@ -148,7 +126,7 @@ def lifetime_measure(subject: Subject, longest: Answer | None) -> Measure | None
     statistic = "restricted_mean_lifetime" if rows["median_lifetime"].null_count() else "median_lifetime"
     if subject.row[statistic] is None:
         return None
-    shown = card_number(Estimate.of(subject.row[statistic], scalar_bounds(subject.intervals, statistic), "frames"))
+    shown = card_number(scalar_estimate(subject.row, subject.intervals, statistic, "frames"))
     tracks = f"tracks of {subject.tracker} is {with_interval(shown)}"
     note, sentence = "Kaplan-Meier median", f"The median lifetime of {tracks}."
     if statistic != "median_lifetime":

@@ -3,11 +3,7 @@
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import (
-    Answer,
-    Judgement,
-    Measure,
-)
+from tracknoise.phrases.answer_summary import Answer, Judgement, Measure
 from tracknoise.phrases.headline import (
     MOST_TRACKERS,
     Headline,
@@ -29,13 +25,7 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.prepared import POPULATIONS
 from tracknoise.tables.enumerations import Axis, FittedMeasure, FittedTo, Trimming, Trust
 from tracknoise.tables.trust import TruthVerdict
-from tracknoise.words import (
-    SELF_REFERENTIAL,
-    count,
-    format_estimate,
-    percent,
-    place,
-)
+from tracknoise.words import SELF_REFERENTIAL, count, format_estimate, percent, place
 
 _LEAST_SHARE = 0.1
 """Share of the second moment from which on pose errors are reported."""
@@ -138,8 +128,6 @@ _WITHHELD = (
     "Bias, shape and growth of the errors, survivorship bias, and effects of factors on errors are therefore not "
     "reported. True positions also contain the errors of poses and calibration."
 )
-
-
 _MEASURES = {
     FittedMeasure.triangulated: "From errors about the fitted points",
     FittedMeasure.epipolar: "From distances to epipolar lines",

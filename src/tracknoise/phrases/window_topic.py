@@ -9,47 +9,23 @@ import polars as pl
 from tracknoise.estimators.exports import PURPOSES, estimator
 from tracknoise.estimators.model import Purpose
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-    in_brackets,
-)
+from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.phrases.measures import reported_conditions, short
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.trust import TruthVerdict, explained_share
-from tracknoise.words import (
-    SPACE,
-    format_as,
-    format_estimate,
-    listing,
-    number,
-    pixels,
-    px,
-    ratio,
-)
+from tracknoise.words import SPACE, format_as, format_estimate, listing, number, pixels, px, ratio
 
 LONGEST_WINDOW = 15
 """Longest window that is reported, in observations."""
-
-
 LEAST_WINDOWS = 100
 """With fewer windows than this, or fewer that show the depth of their point, a number is not reported."""
-
-
 _ALIKE = 1.1
 """An uncertainty that is at most this many times another one counts as the same."""
-
-
 _UNITS = dict.fromkeys(("consistent_sigma", "residual_core", "sigma", "innovations"), "px")
 _ABOUT_DEPTH = ("consistent_sigma", "core_overconfidence")
-
-
 Quantities = Mapping[str, Estimate]
 
 
@@ -164,14 +140,20 @@ def _too_few(length: int) -> str:
 
 
 def _quantities(rows: pl.DataFrame) -> Quantities:
-    """Quantities of one length of window; those about depth only where enough windows show it."""
-    of = {row["quantity"]: row for row in rows.to_dicts()}
-    n_depth = of["depth_share"]["value"] * of["depth_share"]["n"] if "depth_share" in of else 0
+    """Quantities of one length of window."""
     return {
         name: Estimate.of_row(row, "value", "low", "high", _UNITS.get(name, ""))
-        for name, row in of.items()
-        if name not in _ABOUT_DEPTH or n_depth >= LEAST_WINDOWS
+        for name, row in _by_quantity(rows).items()
     }
+
+
+def _by_quantity(rows: pl.DataFrame) -> dict[str, dict[str, Any]]:
+    """Rows of one length of window; those about depth only where enough windows show it."""
+    found = {row["quantity"]: row for row in rows.to_dicts()}
+    shares = found.get("depth_share")
+    if shares is None or shares["n"] * shares["value"] < LEAST_WINDOWS:
+        return {name: row for name, row in found.items() if name not in _ABOUT_DEPTH}
+    return found
 
 
 def _with_depth(found: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
@@ -305,9 +287,4 @@ def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     length = None if data.truth_is_fitted else shown_window(data.window_sigmas, conditions)
     if length is None:
         return {}
-    rows = conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length)
-    found = {row["quantity"]: row for row in rows.to_dicts()}
-    shares = found.get("depth_share")
-    if shares is None or shares["n"] * shares["value"] < LEAST_WINDOWS:
-        return {name: row for name, row in found.items() if name not in _ABOUT_DEPTH}
-    return found
+    return _by_quantity(conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length))

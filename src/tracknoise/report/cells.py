@@ -42,11 +42,7 @@ class Cells:
         """Some of the columns, by their places, under another caption."""
         rows = [[row[place] for place in places] for row in self.rows]
         return Cells(
-            caption,
-            [self.headings[place] for place in places],
-            rows,
-            [self.numeric[place] for place in places],
-            groups,
+            caption, [self.headings[place] for place in places], rows, [self.numeric[place] for place in places], groups
         )
 
     @property

@@ -180,15 +180,19 @@ def verdict_cells(comparison: Comparison, run: str, rows: Sequence[Row]) -> list
     rows
         Its rows.
     """
-    named = varying(rows)
     tables = []
-    for of in dict.fromkeys(row.of for row in rows):
-        shown = [row for row in rows if row.of == of]
-        intervals = intervals_words(shown, comparison.level)
-        title = f"{run} compared with {comparison.first.name}: {condition_words(of, named)}"
+    for condition, intervals, shown in _by_condition(rows, comparison.level):
+        title = f"{run} compared with {comparison.first.name}: {condition}"
         caption = f"{title} ({intervals})" if intervals else title
         tables.append(Cells(caption, _HEADINGS, [_cells(row) for row in shown], _NUMERIC))
     return tables
+
+
+def _by_condition(rows: Sequence[Row], level: float) -> list[tuple[str, str, list[Row]]]:
+    """The rows of each condition, with its name and how its intervals were made."""
+    named = varying(rows)
+    found = {of: [row for row in rows if row.of == of] for of in dict.fromkeys(row.of for row in rows)}
+    return [(condition_words(of, named), intervals_words(shown, level), shown) for of, shown in found.items()]
 
 
 def _cells(row: Row) -> list[str]:
@@ -332,28 +336,10 @@ _MOST_OPEN = 4
 """Conditions whose tables are unfolded."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Line:
-    """One statistic of a condition, as the page shows it."""
-
-    row: Row
-    estimand: Estimand
-    effect: str
-    where: str
-    plot: Plot | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Condition:
-    title: str
-    intervals: str
-    lines: Sequence[_Line]
-
-
 def comparison_page(comparison: Comparison) -> str:
     """The page: the answer first, then every statistic with its interval, and what the runs differ in."""
     parts = [
-        (side, answers(rows), clearest(rows), _conditions(comparison, rows))
+        (side, answers(rows), clearest(rows), _by_condition(rows, comparison.level))
         for side, rows in zip(comparison.others, by_run(comparison).values(), strict=True)
     ]
     gate = None if comparison.gate is None else (gate_sentences(comparison.gate), gate_cells(comparison.gate))
@@ -362,19 +348,12 @@ def comparison_page(comparison: Comparison) -> str:
         parts=parts,
         gate=gate,
         most_open=_MOST_OPEN,
+        effect_words=effect_words,
+        where_words=where_words,
+        plot_of=plot_of,
         estimands=_estimands(comparison.rows),
         differences=[_page_differences(side.name, side.differs) for side in comparison.others],
     )
-
-
-def _conditions(comparison: Comparison, rows: Sequence[Row]) -> list[_Condition]:
-    named = varying(rows)
-    conditions = []
-    for of in dict.fromkeys(row.of for row in rows):
-        shown = [row for row in rows if row.of == of]
-        lines = [_Line(row, row.estimand, effect_words(row), where_words(row), plot_of(row)) for row in shown]
-        conditions.append(_Condition(condition_words(of, named), intervals_words(shown, comparison.level), lines))
-    return conditions
 
 
 def _estimands(rows: Sequence[Row]) -> list[Estimand]:

@@ -1,5 +1,6 @@
 """The first section of the report: the findings in sentences, and the verdicts for every tracker and speed."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import polars as pl
@@ -7,8 +8,8 @@ import polars as pl
 from tracknoise.analysis.zero_mean import verdict_at
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.growth_topic import growth_ratio, kind_of_growth
-from tracknoise.phrases.headline import ReportedConditions, curve_bounds, scalar_bounds, scale_estimate
-from tracknoise.phrases.measures import first, reported_conditions
+from tracknoise.phrases.headline import ReportedConditions, scalar_estimate, size_estimate
+from tracknoise.phrases.measures import SIZES, first, reported_conditions
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estimate, number, rms_of_tracks
@@ -68,7 +69,7 @@ def fitted_noise(data: ReportData) -> Cells | None:
             _lengths(row["length_low"], row["length_high"]),
             str(row["coordinate"]),
             number(row["n"]),
-            _px(row["sigma_px"], Estimate.of_row(row, "sigma_px", "low", "high", "px")),
+            _px(Estimate.of_row(row, "sigma_px", "low", "high", "px")),
         ]
         for row in rows.to_dicts()
     ]
@@ -108,43 +109,33 @@ def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
     summary = first(chosen.of(data.summary, tracker))
     if summary is None:
         return []
+    intervals = chosen.of(data.intervals, tracker)
     return [
         tracker,
         str(speed),
-        *_sizes(data, chosen, tracker, summary["at"]),
+        *_sizes(data, chosen, intervals, summary),
         _zero_mean(data, chosen, tracker, summary["at"]),
         *_shapes(data, chosen, tracker, summary["at"]),
         *(_growth(data, chosen, tracker, coordinate) for coordinate in "uv"),
-        _outliers(data, chosen, tracker),
-        _median_lifetime(data, chosen, tracker),
+        *(
+            DASH if summary[name] is None else format_estimate(scalar_estimate(summary, intervals, name, unit))
+            for name, unit in (("outlier_ratio", "share"), ("median_lifetime", "frames"))
+        ),
     ]
 
 
-def _sizes(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> list[str]:
+def _sizes(
+    data: ReportData, conditions: ReportedConditions, intervals: pl.DataFrame, summary: Mapping[str, Any]
+) -> list[str]:
     """The reference age, and sizes of errors there. Withheld where points are fitted to the tracks."""
-    if at is None or data.truth_is_fitted:
+    if summary["at"] is None or data.truth_is_fitted:
         return [DASH] * 5
-    return [str(at), *(size(data, conditions, tracker, coordinate) for size in (_core, _rms) for coordinate in "uv")]
+    found = [size_estimate(summary, intervals, conditions, name, axis) for name in SIZES for axis in "uv"]
+    return [str(summary["at"]), *map(_px, found)]
 
 
-def _core(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
-    """Core at the reference age: geometric mean over scenes."""
-    row = conditions.of(data.summary, tracker).row(0, named=True)
-    intervals = conditions.of(data.intervals, tracker)
-    bounds = None if row["at"] is None else scale_estimate(intervals, conditions, "core", row["at"], coordinate)
-    return _px(row[f"{data.trimming}_core_{coordinate}_px"], bounds)
-
-
-def _rms(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
-    """Root mean square error at the reference age: features pooled."""
-    row = conditions.of(data.summary, tracker).row(0, named=True)
-    intervals = conditions.of(data.intervals, tracker)
-    bounds = None if row["at"] is None else curve_bounds(intervals, conditions, "second", row["at"], coordinate)
-    return _px(row[f"{data.trimming}_rms_{coordinate}_px"], bounds)
-
-
-def _px(value: float | None, bounds: Estimate | None) -> str:
-    return DASH if value is None else format_estimate(Estimate.of(value, bounds, "px")).replace(f"{SPACE}px", "")
+def _px(estimate: Estimate) -> str:
+    return DASH if estimate.value is None else format_estimate(estimate).replace(f"{SPACE}px", "")
 
 
 def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> str:
@@ -173,19 +164,3 @@ def _growth(data: ReportData, conditions: ReportedConditions, tracker: str, coor
     if row is None or found is None:
         return DASH
     return f"{format_estimate(found)} times; {kind_of_growth(row)}"
-
-
-def _outliers(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
-    value = conditions.of(data.summary, tracker)["outlier_ratio"][0]
-    if value is None:
-        return DASH
-    bounds = scalar_bounds(conditions.of(data.intervals, tracker), "outlier_ratio")
-    return format_estimate(Estimate.of(value, bounds, "share"))
-
-
-def _median_lifetime(data: ReportData, conditions: ReportedConditions, tracker: str) -> str:
-    value = conditions.of(data.summary, tracker)["median_lifetime"][0]
-    if value is None:
-        return DASH
-    bounds = scalar_bounds(conditions.of(data.intervals, tracker), "median_lifetime")
-    return format_estimate(Estimate.of(value, bounds, "frames"))

@@ -9,8 +9,8 @@ from typing import Any
 import polars as pl
 
 from tracknoise.phrases.bands import FRAME
-from tracknoise.phrases.names import MOST_NAMED, by_statement, condition_name, together
 from tracknoise.phrases.run_data import MOST_CONDITIONS
+from tracknoise.phrases.sentences import MOST_NAMED, by_statement, condition_name, together
 from tracknoise.report.cells import Cells, cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.prepared import POPULATIONS

@@ -34,11 +34,7 @@ _LANDMARKS = {
     Landmark.EXACT: "first observation exact",
     Landmark.STATE: "first direction a state",
 }
-_PURPOSES = {
-    Purpose.INNOVATIONS: "innovations",
-    Purpose.ALL_POSES: "all poses",
-    Purpose.NEWEST_POSE: "newest pose",
-}
+_PURPOSES = {Purpose.INNOVATIONS: "innovations", Purpose.ALL_POSES: "all poses", Purpose.NEWEST_POSE: "newest pose"}
 
 
 def model_sentences(model: NoiseModel, name: str) -> list[str]:

@@ -1,10 +1,5 @@
 """Columns of the tables that hold findings, the audit of the truth, and effects.
 
-- Columns of the tables of the audit of the truth: what it is made from, and what it finds.
-- Columns of the tables of `tracknoise effects`.
-
-Columns of the tables that hold findings: intervals, tests, verdicts, and the sentences made of them.
-
 Every interval states its level, its method (`kind`), and what was resampled: `scenes`, `groups` of scenes, scenes
 `within` their groups, or, if there are too few scenes, `blocks` of tracks within them. An interval from blocks holds
 for these scenes only, one from scenes within their groups for these groups only. `kind` is the one that the experiment
@@ -26,6 +21,7 @@ from tracknoise.tables.schema import (
     FITTED_MEASURE,
     FITTED_TO,
     ORIGIN,
+    POOLED,
     POPULATION,
     PRODUCT,
     SEQUENCE,
@@ -55,10 +51,10 @@ _ESTIMATED: Schema = {
     "n_units": pl.Int32,
     "n_scenes": pl.Int32,
 }
-_POOLED: Schema = {"dataset": pl.String, **CONDITION}
+_ESTIMATE: Schema = {"value": pl.Float64, **_ESTIMATED}
 
 INTERVALS: Schema = {
-    **_POOLED,
+    **POOLED,
     "aspect": ASPECT,
     "at_least": pl.UInt32,
     "population": POPULATION,
@@ -69,12 +65,8 @@ INTERVALS: Schema = {
     "at": pl.Int64,
     "coordinate": pl.String,
     "unit": pl.String,
-    "value": pl.Float64,
-    **_ESTIMATED,
-    "spread": pl.Float64,
-    "next_low": pl.Float64,
-    "next_high": pl.Float64,
-    "coverage": pl.Float64,
+    **_ESTIMATE,
+    **dict.fromkeys(("spread", "next_low", "next_high", "coverage"), pl.Float64),
 }
 """One row per number that has an interval: every point of every curve, and every scalar of every condition.
 
@@ -92,7 +84,7 @@ weights of these scenes.
 """
 
 INCIDENCE: Schema = {
-    **_POOLED,
+    **POOLED,
     "cause": CAUSE,
     "lifetime": pl.Int64,
     "incidence": pl.Float64,
@@ -104,13 +96,8 @@ At every lifetime, the incidences of all causes and the survival of `LIFETIMES` 
 incidence is 0 or 1, or nothing can be resampled.
 """
 
-_ESTIMATE: Schema = {
-    "value": pl.Float64,
-    **_ESTIMATED,
-}
-
 TWO_TRUTHS: Schema = {
-    **_POOLED,
+    **POOLED,
     "quantity": TRUTH_QUANTITY,
     "trimming": TRIMMING,
     "age": pl.UInt32,
@@ -143,7 +130,7 @@ unless the experiment has a second truth.
 """
 
 TRIANGULATED_NOISE: Schema = {
-    **_POOLED,
+    **POOLED,
     "measure": FITTED_MEASURE,
     "trimming": TRIMMING,
     "length_low": pl.Int64,
@@ -164,13 +151,12 @@ other kinds of truth.
 """
 
 WINDOW_SIGMAS: Schema = {
-    **_POOLED,
+    **POOLED,
     "trimming": TRIMMING,
     "window": pl.UInt32,
     "quantity": pl.String,
     "n": pl.Int64,
-    "value": pl.Float64,
-    **_ESTIMATED,
+    **_ESTIMATE,
 }
 """The noise to give to an estimator, by length of its windows: see `tracknoise.estimators.window_noise`.
 
@@ -178,7 +164,7 @@ Sigmas, residual_core and z_root_mean_square are in px, all others have no unit.
 """
 
 ADVICE: Schema = {
-    **_POOLED,
+    **POOLED,
     **dict.fromkeys(("estimator", "landmark", "purpose", "kernel"), pl.String),
     "window": pl.UInt32,
     "quantity": pl.String,
@@ -215,15 +201,14 @@ one. n counts errors.
 """
 
 DEPTH_INTERVALS: Schema = {
-    **_POOLED,
+    **POOLED,
     "trimming": TRIMMING,
     "window": pl.UInt32,
     "covariance": pl.String,
     "quantity": pl.String,
     "sigma_px": pl.Float64,
     "n": pl.Int64,
-    "value": pl.Float64,
-    **_ESTIMATED,
+    **_ESTIMATE,
 }
 """What estimators would claim of the depths of points of other scenes: see `tracknoise.estimators.depth_intervals`.
 
@@ -232,11 +217,10 @@ has a unit.
 """
 
 POINT_TRACKING_METRICS: Schema = {
-    **_POOLED,
+    **POOLED,
     "raster": pl.String,
     "metric": pl.String,
-    "value": pl.Float64,
-    **_ESTIMATED,
+    **_ESTIMATE,
 }
 """Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.
 
@@ -244,7 +228,7 @@ The table has rows only where the experiment asks for these metrics.
 """
 
 SEED_SPREAD: Schema = {
-    **_POOLED,
+    **POOLED,
     **{
         name: INTERVALS[name]
         for name in ("population", "trimming", "weighting", "statistic", "axis", "at", "coordinate", "unit")
@@ -261,28 +245,17 @@ to the interval of the number in `INTERVALS`. Intervals that resample scenes inc
 """
 
 ZERO_MEAN: Schema = {
-    **_POOLED,
+    **POOLED,
     "trimming": TRIMMING,
     "axis": pl.String,
     "at": pl.Int64,
     "n": pl.Int64,
     "n_scenes": pl.Int32,
-    "mean_u_px": pl.Float64,
-    "mean_u_low_px": pl.Float64,
-    "mean_u_high_px": pl.Float64,
-    "mean_v_px": pl.Float64,
-    "mean_v_low_px": pl.Float64,
-    "mean_v_high_px": pl.Float64,
-    "effect_px": pl.Float64,
-    "effect_low_px": pl.Float64,
-    "effect_high_px": pl.Float64,
-    "share_of_second": pl.Float64,
-    "hotelling_p": pl.Float64,
-    "hotelling_p_adjusted": pl.Float64,
-    "sign_flip_p": pl.Float64,
-    "sign_flip_p_adjusted": pl.Float64,
-    "sign_flip_p_family": pl.Float64,
-    "iid_p": pl.Float64,
+    **dict.fromkeys(("mean_u_px", "mean_u_low_px", "mean_u_high_px"), pl.Float64),
+    **dict.fromkeys(("mean_v_px", "mean_v_low_px", "mean_v_high_px"), pl.Float64),
+    **dict.fromkeys(("effect_px", "effect_low_px", "effect_high_px", "share_of_second"), pl.Float64),
+    **dict.fromkeys(("hotelling_p", "hotelling_p_adjusted"), pl.Float64),
+    **dict.fromkeys(("sign_flip_p", "sign_flip_p_adjusted", "sign_flip_p_family", "iid_p"), pl.Float64),
     "verdict": VERDICT,
     "why": pl.String,
 }
@@ -297,46 +270,25 @@ features. The verdict `yes` means that the mean differs from zero, `undecided` t
 """
 
 GAUSSIANITY: Schema = {
-    **_POOLED,
+    **POOLED,
     "trimming": TRIMMING,
     "age_low": pl.Int64,
     "age_high": pl.Int64,
     "n": pl.Int64,
     "n_sampled": pl.Int64,
     "n_scenes": pl.Int32,
-    "skewness": pl.Float64,
-    "kurtosis": pl.Float64,
-    "kurtosis_low": pl.Float64,
-    "kurtosis_high": pl.Float64,
-    "tail_99": pl.Float64,
-    "tail_999": pl.Float64,
-    "gain_student_nats": pl.Float64,
-    "gain_student_low": pl.Float64,
-    "gain_student_high": pl.Float64,
-    "gain_mixture_nats": pl.Float64,
-    "gain_mixture_low": pl.Float64,
-    "gain_mixture_high": pl.Float64,
-    "student_nu": pl.Float64,
-    "student_scale_px": pl.Float64,
-    "mixture_share": pl.Float64,
-    "mixture_ratio": pl.Float64,
-    "skewness_within": pl.Float64,
-    "kurtosis_within": pl.Float64,
-    "kurtosis_within_low": pl.Float64,
-    "kurtosis_within_high": pl.Float64,
-    "tail_99_within": pl.Float64,
-    "gain_student_within_nats": pl.Float64,
-    "gain_student_within_low": pl.Float64,
-    "gain_student_within_high": pl.Float64,
-    "gain_mixture_within_nats": pl.Float64,
-    "gain_mixture_within_low": pl.Float64,
-    "gain_mixture_within_high": pl.Float64,
-    "gain_scales_nats": pl.Float64,
-    "gain_scales_low": pl.Float64,
-    "gain_scales_high": pl.Float64,
-    "student_nu_within": pl.Float64,
-    "mixture_share_within": pl.Float64,
-    "mixture_ratio_within": pl.Float64,
+    **dict.fromkeys(("skewness", "kurtosis", "kurtosis_low", "kurtosis_high", "tail_99", "tail_999"), pl.Float64),
+    **dict.fromkeys(("gain_student_nats", "gain_student_low", "gain_student_high"), pl.Float64),
+    **dict.fromkeys(("gain_mixture_nats", "gain_mixture_low", "gain_mixture_high"), pl.Float64),
+    **dict.fromkeys(("student_nu", "student_scale_px", "mixture_share", "mixture_ratio"), pl.Float64),
+    **dict.fromkeys(
+        ("skewness_within", "kurtosis_within", "kurtosis_within_low", "kurtosis_within_high", "tail_99_within"),
+        pl.Float64,
+    ),
+    **dict.fromkeys(("gain_student_within_nats", "gain_student_within_low", "gain_student_within_high"), pl.Float64),
+    **dict.fromkeys(("gain_mixture_within_nats", "gain_mixture_within_low", "gain_mixture_within_high"), pl.Float64),
+    **dict.fromkeys(("gain_scales_nats", "gain_scales_low", "gain_scales_high"), pl.Float64),
+    **dict.fromkeys(("student_nu_within", "mixture_share_within", "mixture_ratio_within"), pl.Float64),
     "kind": INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
@@ -355,13 +307,11 @@ these. gain_scales is what the different scales of scenes add: Student's gain le
 """
 
 RADII: Schema = {
-    **_POOLED,
+    **POOLED,
     "trimming": TRIMMING,
     "age_low": pl.Int64,
     "age_high": pl.Int64,
-    "probability": pl.Float64,
-    "expected": pl.Float64,
-    "observed": pl.Float64,
+    **dict.fromkeys(("probability", "expected", "observed"), pl.Float64),
 }
 """Radial QQ plot: quantiles of the Mahalanobis distance, observed and of a Gaussian of the same covariance."""
 
@@ -374,7 +324,7 @@ _GROWTH = (
 )
 
 TIME_STRUCTURE: Schema = {
-    **_POOLED,
+    **POOLED,
     "trimming": TRIMMING,
     "coordinate": pl.String,
     "n_ages": pl.Int32,
@@ -410,31 +360,14 @@ DEPENDENCE: Schema = {
     "dataset": pl.String,
     "factor": pl.String,
     **CONDITION,
-    "statistic": pl.String,
-    "axis": pl.String,
-    "unit": pl.String,
-    "level_a": pl.String,
-    "level_b": pl.String,
-    "larger": pl.String,
-    "better": pl.String,
-    "coordinate": pl.String,
+    **dict.fromkeys(("statistic", "axis", "unit", "level_a", "level_b", "larger", "better", "coordinate"), pl.String),
     "at": pl.Int64,
-    "effect": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "most": pl.Float64,
+    **dict.fromkeys(("effect", "low", "high", "most"), pl.Float64),
     "kind": EFFECT_INTERVAL_KIND,
     "level": pl.Float64,
     "resampled": RESAMPLED,
-    "margin": pl.Float64,
-    "p_yes": pl.Float64,
-    "q_yes": pl.Float64,
-    "p_no": pl.Float64,
-    "q_no": pl.Float64,
-    "n_levels": pl.Int32,
-    "n_pairs": pl.Int32,
-    "n_scenes": pl.Int32,
-    "n_places": pl.Int32,
+    **dict.fromkeys(("margin", "p_yes", "q_yes", "p_no", "q_no"), pl.Float64),
+    **dict.fromkeys(("n_levels", "n_pairs", "n_scenes", "n_places"), pl.Int32),
     "at_low": pl.Int64,
     "at_high": pl.Int64,
     "horizon": pl.Float64,
@@ -465,9 +398,8 @@ moment; lifetime and outlier ratio; the others) of one cell, such as one tracker
 Hochberg over the rows of a factor about the same statistic.
 """
 
-
 RIGID_SHARE: Schema = {
-    **_POOLED,
+    **POOLED,
     "fitted_to": FITTED_TO,
     "age": pl.Int64,
     "coordinate": pl.String,
@@ -486,7 +418,7 @@ left_px2 does. coordinate is u, v or both.
 """
 
 POSE_SHARE: Schema = {
-    **_POOLED,
+    **POOLED,
     "fitted_to": FITTED_TO,
     "n": pl.Int64,
     "share": pl.Float64,
@@ -504,8 +436,7 @@ POSE_LAW: Schema = {
     "law": pl.String,
     "unit": pl.String,
     "n": pl.Int64,
-    "value": pl.Float64,
-    **_ESTIMATED,
+    **_ESTIMATE,
 }
 """Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
 
@@ -515,15 +446,14 @@ whatever its cause.
 """
 
 TRACKER_DIFFERENCES: Schema = {
-    **_POOLED,
+    **POOLED,
     "other": pl.String,
     "statistic": pl.String,
     "age": pl.Int64,
     "coordinate": pl.String,
     "unit": pl.String,
     "n": pl.Int64,
-    "value": pl.Float64,
-    **_ESTIMATED,
+    **_ESTIMATE,
     "established": pl.Boolean,
 }
 """Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.
@@ -552,7 +482,7 @@ it shares with another tracker. level is that of the comparisons.
 """
 
 SURROUNDING_ERRORS: Schema = {
-    **_POOLED,
+    **POOLED,
     "surrounding": SURROUNDING,
     "class": pl.String,
     "class_low": pl.Float64,
@@ -563,8 +493,7 @@ SURROUNDING_ERRORS: Schema = {
     "statistic": pl.String,
     "unit": pl.String,
     "n": pl.Int64,
-    "value": pl.Float64,
-    **_ESTIMATED,
+    **_ESTIMATE,
 }
 """Untrimmed errors by what surrounds a feature: one row per property, class, age, coordinate and statistic.
 
@@ -581,7 +510,7 @@ second_removed_by_others the share that excluding all other classes removes.
 """
 
 IMAGE_CELLS: Schema = {
-    **_POOLED,
+    **POOLED,
     "axis": pl.String,
     "at": pl.Int64,
     "row": pl.Int32,
@@ -599,19 +528,18 @@ with the probability of the level. differs says whether they exclude a mean of z
 """
 
 RATIO_VALUES: Schema = {
-    **_POOLED,
+    **POOLED,
     "quantity": pl.String,
     "trimming": TRIMMING,
     "axis": pl.String,
     "at": pl.Int64,
     "n": pl.Int64,
-    "value": pl.Float64,
-    **_ESTIMATED,
+    **_ESTIMATE,
 }
 """Ratios of sums over features, by age: the quantities of `tracknoise.tables.quantities.RATIOS`, features pooled."""
 
 OWN_COVARIANCES: Schema = {
-    **_POOLED,
+    **POOLED,
     "covariance": pl.String,
     "trimming": TRIMMING,
     "quantity": pl.String,
@@ -630,7 +558,7 @@ which errors are large.
 """
 
 SPEED_ERRORS: Schema = {
-    **_POOLED,
+    **POOLED,
     "axis": pl.String,
     "at": pl.Int64,
     "class_low": pl.Float64,
@@ -647,18 +575,13 @@ The motion is that of the true position since the previous frame that the tracke
 
 FINDINGS: Schema = {
     "rank": pl.Int32,
-    "topic": pl.String,
-    "text": pl.String,
-    "figure": pl.String,
-    "table": pl.String,
+    **dict.fromkeys(("topic", "text", "figure", "table"), pl.String),
     "value": pl.Float64,
     "low": pl.Float64,
     "high": pl.Float64,
     "unit": pl.String,
     "rows": pl.List(pl.String),
-    "brief": pl.String,
-    "opening": pl.String,
-    "closing": pl.String,
+    **dict.fromkeys(("brief", "opening", "closing"), pl.String),
     "parts": pl.List(pl.Struct({"tracker": pl.String, "text": pl.String, "rows": pl.List(pl.String)})),
 }
 """Findings as sentences, the most important first.
@@ -766,27 +689,14 @@ It has no rows where depth is not that of a map, or too few points are in two ma
 AUDIT: Schema = {
     "dataset": pl.String,
     "rank": pl.Int32,
-    "family": pl.String,
-    "parameter": pl.String,
-    "component": pl.String,
-    "unit": pl.String,
-    "stated": pl.Float64,
-    "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "in_frames": pl.Float64,
-    "level": pl.Float64,
-    "resampled": pl.Enum(Resampled),
+    **dict.fromkeys(("family", "parameter", "component", "unit"), pl.String),
+    **dict.fromkeys(("stated", "value", "low", "high", "in_frames", "level"), pl.Float64),
+    "resampled": RESAMPLED,
     "n_units": pl.Int32,
     "n_scenes": pl.Int32,
     "n": pl.Int64,
-    "p": pl.Float64,
-    "gain": pl.Float64,
-    "gain_low": pl.Float64,
-    "gain_high": pl.Float64,
-    "second_moment_share": pl.Float64,
-    "condition": pl.Float64,
-    "correlation": pl.Float64,
+    **dict.fromkeys(("p", "gain", "gain_low", "gain_high"), pl.Float64),
+    **dict.fromkeys(("second_moment_share", "condition", "correlation"), pl.Float64),
     "correlated_with": pl.String,
     "visible_above": pl.Float64,
     "verdict": pl.Enum(AuditVerdict),
@@ -887,11 +797,7 @@ EFFECT_CHANGES: Schema = {
     "age": pl.UInt32,
     "statistic": EFFECT_STATISTIC,
     "unit": pl.String,
-    "clean": pl.Float64,
-    "changed": pl.Float64,
-    "change": pl.Float64,
-    "change_low": pl.Float64,
-    "change_high": pl.Float64,
+    **dict.fromkeys(("clean", "changed", "change", "change_low", "change_high"), pl.Float64),
     "n_scenes": pl.Int32,
 }
 """One row per effect, size, tracker, age and statistic: means over scenes, and of the change within scenes.

@@ -1,10 +1,6 @@
 """What a run folder says of itself: its manifest, and those of its settings that readers of it need.
 
-- The settings of a run as its ``experiment.toml`` has them, as far as those need them who read a run.
-
-The manifest of a run: versions and settings, the sequences that were measured, and those that failed.
-
-It carries a hash of its own content, so that damage is noticed when it is read.
+The manifest carries a hash of its own content, so that damage is noticed when it is read.
 """
 
 import hashlib

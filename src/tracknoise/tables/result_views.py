@@ -265,12 +265,19 @@ def _decoded(column: str, kind: pl.DataType | type[pl.DataType]) -> pl.Expr:
     return pl.col(column)
 
 
-_CONDITION = {"dataset": "dataset", **{name: name for name in CONDITION}}
-_ESTIMATED = {"low": "low", "high": "high", "interval": "kind", "level": "level"} | {
-    name: name for name in ("resampled", "n_units", "n_scenes")
-}
-_OF_INTERVALS = _ESTIMATED | {name: name for name in ("unit", "spread", "next_low", "next_high", "coverage")}
-_COUNTED = {"n": "n", "n_scenes": "n_scenes"}
+def _same(*names: str) -> dict[str, str]:
+    return {name: name for name in names}
+
+
+def _bounds_of(stem: str, unit: str = "") -> dict[str, str]:
+    return {"low": f"{stem}_low{unit}", "high": f"{stem}_high{unit}"}
+
+
+_CONDITION = _same("dataset", *CONDITION)
+_ESTIMATED = _same("low", "high", "level", "resampled", "n_units", "n_scenes") | {"interval": "kind"}
+_WITH_N = _ESTIMATED | {"n": "n"}
+_OF_INTERVALS = _ESTIMATED | _same("unit", "spread", "next_low", "next_high", "coverage")
+_COUNTED = _same("n", "n_scenes")
 _ROLES: Mapping[str, Mapping[str, str]] = {
     "mean_error": {"age": "nu", "frame": "mu"},
     "mean_absolute_error": {"age": "eta", "frame": "kappa"},
@@ -278,7 +285,7 @@ _ROLES: Mapping[str, Mapping[str, str]] = {
     "central_moment": {"age": "central", "frame": "central"},
 }
 """Statistics of errors, and their names in curves by age and by frame."""
-_POINT = {name: name for name in ("aspect", "at_least", "population", "trimming", "weighting", "at")}
+_POINT = _same("aspect", "at_least", "population", "trimming", "weighting", "at")
 _LIFETIMES = (
     *("mean_lifetime", "median_lifetime", "lower_quartile_lifetime", "upper_quartile_lifetime"),
     *("restricted_mean_lifetime", "median_until_failure", "restricted_mean_until_failure"),
@@ -289,10 +296,6 @@ _SORTED = [
     *("dataset", *CONDITION, "aspect", "at_least", "population", "trimming", "weighting", "statistic", "axis", "at"),
     "coordinate",
 ]
-
-
-def _same(*names: str) -> dict[str, str]:
-    return {name: name for name in names}
 
 
 def _curves(keys: Columns, columns: Schema, only: pl.Expr, labels: Constants) -> View:
@@ -344,19 +347,15 @@ def _changes() -> View:
 
 
 def _cores() -> View:
-    labels: Constants = {"aspect": Aspect.all, "weighting": Weighting.geometric}
     values = []
     for axis in ("age", "frame"):
         for quantity, stem in (("core", "core_{}_px"), ("share_beyond_three_cores", "beyond_{}")):
             for name in "uv":
                 counted = {"n": f"n_{name}", "n_scenes": f"n_scenes_{name}", "cut": "cut"}
                 carried = counted if quantity == "core" else {}
-                own = labels if quantity == "core" else {**labels, "weighting": Weighting.features}
-                values.append(
-                    Value(
-                        quantity, stem.format(name), {**own, "axis": axis, "coordinate": name}, {"axis": axis}, carried
-                    )
-                )
+                weighting = Weighting.geometric if quantity == "core" else Weighting.features
+                labels = {"aspect": Aspect.all, "weighting": weighting, "axis": axis, "coordinate": name}
+                values.append(Value(quantity, stem.format(name), labels, {"axis": axis}, carried))
     keys = {**_CONDITION, **_same("population", "trimming", "at")}
     only = pl.col("n").is_not_null() | (pl.col("quantity") == "share_beyond_three_cores")
     sort = [name for name in schema.CORES if name in (*_CONDITION, "population", "trimming", "axis", "at")]
@@ -418,24 +417,14 @@ def _floor() -> View:
     return View(Topic.truth_floor, schema.FLOOR, keys, values, [*_CONDITION, "source", "axis", "at"])
 
 
-def _bounds_of(stem: str) -> Columns:
-    """Columns of the bounds of a length."""
-    return {"low": f"{stem}_low_px", "high": f"{stem}_high_px"}
-
-
 def _bias() -> View:
-    tests = (
-        "hotelling_p",
-        "hotelling_p_adjusted",
-        "sign_flip_p",
-        "sign_flip_p_adjusted",
-        "sign_flip_p_family",
-        "iid_p",
-    )
+    tests = [
+        name for name in findings_schema.ZERO_MEAN if name == "iid_p" or name.startswith(("hotelling", "sign_flip"))
+    ]
     values = [
-        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_of("effect")}),
+        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_of("effect", "_px")}),
         *(
-            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_of(f"mean_{name}"))
+            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_of(f"mean_{name}", "_px"))
             for name in "uv"
         ),
         Value("bias_share", "share_of_second"),
@@ -447,15 +436,9 @@ def _bias() -> View:
 
 def _shape() -> View:
     made = _same("level", "resampled") | {"interval": "kind"}
-    values = [
-        Value(
-            "shape",
-            "shape",
-            carried=_same("n", "n_scenes", "verdict", "why", "level", "resampled") | {"interval": "kind"},
-        )
-    ]
+    values = [Value("shape", "shape", carried=_same("n", "n_scenes", "verdict", "why") | made)]
     for part, suffix in (("pooled", ""), ("within scenes", "_within")):
-        bounds = {"low": f"kurtosis{suffix}_low", "high": f"kurtosis{suffix}_high", **made}
+        bounds = _bounds_of(f"kurtosis{suffix}") | made
         values += [
             Value("skewness", f"skewness{suffix}", {"part": part}),
             Value("kurtosis", f"kurtosis{suffix}", {"part": part}, carried=bounds),
@@ -463,14 +446,14 @@ def _shape() -> View:
         ]
         for density in ("student", "mixture"):
             stem = f"gain_{density}{suffix}"
-            bounds = {"low": f"{stem}_low", "high": f"{stem}_high", **made}
+            bounds = _bounds_of(stem) | made
             values.append(Value("gain", f"{stem}_nats", {"part": part, "against": density}, carried=bounds))
         values += [
             Value("student_nu", f"student_nu{suffix}", {"part": part}),
             Value("mixture_share", f"mixture_share{suffix}", {"part": part}),
             Value("mixture_ratio", f"mixture_ratio{suffix}", {"part": part}),
         ]
-    scales = {"low": "gain_scales_low", "high": "gain_scales_high", **made}
+    scales = _bounds_of("gain_scales") | made
     values += [
         Value("tail_ratio", "tail_999", {"part": "pooled", "against": "99.9 %"}),
         Value("gain", "gain_scales_nats", {"part": "scales of scenes", "against": "student"}, carried=scales),
@@ -478,21 +461,15 @@ def _shape() -> View:
         Value("errors_sampled", "n_sampled"),
     ]
     keys = {**_CONDITION, "trimming": "trimming", "at_low": "age_low", "at_high": "age_high"}
-    return View(
-        Topic.shape, findings_schema.GAUSSIANITY, keys, values, [*_CONDITION, "trimming", "age_low", "age_high"]
-    )
+    sort = [*_CONDITION, "trimming", "age_low", "age_high"]
+    return View(Topic.shape, findings_schema.GAUSSIANITY, keys, values, sort)
 
 
 def _radii() -> View:
     values = [Value("radius", name, {"part": name}) for name in ("expected", "observed")]
     keys = {**_CONDITION, "trimming": "trimming", "at_low": "age_low", "at_high": "age_high", "part_low": "probability"}
-    return View(
-        Topic.radii,
-        findings_schema.RADII,
-        keys,
-        values,
-        [*_CONDITION, "trimming", "age_low", "age_high", "probability"],
-    )
+    sort = [*_CONDITION, "trimming", "age_low", "age_high", "probability"]
+    return View(Topic.radii, findings_schema.RADII, keys, values, sort)
 
 
 def _growth() -> View:
@@ -503,7 +480,7 @@ def _growth() -> View:
     values.append(Value("growth_ratio", "growth_ratio", carried=of_ratio, always=True))
 
     def bounded(quantity: str, column: str, labels: Constants, *, kind: str = "kind") -> Value:
-        bounds = {"low": f"{column}_low", "high": f"{column}_high", **_same("level", "resampled"), "interval": kind}
+        bounds = _bounds_of(column) | _same("level", "resampled") | {"interval": kind}
         return Value(quantity, column, labels, carried=bounds, always=column == "autocorrelation")
 
     for quantity, column in (
@@ -558,6 +535,14 @@ def _largest_differences() -> View:
     return View(Topic.largest_differences, schema.EFFECTS, keys, values, [])
 
 
+def _by_quantity(names: Mapping[str, tuple[str, Constants]], carried: Columns, **labels: str | None) -> list[Value]:
+    """Values of a table with the columns quantity and value: quantities of results and their labels, by `names`."""
+    return [
+        Value(quantity, "value", {**labels, **own}, {"quantity": name}, carried)
+        for name, (quantity, own) in names.items()
+    ]
+
+
 def _windows() -> View:
     names: dict[str, tuple[str, Constants]] = {
         "residual_sigma": ("residual_sigma", {}),
@@ -572,16 +557,7 @@ def _windows() -> View:
         **{f"coverage_{level}": ("window_coverage", {"part": f"{level} %"}) for level in (50, 90, 95, 99)},
         "depth_share": ("depth_share", {}),
     }
-    values = [
-        Value(
-            quantity,
-            "value",
-            {"axis": "window", "coordinate": None, "part": None, **labels},
-            {"quantity": name},
-            _ESTIMATED | {"n": "n"},
-        )
-        for name, (quantity, labels) in names.items()
-    ]
+    values = _by_quantity(names, _WITH_N, axis="window", coordinate=None, part=None)
     keys = {**_CONDITION, "trimming": "trimming", "at": "window"}
     sort = [*_CONDITION, "trimming", "window", "quantity"]
     return View(Topic.windows, findings_schema.WINDOW_SIGMAS, keys, values, sort)
@@ -592,12 +568,7 @@ def _lookup() -> View:
     values = [
         Value("noise_gain", "gain_nats", carried=gain),
         *(
-            Value(
-                "noise_spread",
-                f"factor{table}",
-                {"at_low": place},
-                carried={"low": f"factor{table}_low", "high": f"factor{table}_high"},
-            )
+            Value("noise_spread", f"factor{table}", {"at_low": place}, carried=_bounds_of(f"factor{table}"))
             for place, table in enumerate(("", "_against"))
         ),
     ]
@@ -608,14 +579,11 @@ def _lookup() -> View:
 def _depths() -> View:
     names: dict[str, tuple[str, Constants]] = {
         **{f"coverage_{level}": ("depth_coverage", {"of": f"{level} %"}) for level in (50, 90, 95, 99)},
-        "overconfidence": ("depth_overconfidence", {"of": None}),
-        "error_ratio": ("depth_error_ratio", {"of": None}),
-        "depth_error": ("depth_error", {"of": None}),
+        "overconfidence": ("depth_overconfidence", {}),
+        "error_ratio": ("depth_error_ratio", {}),
+        "depth_error": ("depth_error", {}),
     }
-    values = [
-        Value(quantity, "value", {"axis": "window", **labels}, {"quantity": name}, _ESTIMATED | {"n": "n"})
-        for name, (quantity, labels) in names.items()
-    ]
+    values = _by_quantity(names, _WITH_N, axis="window", of=None)
     keys = {**_CONDITION, "trimming": "trimming", "at": "window", "part": "covariance", "part_low": "sigma_px"}
     sort = [*_CONDITION, "trimming", "window", "covariance", "quantity"]
     return View(Topic.depths, findings_schema.DEPTH_INTERVALS, keys, values, sort)
@@ -624,14 +592,11 @@ def _depths() -> View:
 def _own_covariances() -> View:
     names: dict[str, tuple[str, Constants]] = {
         **{f"coverage_{level}": ("covariance_coverage", {"of": f"{level} %"}) for level in (50, 90, 95, 99)},
-        "nees": ("covariance_nees", {"of": None}),
-        "gain": ("covariance_gain", {"of": None}),
-        "impossible": ("impossible_covariances", {"of": None}),
+        "nees": ("covariance_nees", {}),
+        "gain": ("covariance_gain", {}),
+        "impossible": ("impossible_covariances", {}),
     }
-    values = [
-        Value(quantity, "value", labels, {"quantity": name}, _WITH_N | _same("verdict"))
-        for name, (quantity, labels) in names.items()
-    ]
+    values = _by_quantity(names, _WITH_N | _same("verdict"), of=None)
     keys = {**_CONDITION, **_same("trimming", "axis", "at"), "part": "covariance"}
     sort = [*_CONDITION, "covariance", "trimming", "quantity", "axis", "at"]
     return View(Topic.own_covariances, findings_schema.OWN_COVARIANCES, keys, values, sort)
@@ -645,12 +610,7 @@ def _advice() -> View:
         "observation_gate": ("gate_to_set", {"against": "observation"}),
         "innovations": ("sigma_of_innovations", {}),
     }
-    values = [
-        Value(
-            quantity, "value", {"axis": "window", "against": None, **labels}, {"quantity": name}, _same("low", "high")
-        )
-        for name, (quantity, labels) in names.items()
-    ]
+    values = _by_quantity(names, _same("low", "high"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
     sort = [*_CONDITION, "estimator", "window", "quantity"]
     keys = {**_CONDITION, "at": "window"}
@@ -659,7 +619,7 @@ def _advice() -> View:
 
 def _second_truth() -> View:
     values = [
-        Value(f"truth_difference_{statistic}", "value", {}, {"statistic": statistic}, _ESTIMATED | {"n": "n"})
+        Value(f"truth_difference_{statistic}", "value", {}, {"statistic": statistic}, _WITH_N)
         for statistic in ("mean", "second")
     ]
     keys = {**_CONDITION, **_same("trimming", "coordinate"), "part": "quantity", "at": "age"}
@@ -674,9 +634,8 @@ def _one(
     return View(topic, columns, keys, [Value(quantity, value, carried=carried)], sort)
 
 
-_VIEW = {name: name for name in schema.VIEW}
+_VIEW = _same(*schema.VIEW)
 _CLASS = {"part_low": "class_low", "part_high": "class_high"}
-_WITH_N = _ESTIMATED | {"n": "n"}
 
 
 def _shared_motion() -> View:
@@ -686,22 +645,16 @@ def _shared_motion() -> View:
         Value("shared_motion_moment", "left_px2", {"against": "left"}),
     ]
     keys = {**_CONDITION, "part": "fitted_to", "at": "age", "coordinate": "coordinate"}
-    return View(
-        Topic.shared_motion, findings_schema.RIGID_SHARE, keys, values, [*_CONDITION, "fitted_to", "age", "coordinate"]
-    )
+    sort = [*_CONDITION, "fitted_to", "age", "coordinate"]
+    return View(Topic.shared_motion, findings_schema.RIGID_SHARE, keys, values, sort)
 
 
 def _image() -> View:
-    made = {name: column for name, column in _ESTIMATED.items() if name not in ("low", "high")}
+    made = _same("level", "resampled", "n_units", "n_scenes") | {"interval": "kind"}
     values = [
         Value("image_spread", "spread_px", carried=made | {"n": "n", "verdict": "differs"}),
         *(
-            Value(
-                "image_mean",
-                f"mean_{name}_px",
-                {"coordinate": name},
-                carried={"low": f"mean_{name}_low", "high": f"mean_{name}_high"},
-            )
+            Value("image_mean", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_of(f"mean_{name}"))
             for name in "uv"
         ),
     ]

@@ -84,12 +84,8 @@ FITTED_MEASURE = pl.Enum(FittedMeasure)
 INPUT_KIND = pl.Enum(InputKind)
 FLOOR_SOURCE = pl.Enum(FloorSource)
 PRODUCT = pl.Enum(Product)
-
-
 FITTED_TO = pl.Enum(FittedTo)
 TRUTH_QUANTITY = pl.Enum(TruthQuantity)
-
-
 EDGE_SIDE = pl.Enum(EdgeSide)
 SURROUNDING = pl.Enum(Surrounding)
 OCCLUSION = pl.Enum(Occlusion)
@@ -105,6 +101,7 @@ VIEW: Schema = {"lighting": pl.String, "rotation": pl.Int16, "direction": pl.Str
 """View of a scene: lighting, rotation of the images in degrees, direction of play, and camera of a rig."""
 SEQUENCE: Schema = {"dataset": pl.String, "scene": pl.String, **VIEW}
 CONDITION: Schema = {**VIEW, "tracker": pl.String, "speed": pl.Int32}
+POOLED: Schema = {"dataset": pl.String, **CONDITION}
 ORIGIN: Schema = {**SEQUENCE, "tracker": pl.String, "speed": pl.Int32}
 
 QUALITY_PREFIX = "quality_"
@@ -162,13 +159,8 @@ EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
 SECOND_TRUTH: Schema = {"u_second_px": pl.Float64, "v_second_px": pl.Float64}
 _OBSERVED: Schema = {
     **ORIGIN,
-    "track": pl.UInt32,
-    "frame": pl.UInt32,
-    "age": pl.UInt32,
-    "u_px": pl.Float64,
-    "v_px": pl.Float64,
-    "u_true_px": pl.Float64,
-    "v_true_px": pl.Float64,
+    **dict.fromkeys(("track", "frame", "age"), pl.UInt32),
+    **dict.fromkeys(("u_px", "v_px", "u_true_px", "v_true_px"), pl.Float64),
     "truth": TRUTH,
     "du_px": pl.Float64,
     "dv_px": pl.Float64,
@@ -189,9 +181,7 @@ truth, if the experiment has one. All of these are null where they are unknown.
 
 TRACKS: Schema = {
     **ORIGIN,
-    "track": pl.UInt32,
-    "first_frame": pl.UInt32,
-    "lifetime": pl.UInt32,
+    **dict.fromkeys(("track", "first_frame", "lifetime"), pl.UInt32),
     "end": END,
     "response": pl.Float32,
     "depth_m": pl.Float64,
@@ -214,12 +204,7 @@ the normal of the surface there. All three are null where depth is sparse or unk
 
 FRAME_COUNTS: Schema = {
     **ORIGIN,
-    "frame": pl.UInt32,
-    "offered": pl.UInt32,
-    "matched": pl.UInt32,
-    "outliers": pl.UInt32,
-    "new": pl.UInt32,
-    "alive": pl.UInt32,
+    **dict.fromkeys(("frame", "offered", "matched", "outliers", "new", "alive"), pl.UInt32),
 }
 """One row per frame that a tracker saw: F(t-1), the features found again, f1, f2 and F(t)."""
 
@@ -368,7 +353,6 @@ the root mean square residual of each window, and of |z|, in the bins of `trackn
 WINDOW_BLOCKS: Schema = {**ORIGIN, "block": pl.UInt8, **_WINDOW_SUMS}
 """The same by blocks of tracks, at the slowest speed."""
 
-
 NOISE_SUMS: Schema = {
     **ORIGIN,
     "block": pl.UInt8,
@@ -429,7 +413,6 @@ derivatives of the true position, px: by motions of the point in two directions 
 (depth), each by the length of the ray.
 """
 
-
 NOISE_PAIRS: Schema = {
     **ORIGIN,
     **dict.fromkeys(("first", "second"), pl.String),
@@ -457,7 +440,6 @@ magnification is Z_0 / Z_k, and motion_px the motion of the true position since 
 Further columns ``quality_<name>`` are those of the observations.
 """
 
-
 FLOORS: Schema = {
     **ORIGIN,
     "source": FLOOR_SOURCE,
@@ -472,7 +454,6 @@ sum is the sum of the covariances of the n true positions (px^2). own is n^2 tim
 far as it is independent from scene to scene; shared is the sum of displacements by an error that all scenes share, px
 (`tracknoise.measurement.floors`). Sources whose size is unknown have no rows. Exact sources have zeros.
 """
-
 
 BETWEEN_TRACKERS: Schema = {
     **ORIGIN,
@@ -625,10 +606,7 @@ COVARIANCE_SUMS: Schema = {
     "at": pl.UInt32,
     "n": pl.Float64,
     **dict.fromkeys(("inside_50", "inside_90", "inside_95", "inside_99"), pl.Float64),
-    "squares": pl.Float64,
-    "log_det": pl.Float64,
-    "px2": pl.Float64,
-    "impossible": pl.Float64,
+    **dict.fromkeys(("squares", "log_det", "px2", "impossible"), pl.Float64),
 }
 """Sums of visible errors for which a tracker predicted a covariance, by block, trimming and age.
 
@@ -697,8 +675,7 @@ number. content: a checksum of the content, or of the names in a folder; empty i
 """
 
 CURVES: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "population": POPULATION,
     "trimming": TRIMMING,
     "weighting": WEIGHTING,
@@ -719,8 +696,7 @@ cut marks ages or frames with too few features.
 """
 
 FLOOR: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "source": FLOOR_SOURCE,
     "axis": AXIS,
     "at": pl.UInt32,
@@ -735,8 +711,7 @@ of the sources that are known: a floor is at least as large as this.
 """
 
 CORES: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "population": POPULATION,
     "trimming": TRIMMING,
     "axis": AXIS,
@@ -745,10 +720,7 @@ CORES: Schema = {
     "n_v": pl.Int64,
     "n_scenes_u": pl.Int32,
     "n_scenes_v": pl.Int32,
-    "core_u_px": pl.Float64,
-    "core_v_px": pl.Float64,
-    "beyond_u": pl.Float64,
-    "beyond_v": pl.Float64,
+    **dict.fromkeys(("core_u_px", "core_v_px", "beyond_u", "beyond_v"), pl.Float64),
     "cut": pl.Boolean,
 }
 """Robust scale of errors by age or frame: the geometric mean over scenes of each scene's own `SCALES`.
@@ -762,8 +734,7 @@ ASPECT_CURVES: Schema = {"aspect": ASPECT, "at_least": pl.UInt32, **CURVES}
 """Curves of each aspect of `ASPECTS`. u is along and v across the direction. `gradient` has no sign, so no mean."""
 
 CHANGES: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "trimming": TRIMMING,
     "lag": pl.UInt32,
     "age": pl.UInt32,
@@ -779,8 +750,7 @@ Lags of 1 and more, in frames that the tracker saw, have the autocorrelation of 
 """
 
 LIFETIMES: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "lifetime": pl.UInt32,
     "n_ended": pl.Int64,
     "n_censored": pl.Int64,
@@ -799,19 +769,13 @@ limits it.
 """
 
 OUTLIERS: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "n_frames": pl.Int64,
     "n_scenes": pl.Int32,
     "offered": pl.Int64,
     "outliers": pl.Int64,
-    "pooled_ratio": pl.Float64,
-    "mean": pl.Float64,
-    "median": pl.Float64,
-    "lower_quartile": pl.Float64,
-    "upper_quartile": pl.Float64,
-    "lower_whisker": pl.Float64,
-    "upper_whisker": pl.Float64,
+    **dict.fromkeys(("pooled_ratio", "mean", "median"), pl.Float64),
+    **dict.fromkeys(("lower_quartile", "upper_quartile", "lower_whisker", "upper_whisker"), pl.Float64),
 }
 """Distribution of f1(t) / F(t-1) over frames with F(t-1) > 0; whiskers reach the last value within 1.5 IQR."""
 
@@ -820,11 +784,7 @@ TRIMS: Schema = {
     "percentile": pl.Float64,
     "among": AMONG,
     "threshold_px": pl.Float64,
-    "n_tracks": pl.Int64,
-    "n_measured": pl.Int64,
-    "n_anchor_only": pl.Int64,
-    "n_dropped": pl.Int64,
-    "n_followed_dropped": pl.Int64,
+    **dict.fromkeys(("n_tracks", "n_measured", "n_anchor_only", "n_dropped", "n_followed_dropped"), pl.Int64),
     "dropped_share": pl.Float64,
 }
 """Trimming of each scene and condition: the threshold of the largest error, and the tracks that it dropped.
@@ -834,20 +794,18 @@ construction. The others were followed, and n_followed_dropped of these were dro
 """
 
 ERRORS: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "bin_low_px": pl.Float64,
     "bin_high_px": pl.Float64,
     "n": pl.Int64,
 }
 """Histogram of the largest errors of tracks, in logarithmic bins, before trimming. The first bin starts at 0."""
 
-COUNTS: Schema = {"dataset": pl.String, **CONDITION, "kind": pl.String, "name": pl.String, "n": pl.Int64}
+COUNTS: Schema = {**POOLED, "kind": pl.String, "name": pl.String, "n": pl.Int64}
 """Number of observations by truth status (kind `truth`), and of tracks by end (kind `end`)."""
 
 SUMMARY: Schema = {
-    "dataset": pl.String,
-    **CONDITION,
+    **POOLED,
     "n_scenes": pl.Int32,
     "n_tracks": pl.Int64,
     "mean_lifetime": pl.Float64,
@@ -887,11 +845,7 @@ EFFECTS: Schema = {
     "level_a": pl.String,
     "level_b": pl.String,
     "at": pl.Int64,
-    "difference": pl.Float64,
-    "common": pl.Float64,
-    "effect": pl.Float64,
-    "share_of_absolute": pl.Float64,
-    "margin": pl.Float64,
+    **dict.fromkeys(("difference", "common", "effect", "share_of_absolute", "margin"), pl.Float64),
     "n_levels": pl.Int32,
     "n_pairs": pl.Int32,
     "n_shared": pl.Int32,

@@ -137,7 +137,7 @@ def floor_lines(table: pl.DataFrame, role: str, coordinate: str, x: alt.X, y: al
     return [
         alt.Chart(marks.rows(end))
         .mark_line(strokeDash=_DASH, color=style.QUIET, clip=True)
-        .encode(x=x, y=_on(y), strokeWidth=width, tooltip=tips)
+        .encode(x=x, y=marks.on(y, "floor"), strokeWidth=width, tooltip=tips)
         for end in ends
     ]
 
@@ -147,13 +147,6 @@ def floor_ends(table: pl.DataFrame, role: str) -> pl.Series:
     limits = _LIMITS.get(role, ())
     values = [limit * table[name] for limit in limits for name in FLOOR_COLUMNS]
     return pl.concat([pl.Series("floor", [], dtype=pl.Float64), *(value.rename("floor") for value in values)])
-
-
-def _on(y: alt.Y) -> alt.Y:
-    """The vertical axis, for the column of the floor."""
-    same = y.copy(deep=False)
-    same.shorthand = "floor:Q"
-    return same
 
 
 def _pooled(table: pl.DataFrame, coordinate: str) -> pl.DataFrame:

@@ -244,9 +244,7 @@ def _estimate_text(row: Mapping[str, Any], name: str, bounds: str) -> str:
 
 def _ordered(data: ReportData) -> pl.DataFrame:
     table = data.nominal(data.gaussianity).filter(pl.col("trimming").is_in(data.trimmings))
-    order = {name: place for place, name in enumerate(data.trackers)}
-    place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
-    return table.with_columns(band=_band(data)).sort(place, "age_low", "trimming")
+    return table.with_columns(band=_band(data)).sort(data.tracker_place, "age_low", "trimming")
 
 
 def _band(data: ReportData) -> pl.Expr:
@@ -315,10 +313,7 @@ def _sentence(data: ReportData, bands: pl.DataFrame) -> str:
     return f"{_SHAPES.get(verdict, verdict)} at {what} {listing(bands['band'])}{tail}"
 
 
-FIGURES: Sections = {
-    "gaussianity": (gaussianity_figures,),
-    "trimming": (trimming_figures,),
-}
+FIGURES: Sections = {"gaussianity": (gaussianity_figures,), "trimming": (trimming_figures,)}
 """What this module draws, by the section of the report."""
 TABLES: SectionTables = {"gaussianity": tables}
 """Tables below the figures of a section."""

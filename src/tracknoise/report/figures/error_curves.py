@@ -232,8 +232,7 @@ def _second_moment_panel(
         opacity=marks.opacity(series.field),
         tooltip=[alt.Tooltip(f"{series.field}:N"), alt.Tooltip("at:Q", title=data.axis.name), f"{element}:Q"],
     )
-    zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
-    chart = layered(lines, zero.encode(y=alt.Y("zero:Q")))
+    chart = layered(lines, marks.zero_line())
     chart = chart.properties(width=_WIDTH, height=HEIGHT, title=title if first else "")
     return Panel(chart, (marks.shown(series.field, series.colours),))
 
@@ -526,10 +525,7 @@ def _occlusion_panel(data: ReportData, table: pl.DataFrame, key: tuple[str, str]
 
 
 FIGURES: Sections = {
-    "error-by-tracker": (
-        curve_figures,
-        second_moment_figures,
-    ),
+    "error-by-tracker": (curve_figures, second_moment_figures),
     "survivorship-bias": (survivorship_figures,),
     "along-and-across": (direction_figures,),
     "occlusion": (occlusion_figures,),

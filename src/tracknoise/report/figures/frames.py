@@ -289,8 +289,6 @@ _TIPS = {
     "age": "age (frames)",
     "track": "track",
 }
-
-
 _DROPPED_TRACK_COLOURS = {"kept": style.PALETTE[4], "dropped": style.PALETTE[1]}
 _DROPPED_TRACK_WIDTH = 400
 
@@ -606,10 +604,7 @@ def _trajectory_spread(n: int, most: int) -> NDArray[np.intp]:
 
 
 FIGURES: Sections = {
-    "example-frames": (
-        example_frame_figures,
-        light_stage_figures,
-    ),
+    "example-frames": (example_frame_figures, light_stage_figures),
     "trajectory": (trajectory_figures,),
 }
 """What this module draws, by the section of the report."""

@@ -22,7 +22,7 @@ from tracknoise.report import style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections, SectionTables
-from tracknoise.report.figures.panels import COORDINATES, Panel, arranged, layered
+from tracknoise.report.figures.panels import COORDINATES, Panel, arranged, curves, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LAGS, NAMES, REFERENCE_AGE
 from tracknoise.tables.enumerations import Aspect
@@ -38,7 +38,6 @@ _ROWS: Mapping[str, str] = {
 """Statistics in the rows of the figure, and what their axes say."""
 _STATISTICS = {NAMES["age"]["mean"]: _MEAN, NAMES["age"]["central"]: _SPREAD, AUTOCORRELATION: AUTOCORRELATION}
 """Statistic of the figure, by its name in the table of intervals."""
-_CHANGE_SIZE = {"width": 395, "height": 165}
 _WHITE = pl.DataFrame({"at": range(1, LAGS + 1), "white": [-0.5, *[0.0] * (LAGS - 1)]})
 """Autocorrelation of the changes of white noise, by lag."""
 _CHANGE_REFERENCES = pl.DataFrame({"at": [1, 1], "value": [0.0, -0.5], "of": ["random walk", "white noise"]})
@@ -107,7 +106,7 @@ def _bounds(data: ReportData) -> pl.DataFrame:
 def _panel(data: ReportData, points: pl.DataFrame, statistic: str, coordinate: str) -> Panel:
     table = points.filter(statistic=statistic)
     correlation = statistic == AUTOCORRELATION
-    title = alt.Title(COORDINATES[coordinate] if statistic == _MEAN else "")
+    title = COORDINATES[coordinate] if statistic == _MEAN else ""
     x = alt.X(
         "at:Q",
         title="steps from one change to the other" if correlation else "age (frames of the sequence)",
@@ -118,17 +117,9 @@ def _panel(data: ReportData, points: pl.DataFrame, statistic: str, coordinate: s
     y = alt.Y(
         f"{coordinate}:Q", title=heading, scale=alt.Scale(domain=_domain(table, references=correlation), nice=False)
     )
-    hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")
     tips = [alt.Tooltip("tracker:N"), alt.Tooltip("at:Q"), alt.Tooltip("n:Q"), alt.Tooltip(f"{coordinate}:Q")]
-    lines = alt.Chart(marks.rows(table.select("tracker", "at", "n", coordinate)))
-    lines = lines.mark_line(point=alt.OverlayMarkDef(size=14), clip=True).encode(
-        x=x, y=y, color=hue, opacity=opacity, tooltip=tips
-    )
-    band = marks.band(table, "tracker", data.colour, coordinate, x, y)
-    zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
-    chart = layered(*band, lines, zero.encode(y=alt.Y("zero:Q")), *(_references(x, y) if correlation else []))
-    selections = (marks.shown("tracker", data.colour),)
-    return Panel(chart.properties(title=title, **_CHANGE_SIZE), selections, layer=len(band))
+    above = [marks.zero_line(), *(_references(x, y) if correlation else [])]
+    return curves(table, "tracker", coordinate, x, y, data.colour, tips, title=title, above=above)
 
 
 def _references(x: alt.X, y: alt.Y) -> list[alt.Chart]:
@@ -275,9 +266,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
 
 def _fitted(data: ReportData) -> pl.DataFrame:
     table = data.reference(data.time_structure).filter(pl.col("trimming").is_in(data.trimmings))
-    order = {name: place for place, name in enumerate(data.trackers)}
-    place = pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
-    return table.sort(place, "speed", "coordinate", "trimming")
+    return table.sort(data.tracker_place, "speed", "coordinate", "trimming")
 
 
 def _titled(data: ReportData, title: str, trimming: str) -> str:
@@ -410,10 +399,7 @@ def _estimate(row: Mapping[str, Any], name: str, unit: str) -> Estimate:
     return Estimate.of_row(row, name, f"{name}_low", f"{name}_high", unit)
 
 
-FIGURES: Sections = {
-    "time-structure": (time_structure_figures,),
-    "changes": (change_figures,),
-}
+FIGURES: Sections = {"time-structure": (time_structure_figures,), "changes": (change_figures,)}
 """What this module draws, by the section of the report."""
 TABLES: SectionTables = {"time-structure": tables}
 """Tables below the figures of a section."""

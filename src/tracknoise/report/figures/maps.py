@@ -12,12 +12,12 @@ import numpy as np
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.bands import describe_intervals
+from tracknoise.phrases.bands import describe_bounds, describe_intervals
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.messages import surroundings_message, values
-from tracknoise.report.figures.panels import Panel, arranged, layered
+from tracknoise.report.figures.panels import Panel, arranged, curves, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import MAP_COLUMNS, MAP_ROWS
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
@@ -51,14 +51,14 @@ def _image_map_figure(data: ReportData, tracker: str) -> Figure | Absence:
     if cells.is_empty():
         return Absence(name, title, f"No age has {data.min_features} features with a known error.")
     ages = cells["at"].unique().sort().to_list()
-    bounded = cells.filter(pl.col("differs").is_not_null()).rename({"n_scenes": "n_resampled"})
+    bounded = cells.filter(pl.col("differs").is_not_null())
     shows = (
         f"Untrimmed errors of visible features at speed {data.slowest}{data.where}, in {MAP_COLUMNS}{SPACE}{TIMES}"
         f"{SPACE}{MAP_ROWS} cells of the image. An arrow shows the direction and size of the mean error; the length of "
         f"one cell is stated above each map. Arrows are cut at {_LONGEST} cells. The larger a disc is, the larger the "
         f"spread of the errors. The darker a cell is drawn, the more features it has; cells with fewer than {_FEWEST} "
         "are left out. An outlined cell has a mean that differs from zero. "
-        f"{describe_intervals(bounded, of='the means', marks='Outlines by')}"
+        f"{describe_intervals(bounded, of='the means', marks='Outlines by', n_scenes='n_scenes')}"
     )
     panels = [_image_map_panel(data, cells.filter(at=at), tracker, at) for at in ages]
     look_for = f"{_outlined(data, bounded, ages)} {_IMAGE_MAP_GUIDE}"
@@ -102,7 +102,7 @@ def _image_map_panel(data: ReportData, cells: pl.DataFrame, tracker: str, at: in
     shaft = shaft.encode(x=x, y=y, x2=alt.X2("to_x:Q"), y2=alt.Y2("to_y:Q"), opacity=opacity)
     turned = alt.Angle("angle:Q", scale=alt.Scale(domain=[-180, 180], range=[-180, 180]))
     head = base.mark_point(filled=True, shape="triangle-up", color=colour, size=28, clip=True)
-    head = head.encode(x=_on(x, "to_x"), y=marks.on(y, "to_y"), angle=turned, opacity=opacity)
+    head = head.encode(x=marks.on(x, "to_x"), y=marks.on(y, "to_y"), angle=turned, opacity=opacity)
     entries = list(data.sequences.values())
     height = round(_WIDTH * entries[0].height / entries[0].width) if entries else _WIDTH
     title = sentence_case(f"{data.axis.place(data.since_zero(at))}: one cell is {number(unit_px)}{SPACE}px")
@@ -116,10 +116,11 @@ def _outlines(table: pl.DataFrame, colour: str, x: alt.X, y: alt.Y) -> list[alt.
     differing = table.filter(pl.col("differs").fill_null(value=False))
     if differing.is_empty():
         return []
-    corners = differing.select("left", "right", "top", "bottom")
-    box = alt.Chart(marks.rows(corners)).mark_rect(filled=False, stroke=colour, strokeWidth=1.1)
-    encoded: alt.Chart = box.encode(x=_on(x, "left"), x2=alt.X2("right:Q"), y=marks.on(y, "top"), y2=alt.Y2("bottom:Q"))
-    return [encoded]
+    box = alt.Chart(marks.rows(differing.select("left", "right", "top", "bottom")))
+    outlined: alt.Chart = box.mark_rect(filled=False, stroke=colour, strokeWidth=1.1).encode(
+        x=marks.on(x, "left"), x2=alt.X2("right:Q"), y=marks.on(y, "top"), y2=alt.Y2("bottom:Q")
+    )
+    return [outlined]
 
 
 def _cell_px(cells: pl.DataFrame) -> float:
@@ -150,13 +151,6 @@ def _drawn(cells: pl.DataFrame, unit_px: float) -> pl.DataFrame:
     )  # fmt: skip
 
 
-def _on(x: alt.X, column: str) -> alt.X:
-    """The same axis for another column."""
-    placed = x.copy()
-    placed.shorthand = f"{column}:Q"
-    return placed
-
-
 _NAME, _TITLE = "error-by-image-speed", "Error along the image motion, by its speed"
 _TICKS = alt.Axis(values=[step * 10.0**power for power in range(-4, 4) for step in (1, 2, 5)], format="~g")
 _IMAGE_SPEED_GUIDE = (
@@ -176,13 +170,12 @@ def image_speed_figures(data: ReportData) -> Sequence[Figure | Absence]:
         why = f"No speed of the image has {data.min_features} features with a known error."
         return [Absence(_NAME, _TITLE, why)]
     ages = points["at"].unique().sort().to_list()
-    bounded = points.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
     panels = [_image_speed_panel(data, points, at, coordinate) for at in ages for coordinate in _DIRECTIONS]
     shows = (
         f"Mean untrimmed error of visible features at speed {data.slowest}{data.where}, by the speed of the true "
         "position in the image. Left: along its motion, negative if the feature lags behind. Right: across it. "
         f"Classes with fewer than {count(data.min_features, 'feature')} are left out. "
-        f"{describe_intervals(bounded, of='the curves')}"
+        f"{describe_bounds(points, of='the curves')}"
     )
     spec = arranged(panels, columns=2, independent=["fill"])
     return [Figure(_NAME, _TITLE, shows, _look_for_image_speed(data, points), spec, _image_speed_message(data, points))]
@@ -214,7 +207,7 @@ def _image_speed_panel(data: ReportData, points: pl.DataFrame, at: int, coordina
     table = points.filter(at=at, coordinate=coordinate).select(
         "tracker", "n", at=(pl.col("class_low") * pl.col("class_high")).sqrt(), u="mean_px", u_low="low", u_high="high"
     )
-    title = alt.Title(f"{_DIRECTIONS[coordinate]}, {data.axis.place(data.since_zero(at))}")
+    title = f"{_DIRECTIONS[coordinate]}, {data.axis.place(data.since_zero(at))}"
     speeds = alt.Scale(type="log", domain=_range(points), nice=False)
     x = alt.X("at:Q", title="speed of the image (px per frame)", scale=speeds, axis=_TICKS)
     both = points.filter(at=at)
@@ -226,17 +219,9 @@ def _image_speed_panel(data: ReportData, points: pl.DataFrame, at: int, coordina
         axis=alt.Axis(tickCount=5),
     )
     tips = [alt.Tooltip("tracker:N"), alt.Tooltip("at:Q", title="px per frame"), alt.Tooltip("n:Q"), alt.Tooltip("u:Q")]
-    line = alt.Chart(marks.rows(table.select("tracker", "at", "n", "u"))).mark_line(
-        point=alt.OverlayMarkDef(size=16), clip=True
-    )
-    hue, opacity = marks.colour("tracker", data.colour, "tracker"), marks.opacity("tracker")
-    band = marks.band(table, "tracker", data.colour, "u", x, y)
-    zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
-    chart = layered(
-        *band, line.encode(x=x, y=y, color=hue, opacity=opacity, tooltip=tips), zero.encode(y=alt.Y("zero:Q"))
-    )
-    return Panel(
-        chart.properties(width=400, height=130, title=title), (marks.shown("tracker", data.colour),), layer=len(band)
+    above = [marks.zero_line()]
+    return curves(
+        table, "tracker", "u", x, y, data.colour, tips, title=title, width=400, height=130, point=16, above=above
     )
 
 
@@ -275,7 +260,6 @@ def _surrounding_figure(data: ReportData, tracker: str) -> Figure | Absence:
     table = every.filter(pl.col("at") == at, pl.col("n") >= _SURROUNDING_FEWEST)
     points = _points(table)
     present = [one for one in _PROPERTIES if one in points["surrounding"].unique()]
-    bounded = points.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
     where = f"{data.axis.place(data.since_zero(at))} at speed {data.slowest}{data.where}"
     shows = (
         f"Untrimmed errors of {tracker} {where}, by what surrounds a feature in its first frame. Distances to a depth "
@@ -283,7 +267,7 @@ def _surrounding_figure(data: ReportData, tracker: str) -> Figure | Absence:
         "Parallax is how far the true position moved since its error was zero, relative to the median of all features. "
         "Occlusion is that of the point: never while it is tracked, later, or now. All but the last class are of "
         f"visible features. Classes with fewer than {_SURROUNDING_FEWEST} features are left out. "
-        f"{describe_intervals(bounded, of='the values', marks='Bars around')}"
+        f"{describe_bounds(points, of='the values', marks='Bars around')}"
     )
     colours = dict(zip(_COORDINATES.values(), style.shades(data.colour[tracker], len(_COORDINATES)), strict=True))
     panels = [_surrounding_panel(points, one, row, colours) for row in _ROWS for one in present]
@@ -334,7 +318,7 @@ def _surrounding_panel(points: pl.DataFrame, surrounding: Surrounding, row: str,
     ]
     dot = base.mark_point(size=26, filled=True, clip=True).encode(y=y, tooltip=tips)
     bar = base.mark_rule(strokeWidth=1.4, clip=True).encode(y=marks.on(y, "low"), y2=alt.Y2("high:Q"))
-    chart = layered(dot, bar, *_zero(row))
+    chart = layered(dot, bar, *([marks.zero_line()] if row == "mean" else []))
     width = _WIDTHS.get(surrounding, 165)
     return Panel(chart.properties(width=width, height=170), (marks.shown("coordinate", colours),))
 
@@ -355,14 +339,6 @@ def _scale(points: pl.DataFrame, row: str) -> alt.Scale:
     low, high = (float(known.min()), float(known.max())) if known.len() else (0.1, 1.0)  # type: ignore[arg-type]
     highest = float(points["high"].max() or high)  # type: ignore[arg-type]
     return alt.Scale(type="log", domain=[low / 1.6, min(max(2.0 * high, 1.1 * highest), 20.0 * high)], nice=False)
-
-
-def _zero(row: str) -> list[alt.Chart]:
-    """A line at zero, where the scale has one."""
-    if row != "mean":
-        return []
-    line = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
-    return [line.encode(y=alt.Y("zero:Q"))]
 
 
 def _order(table: pl.DataFrame, surrounding: Surrounding) -> list[str]:
@@ -404,11 +380,5 @@ def _in_u(table: pl.DataFrame, surrounding: Surrounding) -> pl.DataFrame:
     return table.filter(surrounding=surrounding, coordinate="u")
 
 
-FIGURES: Sections = {
-    "error-by-place": (
-        image_map_figures,
-        image_speed_figures,
-        surrounding_figures,
-    ),
-}
+FIGURES: Sections = {"error-by-place": (image_map_figures, image_speed_figures, surrounding_figures)}
 """What this module draws, by the section of the report."""

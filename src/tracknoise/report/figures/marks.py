@@ -1,12 +1,15 @@
 """Parts that figures share: data, legends, colours, bands and axes."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import altair as alt
 import polars as pl
 import polars.selectors as cs
 
+from tracknoise.report import style
+
+Channel = TypeVar("Channel", alt.X, alt.Y)
 Selection: TypeAlias = Mapping[str, Any]
 """A Vega-Lite selection parameter, without its views."""
 MUTED = 0.07
@@ -112,9 +115,16 @@ def key_frames(frames: Iterable[int], colour: str) -> list[alt.Chart]:
     return [rule, label]
 
 
-def on(y: alt.Y, column: str) -> alt.Y:
+def zero_line() -> alt.Chart:
+    """A thin horizontal line at zero."""
+    rule = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
+    drawn: alt.Chart = rule.encode(y=alt.Y("zero:Q"))
+    return drawn
+
+
+def on(channel: Channel, column: str) -> Channel:
     """The same axis for another column."""
-    placed = y.copy()
+    placed = channel.copy()
     placed.shorthand = f"{column}:Q"
     return placed
 

@@ -1,9 +1,5 @@
 """Titles of figures that state what was found.
 
-- The title of the figure of surroundings: what depth edges or occluded points do to the errors of a tracker.
-
-Titles of figures that state what was found: parts that several figures share.
-
 A message has at most `MOST_WORDS` words and `MOST_NUMBERS` numbers, apart from names. It is empty where nothing is
 established; the figure then has its topic as title.
 """
@@ -20,8 +16,6 @@ from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding, Ver
 from tracknoise.words import STATISTICS, bound_text, listing, percent, px, ratio, times
 
 MOST_WORDS, MOST_NUMBERS = 15, 2
-
-
 _SIZES = ("core", "absolute")
 """Roles of statistics that say how large errors are, the preferred one first."""
 

@@ -8,7 +8,7 @@
 """
 
 from collections.abc import Mapping, Sequence
-from typing import cast
+from typing import Any, cast
 
 import altair as alt
 import polars as pl
@@ -18,18 +18,20 @@ from tracknoise.estimators.calibration import Calibration, fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.inference.conventions import LEVEL
-from tracknoise.phrases.bands import AGE, describe_intervals
+from tracknoise.phrases.bands import AGE, describe_bounds, describe_intervals
 from tracknoise.phrases.covariance_topic import covariance_message, covariance_sentence, own_covariances
 from tracknoise.phrases.depth_topic import LEVELS, depth_shares
 from tracknoise.phrases.window_topic import estimator_sentence, sigma_message
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
-from tracknoise.report.figures.panels import Panel, arranged, layered, lined
+from tracknoise.report.figures.panels import Panel, arranged, curves, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import significant
 from tracknoise.words import SPACE, interval_text, number, sentence_case
 
+_LOOKS: dict[str, Any] = {"height": 230, "point": 20, "clip": False}
+"""Of panels of curves."""
 _MODEL_FIT_ID, _MODEL_FIT_TITLE = "model-fit", "The noise model over the errors that it was fitted to"
 _MODEL_FIT_COLOURS = dict(zip(("measured", "model"), style.PALETTE[:2], strict=True))
 _PARTS = {"first": "first position", "white": "each frame", "walk": "walk", "drift": "drift"}
@@ -41,20 +43,19 @@ def model_fit_figures(data: ReportData) -> Sequence[Figure | Absence]:
     models = run_models(data.run).models
     if not models:
         return [Absence(_MODEL_FIT_ID, _MODEL_FIT_TITLE, "This run has no noise model.")]
-    curves = _curves(data, models)
-    panels = [_model_fit_panel(tracker, curve) for tracker, curve in curves.items()]
-    table = pl.concat(list(curves.values()))
-    bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
+    fits = _curves(data, models)
+    panels = [_model_fit_panel(tracker, fit) for tracker, fit in fits.items()]
+    table = pl.concat(list(fits.values()))
     shows = (
         f"Root mean square of a coordinate of the errors about the first position at speed {data.slowest}, by age, all "
         "views together. Errors beyond the limit of the model are left out. The line of the model is that of its "
-        f"components, at the magnifications of these tracks. {describe_intervals(bounded, of='the measured errors')}"
+        f"components, at the magnifications of these tracks. {describe_bounds(table, of='the measured errors')}"
     )
     look_for = " ".join(
-        [*(_sentence(tracker, models[tracker], curve) for tracker, curve in curves.items()), _MODEL_FIT_ADVICE]
+        [*(_sentence(tracker, models[tracker], fit) for tracker, fit in fits.items()), _MODEL_FIT_ADVICE]
     )
     spec = arranged(panels, columns=2, independent=["fill"])
-    return [Figure(_MODEL_FIT_ID, _MODEL_FIT_TITLE, shows, look_for, spec, _model_fit_message(curves))]
+    return [Figure(_MODEL_FIT_ID, _MODEL_FIT_TITLE, shows, look_for, spec, _model_fit_message(fits))]
 
 
 def _model_fit_message(curves: Mapping[str, pl.DataFrame]) -> str:
@@ -208,11 +209,10 @@ def window_sigma_figures(data: ReportData) -> Sequence[Figure | Absence]:
     table = rows.with_columns(line=pl.col("quantity").replace_strict(_LINES), at=pl.col("window").cast(pl.Int64))
     present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
     panels = [_window_sigma_panel(table, tracker) for tracker in present]
-    bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
     shows = (
         f"Standard deviation of one coordinate at speed {data.slowest}{data.where}, by the number of observations in a "
         "window. The first line is the sigma for which depths of points are as certain as an estimator claims. The "
-        f"second is what its residuals look like, without the tails. {describe_intervals(bounded, of='the lines')}"
+        f"second is what its residuals look like, without the tails. {describe_bounds(table, of='the lines')}"
     )
     look_for = " ".join(
         [*filter(None, (estimator_sentence(data, tracker) for tracker in present)), _WINDOW_SIGMA_ADVICE]
@@ -230,7 +230,20 @@ def _window_sigma_panel(table: pl.DataFrame, tracker: str) -> Panel:
     tips = [alt.Tooltip("line:N"), alt.Tooltip("at:Q", title="window"), alt.Tooltip("n:Q", title="windows"),
             alt.Tooltip("u:Q", title="sigma (px)")]  # fmt: skip
     hue = marks.colour("line", _WINDOW_SIGMA_COLOURS, "sigma")
-    return lined(columns, "line", x, y, hue, _WINDOW_SIGMA_COLOURS, tips, title=tracker)
+    return curves(
+        columns,
+        "line",
+        "u",
+        x,
+        y,
+        _WINDOW_SIGMA_COLOURS,
+        tips,
+        title=tracker,
+        hue=hue,
+        height=190,
+        point=20,
+        clip=False,
+    )
 
 
 _DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE = "depth-intervals", "Depths that claimed intervals hold"
@@ -250,11 +263,10 @@ def depth_interval_figures(data: ReportData) -> Sequence[Figure | Absence]:
         return [Absence(_DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE, _WHY)]
     table = rows.rename({"value": "u", "low": "u_low", "high": "u_high"})
     present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
-    bounded = table.drop_nulls(["u_low", "u_high"]).rename({"n_scenes": "n_resampled"})
     shows = (
         f"Share of windows whose true depth is inside the claimed interval, by the level of the interval, at speed "
         f"{data.slowest}{data.where}. Points are triangulated with the true poses. The noise was learned from other "
-        f"scenes. Windows of {_windows(table, present)}. {describe_intervals(bounded, of='the lines')}"
+        f"scenes. Windows of {_windows(table, present)}. {describe_bounds(rows, of='the lines')}"
     )
     panels = [_depth_interval_panel(table, tracker) for tracker in present]
     spec = arranged(panels, columns=2, independent=["fill"])
@@ -311,12 +323,17 @@ def _depth_interval_panel(table: pl.DataFrame, tracker: str) -> Panel:
     y = alt.Y("u:Q", title="true depths inside (%)", scale=alt.Scale(domain=[0, 100], nice=False))
     tips = [alt.Tooltip("covariance:N"), alt.Tooltip("at:Q", title="level (%)"), alt.Tooltip("n:Q", title="windows"),
             alt.Tooltip("u:Q", title="inside (%)")]  # fmt: skip
-    diagonal = alt.Chart(alt.InlineData(values=[{"at": 40, "u": 40}, {"at": 100, "u": 100}]))
-    line = diagonal.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
-    hue = marks.colour("covariance", _DEPTH_INTERVAL_COLOURS, "assumed noise", columns=2)
-    return lined(
-        columns, "covariance", x, y, hue, _DEPTH_INTERVAL_COLOURS, tips, title=tracker, height=230, below=[line]
-    )
+    colours = _DEPTH_INTERVAL_COLOURS
+    hue = marks.colour("covariance", colours, "assumed noise", columns=2)
+    below = [_dashed((40, 40), (100, 100), x, y)]
+    return curves(columns, "covariance", "u", x, y, colours, tips, title=tracker, hue=hue, below=below, **_LOOKS)
+
+
+def _dashed(start: tuple[Any, float], end: tuple[Any, float], x: alt.X, y: alt.Y) -> alt.Chart:
+    """A dashed line between two points (at, u)."""
+    ends = alt.InlineData(values=[{"at": at, "u": u} for at, u in (start, end)])
+    line: alt.Chart = alt.Chart(ends).mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
+    return line
 
 
 _COVARIANCE_ID, _COVARIANCE_TITLE = "own-covariances", "Covariances that trackers predict"
@@ -338,12 +355,12 @@ def covariance_figures(data: ReportData) -> Sequence[Figure | Absence]:
         return []
     lines = shares.select("tracker", "line").unique().sort("line").rows()
     colours = _colours_of([name for tracker in data.trackers for of, name in lines if of == tracker])
-    bounded = pl.concat([shares, nees]).drop_nulls(["u_low", "u_high"]).rename({"n_scenes": "n_resampled"})
+    bounded = pl.concat([shares, nees]).drop_nulls(["u_low", "u_high"])
     shows = (
         f"Left: share of the errors inside the regions of a level. Right: NEES by {data.axis.name}, the mean of the "
         f"squared Mahalanobis distance over 2. At speed {data.slowest}{data.where}, of {data.tracks_shown}. The "
         "covariance of an error is that of its observation plus that of the first position of the track. "
-        f"{describe_intervals(bounded, of='the lines')}"
+        f"{describe_intervals(bounded, of='the lines', n_scenes='n_scenes')}"
     )
     panels = [_coverage_panel(shares, colours), *([_nees_panel(data, nees, colours)] if nees.height else [])]
     said = [*filter(None, (covariance_sentence(data, tracker) for tracker in data.trackers))]
@@ -361,9 +378,7 @@ def _coverage_panel(shares: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
     scale = alt.Scale(domain=[40, 100], nice=False, clamp=True)
     x = alt.X("at:Q", title="level of the region (%)", scale=scale, axis=alt.Axis(values=[*LEVELS.values()]))
     y = alt.Y("u:Q", title="errors inside (%)", scale=alt.Scale(domain=[0, 100], nice=False))
-    diagonal = alt.Chart(alt.InlineData(values=[{"at": 40, "u": 40}, {"at": 100, "u": 100}]))
-    right = diagonal.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
-    return _covariance_panel(columns, x, y, colours, "coverage", right)
+    return _covariance_panel(columns, x, y, colours, "coverage", _dashed((40, 40), (100, 100), x, y))
 
 
 def _nees_panel(data: ReportData, nees: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
@@ -373,9 +388,7 @@ def _nees_panel(data: ReportData, nees: pl.DataFrame, colours: Mapping[str, str]
     domain = [cast(float, held.min()) / 2.0, cast(float, held.max()) * 2.0]
     y = alt.Y("u:Q", title="NEES", scale=alt.Scale(type="log", domain=domain, nice=False, clamp=True))
     first, last = columns["at"].min(), columns["at"].max()
-    ends_of_line = alt.Chart(alt.InlineData(values=[{"at": first, "u": 1.0}, {"at": last, "u": 1.0}]))
-    right = ends_of_line.mark_line(color="#8a949e", strokeDash=[4, 3]).encode(x=x, y=y)
-    return _covariance_panel(columns, x, y, colours, "NEES", right)
+    return _covariance_panel(columns, x, y, colours, "NEES", _dashed((first, 1.0), (last, 1.0), x, y))
 
 
 def _covariance_panel(
@@ -384,15 +397,8 @@ def _covariance_panel(
     tips = [alt.Tooltip("line:N", title="tracker"), alt.Tooltip("at:Q"), alt.Tooltip("n:Q", title="errors"),
             alt.Tooltip("u:Q", title=title)]  # fmt: skip
     hue = marks.colour("line", colours, "tracker")
-    return lined(columns, "line", x, y, hue, colours, tips, title=title, height=230, below=[right])
+    return curves(columns, "line", "u", x, y, colours, tips, title=title, hue=hue, below=[right], **_LOOKS)
 
 
-FIGURES: Sections = {
-    "estimator": (
-        window_sigma_figures,
-        depth_interval_figures,
-        covariance_figures,
-        model_fit_figures,
-    ),
-}
+FIGURES: Sections = {"estimator": (window_sigma_figures, depth_interval_figures, covariance_figures, model_fit_figures)}
 """What this module draws, by the section of the report."""

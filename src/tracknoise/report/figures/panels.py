@@ -118,7 +118,6 @@ def _unit(spec: Spec, layer: int) -> Spec:
 
 
 COORDINATES = {"u": "u (horizontal)", "v": "v (vertical)"}
-_SIZE = {"width": 395, "height": 165}
 
 
 def side_by_side(table: pl.DataFrame, value: str, keys: list[str]) -> pl.DataFrame:
@@ -153,37 +152,39 @@ def _panel(
     x = marks.along(table["at"], title="age (frames of the sequence)", from_zero=True)
     y = alt.Y(f"{coordinate}:Q", title=heading, scale=alt.Scale(domain=marks.holding(values, ends), nice=False))
     tips = [alt.Tooltip(f"{field}:N"), alt.Tooltip("at:Q"), alt.Tooltip("n:Q"), alt.Tooltip(f"{coordinate}:Q")]
-    lines = alt.Chart(marks.rows(table.select(field, "at", "n", coordinate)))
-    lines = lines.mark_line(point=alt.OverlayMarkDef(size=14), clip=True).encode(
-        x=x, y=y, color=marks.colour(field, colours, field), opacity=marks.opacity(field), tooltip=tips
-    )
-    band = marks.band(table, field, colours, coordinate, x, y)
-    zero = alt.Chart(alt.InlineData(values=[{"zero": 0}])).mark_rule(color=style.QUIET, strokeWidth=0.8)
-    chart = layered(*band, lines, zero.encode(y=alt.Y("zero:Q")))
-    return Panel(chart.properties(title=alt.Title(title), **_SIZE), (marks.shown(field, colours),), layer=len(band))
+    above = [marks.zero_line()]
+    return curves(table, field, coordinate, x, y, colours, tips, above=above, title=title)
 
 
-def lined(
-    columns: pl.DataFrame,
+def curves(
+    table: pl.DataFrame,
     field: str,
+    column: str,
     x: alt.X,
     y: alt.Y,
-    hue: alt.Color,
     colours: Mapping[str, str],
     tips: Sequence[alt.Tooltip],
     *,
     title: str = "",
-    height: int = 190,
+    width: int = 395,
+    height: int = 165,
+    hue: alt.Color | None = None,
+    point: int = 14,
+    clip: bool = True,
     below: Sequence[alt.Chart] = (),
+    above: Sequence[alt.Chart] = (),
 ) -> Panel:
-    """A panel with a line, its points and its band for each value of a field: columns at, n, u, u_low and u_high.
+    """A panel with a line, its points and its band for each value of a field: columns at, n, `column` and its bounds.
 
-    `hue`: `colours` with their legend. `below`: what is drawn first.
+    `hue`: `colours` with another legend than usual. `point`: size of points. `below, above`: what is drawn first, and
+    last.
     """
-    drawn = alt.Chart(marks.rows(columns.select(field, "at", "n", "u"))).mark_line(point=alt.OverlayMarkDef(size=20))
-    curve = drawn.encode(x=x, y=y, color=hue, opacity=marks.opacity(field), tooltip=list(tips))
-    band = marks.band(columns, field, colours, "u", x, y)
-    chart = layered(*below, *band, curve).properties(width=395, height=height, title=alt.Title(title))
+    drawn = alt.Chart(marks.rows(table.select(field, "at", "n", column)))
+    curve = drawn.mark_line(point=alt.OverlayMarkDef(size=point), clip=clip or alt.Undefined).encode(
+        x=x, y=y, color=hue or marks.colour(field, colours, field), opacity=marks.opacity(field), tooltip=list(tips)
+    )
+    band = marks.band(table, field, colours, column, x, y)
+    chart = layered(*below, *band, curve, *above).properties(width=width, height=height, title=alt.Title(title))
     return Panel(chart, (marks.shown(field, colours),), layer=len(below) + len(band))
 
 

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.phrases.bands import AGE, describe_intervals
+from tracknoise.phrases.bands import AGE, describe_bounds
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.error_curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure, Sections
-from tracknoise.report.figures.panels import Panel, arranged, lined
+from tracknoise.report.figures.panels import Panel, arranged, curves
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Quantity
 
@@ -25,10 +25,9 @@ def _figure(data: ReportData, name: str) -> Figure | Absence:
     table = data.nominal(data.ratios).filter(enough, quantity=name, trimming=data.trimming).sort("tracker", "at")
     if table.is_empty():
         return Absence(id, quantity.title, no_curve(data))
-    bounded = table.drop_nulls(["low", "high"]).rename({"n_scenes": "n_resampled"})
     shows = (
         f"{quantity.estimand} At speed {data.slowest}{data.where}, by {data.axis.name}, features pooled, of "
-        f"{data.tracks_shown}. {describe_intervals(bounded, of='the curves')}"
+        f"{data.tracks_shown}. {describe_bounds(table, of='the curves')}"
     )
     better = f"A {quantity.better} value is better." if quantity.better != "neither" else ""
     return Figure(
@@ -44,11 +43,9 @@ def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
     y = alt.Y("u:Q", title=quantity.title, scale=alt.Scale(domain=domain, nice=False), axis=form)
     tips = [alt.Tooltip("tracker:N"), alt.Tooltip("at:Q", title=data.axis.name), alt.Tooltip("n:Q", title="features")]
     colours = {name: data.colour[name] for name in data.trackers if name in table["tracker"]}
-    hue = marks.colour("tracker", colours, "tracker")
-    return lined(columns, "tracker", x, y, hue, colours, [*tips, alt.Tooltip("u:Q")])
+    tips.append(alt.Tooltip("u:Q"))
+    return curves(columns, "tracker", "u", x, y, colours, tips, height=190, point=20, clip=False)
 
 
-FIGURES: Sections = {
-    "error-by-tracker": (ratio_figures,),
-}
+FIGURES: Sections = {"error-by-tracker": (ratio_figures,)}
 """What this module draws, by the section of the report."""

@@ -12,7 +12,8 @@ from typing import Any
 import altair as alt
 import polars as pl
 
-from tracknoise.phrases.bands import FRAME, describe_intervals, of_scalar
+from tracknoise.inference.estimates import Estimate
+from tracknoise.phrases.bands import FRAME, describe_bounds, describe_intervals, of_scalar
 from tracknoise.report import style
 from tracknoise.report.figures import light_sweeps, marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
@@ -22,7 +23,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import surviving
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import CAUSES
-from tracknoise.words import count, listing, number, percent
+from tracknoise.words import count, format_estimate, listing, number, percent
 
 _ALL, _MEASURED = "all tracks", "in the curves"
 
@@ -258,7 +259,8 @@ def _sentences(subject: str, row: Mapping[str, Any]) -> str:
 def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
     hue, opacity = marks.colour("series", colours, title), marks.opacity("series")
     lines = [chart.encode(color=hue, opacity=opacity) for chart in (_histogram(table), _survival(table))]
-    band = [area.encode(fill=marks.fill("series", colours)) for area in _lifetime_band(table)]
+    known = table.select("series", pl.col("lifetime").cast(pl.Int64), "low", "high").drop_nulls()
+    band = _band(known.sort("series", "lifetime"), _LIFETIME_SHARE, colours)
     shown = (marks.shown("series", colours),)
     survival = layered(*band, lines[1]).properties(**_SIZE)
     panels = [Panel(lines[0].properties(**_SIZE), shown), Panel(survival, shown, layer=len(band))]
@@ -296,15 +298,13 @@ def _survival(table: pl.DataFrame) -> alt.Chart:
     return encoded
 
 
-def _lifetime_band(table: pl.DataFrame) -> list[alt.Chart]:
-    """Area between the bounds of the survival curve. Empty where there are none."""
-    known = table.select("series", pl.col("lifetime").cast(pl.Int64), "low", "high").drop_nulls()
+def _band(known: pl.DataFrame, y: alt.Y, colours: Mapping[str, str]) -> list[alt.Chart]:
+    """Areas between the bounds along lifetimes, one for each of the series. Empty where there are none."""
     if known.is_empty():
         return []
-    area = alt.Chart(marks.rows(known.sort("series", "lifetime"))).mark_area(interpolate="step-after", tooltip=None)
-    y, opacity = marks.on(_LIFETIME_SHARE, "low"), marks.faint("series")
-    encoded: alt.Chart = area.encode(x=_LIFETIME, y=y, y2=alt.Y2("high:Q"), opacity=opacity)
-    return [encoded]
+    area = alt.Chart(marks.rows(known)).mark_area(interpolate="step-after", tooltip=None)
+    fill, opacity = marks.fill("series", colours), marks.faint("series")
+    return [area.encode(x=_LIFETIME, y=marks.on(y, "low"), y2=alt.Y2("high:Q"), fill=fill, opacity=opacity)]
 
 
 def _describe_bands(table: pl.DataFrame) -> str:
@@ -322,12 +322,10 @@ def incidence_figures(data: ReportData) -> Sequence[Figure | Absence]:
     table = data.nominal(data.incidence)
     if table.is_empty():
         return [Absence(_ID, _INCIDENCE_TITLE, "No tracker of this run reports why tracks end.")]
-    table = table.with_columns(
-        series=pl.col("cause").cast(pl.String).replace_strict(_NAMES), n_resampled=pl.col("n_scenes")
-    )
+    table = table.with_columns(series=pl.col("cause").cast(pl.String).replace_strict(_NAMES))
     trackers = [tracker for tracker in data.trackers if tracker in table["tracker"]]
     panels = [_incidence_panel(table.filter(tracker=tracker), tracker, data.colour[tracker]) for tracker in trackers]
-    bands = describe_intervals(table.filter(pl.col("low").is_not_null()), of="the curves")
+    bands = describe_bounds(table, of="the curves")
     figure = Figure(
         id=_ID,
         title=_INCIDENCE_TITLE,
@@ -375,21 +373,9 @@ def _incidence_panel(table: pl.DataFrame, tracker: str, colour: str) -> Panel:
     known = table.select("series", "lifetime", "incidence", "low", "high").sort("series", "lifetime")
     line = alt.Chart(marks.rows(known.drop("low", "high"))).mark_line(interpolate="step-after")
     line = line.encode(x=_LIFETIME, y=_INCIDENCE_SHARE, tooltip=tips, color=hue, opacity=opacity)
-    band = _incidence_band(known.drop_nulls())
+    band = _band(known.drop_nulls(), _INCIDENCE_SHARE, _COLOURS)
     chart = layered(*band, line).properties(width=385, height=240, title=alt.Title(tracker, color=colour))
     return Panel(chart, (marks.shown("series", _COLOURS),), layer=len(band))
-
-
-def _incidence_band(known: pl.DataFrame) -> list[alt.Chart]:
-    """Areas between the bounds. Empty where there are none."""
-    if known.is_empty():
-        return []
-    area = alt.Chart(marks.rows(known)).mark_area(interpolate="step-after", tooltip=None)
-    fill, opacity = marks.fill("series", _COLOURS), marks.faint("series")
-    encoded: alt.Chart = area.encode(
-        x=_LIFETIME, y=marks.on(_INCIDENCE_SHARE, "low"), y2=alt.Y2("high:Q"), fill=fill, opacity=opacity
-    )
-    return [encoded]
 
 
 _OUTLIER_RATIO_TITLE = "Outlier ratio"
@@ -468,8 +454,7 @@ def _look_for_outlier_ratio(data: ReportData, table: pl.DataFrame) -> str:
 
 
 def _with_interval(row: Mapping[str, Any]) -> str:
-    ratio = percent(row["pooled_ratio"])
-    return ratio if row["low"] is None else f"{ratio} ({percent(row['low'])} to {percent(row['high'])})"
+    return format_estimate(Estimate.of_row(row, "pooled_ratio", "low", "high", "share"))
 
 
 def _intervals(table: pl.DataFrame) -> str:
@@ -502,10 +487,7 @@ def _ratio(data: ReportData) -> alt.Y:
 
 
 FIGURES: Sections = {
-    "lifetimes": (
-        lifetime_figures,
-        incidence_figures,
-    ),
+    "lifetimes": (lifetime_figures, incidence_figures),
     "outlier-ratio": (outlier_ratio_figures,),
     "feature-counts": (feature_count_figures,),
 }

@@ -185,10 +185,7 @@ _TWO_TRUTH_NAMES = {
 }
 _COLOURS = dict(zip(_TWO_TRUTH_NAMES.values(), style.colours([*_TWO_TRUTH_NAMES]), strict=True))
 _LAG = alt.X("at:Q", title="frames between the two poses", axis=alt.Axis(tickMinStep=1))
-_POSES = {
-    "rotation": "rotation per axis (degrees)",
-    "translation": "translation per axis (metres)",
-}
+_POSES = {"rotation": "rotation per axis (degrees)", "translation": "translation per axis (metres)"}
 
 
 def two_truth_figures(data: ReportData) -> Sequence[Figure]:
@@ -218,7 +215,7 @@ def _two_truths_of_tracker(data: ReportData, tracker: str, table: pl.DataFrame) 
         title=f"{tracker}, by two truths",
         shows=f"Root second moment about zero by age at speed {data.slowest}{data.where}, of observations that both "
         "truths know. The disagreement is the distance between the true positions by the two truths. It does not "
-        f"depend on the errors of the tracker. {describe_intervals(points, of='the curves')}",
+        f"depend on the errors of the tracker. {describe_intervals(points, of='the curves', n_scenes='n_scenes')}",
         look_for=_two_truth_sentence(tracker, points),
         spec=arranged(panels, columns=2, independent=["fill"]),
         message=_two_truth_message(tracker, points.filter(coordinate="u")),
@@ -246,7 +243,7 @@ def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:
         id="two-truths-poses",
         title="Disagreement of the poses",
         shows="Root mean square difference per axis between the relative poses of the two truths, by the number of "
-        f"frames between the two poses{data.where}. {describe_intervals(points, of='the curves')}",
+        f"frames between the two poses{data.where}. {describe_intervals(points, of='the curves', n_scenes='n_scenes')}",
         look_for=f"Over {first['at'].item(0)} frame the relative poses differ by {number(value['rotation'])} degrees "
         f"and {number(1e3 * value['translation'])} mm per axis. Errors that are independent from frame to frame give "
         "a level curve. A random walk grows with the square root of the number of frames.",
@@ -259,7 +256,7 @@ def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:
 def _points(table: pl.DataFrame, *, least: int) -> pl.DataFrame:
     """Columns that panels and descriptions need, where there are enough observations."""
     known = table.filter(pl.col("n") >= least, pl.col("value").is_not_null())
-    return known.with_columns(n_resampled=pl.col("n_scenes")).sort("coordinate", "series", "at")
+    return known.sort("coordinate", "series", "at")
 
 
 def _two_truth_panel(points: pl.DataFrame, title: str, x: alt.X) -> Panel:
@@ -367,10 +364,7 @@ def _audit_curve_sentence(curves: pl.DataFrame) -> str:
 
 
 FIGURES: Sections = {
-    "truth-audit": (
-        audit_curve_figures,
-        two_truth_figures,
-    ),
+    "truth-audit": (audit_curve_figures, two_truth_figures),
     "pose-errors": (pose_error_figures,),
     "between-trackers": (tracker_difference_figures,),
 }

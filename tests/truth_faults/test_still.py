@@ -7,7 +7,11 @@ import cv2
 import numpy as np
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
+from tracknoise.experiments.doubts import doubts
+from tracknoise.experiments.measure import measure
 from tracknoise.sequences.arrays import Sequence
+from tracknoise.tables.enumerations import Trust
+from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.truth_faults.audit_tables import enough
 from tracknoise.truth_faults.check_recording import check_sequence
 from tracknoise.truth_faults.check_report import SequenceReport
@@ -16,8 +20,16 @@ K = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
 TEXTURE = cv2.GaussianBlur(np.random.default_rng(3).uniform(0, 255, (120, 160)).astype(np.float32), (0, 0), 1.5)
 
 
+GREY = cv2.normalize(TEXTURE, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+MOVING = [np.roll(GREY, (frame, 2 * frame), axis=(0, 1)) for frame in range(12)]
+
+
+def still(images: list[np.ndarray]) -> Sequence:
+    return Sequence.from_arrays(images, [np.eye(4)] * 12, K, [np.full((120, 160), 4.0)] * 12)
+
+
 def checked(image: np.ndarray) -> SequenceReport:
-    return check_sequence(Sequence.from_arrays([image] * 12, [np.eye(4)] * 12, K, [np.full((120, 160), 4.0)] * 12))
+    return check_sequence(still([image] * 12))
 
 
 def texts(report: SequenceReport) -> dict[str, str]:
@@ -25,11 +37,24 @@ def texts(report: SequenceReport) -> dict[str, str]:
 
 
 def test_the_same_image_at_the_same_place_has_no_errors_and_no_share_of_them() -> None:
-    report = checked(cv2.normalize(TEXTURE, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8))
-    assert "the camera does not move" in report.truth.text
+    report = checked(GREY)
+    assert report.truth.verdict is Trust.unknown
     assert texts(report)["pose jumps"].startswith("The median step is 0 m and 0 deg;")
-    assert "no pair of images with motion" in texts(report)["usual mistakes"]
+    assert texts(report)["usual mistakes"].startswith("All poses are the same, and the images do not move")
     json.dumps(asdict(report), allow_nan=False)
+
+
+def test_images_that_move_where_poses_do_not_are_a_mistake_to_the_check_and_to_a_run() -> None:
+    recording = still(MOVING)
+    report = check_sequence(recording)
+    assert report.truth.verdict is Trust.not_trusted
+    assert "All poses are the same, but the images move: by " in report.truth.text
+    mistake = doubts(measure(recording, LucasKanade()), {"lucas-kanade": "lucas-kanade"}).mistakes[0]
+    assert mistake.startswith("All poses are the same, but the images move: by ")
+
+
+def test_a_tripod_is_no_mistake_to_a_run() -> None:
+    assert doubts(measure(still([GREY] * 12), LucasKanade()), {"lucas-kanade": "lucas-kanade"}).mistakes == ()
 
 
 def test_where_nothing_is_followed_depths_are_not_to_blame() -> None:

@@ -542,6 +542,12 @@ class Evidence:
         pairs = tuple(with_depth if has_depth else moving)
         return cls(flow, poses, camera, has_depth, pairs, z_depth_from if has_depth else None)
 
+    @property
+    def stands_still(self) -> bool:
+        """Whether all poses are the same."""
+        known = self.poses[np.isfinite(self.poses).all(axis=(1, 2))]
+        return len(known) > 1 and float(np.ptp(known, axis=0).max()) == 0.0
+
     @classmethod
     def measured(cls, sequence: Sequence) -> "Evidence":
         """Measure the image motion of a sequence; as its first camera would have seen it, if the camera changes.

@@ -20,6 +20,7 @@ from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, depth_ki
 from tracknoise.truth_faults.image_evidence import (
     AS_GIVEN,
     AS_RAY_DEPTH,
+    LEAST_MOTION_PX,
     LONG_PX,
     SHORT_PX,
     Evidence,
@@ -112,6 +113,8 @@ def mistakes(evidence: Evidence) -> Item:
     Without depths, residuals are distances from epipolar lines. On a straight path small errors of the poses may fit
     better with turned poses, so residuals must rival the motion too, or fall to those of the tracking.
     """
+    if evidence.stands_still:
+        return _without_motion(evidence)
     if len(evidence.pairs) < _MISTAKE_FEWEST_PAIRS:
         few = f"only {counted(len(evidence.pairs), 'pair')}" if evidence.pairs else "no pair"
         text = f"Mistakes in poses cannot be looked for: {few} of images with motion."
@@ -136,6 +139,16 @@ def mistakes(evidence: Evidence) -> Item:
         return ray
     text = f"None of {len(candidates)} usual mistakes explains the image motion clearly better than what is given."
     return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
+
+
+def _without_motion(evidence: Evidence) -> Item:
+    """Poses that are all the same are those of a tripod where the images stand still too, and wrong where they move."""
+    motions = [pair.motion_px for pair in (*evidence.flow.steps, *evidence.flow.wide)]
+    if motions and (moved := float(np.median(motions))) >= LEAST_MOTION_PX:
+        text = f"All poses are the same, but the images move: by {significant(moved, 2)} px in the median pair."
+        return Item("usual mistakes", Severity.fatal, text, {"motion_px": moved})
+    text = "All poses are the same, and the images do not move: mistakes in poses cannot be looked for."
+    return Item("usual mistakes", Severity.unknown, text)
 
 
 def _residuals(

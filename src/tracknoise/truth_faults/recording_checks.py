@@ -75,15 +75,13 @@ def reader_notes(sequence: Sequence) -> list[Item]:
 
 
 def rotations(sequence: Sequence) -> Item:
-    """Whether rotations are orthonormal, and whether poses change at all."""
+    """Whether rotations are orthonormal."""
     poses = _known_poses(sequence)
     error = np.abs(poses[:, :3, :3] @ np.swapaxes(poses[:, :3, :3], 1, 2) - np.eye(3)).max(initial=0.0)
     values: Values = {"deviation": float(error)}
     if error > 1e-6:
         text = f"Rotations are not orthonormal: entries deviate by up to {error:.2g}."
         return Item("rotations", Severity.fatal, text, values)
-    if len(poses) > 1 and np.ptp(poses, axis=0).max() == 0.0:
-        return Item("rotations", Severity.fatal, "All poses are the same, so that the camera does not move.", values)
     return Item("rotations", Severity.ok, f"Rotations are orthonormal to {max(error, 1e-15):.1g}.", values)
 
 

@@ -260,6 +260,8 @@ def test_faults_move_near_points_farther() -> None:
     rng = np.random.default_rng(2)
     samples = make_samples(rng, World(), theta_of({}))
     assert max(moved(samples, available(samples)).values()) < 1.5
+    nothing = samples.chosen(np.empty(0, np.intp))  # no tracker has enough observations
+    assert moved(nothing, available(nothing)) == {}
     near = samples.chosen(np.flatnonzero((samples.tracker == 0) | (samples.depth < 1.5)))
     factors = moved(near, available(near))
     assert factors[1] > 4.0

@@ -151,8 +151,8 @@ def moved(samples: AuditSamples, parameters: Sequence[Parameter]) -> dict[int, f
     used = np.flatnonzero(np.isfinite(moves).all(axis=1) & (samples.age <= REFERENCE_AGE))
     trackers, place = np.unique(samples.tracker, return_inverse=True)
     ages, age = np.unique(samples.age[used], return_inverse=True)
-    counts = np.bincount(place[used] * len(ages) + age, minlength=len(trackers) * len(ages)).reshape(len(trackers), -1)
-    shared = np.flatnonzero((counts >= _LEAST_IN_CELL).all(axis=0))
+    counts = np.bincount(place[used] * len(ages) + age, minlength=len(trackers) * len(ages))
+    shared = np.flatnonzero((counts.reshape(len(trackers), len(ages)) >= _LEAST_IN_CELL).all(axis=0))
     if not len(shared):
         return {}
     parts = [used[age == one] for one in shared]

@@ -43,7 +43,7 @@ def test_the_title_is_the_answer(model, one, title):
 def test_it_is_about_the_tracker_that_residuals_mislead_most(model):
     settings = [to_set(0.5, 0.4, tracker="a"), to_set(0.5, 0.1, tracker="b"), to_set(0.5, 0.2, tracker="c")]
     found = answer_plot(dict.fromkeys("abc", model), "filter", settings, NOTHING)
-    assert found.subject == "b, misled most; windows of 11 frames"
+    assert found.subject == "b; windows of 11 frames"
     assert found.heading.startswith("With b, your residuals say")
     assert [curve.tracker for curve in found.curves] == ["b", "a", "c"]
 

@@ -76,13 +76,11 @@ def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
     """
     if kernel is not None and "knee" in factors:
         return f"{kernel.title()} loss, knee {number(factors['knee'])} sigma"
-    gates = [
-        f"chi-square gate of {name} {TIMES} {number(factors[key])}" for name, key in _GATES.items() if key in factors
-    ]
+    gates = [f"chi-square {name} gate {TIMES} {number(factors[key])}" for name, key in _GATES.items() if key in factors]
     return next(iter(gates), "")
 
 
-_GATES = {"tracks": "track_gate", "observations": "observation_gate"}
+_GATES = {"track": "track_gate", "observation": "observation_gate"}
 
 
 def conclusions(summary: Summary) -> dict[str, str]:

@@ -24,7 +24,7 @@ from tracknoise.exceptions import SettingsError
 from tracknoise.phrases.answer_summary import NoiseToSet, Summary
 from tracknoise.report import figure_files, style
 from tracknoise.text import counted, printable
-from tracknoise.words import px
+from tracknoise.words import px, sentence_case
 
 FILE = "share.png"
 WIDTH, HEIGHT = 1200, 630
@@ -94,8 +94,8 @@ class AnswerPlot:
     ----------
     title
         What residuals say, and what to set.
-    subject
-        Of which tracker, in which estimator.
+    windows
+        In what residuals and sigma are compared: ``windows of 11 frames``.
     curves
         Of some trackers, that of the title first.
     strip
@@ -103,7 +103,7 @@ class AnswerPlot:
     """
 
     title: str
-    subject: str
+    windows: str
     curves: tuple[Curve, ...]
     strip: Strip | None
 
@@ -127,9 +127,16 @@ class AnswerPlot:
         return f"With {printable(self.curves[0].tracker)}, {self.title[0].lower()}{self.title[1:]}"
 
     @property
+    def subject(self) -> str:
+        """Which tracker the title is about, and in what windows."""
+        return f"{self.curves[0].tracker}; {self.windows}"
+
+    @property
     def key(self) -> str:
-        """What the lines are, where their ends are called by trackers; empty elsewhere."""
-        return " Solid: set; dashed: residuals." if len(self.curves) > 1 else ""
+        """What stands under the heading: the windows, and what the lines are where their ends have names."""
+        if len(self.curves) < 2:
+            return f"{self.subject}."
+        return f"{sentence_case(self.windows)}. Solid: set; dashed: residuals."
 
     def frames(self) -> Markup:
         """The strip, as a part of a page; empty where there is none."""
@@ -159,11 +166,9 @@ def answer_plot(
         return None
     first = max(able, key=lambda one: (one.sigma.value or 0.0) / (one.innovations.value or 1.0))
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
-    is_misled = not _alike(first.sigma.value or 0.0, first.innovations.value or 0.0)
-    most = ", misled most" if len(chosen) > 1 and is_misled else ""
-    subject = f"{first.tracker}{most}; windows of {counted(first.window, 'frame')}"
+    windows = f"windows of {counted(first.window, 'frame')}"
     shown = tuple(_alike_long([curves[one.tracker] for one in chosen]))
-    return AnswerPlot(_title(first), subject, shown, _strip(seen, first.tracker))
+    return AnswerPlot(_title(first), windows, shown, _strip(seen, first.tracker))
 
 
 def _title(one: NoiseToSet) -> str:
@@ -261,7 +266,7 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve, shown.curves)]
     dots = [_dot(x(curve.window), y(curve.sigma), curve.colour) for curve in shown.curves]
     labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
-    axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">frames in a window</text>').format(
+    axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">window, frames</text>').format(
         x=_LEFT + width / 2, y=_PLOT_HEIGHT - 4, **colours
     )
     unit = Markup('<text x="{x}" y="{y}" fill="{quiet}">sigma, px</text>').format(x=4, y=_TOP - 10, **colours)

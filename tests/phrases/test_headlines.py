@@ -507,7 +507,7 @@ def test_growth_is_not_denied_beside_a_wide_interval() -> None:
     row = {"grows": "undecided", "growth_ratio": 1.05, "growth_ratio_low": 0.9, "growth_ratio_high": 1.2}
     rows = growing({"coordinate": "u", "verdict": "undecided", **row})
     text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
-    assert "lk in u: growth of the RMS is open; it changes 1.05 times (0.900 to 1.20)." in text
+    assert "lk in u: growth of the RMS is open; it becomes 1.05 times (0.900 to 1.20) as large." in text
 
 
 @pytest.mark.parametrize(("floor_uu", "withheld"), [(0.05, True), (0.03, False), (0.0, False), (None, False)])
@@ -535,7 +535,7 @@ def test_of_two_coordinates_that_differ_each_has_its_own_words() -> None:
         {"trimming": "untrimmed", "coordinate": "v", "verdict": "none"},
     ]
     text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
-    assert "lk in u: the RMS does not grow; it changes" in text
+    assert "lk in u: the RMS does not grow; it becomes" in text
     assert "lk in v: the RMS grows" in text
     assert "neither" not in text
 

@@ -42,9 +42,9 @@ _OPENINGS: Mapping[Verdict, str] = {
     Verdict.undecided: "growth is undecided",
 }
 _CHANGES: Mapping[Verdict, str] = {
-    Verdict.yes: "the RMS grows",
-    Verdict.no: "the RMS does not grow; it changes",
-    Verdict.undecided: "growth of the RMS is open; it changes",
+    Verdict.yes: "the RMS grows {}",
+    Verdict.no: "the RMS does not grow; it becomes {} as large",
+    Verdict.undecided: "growth of the RMS is open; it becomes {} as large",
 }
 _KNOWN = (Behaviour.white, Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 
@@ -87,7 +87,7 @@ def _grown(row: Mapping[str, Any], ages: str) -> tuple[str, list[Estimate]]:
     if ratio_found is None:
         return joined([f"{subject}: {_OPENINGS[_grows(row)]}.", how]), estimates + of_parts
     size = format_estimate(replace(ratio_found, unit="times"))
-    return joined([f"{subject}: {_CHANGES[_grows(row)]} {size}.", ages, how]), estimates + of_parts
+    return joined([f"{subject}: {_CHANGES[_grows(row)].format(size)}.", ages, how]), estimates + of_parts
 
 
 def _how(row: Mapping[str, Any], parts: Mapping[str, Estimate]) -> tuple[str, list[Estimate]]:
@@ -198,7 +198,7 @@ def growth_measure(subject: Subject) -> Measure | None:
     verdict = growth_verdict(subject.data, subject.conditions, row, subject.at)
     shown, errors = card_number(replace(found, unit="times")), f"errors of {subject.tracker}"
     note = f"RMS in {axis} of the same tracks {_from_to(subject.conditions, row)}; {_kinds(rows)}"
-    change = f"their RMS in {axis} changes {with_interval(shown)}"
+    change = f"their RMS in {axis} becomes {with_interval(shown)} as large"
     sentence = {
         Verdict.yes: f"{sentence_case(errors)} grow with age; their RMS in {axis} grows {with_interval(shown)}.",
         Verdict.no: f"No growth of {errors} was found; {change}.",

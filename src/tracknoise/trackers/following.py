@@ -68,7 +68,7 @@ class Follower(Protocol):
 class FollowingSettings:
     """Settings that these trackers have in common.
 
-    Parameters
+    Attributes
     ----------
     detection, rejection
         Where features may begin and stay; which of them are outliers.

@@ -85,6 +85,8 @@ def test_a_wrong_option_in_python_is_an_error_of_the_input(make, message):
         ({"accuracy": 0.1}, r"accuracy = 0.1, expected tracknoise.AccuracyRule"),
         ({"max_frames": 0}, "max_frames = 0, expected a whole number of 2 or more"),
         ({"max_frames": 2.5}, "max_frames = 2.5, expected a whole number of 2 or more"),
+        ({"seed": "a"}, "seed = 'a', expected a whole number of 0 or more"),
+        ({"seed": -1}, "seed = -1, expected a whole number of 0 or more"),
         ({"second_truth": 3}, "found 3, expected a sequence"),
     ],
 )

@@ -75,13 +75,15 @@ def require_sequences(sequences: Items[object]) -> None:
             raise SettingsError(f"found {sequence!r}, expected {expected}")
 
 
-def require_options(corrections: object, accuracy: object, max_frames: object) -> None:
+def require_options(corrections: object, accuracy: object, max_frames: object, seed: object) -> None:
     """Check options that have another type in an experiment file."""
     for name, value, kind in (("corrections", corrections, Corrections), ("accuracy", accuracy, AccuracyRule)):
         if not isinstance(value, kind):
             raise SettingsError(f"{name} = {value!r}, expected tracknoise.{kind.__name__}(...)")
     if max_frames is not None and (not isinstance(max_frames, int | np.integer) or max_frames < 2):
         raise SettingsError(f"max_frames = {max_frames!r}, expected a whole number of 2 or more")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise SettingsError(f"seed = {seed!r}, expected a whole number of 0 or more")
 
 
 def _several(trackers: object) -> Iterable[object]:
@@ -247,7 +249,7 @@ def measure_together(
 ) -> Iterator[Measurement]:
     """Run trackers on sequences that advance together, because they share what they read."""
     require_sequences([*sequences, *second_truth])
-    require_options(corrections, accuracy, max_frames)
+    require_options(corrections, accuracy, max_frames, seed)
     setups = _setups(trackers, speeds)
     sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
     measured = measure_sequences(

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import polars as pl
@@ -13,7 +13,8 @@ from tracknoise.tables.defaults import LONGEST_STRIP, PATCH_PX
 
 MOST_BYTES = 1_300_000
 """Size of all groups in a page, as JSON. Those of further scenes are left out."""
-_DIGITS = 3
+_OF_PATHS = "frame", "u_px", "v_px", "truth", pl.col("du_px", "dv_px").round_sig_figs(3)
+_Row = Mapping[str, Any]
 _NOT_RECORDED = "not recorded"
 """How a track ended whose tracker reports no causes."""
 
@@ -41,33 +42,37 @@ def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
     shown = pl.col("track").is_in(patches["track"].explode().unique().to_list()), pl.col("speed") == data.slowest
     observed, ends = (data.run.rows(name, key, *shown) for name in ("observations", "tracks"))
     for row in patches.to_dicts():
-        own = observed.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"]).sort("frame")
+        own = observed.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
         reasons = ends.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
-        paths = {track: part for (track,), part in own.group_by("track")}
+        paths = own.sort("frame").select("track", *_OF_PATHS).rows_by_key("track", named=True, unique=False)
         ended = {lived["track"]: lived for lived in reasons.to_dicts()}
-        worst = paths[row["track"][0]]["frame"]
-        strip = worst.filter(worst.is_between(row["anchor_frame"][0], row["frame"][0])).tail(LONGEST_STRIP)
+        strip = [one["frame"] for one in _between(row, 0, paths[row["track"][0]])][-LONGEST_STRIP:]
         yield {
             "tracker": row["tracker"],
             "at": row["at"],
             "sheet": base64.b64encode(row["sheet"]).decode(),
             "strip": base64.b64encode(row["strip"]).decode(),
-            "strip_at": strip.to_list(),
+            "strip_at": strip,
             "tracks": [_track(row, place, paths[track], ended[track]) for place, track in enumerate(row["track"])],
         }
 
 
-def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, lived: Mapping[str, Any]) -> dict[str, Any]:
+def _between(row: _Row, place: int, path: Sequence[_Row]) -> list[_Row]:
+    """The rows of a chosen track from its anchor to the frame that is shown."""
+    return [one for one in path if row["anchor_frame"][place] <= one["frame"] <= row["frame"][place]]
+
+
+def _track(row: _Row, place: int, path: Sequence[_Row], lived: _Row) -> dict[str, Any]:
     """One of the chosen tracks."""
-    frame, anchor = row["frame"][place], row["anchor_frame"][place]
-    now = path.filter(frame=frame).row(0, named=True)
-    known = path.filter(pl.col("frame").is_between(anchor, frame)).drop_nulls(["du_px", "dv_px"])
+    until = _between(row, place, path)
+    now = until[-1]
+    known = [one for one in until if one["du_px"] is not None]
     return {
         "kind": KINDS[place // row["n_each"]],
         "row": place,
         "track": row["track"][place],
-        "frame": frame,
-        "anchor_frame": anchor,
+        "frame": row["frame"][place],
+        "anchor_frame": row["anchor_frame"][place],
         "within": [now[name] - round(now[name]) for name in ("u_px", "v_px")],
         "error": [row["du_px"][place], row["dv_px"][place]],
         "end": _NOT_RECORDED if lived["end"] is None else lived["end"].replace("_", " "),
@@ -75,7 +80,7 @@ def _track(row: Mapping[str, Any], place: int, path: pl.DataFrame, lived: Mappin
         "largest": None if lived["max_error_px"] is None else float(f"{lived['max_error_px']:.6g}"),
         "truth": now["truth"].replace("_", " "),
         "path": {
-            "frame": known["frame"].to_list(),
-            **{name: known[name].round_sig_figs(_DIGITS).to_list() for name in ("du_px", "dv_px")},
+            "frame": [one["frame"] for one in known],
+            **{name: [one[name] for one in known] for name in ("du_px", "dv_px")},
         },
     }

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 DISTANCE, RATIO = "descriptor_distance", "descriptor_ratio"
 """Names of the quality of matches by descriptor: see `mutual_nearest`."""
+_ROWS_AT_ONCE = 128  # so that their squared distances stay in the processor's cache
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,24 +42,30 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Ma
         no_rows, nothing = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.float32)
         return Matches(no_rows, no_rows, {DISTANCE: nothing, RATIO: nothing})
     left = np.column_stack([query, _squared_length(query), np.ones_like(query[:, 0])])
-    right = np.column_stack([-2.0 * train, np.ones_like(train[:, 0]), _squared_length(train)])
-    squared = left @ right.T
-    nearest_train = squared.argmin(axis=1)
-    # Searching rows is much faster than searching columns, and only the rows of some query's nearest are needed.
-    nearest_query = (right[nearest_train] @ left.T).argmin(axis=1)
-    mutual = np.flatnonzero(nearest_query == np.arange(len(query)))
-    distance, ratio = _distances(squared, mutual, nearest_train[mutual])
+    right = np.column_stack([-2.0 * train, np.ones_like(train[:, 0]), _squared_length(train)]).T
+    nearest_train, first, second = (np.empty(len(query), kind) for kind in (np.intp, np.float32, np.float32))
+    nearest_query, least = np.zeros(len(train), dtype=np.intp), np.full(len(train), np.inf, dtype=np.float32)
+    for start in range(0, len(query), _ROWS_AT_ONCE):
+        rows = slice(start, start + _ROWS_AT_ONCE)
+        squared = left[rows] @ right
+        row = squared.argmin(axis=0)
+        value = squared[row, np.arange(len(train))]
+        closer = value < least
+        nearest_query[closer], least[closer] = start + row[closer], value[closer]
+        column = squared.argmin(axis=1)
+        nearest_train[rows], first[rows] = column, squared[np.arange(len(column)), column]
+        squared[np.arange(len(column)), column] = np.inf
+        second[rows] = squared.min(axis=1)
+    mutual = np.flatnonzero(nearest_query[nearest_train] == np.arange(len(query)))
+    distance, ratio = _distances(first[mutual], second[mutual])
     return Matches(mutual, nearest_train[mutual], {DISTANCE: distance, RATIO: ratio})
 
 
 def _distances(
-    squared: NDArray[np.float32], rows: NDArray[np.intp], columns: NDArray[np.intp]
+    first: NDArray[np.float32], second: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Distances (k,) and ratios (k,) of the least elements of some rows, which are overwritten."""
-    first = squared[rows, columns]
-    squared[rows, columns] = np.inf
-    second = squared.min(axis=1)[rows]
-    ratio = np.full(len(rows), np.nan, dtype=np.float32)
+    """Distances (k,) and ratios (k,) from squared distances to the nearest and to the second nearest."""
+    ratio = np.full(len(first), np.nan, dtype=np.float32)
     ratio[np.isfinite(second)] = 1.0  # equally near, also where both distances are 0
     np.divide(first, second, out=ratio, where=np.isfinite(second) & (second > 0))
     return np.sqrt(np.maximum(first, 0)), np.sqrt(np.maximum(ratio, 0))  # rounding of descriptors of networks

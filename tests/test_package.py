@@ -36,3 +36,10 @@ def test_a_run_starts_without_what_it_does_not_need():
     )
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert finished.stdout.strip() == "[]"
+
+
+def test_the_program_runs_as_a_module():
+    finished = subprocess.run(
+        [sys.executable, "-m", "tracknoise", "--version"], capture_output=True, text=True, check=True
+    )
+    assert tracknoise.__version__ in finished.stdout

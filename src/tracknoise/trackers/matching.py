@@ -43,7 +43,8 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Ma
         return Matches(no_rows, no_rows, {DISTANCE: nothing, RATIO: nothing})
     left = np.column_stack([query, _squared_length(query), np.ones_like(query[:, 0])])
     right = np.column_stack([-2.0 * train, np.ones_like(train[:, 0]), _squared_length(train)]).T
-    nearest_train, first, second = (np.empty(len(query), kind) for kind in (np.intp, np.float32, np.float32))
+    nearest_train = np.empty(len(query), dtype=np.intp)
+    first, second = np.empty((2, len(query)), dtype=np.float32)
     nearest_query, least = np.zeros(len(train), dtype=np.intp), np.full(len(train), np.inf, dtype=np.float32)
     for start in range(0, len(query), _ROWS_AT_ONCE):
         rows = slice(start, start + _ROWS_AT_ONCE)

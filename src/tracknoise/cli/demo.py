@@ -18,7 +18,7 @@ def demo(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Measure two trackers at three speeds in eight simulated scenes, and write the report. No data are needed.
+    """Measure two trackers at two speeds in eight simulated scenes, and write the report. No data are needed.
 
     Example: `tracknoise demo`
     """

@@ -83,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     page = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(remade(page, lambda command: run(command, folder)), encoding="utf-8")
+    run("tracknoise report runs/demo --figures", folder)
     for name in figures(page):
         shutil.copy(folder / FIGURES / name, PAGE.parent / "figures" / name)
 

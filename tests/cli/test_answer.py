@@ -9,7 +9,9 @@ import pytest
 from tracknoise.cli.run_summary import MOST_LINES, print_results
 from tracknoise.cli.terminal import Terminal
 from tracknoise.phrases.sentences import sentences_of
+from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 
 TRACKERS = tuple(f"tracker-{place}-of-a-team-with-a-long-name" for place in range(7))
 
@@ -37,6 +39,16 @@ def test_the_answer_fits_into_twelve_lines_however_many_trackers_there_are(seven
     assert int(more.split()[0]) == len(TRACKERS) - sum(TRACKERS[place] in out.split(more)[0] for place in range(7))
     assert "Truth: limited." in out
     assert err.splitlines() == ["The numbers of every tracker and speed: --table", "one failed"]
+
+
+@pytest.mark.parametrize("verdict", list(Trust))
+def test_the_verdict_on_the_truth_comes_before_numbers_that_it_forbids(seven, monkeypatch, capsys, verdict):
+    monkeypatch.setattr(TruthVerdict, "of", lambda trust: TruthVerdict(verdict, "A reason.", "Mend it."))
+    print_results(Terminal(), seven, report=False, table=False)
+    lines = capsys.readouterr().out.splitlines()
+    first = verdict in (Trust.not_trusted, Trust.unknown)
+    assert lines[0 if first else -1] == f"Truth: {verdict}. A reason. Next: Mend it."
+    assert any(line.startswith(TRACKERS[0]) for line in lines)
 
 
 def test_tables_name_every_tracker_and_hold_what_the_answer_leaves_out(seven, capsys):

@@ -21,7 +21,7 @@ _CLAIMS = ("growth", "bias", "tails")
 
 
 def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[str]:
-    """The answer in lines.
+    """The answer in lines; the verdict on the truth is the first where the truth is not trusted or unknown.
 
     Parameters
     ----------
@@ -32,16 +32,17 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
     to_set
         Whether they say what to set.
     """
-    rest = [line for text in (_better(data), *_trust(data)) for line in wrapped(text)]
+    better, trust = wrapped(_better(data)), _flat(map(wrapped, _trust(data)))
     told = [wrapped(text) for text in sentences_to_set(data)] if to_set else []
-    room = most - len(rest)
+    room = most - len(better) - len(trust)
     shown = _fitting(told, room)
     if shown < len(told):
         shown = _fitting(told, room - 1)
     shown = max(shown, min(1, len(told)))
     left = len(told) - shown
-    answered = [*_flat(told[:shown]), *([f"{left} more: --table"] if left else [])]
-    return [*answered, *rest[max(0, len(answered) + len(rest) - most) :]]
+    to_use = [*_flat(told[:shown]), *([f"{left} more: --table"] if left else [])]
+    answered = [*to_use, *better[max(0, len(to_use) - room) :]]
+    return [*answered, *trust] if TruthVerdict.of(data.trust).is_usable else [*trust, *answered]
 
 
 def _fitting(told: Sequence[Sequence[str]], room: int) -> int:
@@ -98,7 +99,8 @@ def most_important(data: ReportData, most: int) -> list[str]:
     most
         How many sentences there may be in all.
     """
-    answers = [*sentences_to_set(data)[:MOST_TRACKERS], _better(data), *_trust(data)]
+    numbers, trust = [*sentences_to_set(data)[:MOST_TRACKERS], _better(data)], _trust(data)
+    answers = [*numbers, *trust] if TruthVerdict.of(data.trust).is_usable else [*trust, *numbers]
     chosen = list[str]()
     for text in filter(None, [*answers, *changes(data), *_shown(data)]):
         if len(sentences_of(joined([*chosen, text]))) > most:

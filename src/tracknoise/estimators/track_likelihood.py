@@ -98,13 +98,15 @@ class TrackErrors:
         order = np.argsort(-self.size, kind="stable")
         tracks = self.chosen(order)
         return _Steps(
-            order,
-            tracks.known.sum(axis=0).tolist(),
-            tracks.born,
-            tracks.covariates,
-            *(_by_step(one) for one in (tracks.magnification**2, tracks.frames)),
-            *(_by_step(tracks.error[:, :, axis] / tracks.magnification) for axis in (0, 1)),
-            np.log(tracks.magnification).sum(axis=1),
+            order=order,
+            alive=tracks.known.sum(axis=0).tolist(),
+            born=tracks.born,
+            covariates=tracks.covariates,
+            square=_by_step(tracks.magnification**2),
+            frames=_by_step(tracks.frames),
+            seen_u=_by_step(tracks.error[:, :, 0] / tracks.magnification),
+            seen_v=_by_step(tracks.error[:, :, 1] / tracks.magnification),
+            log_magnification=np.log(tracks.magnification).sum(axis=1),
         )
 
     def chosen(self, tracks: NDArray[np.bool_] | NDArray[np.intp]) -> "TrackErrors":

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from tracknoise.estimators.linear_window import (
     CAMERA,
+    Assumed,
     Covariances,
     LinearTracks,
     Motion,
     linear_tracks,
     of_full_rank,
     outcome,
-    scalar_covariances,
+    scalar_variances,
     simulated_tracks,
     trajectory,
     true_covariances,
@@ -49,8 +50,8 @@ def whole_tracks(window: Window, noise: TrackNoise) -> Covariances:
     return [of_full_rank(part) for part in true_covariances(window, noise)]
 
 
-ARMS: Mapping[str, Callable[[Window, TrackNoise], Covariances]] = {
-    "one sigma, 0.3 px": lambda window, _: scalar_covariances(window, 0.3),
+ARMS: Mapping[str, Callable[[Window, TrackNoise], Assumed]] = {
+    "one sigma, 0.3 px": lambda window, _: scalar_variances(window, 0.3),
     "by age": by_age,
     "whole tracks": whole_tracks,
 }

@@ -26,7 +26,7 @@ from benchmarks.planted_windows import (
     with_permuted_errors,
 )
 from tracknoise.estimators.learning import learn
-from tracknoise.estimators.linear_window import Motion, Outcome, PointTracks, linear_tracks, outcome, scalar_covariances
+from tracknoise.estimators.linear_window import Motion, Outcome, PointTracks, linear_tracks, outcome, scalar_variances
 from tracknoise.estimators.proof import sentence, summarise
 from tracknoise.estimators.proof_windows import Problem
 from tracknoise.estimators.track_noise import TrackNoise
@@ -126,7 +126,7 @@ def _outcome(problem: Problem, noise: TrackNoise, assumed: str) -> Outcome:
     actual = whole_tracks(problem, noise)
     flat = [replace(part, magnification=np.ones_like(part.magnification)) for part in window]
     covariances = {
-        "one": lambda: scalar_covariances(window, 1.0),
+        "one": lambda: scalar_variances(window, 1.0),
         "whole": lambda: actual,
         "flat": lambda: [
             noise.covariance(part.magnification) + 1e-10 * np.eye(2 * part.magnification.shape[1]) for part in flat

@@ -332,14 +332,13 @@ def size_for(scene: Followed, exact: Measurement, fault: Fault, share: float) ->
 class Raw:
     """Verdicts by what is stated, the bound where nothing is, and what they are made of.
 
-    Of the evidence: named faults and gains, pose shares, gain of all parameters, and what the stated accuracy explains.
+    Of the evidence: named faults and gains, pose shares, and what the stated accuracy explains.
     """
 
     verdicts: dict[str, TruthVerdict]
     bound: float | None
     named: dict[str, tuple[float, float, float]]
     shares: dict[tuple[str, str], tuple[float, float, float]]
-    everything: tuple[float, float, float] | None
     floor: float | None
 
 
@@ -348,7 +347,6 @@ def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, Err
     audit = found.audit
     bounds = ("gain", "gain_low", "gain_high")
     named = audit.filter(pl.col("rank").is_not_null(), family=str(Family.alone))
-    joint = audit.filter(family=str(Family.all)).select(bounds).rows()
     tables = {}
     for name, is_stated in (("unstated", False), ("stated", True)):
         tables[name] = assess(
@@ -369,7 +367,6 @@ def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, Err
             (row["tracker"], str(row["fitted_to"])): (row["share"], row["low"], row["high"])
             for row in shares.iter_rows(named=True)
         },
-        joint[0] if joint else None,
         _only(tables["stated"].filter(cause=str(TruthCause.stated), tracker=TRACKERS[0])["share"]),
     )
 
@@ -497,7 +494,6 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> 
         for fault, count in faults.most_common():
             gains = [one.named[fault] for one in every if fault in one.named]
             yield f"    {name}, {fault} named in {count} of {len(every)}: gain {_spread(gains)}"
-        yield f"    {name}, all parameters: gain {_spread([one.everything for one in every])}"
 
 
 def _spread(values: Sequence[tuple[float | None, ...] | None]) -> str:

@@ -14,7 +14,7 @@ from tracknoise.estimators.linear_window import (
     consistent_sigma,
     linear_tracks,
     outcome,
-    scalar_covariances,
+    scalar_variances,
     simulated_tracks,
     trajectory,
     true_covariances,
@@ -56,7 +56,7 @@ def _averaged(motion: Motion, noise: TrackNoise, assumed) -> np.ndarray:
     for seed in _SEEDS:
         window = _window(motion, seed=seed)
         actual = _regular(list(true_covariances(window, noise)))
-        one = outcome(window, actual, scalar_covariances(window, 1.0))
+        one = outcome(window, actual, scalar_variances(window, 1.0))
         other = outcome(window, actual, assumed(window, noise))
         rows.append((other.nees_newest, other.position_m / one.position_m, other.rotation_rad / one.rotation_rad))
     return np.mean(rows, axis=0)
@@ -86,7 +86,7 @@ def test_a_walk_asks_for_more_in_longer_windows(n_frames, all_poses, newest) -> 
 def test_a_filter_whose_innovations_look_right_is_overconfident_under_a_walk() -> None:
     window = _window(Motion.SIDEWAYS)
     sigma = consistent_sigma(window, WALK, purpose=Purpose.INNOVATIONS)
-    found = outcome(window, true_covariances(window, WALK), scalar_covariances(window, sigma))
+    found = outcome(window, true_covariances(window, WALK), scalar_variances(window, sigma))
     assert found.innovations == pytest.approx(1.0)
     assert found.nees_newest == pytest.approx(4.95, abs=0.2)
     assert TrackGates.of(window, WALK).factors([0.95], sigma=sigma)[0] == pytest.approx(1.45, abs=0.05)
@@ -176,7 +176,7 @@ def test_tracks_that_began_before_the_window_have_no_first_position_in_it(noise:
         ]
         actual.append(np.where(tracks.born[:, None, None], stated, longer))
     assert 0.2 < np.mean(np.concatenate([tracks.born for tracks in window])) < 0.4
-    one = scalar_covariances(window, 1.0)
+    one = scalar_variances(window, 1.0)
     found, expected = (outcome(window, of, one) for of in (true_covariances(window, true), actual))
     assert found.nees_newest == pytest.approx(expected.nees_newest, rel=1e-6)
     assert found.innovations == pytest.approx(expected.innovations, rel=1e-6)

@@ -39,7 +39,7 @@ from tracknoise.estimators.linear_window import (
     LinearTracks,
     TrackGates,
     consistencies,
-    scalar_covariances,
+    scalar_variances,
     true_covariances,
 )
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
@@ -228,7 +228,7 @@ def _units_of_noise(speed: int) -> list[TrackNoise]:
 def _ratios(
     window: Window, actual: Sequence[Covariances], sigma: float, first: float | None, *, born_only: bool
 ) -> list[dict[Purpose, float]]:
-    return consistencies(window, actual, scalar_covariances(window, sigma, first=first, born_only=born_only))
+    return consistencies(window, actual, scalar_variances(window, sigma, first=first, born_only=born_only))
 
 
 def _state(

@@ -42,7 +42,7 @@ from tracknoise.estimators.linear_window import (
     Motion,
     consistencies,
     linear_tracks,
-    scalar_covariances,
+    scalar_variances,
     simulated_tracks,
     trajectory,
     true_covariances,
@@ -95,7 +95,7 @@ def _growth(noises: Sequence[TrackNoise], length: int, *, free: bool) -> Mapping
     for motion in Motion:
         poses = trajectory(motion, length)
         window = [linear_tracks(CAMERA, poses, tracks) for tracks in simulated_tracks(poses, n_tracks=_TRACKS)]
-        assumed = scalar_covariances(window, 1.0, first=None if free else EXACT)
+        assumed = scalar_variances(window, 1.0, first=None if free else EXACT)
         found = consistencies(window, [true_covariances(window, noise) for noise in noises], assumed)
         for purpose, total in summed.items():
             total += [one[purpose] for one in found]

@@ -13,6 +13,7 @@ that are weighted anew until they hardly change.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import polars as pl
@@ -100,16 +101,16 @@ def tried_kernels(
     drawn = list(_windows(tracks, windows, most_px))
     if len(drawn) < _LEAST_WINDOWS:
         return ()
-    tried = [(kind, knee * innovations.sigma.value) for kind in LossKind for knee in KNEES]
+    knees = [knee * innovations.sigma.value for knee in KNEES]
+    tried = [(kind, knee) for kind in LossKind for knee in knees]
+    each = np.empty((len(drawn), len(tried), 2))
+    for places in _of_same_tracks(drawn):
+        errors = [np.stack(own) for own in zip(*(drawn[place].errors for place in places), strict=True)]
+        each[places] = _compared(drawn[places[0]].tracks, errors, knees)
     rows = [
-        {"scene": scene, "number": number, "n": 1.0, "nees": nees, "log_ratio": log_error - plain}
-        for scene, window, errors in drawn
-        for plain in [_plain(window, errors)]
-        for number, (nees, log_error) in enumerate(
-            each
-            for kind in LossKind
-            for each in _robust(window, errors, bundle.LossKind(kind), [px for own, px in tried if own is kind])
-        )
+        {"scene": one.scene, "number": number, "n": 1.0, "nees": nees, "log_ratio": log_ratio}
+        for one, own in zip(drawn, each.tolist(), strict=True)
+        for number, (nees, log_ratio) in enumerate(own)
     ]
     table = pl.DataFrame(rows).with_columns(dataset=pl.lit(tracks["dataset"][0]))
     sums = table.group_by("dataset", "scene", "number").agg(pl.col("n", "nees", "log_ratio").sum())
@@ -128,12 +129,20 @@ def tried_kernels(
     )
 
 
-def _windows(
-    tracks: pl.DataFrame, windows: Sequence[Sequence[LinearTracks]], most_px: float
-) -> Iterator[tuple[str, Sequence[LinearTracks], Sequence[Array]]]:
-    """Windows with drawn errors, and the scene that these are of."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    """A window with errors of a scene: (tracks, 2 n) px for each of its groups of tracks."""
+
+    scene: str
+    tracks: tuple[LinearTracks, ...]
+    errors: tuple[Array, ...]
+
+
+def _windows(tracks: pl.DataFrame, windows: Sequence[Sequence[LinearTracks]], most_px: float) -> Iterator[_Drawn]:
+    """Windows with drawn errors of each scene."""
     scenes = tracks["scene"].unique().sort().to_list()
     places = np.unique(np.linspace(0, len(scenes) - 1, min(_MOST_SCENES, len(scenes))).round().astype(int))
+    determines = cache(determines_poses)
     for place in places.tolist() if scenes else []:
         scene = _Scene.of(tracks.filter(scene=scenes[place]), most_px)
         if len(scene.errors) < _LEAST_TRACKS:
@@ -141,59 +150,73 @@ def _windows(
         random = np.random.default_rng(place)
         for window in [one for one in windows for _ in range(_PER_SCENE)]:
             drawn = [(group, own) for group in window if (own := scene.drawn(group, random)) is not None]
-            groups = [group for group, _ in drawn]
-            if any(own.any() for _, own in drawn) and determines_poses(groups):
-                yield scenes[place], groups, [own for _, own in drawn]
+            groups = tuple(group for group, _ in drawn)
+            if any(own.any() for _, own in drawn) and determines(groups):
+                yield _Drawn(scenes[place], groups, tuple(own for _, own in drawn))
 
 
-def _plain(window: Sequence[LinearTracks], errors: Sequence[Array]) -> float:
-    """Mean logarithm of the errors of the newest pose by least squares."""
-    _, error, _ = _step(window, errors, [np.ones_like(own) for own in errors])
-    return _log_error(error)
+def _of_same_tracks(drawn: Sequence[_Drawn]) -> list[list[int]]:
+    """Places of windows that have the same tracks."""
+    places = dict[tuple[LinearTracks, ...], list[int]]()
+    for place, one in enumerate(drawn):
+        places.setdefault(one.tracks, []).append(place)
+    return list(places.values())
 
 
-def _robust(
-    window: Sequence[LinearTracks], errors: Sequence[Array], kind: bundle.LossKind, knees: Sequence[float]
-) -> list[tuple[float, float]]:
-    """For each knee the NEES of the newest pose with 1 px, and the mean logarithm of its errors."""
-    residuals, found = list(errors), list[tuple[float, float]]()
-    for knee in knees:
-        loss = bundle.Loss(kind, knee)
-        for _ in range(_ROUNDS):
-            residuals, error, claimed = _step(window, errors, [loss.weights(own) for own in residuals])
-        found.append((normalised(error, claimed), _log_error(error)))
-    return found
+def _compared(window: Sequence[LinearTracks], errors: Sequence[Array], knees: Sequence[float]) -> Array:
+    """For each draw of errors and each loss: NEES of the newest pose with 1 px, and how its errors change by the loss.
+
+    The change is that of the mean logarithm. Shapes: errors (draws, tracks, 2 n); returns (draws, losses, 2).
+    """
+    _, plain, _ = _step(window, errors, [np.ones_like(own) for own in errors])
+    found = []
+    for kind in LossKind:
+        residuals = list(errors)
+        for knee in knees:
+            loss = bundle.Loss(bundle.LossKind(kind), knee)
+            for _ in range(_ROUNDS):
+                weights = [loss.weights(own.reshape(-1, own.shape[2])).reshape(own.shape) for own in residuals]
+                residuals, error, claimed = _step(window, errors, weights)
+            nees = [normalised(*both) for both in zip(error, claimed, strict=True)]
+            found.append(np.stack([nees, _log_errors(error) - _log_errors(plain)], axis=1))
+    return np.stack(found, axis=1)
 
 
-def _log_error(error: Array) -> float:
-    return 0.5 * float(np.log(np.linalg.norm(error[:-2])) + np.log(np.linalg.norm(error[-2:])))
+def _log_errors(error: Array) -> Array:
+    """Mean logarithm of the errors of rotation and position, (draws,)."""
+    turned, moved = (np.log(np.linalg.norm(part, axis=1)) for part in (error[:, :-2], error[:, -2:]))
+    return np.asarray(0.5 * (turned + moved))
 
 
 def _step(
     window: Sequence[LinearTracks], errors: Sequence[Array], weights: Sequence[Array]
 ) -> tuple[list[Array], Array, Array]:
-    """Residuals by weighted least squares, and error and claimed covariance of the newest pose, for 1 px."""
-    size = window[0].by_pose.shape[2]
-    information, gradient = np.zeros((size, size)), np.zeros(size)
+    """Residuals by weighted least squares, and error and claimed covariance of the newest pose, for 1 px.
+
+    Shapes: errors, weights, residuals (draws, tracks, 2 n), error (draws, 5), covariance (draws, 5, 5).
+    """
+    size, draws = window[0].by_pose.shape[2], len(errors[0])
+    information, gradient = np.zeros((draws, size, size)), np.zeros((draws, size, 1))
     solved = []
     for tracks, own, weight in zip(window, errors, weights, strict=True):
-        by_pose, by_point = tracks.by_pose, weight[:, :, None] * tracks.by_point
+        by_pose, by_point = tracks.by_pose, weight[..., None] * tracks.by_point
         normal = np.linalg.inv(np.swapaxes(tracks.by_point, 1, 2) @ by_point)
-        across = np.swapaxes(by_point, 1, 2) @ by_pose
-        rows = weight[:, :, None] * by_pose
-        of_error = np.einsum("tni,tn->ti", by_point, own)
-        half = normal @ across
-        information += rows.reshape(-1, size).T @ by_pose.reshape(-1, size)
-        information -= across.reshape(-1, size).T @ half.reshape(-1, size)
-        gradient += rows.reshape(-1, size).T @ own.ravel() - half.reshape(-1, size).T @ of_error.ravel()
+        across = np.swapaxes(by_point, 2, 3) @ by_pose
+        of_error = np.swapaxes(by_point, 2, 3) @ own[..., None]
+        half = (normal @ across).reshape(draws, -1, size)
+        rows = (weight[..., None] * by_pose).reshape(draws, -1, size)
+        information += np.swapaxes(rows, 1, 2) @ by_pose.reshape(-1, size)
+        information -= np.swapaxes(across.reshape(draws, -1, size), 1, 2) @ half
+        gradient += np.swapaxes(rows, 1, 2) @ own.reshape(draws, -1, 1)
+        gradient -= np.swapaxes(half, 1, 2) @ of_error.reshape(draws, -1, 1)
         solved.append((normal, across, of_error))
     claimed: Array = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    pose = claimed @ gradient
+    pose = (claimed @ gradient)[:, None]
     residuals = []
     for tracks, own, (normal, across, of_error) in zip(window, errors, solved, strict=True):
-        point = np.einsum("tij,tj->ti", normal, of_error - across @ pose)
-        residuals.append(own - tracks.by_pose @ pose - np.einsum("tni,ti->tn", tracks.by_point, point))
-    return residuals, pose[-NEWEST:], claimed[-NEWEST:, -NEWEST:]
+        point = normal @ (of_error - across @ pose)
+        residuals.append(own - (tracks.by_pose @ pose + tracks.by_point @ point)[..., 0])
+    return residuals, pose[:, 0, -NEWEST:, 0], claimed[:, -NEWEST:, -NEWEST:]
 
 
 def _changed(found: EstimateArray, place: tuple[int, int], change: Callable[[float], float]) -> Interval:

@@ -224,6 +224,8 @@ _ROUNDING = 1e-3
 """Error of a NEES that rounding may cause. It is larger where the poses of a window are not determined."""
 Covariances = Sequence[NDArray[np.float64]]
 """(tracks, 2 n, 2 n) float64 for each group of tracks, px^2."""
+Assumed = Sequence[NDArray[np.float64]]
+"""Covariances that an estimator assumes, or variances (tracks, 2 n) where it takes observations as independent."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -275,9 +277,9 @@ def true_covariances(window: Sequence[LinearTracks], noise: TrackNoise) -> Covar
     return found
 
 
-def scalar_covariances(
+def scalar_variances(
     window: Sequence[LinearTracks], sigma: float, *, first: float | None = None, born_only: bool = False
-) -> Covariances:
+) -> Assumed:
     """One standard deviation for all observations, px, and another for first ones if it is given.
 
     With `born_only`, this is that of tracks that begin in the window, as where the first direction of a track is a
@@ -288,28 +290,28 @@ def scalar_covariances(
         variance = np.full(tracks.by_point.shape[:2], sigma**2)
         if first is not None:
             variance[tracks.born | (not born_only), :2] = first**2
-        variances.append(np.asarray(variance[:, :, None] * np.eye(len(variance[0]))))
+        variances.append(variance)
     return variances
 
 
-def outcome(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances) -> Outcome:
+def outcome(window: Sequence[LinearTracks], actual: Covariances, assumed: Assumed) -> Outcome:
     """Claimed and actual covariance of the poses of a window, (benchmark.covariances)."""
     return outcomes(window, [actual], assumed)[0]
 
 
-def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances) -> list[Outcome]:
+def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Assumed) -> list[Outcome]:
     """The same for several true covariances, of an estimator that assumes one."""
     whitened = _whitened(window, assumed)
     size = window[0].by_pose.shape[2]
     information, middle = np.zeros((size, size)), np.zeros((len(actual), size, size))
     squares, freedom = np.zeros(len(actual)), 0
     for place, (tracks, one) in enumerate(zip(window, whitened, strict=True)):
-        by_pose = without(one.whitening @ tracks.by_pose, one.span)
+        by_pose = without(one.whitened(tracks.by_pose), one.span)
         rows = by_pose.reshape(-1, size)
         information += rows.T @ rows
         freedom += by_pose.shape[0] * (by_pose.shape[1] - 3)
         for number, each in enumerate(actual):
-            noise = _innovations(one.whitening, one.span, each[place])
+            noise = one.innovations(each[place])
             middle[number] += rows.T @ (noise @ by_pose).reshape(-1, size)
             squares[number] += np.trace(noise, axis1=1, axis2=2).sum()
     claimed = np.asarray(np.linalg.inv(information), dtype=np.float64)
@@ -323,34 +325,45 @@ def outcomes(window: Sequence[LinearTracks], actual: Sequence[Covariances], assu
 class _Whitened:
     """What an estimator makes of tracks: the inverse root of their covariance, and a basis of F whitened by it."""
 
-    whitening: NDArray[np.float64]
+    root: NDArray[np.float64]  # (tracks, 2 n, 2 n), or its diagonal (tracks, 2 n) where it has nothing else
     span: NDArray[np.float64]
 
+    @classmethod
+    def of(cls, tracks: LinearTracks, assumed: NDArray[np.float64]) -> "_Whitened":
+        is_diagonal = assumed.ndim == 2
+        root = 1.0 / np.sqrt(assumed) if is_diagonal else np.linalg.inv(np.linalg.cholesky(assumed))
+        return cls(root, np.linalg.qr(_times(root, tracks.by_point))[0])
 
-def _whitened(window: Sequence[LinearTracks], assumed: Covariances) -> list[_Whitened]:
-    roots = [np.linalg.inv(np.linalg.cholesky(believed)) for believed in assumed]
-    return [_Whitened(root, np.linalg.qr(root @ one.by_point)[0]) for one, root in zip(window, roots, strict=True)]
+    def whitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Errors, or their derivatives, (tracks, 2 n, k)."""
+        return _times(self.root, values)
+
+    def innovations(self, true: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Covariances of whitened innovations, without what the points absorb."""
+        half = without(self.whitened(true), self.span)
+        return without(self.whitened(np.swapaxes(half, 1, 2)), self.span)
+
+
+def _times(root: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return root[:, :, None] * values if root.ndim == 2 else root @ values
+
+
+def _whitened(window: Sequence[LinearTracks], assumed: Assumed) -> list[_Whitened]:
+    return [_Whitened.of(one, believed) for one, believed in zip(window, assumed, strict=True)]
 
 
 def determines_poses(window: Sequence[LinearTracks]) -> bool:
     """Whether tracks determine all poses of a window, so that an estimator with the true noise has a NEES of 1."""
     if not window:
         return False
-    white = scalar_covariances(window, 1.0)
+    variances = scalar_variances(window, 1.0)
+    white = [one[:, :, None] * np.eye(one.shape[1]) for one in variances]
     try:
-        found = outcome(window, white, white)
+        found = outcome(window, white, variances)
         errors = np.array([found.nees_all, found.nees_newest]) - 1.0
     except np.linalg.LinAlgError:
         return False
     return bool((np.abs(errors) < _ROUNDING).all())
-
-
-def _innovations(
-    whitening: NDArray[np.float64], span: NDArray[np.float64], true: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Covariances of whitened innovations, without what the points absorb."""
-    half = without(whitening @ true, span)
-    return without(whitening @ np.swapaxes(half, 1, 2), span)
 
 
 def without(values: NDArray[np.float64], span: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -370,7 +383,7 @@ def consistent_sigma(
     `landmark`: NaN if no standard deviation does it.
     """
     actual = true_covariances(window, noise)
-    free = np.sqrt(_consistency(window, actual, scalar_covariances(window, 1.0), purpose))
+    free = np.sqrt(_consistency(window, actual, scalar_variances(window, 1.0), purpose))
     if landmark is Landmark.FREE:
         return float(free)
     is_state = landmark is Landmark.STATE
@@ -378,7 +391,7 @@ def consistent_sigma(
 
     def excess(log_sigma: float) -> float:
         sigma = float(np.exp(log_sigma))
-        assumed = scalar_covariances(window, sigma, first=max(first, EXACT * sigma), born_only=is_state)
+        assumed = scalar_variances(window, sigma, first=max(first, EXACT * sigma), born_only=is_state)
         return float(np.log(_consistency(window, actual, assumed, purpose)))
 
     return float(np.exp(_root(excess, float(np.log(free)))))
@@ -392,7 +405,7 @@ def _root(excess: Callable[[float], float], start: float) -> float:
 
 
 def consistencies(
-    window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Covariances
+    window: Sequence[LinearTracks], actual: Sequence[Covariances], assumed: Assumed
 ) -> list[dict[Purpose, float]]:
     """Actual over claimed mean square of what each purpose is about, for each of several true covariances."""
     return [
@@ -405,7 +418,7 @@ def consistencies(
     ]
 
 
-def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Covariances, purpose: Purpose) -> float:
+def _consistency(window: Sequence[LinearTracks], actual: Covariances, assumed: Assumed, purpose: Purpose) -> float:
     """Actual over claimed mean square of what a purpose is about."""
     return consistencies(window, [actual], assumed)[0][purpose]
 
@@ -430,12 +443,12 @@ class TrackGates:
     ) -> tuple[float, ...]:
         """What to multiply chi-square gates of a track by, so that they let through shares of `levels` of good tracks.
 
-        A gate is over the innovations of a track, whitened as by `scalar_covariances`, with 2 n - 3 degrees of freedom.
+        A gate is over the innovations of a track, whitened as by `scalar_variances`, with 2 n - 3 degrees of freedom.
         """
         squares = list[tuple[NDArray[np.float64], float]]()
-        assumed = scalar_covariances(self.window, sigma, first=first, born_only=born_only)
+        assumed = scalar_variances(self.window, sigma, first=first, born_only=born_only)
         for one, true, draws in zip(_whitened(self.window, assumed), self.actual, self.draws, strict=True):
-            spread = np.linalg.eigvalsh(_innovations(one.whitening, one.span, true))
+            spread = np.linalg.eigvalsh(one.innovations(true))
             found = np.einsum("tdi,ti->td", draws, np.maximum(spread, 0.0)).ravel()
             squares.append((found, (spread.shape[1] - 3) / 2.0))
         ratios = ([found / (2.0 * gammaincinv(half, level)) for found, half in squares] for level in levels)

@@ -21,6 +21,7 @@ Derivatives go backwards through the filter.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ _STEP = 1e-4
 """Of the differences that give second derivatives."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TrackErrors:
     """Errors of tracks about their first observations. Tracks of fewer observations are filled up."""
 
@@ -86,10 +87,27 @@ class TrackErrors:
             covariates=filled(covariates, 0.0),
         )
 
-    @property
+    @cached_property
     def size(self) -> NDArray[np.int64]:
         """(tracks,): how many numbers the errors of each track are."""
         return np.asarray(2 * self.known.sum(axis=1))
+
+    @cached_property
+    def steps(self) -> "_Steps":
+        """What a filter reads, whatever the law; it is made once for all laws that are tried on these tracks."""
+        order = np.argsort(-self.size, kind="stable")
+        tracks = self.chosen(order)
+        return _Steps(
+            order=order,
+            alive=tracks.known.sum(axis=0).tolist(),
+            born=tracks.born,
+            covariates=tracks.covariates,
+            square=_by_step(tracks.magnification**2),
+            frames=_by_step(tracks.frames),
+            seen_u=_by_step(tracks.error[:, :, 0] / tracks.magnification),
+            seen_v=_by_step(tracks.error[:, :, 1] / tracks.magnification),
+            log_magnification=np.log(tracks.magnification).sum(axis=1),
+        )
 
     def chosen(self, tracks: NDArray[np.bool_] | NDArray[np.intp]) -> "TrackErrors":
         """Some of the tracks."""
@@ -194,14 +212,28 @@ class TrackLaw:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Filtered:
-    """A Kalman filter over tracks, longest first, so that step k concerns the first `alive[k]` of them."""
+class _Steps:
+    """Errors of tracks, longest first, so that step k concerns the first `alive[k]` of them."""
 
-    law: TrackLaw
-    tracks: TrackErrors  # longest first
     order: NDArray[np.intp]  # (tracks,): where each was before
     alive: list[int]
-    factor: Array
+    born: NDArray[np.bool_]  # (tracks,)
+    covariates: Array  # (tracks, 1 + n, covariates)
+    # (steps, tracks): M_k^2, frames since the observation before, and e_k / M_k along u and v
+    square: Array
+    frames: Array
+    seen_u: Array
+    seen_v: Array
+    log_magnification: Array  # (tracks,): sum of log M_k
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Filtered:
+    """A Kalman filter over tracks."""
+
+    law: TrackLaw
+    steps: _Steps
+    factor: Array  # (1 + steps, tracks)
     # white, walk, gain, total, right, down: (steps, tracks): The variances of w_k / M_k and q_k / M_k; the gain, the
     # variance of the innovation, and the innovation along u and v. Of steps that a track does not have: 1 in `total`, 0
     # in others.
@@ -217,42 +249,39 @@ class _Filtered:
 
     @classmethod
     def of(cls, law: TrackLaw, tracks: TrackErrors) -> "_Filtered":
-        order = np.argsort(-tracks.size, kind="stable")
-        tracks = tracks.chosen(order)
-        factor = np.ones(tracks.covariates.shape[:2])
+        steps = tracks.steps
+        factor = np.ones(steps.covariates.shape[:2][::-1])
         if law.powers:
-            factor = np.exp(tracks.covariates @ np.array(law.powers))
-        inverse = factor[:, 1:] / tracks.magnification**2
-        white = _by_step(law.white**2 * inverse)
-        walk = _by_step(law.walk**2 * inverse * tracks.frames)
-        seen_u, seen_v = (_by_step(tracks.error[:, :, axis] / tracks.magnification) for axis in (0, 1))
-        variance = np.where(tracks.born, law.first**2, law.white**2 * factor[:, 0])
+            factor = _by_step(np.exp(steps.covariates @ np.array(law.powers)))
+        inverse = factor[1:] / steps.square
+        white = law.white**2 * inverse
+        walk = law.walk**2 * inverse * steps.frames
+        variance = np.where(steps.born, law.first**2, law.white**2 * factor[0])
         gains, right, down = (np.zeros_like(white) for _ in range(3))
         totals = np.ones_like(white)
         u, v = np.zeros(len(variance)), np.zeros(len(variance))
-        alive = tracks.known.sum(axis=0).tolist()
-        for k, n in enumerate(alive):
+        for k, n in enumerate(steps.alive):
             variance = variance[:n] + walk[k, :n]
             total = np.add(variance, white[k, :n], out=totals[k, :n])
             gain = np.divide(variance, total, out=gains[k, :n])
-            u = u[:n] + gain * np.subtract(seen_u[k, :n], u[:n], out=right[k, :n])
-            v = v[:n] + gain * np.subtract(seen_v[k, :n], v[:n], out=down[k, :n])
+            u = u[:n] + gain * np.subtract(steps.seen_u[k, :n], u[:n], out=right[k, :n])
+            v = v[:n] + gain * np.subtract(steps.seen_v[k, :n], v[:n], out=down[k, :n])
             variance = variance * (1.0 - gain)
-        squares, logs = np.empty(len(order)), np.empty(len(order))
-        squares[order] = ((right**2 + down**2) / totals).sum(axis=0)
-        logs[order] = 2.0 * np.log(totals).sum(axis=0) + 4.0 * np.log(tracks.magnification).sum(axis=1)
-        return cls(law, tracks, order, alive, factor, white, walk, gains, totals, right, down, squares, logs)
+        squares, logs = np.empty(len(steps.order)), np.empty(len(steps.order))
+        squares[steps.order] = ((right**2 + down**2) / totals).sum(axis=0)
+        logs[steps.order] = 2.0 * np.log(totals).sum(axis=0) + 4.0 * steps.log_magnification
+        return cls(law, steps, factor, white, walk, gains, totals, right, down, squares, logs)
 
     def slopes(self, weight: Array) -> Array:
         """Derivatives of -(weight S + L) / 2 by the logarithms of the standard deviations and by the powers."""
-        law, tracks = self.law, self.tracks
+        law, steps = self.law, self.steps
         of_u, of_v, of_variance = (np.zeros(len(weight)) for _ in range(3))
         of_white, of_walk = np.zeros_like(self.white), np.zeros_like(self.walk)
-        pull = weight[self.order] / self.total
+        pull = weight[steps.order] / self.total
         of_total = (2.0 - pull * (self.right**2 + self.down**2)) / self.total
         rest, share = 1.0 - self.gain, self.gain / self.total
         pull_u, pull_v = 2.0 * pull * self.right, 2.0 * pull * self.down
-        for k, n in reversed(list(enumerate(self.alive))):
+        for k, n in reversed(list(enumerate(steps.alive))):
             kept, before, total = rest[k, :n], of_variance[:n], of_total[k, :n]
             of_gain = of_u[:n] * self.right[k, :n] + of_v[:n] * self.down[k, :n]
             of_white[k, :n] = before * self.gain[k, :n] ** 2 - of_gain * share[k, :n] + total
@@ -261,14 +290,14 @@ class _Filtered:
             of_u[:n] = of_u[:n] * kept - pull_u[k, :n]
             of_v[:n] = of_v[:n] * kept - pull_v[k, :n]
         of_white, of_walk = of_white * self.white, of_walk * self.walk
-        begun = np.where(tracks.born, 0.0, of_variance * law.white**2 * self.factor[:, 0])
-        first = np.where(tracks.born, of_variance * law.first**2, 0.0)
+        begun = np.where(steps.born, 0.0, of_variance * law.white**2 * self.factor[0])
+        first = np.where(steps.born, of_variance * law.first**2, 0.0)
         white, walk = of_white.sum(axis=0) + begun, of_walk.sum(axis=0)
         both = np.concatenate([begun[None], of_white + of_walk])
-        powers = np.einsum("kt,tkc->tc", both, tracks.covariates[:, :, : len(law.powers)])
+        powers = np.einsum("kt,tkc->tc", both, steps.covariates[:, :, : len(law.powers)])
         found = np.hstack([2.0 * np.stack([first, white, walk], axis=1), powers])
         slopes = np.empty_like(found)
-        slopes[self.order] = -0.5 * found
+        slopes[steps.order] = -0.5 * found
         return slopes
 
 

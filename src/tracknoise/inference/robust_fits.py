@@ -40,18 +40,27 @@ def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np
         px; NaN is left out.
     """
     length = np.hypot(residual[:, 0], residual[:, 1])
-    order = np.lexsort((length, group))  # NaN last
+    count = np.bincount(group)
+    last = np.cumsum(count)
+    of_groups = length[sorting(group)]
+    for of_group in np.split(of_groups, last[:-1]):
+        of_group.sort()  # NaN last
     known = np.bincount(group, np.isfinite(length)).astype(np.intp)
-    first = np.cumsum(np.bincount(group)) - np.bincount(group)
-    low, high = first + np.maximum(known - 1, 0) // 2, first + known // 2
-    median = 0.5 * (length[order][low] + length[order][np.minimum(high, len(length) - 1)])
+    low, high = last - count + np.maximum(known - 1, 0) // 2, last - count + known // 2
+    median = 0.5 * (of_groups[low] + of_groups[np.minimum(high, len(length) - 1)])
     scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), _LEAST_PX)[group]
     return scale
 
 
+def sorting(group: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Order of rows by their groups, numbers (n,) from 0, otherwise as they are; fast where these are small."""
+    return np.argsort(group.astype(np.min_scalar_type(int(group.max(initial=0)))), kind="stable")
+
+
 def squared(residual: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
     """Squared lengths of residuals (n, 2) in units of their scales (n,)."""
-    found: NDArray[np.float64] = np.sum(residual * residual, axis=1) / (scale * scale)
+    u, v = residual.T
+    found: NDArray[np.float64] = (u * u + v * v) / (scale * scale)
     return found
 
 
@@ -126,7 +135,7 @@ def normal_equations(
     steep = 2.0 * weight / ((FREEDOM + np.nan_to_num(distance)) * scale * scale)
     along = np.einsum("nij,ni->nj", finite, known)
     group = tracker * shape[1] + cluster
-    order = np.argsort(group, kind="stable")
+    order = sorting(group)
     ends = np.searchsorted(group[order], np.arange(shape[0] * shape[1] + 1))
     weighted, curvature = np.zeros((2, ends.size - 1, p, p))
     gradient = np.zeros((ends.size - 1, p))

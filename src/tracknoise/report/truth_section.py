@@ -21,12 +21,6 @@ from tracknoise.words import DASH, SPACE, listing, number, percent, pixels
 _FAMILIES = {
     "alone": "alone",
     "beside_bias": "beside biases of the trackers",
-    "optics": "optics",
-    "timing": "timing",
-    "depth": "depth",
-    "mounting": "mounting",
-    "optics_and_timing": "optics and timing",
-    "all": "all",
     "named": "all faults found",
     "at_most": "most that can be explained",
 }
@@ -49,7 +43,7 @@ def parameter_cells(audit: pl.DataFrame) -> Cells:
             number(row["condition"], digits=2),
             (row["verdict"] or DASH).replace("_", " "),
         ]
-        for row in audit.filter(pl.col("family").is_not_null()).iter_rows(named=True)
+        for row in audit.filter(pl.col("family").is_in(list(_FAMILIES))).iter_rows(named=True)
     ]
     numeric = [False, False, True, True, True, True, False, True, True, False]
     return Cells(_CAPTION + _resampled(audit), headings, rows, numeric)

@@ -188,7 +188,7 @@ def _frames_off(row: Mapping[str, Any]) -> int:
     return whole_frames(row["in_frames"], 0.5 * (row["high"] - row["low"]) / frame)
 
 
-def family_text(others: Sequence[Parameter], together: Estimate) -> str:
+def like_text(others: Sequence[Parameter], together: Estimate) -> str:
     """`` Fitted together with the clock offset of the poses, it is 28 ± 7 ms.``, after another sentence."""
     return f" Fitted together with {listing([f'the {FAULTS[one].name}' for one in others])}, it is {together.text}."
 

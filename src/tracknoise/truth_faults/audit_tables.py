@@ -35,15 +35,15 @@ from tracknoise.truth_faults.audit_selection import (
 from tracknoise.truth_faults.audit_summary import (
     Estimate,
     effect_text,
-    family_text,
     fault_text,
     in_unit,
     kind_not_tried,
+    like_text,
     other_text,
 )
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, MOVED, NAMED_FAULTS, explained, moved
-from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, JOINT, TIMED, Family, Fit, Parameter, Shown, shown
+from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, LIKE, TIMED, Family, Fit, Parameter, Shown, shown
 from tracknoise.words import listing
 
 MOST_SAMPLES = 16_000
@@ -258,7 +258,6 @@ def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp
 
 
 Row = dict[str, Any]
-JointFits = dict[Family, ResampledFit]
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,9 +299,8 @@ def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
     """Tables of the audit of some observations."""
     selection = select(samples)
     curve = curves(samples, _corrected_errors(samples, selection), dataset)
-    joint = _joint_fits(samples, selection)
     shares = [*_named_shares(samples, selection), *_bounds(samples)]
-    rows = [*_single_rows(samples, selection, joint, curve), *_joint_rows(selection, joint), *shares]
+    rows = [*_single_rows(samples, selection, curve), *_named_rows(selection), *shares]
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
     return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
 
@@ -369,25 +367,11 @@ def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, 
     return found
 
 
-def _joint_fits(samples: AuditSamples, selection: Selection) -> JointFits:
-    """The stated joint fits, and that of the named faults together, with biases of trackers where these matter."""
-    start, every = selection.beside_bias.basis.start, available(samples)
-    with_bias = selection.final.fitted.with_bias
-    fits = {
-        family: fit(samples, [one for one in parameters if one in every], start, with_bias=with_bias)
-        for family, parameters in JOINT.items()
-    }
-    found = {family: ResampledFit.of(samples, one) for family, one in fits.items()}
-    if selection.named:
-        found[Family.named] = selection.final.resampled
-    return found
-
-
-def _single_rows(samples: AuditSamples, selection: Selection, joint: JointFits, curve: pl.DataFrame) -> Iterator[Row]:
+def _single_rows(samples: AuditSamples, selection: Selection, curve: pl.DataFrame) -> Iterator[Row]:
     """Of the families of one parameter; verdicts and sentences are in the rows of the family alone."""
     judged = judge(selection)
     for one in judged:
-        extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, joint, one, curve)}
+        extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, one, curve)}
         factor = shown(samples, one.parameter).factor
         for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, one.parameter)):
             visible = abs(factor) * float(one.visible_above[component])
@@ -417,15 +401,15 @@ def _assessed_rows(family: Family, stage: Stage, parameter: Parameter) -> Iterat
 
 
 def _base(selection: Selection) -> Basis:
-    """The fit without a fault that joint fits are compared with."""
+    """The fit without a fault that the one of all named faults is compared with."""
     return (selection.beside_bias if selection.final.fitted.with_bias else selection.alone).basis
 
 
-def _joint_rows(selection: Selection, joint: JointFits) -> Iterator[Row]:
-    """Of the joint fits."""
-    base = _base(selection)
-    for family, one in joint.items():
-        yield from _fit_rows(family, one, base.gain_of(one))
+def _named_rows(selection: Selection) -> Iterator[Row]:
+    """Of all named faults together."""
+    if selection.named:
+        together = selection.final.resampled
+        yield from _fit_rows(Family.named, together, _base(selection).gain_of(together))
 
 
 def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Iterator[Row]:
@@ -486,14 +470,14 @@ def _most_related(names: Sequence[tuple[Parameter, str]], related: NDArray[np.fl
     return {"correlation": float(related[other]), "correlated_with": " ".join(names[other]).strip()}
 
 
-def _text(samples: AuditSamples, selection: Selection, joint: JointFits, one: Judged, curve: pl.DataFrame) -> str:
+def _text(samples: AuditSamples, selection: Selection, one: Judged, curve: pl.DataFrame) -> str:
     unit = shown(samples, one.parameter)
     if one.rank is not None:
         names = [MEASURED, *(fault.parameter for fault in selection.named)]
         effect = effect_text(curve, names[one.rank - 1], one.parameter)
         fault = selection.named[one.rank - 1]
         found = _estimate(unit, fault)
-        beside_others = _in_its_family(samples, selection, joint, one, found)
+        beside_others = _beside_like(samples, selection, one, found)
         return fault_text(one.parameter, found, effect, fault.rivals) + beside_others
     beside = selection.last.assessed[one.parameter]
     return other_text(
@@ -512,21 +496,18 @@ def _estimate(unit: Shown, found: Assessment | Named) -> Estimate:
     return Estimate(unit, unit.values(found.estimate), found.half_widths * abs(unit.factor))
 
 
-def _in_its_family(samples: AuditSamples, selection: Selection, joint: JointFits, one: Judged, found: Estimate) -> str:
-    """A sentence if the first fault has another value beside parameters of its kind, none of which was named."""
-    family = next(family for family, parameters in JOINT.items() if one.parameter in parameters)
-    resampled = joint[family]
-    fitted = resampled.fitted
-    others = [parameter for parameter in fitted.parameters if parameter != one.parameter]
-    if (
-        family is Family.all
-        or not others
-        or one.rank != 1
-        or any(fault.parameter in others for fault in selection.named)
-    ):
+def _beside_like(samples: AuditSamples, selection: Selection, one: Judged, found: Estimate) -> str:
+    """A sentence if the first fault has another value beside parameters like it, none of which was named."""
+    every, named = available(samples), [fault.parameter for fault in selection.named]
+    alike = [name for group in LIKE if one.parameter in group for name in group if name in every]
+    others = [name for name in alike if name != one.parameter]
+    if not others or one.rank != 1 or any(name in named for name in others):
         return ""
+    start, with_bias = selection.beside_bias.basis.start, selection.final.fitted.with_bias
+    fitted = fit(samples, alike, start, with_bias=with_bias)
+    resampled = ResampledFit.of(samples, fitted)
     mine = fitted.places_of(one.parameter)
     unit = shown(samples, one.parameter)
     together = Estimate(unit, unit.values(fitted.estimate[mine]), resampled.half_widths[mine] * abs(unit.factor))
     moved = np.abs(together.values - found.values) > found.half
-    return family_text(others, together) if moved.any() else ""
+    return like_text(others, together) if moved.any() else ""

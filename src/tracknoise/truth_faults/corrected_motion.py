@@ -21,9 +21,10 @@ _SMALL_ANGLE = 1e-4
 
 def crossed(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 3, 3): the matrices whose products with others are cross products with these vectors (n, 3)."""
+    found = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.asarray(np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0))
+    found[:, 2, 1], found[:, 0, 2], found[:, 1, 0] = x, y, z
+    return found - np.swapaxes(found, 1, 2)
 
 
 def right_jacobian(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -140,7 +141,8 @@ class CorrectedMotion:
         """The motion of each frame once, and where rows are in it; None where rows have times of their own."""
         if self.row_delay.any():
             return None
-        frames, row = np.unique(self.frame, return_inverse=True)
+        used = np.bincount(self.frame, minlength=len(self.paths.times)) > 0
+        frames, row = np.flatnonzero(used), (np.cumsum(used) - 1)[self.frame]
         if len(frames) == len(self.frame):
             return None
         return CorrectedMotion(self.paths, self.corrections, frames, np.zeros(len(frames))), row

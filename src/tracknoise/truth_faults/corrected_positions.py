@@ -98,6 +98,8 @@ class Optics:
         """What a function of a camera and of rows of arrays gives for all observations, (n, *shape)."""
         found = np.empty((len(self.which), *shape))
         with np.errstate(all="ignore"):
+            if len(self.cameras) == 1:
+                return function(self.cameras[0], *arrays)
             for number, camera in enumerate(self.cameras):
                 rows = np.flatnonzero(self.which == number)
                 if len(rows):
@@ -107,8 +109,10 @@ class Optics:
 
 def _rays_by_optics(camera: Intrinsics, ray: NDArray[np.float64]) -> NDArray[np.float64]:
     found = np.zeros((len(ray), 3, INTRINSIC))
+    inverse = np.empty((len(ray), 2, 2))
     (a, b), (c, d) = np.moveaxis(projection_jacobian(camera, ray)[:, :, :2], 0, -1)
-    inverse = np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)
+    area = a * d - b * c
+    inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 0], inverse[:, 1, 1] = d / area, -b / area, -c / area, a / area
     found[:, :2] = -inverse @ _by_optics(camera, ray, camera.project(ray))
     return found
 
@@ -168,6 +172,8 @@ class Sight:
 
     def by_optics(self, ray_by_optics: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives of the points by the numbers of the optics, from those of the rays, both (n, 3, 4)."""
+        if self.kind == 0.0:
+            return np.asarray(self.share[:, :, None] * ray_by_optics)
         turned = np.einsum("ni,nij->nj", self.ray, ray_by_optics)
         shrinks = self.kind * (self.ray * self.inverse**3)[:, :, None] * turned[:, None, :]
         return np.asarray(self.share[:, :, None] * ray_by_optics - shrinks)
@@ -218,7 +224,7 @@ class WorldPoints:
         steep = (self._depth / self._in_line)[:, None] ** 2 * self._sight.point
         bent = -(self._depth[:, None] ** 2) * self._sight.point
         moves = (self.samples.depth[:, None] * steep, steep, bent, self._depth[:, None] * self._sight.by_kind)
-        return np.concatenate([self._to_world @ move[:, :, None] for move in moves], axis=2)
+        return np.asarray(self._to_world @ np.stack(moves, axis=2))
 
     @property
     def _pace(self) -> NDArray[np.float64]:
@@ -270,7 +276,7 @@ class WorldPoints:
     @cached_property
     def _to_world(self) -> NDArray[np.float64]:
         """Rotations from the camera to the world, (n, 3, 3)."""
-        return np.asarray(self._moving.rotation @ self.corrections.mounting)
+        return _times(self._moving.rotation, self.corrections.mounting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,12 +367,17 @@ class LaterPositions:
     @cached_property
     def _by_sensor(self) -> NDArray[np.float64]:
         """Derivatives of positions by points in the frame of the sensor, (n, 2, 3)."""
-        return np.asarray(self.optics.by_point(self._in_camera) @ self.corrections.mounting.T)
+        return _times(self.optics.by_point(self._in_camera), self.corrections.mounting.T)
 
     @cached_property
     def _by_world(self) -> NDArray[np.float64]:
         """Derivatives of positions by world points, (n, 2, 3)."""
         return np.asarray(self._by_sensor @ self._from_world)
+
+
+def _times(matrices: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Products of matrices (n, k, 3) with one other (3, 3), as those of all their rows at once."""
+    return np.asarray((matrices.reshape(-1, 3) @ other).reshape(matrices.shape))
 
 
 _ROWS_STEPS = 4

@@ -55,21 +55,14 @@ class Parameter(StrEnum):
 class Family(StrEnum):
     """Parameters that are fitted together.
 
-    alone: one parameter. beside_bias: one parameter, beside a constant bias and a drift of each tracker. The others are
-    joint fits: optics (focal length, principal point, k1), timing (clock offset and drift, readout), depth (scale,
-    offset), mounting (rotation, translation), optics_and_timing, all. named: the faults that were found, together.
-    at_most: what all faults, or random errors of depths, can explain at most of a tracker, which is the component
-    (`tracknoise.truth_faults.explained`), what named faults explain of it, and how much more they move it than others.
+    alone: one parameter. beside_bias: one parameter, beside a constant bias and a drift of each tracker. named: the
+    faults that were found, together. at_most: what all faults, or random errors of depths, can explain at most of a
+    tracker, which is the component (`tracknoise.truth_faults.explained`), what named faults explain of it, and how much
+    more they move it than others.
     """
 
     alone = "alone"
     beside_bias = "beside_bias"
-    optics = "optics"
-    timing = "timing"
-    depth = "depth"
-    mounting = "mounting"
-    optics_and_timing = "optics_and_timing"
-    all = "all"
     named = "named"
     at_most = "at_most"
 
@@ -245,17 +238,13 @@ def of_parts(*parts: Part) -> tuple[Parameter, ...]:
     return tuple(one for one in Parameter if FAULTS[one].part in parts)
 
 
-JOINT: Mapping[Family, tuple[Parameter, ...]] = MappingProxyType(
-    {
-        Family.optics: of_parts(Part.optics),
-        Family.timing: of_parts(Part.time),
-        Family.depth: (Parameter.depth_scale, Parameter.depth_offset),
-        Family.mounting: of_parts(Part.rotation, Part.translation),
-        Family.optics_and_timing: of_parts(Part.optics, Part.time),
-        Family.all: tuple(Parameter),
-    }
+LIKE: tuple[tuple[Parameter, ...], ...] = (
+    of_parts(Part.optics),
+    of_parts(Part.time),
+    (Parameter.depth_scale, Parameter.depth_offset),
+    of_parts(Part.rotation, Part.translation),
 )
-"""The joint fits, and what is free in each."""
+"""Parameters that have much the same effect, so that one of them may have another value beside the others."""
 TIMED = frozenset(of_parts(Part.time, Part.path))
 """Parameters that need poses between frames."""
 COUNT = sum(fault.count for fault in FAULTS.values())

@@ -15,6 +15,7 @@ observations, there are 1 / sum s_c^2 effective clusters (audit.effective), and 
 numbers together have the mean of their shares.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,21 +72,51 @@ def weights(distance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class TrackerSums:
+    """Sums over the observations of a tracker in each cluster, of the columns on which these depend."""
+
+    columns: NDArray[np.intp]  # (q,)
+    weighted: NDArray[np.float64]  # (clusters, q, q): information with the weights taken as fixed: D^T W D
+    # (clusters, q, q): second derivatives of the loss, but for those of the predictions
+    curvature: NDArray[np.float64]
+    gradient: NDArray[np.float64]  # (clusters, q): first derivatives of the negative loss: D^T W r
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class NormalEquations:
     """Sums over the observations of each tracker and cluster."""
 
-    weighted: NDArray[np.float64]  # (trackers, clusters, p, p): information with the weights taken as fixed: D^T W D
-    # (trackers, clusters, p, p): second derivatives of the loss, but for those of the predictions
-    curvature: NDArray[np.float64]
-    gradient: NDArray[np.float64]  # (trackers, clusters, p): first derivatives of the negative loss: D^T W r
+    of_trackers: Sequence[TrackerSums]
     # (p,): added to the diagonal where equations are solved, so that what nothing determines stays finite
     ridge: NDArray[np.float64]
     count: NDArray[np.intp]  # (trackers, clusters): how many observations there are
 
+    def matrices(self, name: str, trackers: Sequence[int] | None = None) -> NDArray[np.float64]:
+        """(clusters, p, p): `weighted` or `curvature` of each cluster, of all trackers or of some."""
+        p = len(self.ridge)
+        found = np.zeros((self.count.shape[1], p, p))
+        for one in self._chosen(trackers):
+            found[:, one.columns[:, None], one.columns] += getattr(one, name)
+        return found
+
+    def gradients(self, trackers: Sequence[int] | None = None) -> NDArray[np.float64]:
+        """(clusters, p): `gradient` of each cluster, of all trackers or of some."""
+        found = np.zeros((self.count.shape[1], len(self.ridge)))
+        for one in self._chosen(trackers):
+            found[:, one.columns] += one.gradient
+        return found
+
+    def counts(self, trackers: Sequence[int] | None = None) -> NDArray[np.intp]:
+        """(clusters,): observations of each cluster, of all trackers or of some."""
+        return np.asarray(self.count.sum(axis=0) if trackers is None else self.count[list(trackers)].sum(axis=0))
+
     @property
     def information(self) -> NDArray[np.float64]:
         """Information of all observations and the ridge, (p, p)."""
-        return np.asarray(self.weighted.sum(axis=(0, 1)) + np.diag(self.ridge))
+        return np.asarray(self.matrices("weighted").sum(axis=0) + np.diag(self.ridge))
+
+    def _chosen(self, trackers: Sequence[int] | None) -> Sequence[TrackerSums]:
+        return self.of_trackers if trackers is None else [self.of_trackers[each] for each in trackers]
 
 
 def summed(
@@ -130,27 +161,40 @@ def normal_equations(
     ridge : (p,)
         See `NormalEquations`.
     """
-    shape, p = (int(tracker.max()) + 1, int(cluster.max()) + 1), design.shape[2]
+    shape = int(tracker.max()) + 1, int(cluster.max()) + 1
     distance, weight, known, finite = _weighted(design, residual, scale)
     steep = 2.0 * weight / ((FREEDOM + np.nan_to_num(distance)) * scale * scale)
-    along = np.einsum("nij,ni->nj", finite, known)
     group = tracker * shape[1] + cluster
-    order = sorting(group)
-    ends = np.searchsorted(group[order], np.arange(shape[0] * shape[1] + 1))
-    weighted, curvature = np.zeros((2, ends.size - 1, p, p))
-    gradient = np.zeros((ends.size - 1, p))
-    for number, rows in enumerate(np.split(order, ends[1:-1])):
-        some = finite[rows].reshape(2 * len(rows), p)
+    count = np.bincount(group, minlength=shape[0] * shape[1]).reshape(shape)
+    of_trackers = np.split(sorting(group), np.cumsum(count.sum(axis=1))[:-1])
+    found = []
+    for rows, counts in zip(of_trackers, count, strict=True):
+        columns = np.flatnonzero(finite[rows].any(axis=(0, 1)))
+        own = finite[rows][:, :, columns]
+        along = np.einsum("nij,ni->nj", own, known[rows])
+        found.append(_sums(columns, counts, own, along, weight[rows], steep[rows]))
+    return NormalEquations(found, ridge, count)
+
+
+def _sums(
+    columns: NDArray[np.intp],
+    counts: NDArray[np.intp],
+    design: NDArray[np.float64],
+    along: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    steep: NDArray[np.float64],
+) -> TrackerSums:
+    """Of one tracker, whose observations are in the order of their clusters; `counts`: of each."""
+    n, q = len(counts), len(columns)
+    weighted, curvature, gradient = np.zeros((n, q, q)), np.zeros((n, q, q)), np.zeros((n, q))
+    ends = np.cumsum(counts)
+    for number, (start, stop) in enumerate(zip(ends - counts, ends, strict=True)):
+        rows = slice(start, stop)
+        some = design[rows].reshape(2 * (stop - start), q)
         weighted[number] = some.T @ (np.repeat(weight[rows], 2)[:, None] * some)
         curvature[number] = weighted[number] - along[rows].T @ (steep[rows, None] * along[rows])
         gradient[number] = weight[rows] @ along[rows]
-    return NormalEquations(
-        weighted.reshape(*shape, p, p),
-        curvature.reshape(*shape, p, p),
-        gradient.reshape(*shape, p),
-        ridge,
-        np.diff(ends).reshape(shape),
-    )
+    return TrackerSums(columns, weighted, curvature, gradient)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,7 +254,7 @@ class Jackknife:
         return float(special.fdtrc(k, n - k, max(squared, 0.0) * (n - k) / (k * (n - 1))))
 
 
-def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = None) -> Jackknife:
+def jackknife(equations: NormalEquations, trackers: Sequence[int] | None = None) -> Jackknife:
     """Leave out each cluster that has observations: (audit.jackknife).
 
     Parameters
@@ -220,14 +264,14 @@ def jackknife(equations: NormalEquations, trackers: NDArray[np.intp] | None = No
     trackers
         Places of those whose observations are used; by default all.
     """
-    used = slice(None) if trackers is None else trackers
-    present = equations.count[used].sum(axis=0) > 0
-    own = _definite(equations, used)[present]
-    gradient = equations.gradient[used].sum(axis=0)[present]
+    present = equations.counts(trackers) > 0
+    own = _definite(equations, trackers)[present]
+    gradient = equations.gradients(trackers)[present]
     every = own.sum(axis=0) + np.diag(equations.ridge)
     step = np.linalg.solve(every, gradient.sum(axis=0))
     without = np.linalg.solve(every - own, (gradient.sum(axis=0) - gradient)[:, :, None])[:, :, 0]
-    return Jackknife(without - step, step, _shares(equations.weighted[used].sum(axis=0)[present], equations.ridge))
+    shares = _shares(equations.matrices("weighted", trackers)[present], equations.ridge)
+    return Jackknife(without - step, step, shares)
 
 
 def _shares(own: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -242,12 +286,12 @@ def _effective(share: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300))
 
 
-def _definite(equations: NormalEquations, used: slice | NDArray[np.intp]) -> NDArray[np.float64]:
+def _definite(equations: NormalEquations, trackers: Sequence[int] | None) -> NDArray[np.float64]:
     """Second derivatives of each cluster; those with fixed weights where outliers leave the others indefinite."""
-    own = equations.curvature[used].sum(axis=0)
+    own = equations.matrices("curvature", trackers)
     without = own.sum(axis=0) + np.diag(equations.ridge) - own
     safe = without.size == 0 or float(np.linalg.eigvalsh(_scaled(without)).min()) > 1e-12
-    return np.asarray(own if safe else equations.weighted[used].sum(axis=0))
+    return own if safe else equations.matrices("weighted", trackers)
 
 
 def _scaled(matrices: NDArray[np.float64]) -> NDArray[np.float64]:

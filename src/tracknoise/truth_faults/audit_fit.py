@@ -75,7 +75,7 @@ class _State:
 def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *, with_bias: bool = True) -> Fit:
     """Fit some parameters, all others held where the fit begins: (audit.fit). `parameters`: may be empty."""
     free, limit = columns_of(parameters), furthest(parameters)
-    biases = _bias_columns(samples) if with_bias else np.empty((len(samples.age), 2, 0))
+    biases = _bias_columns(samples, with_bias=with_bias)
     ridge = 1.0 / np.concatenate([limit, np.full(biases.shape[2], _FURTHEST_BIAS_PX)]) ** 2
     state = _state(samples, start, np.zeros(biases.shape[2]), parameters, biases)
     for _ in range(_STEPS):
@@ -88,7 +88,16 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *,
         state = _state(samples, Start.at(samples, theta), state.beta + step[len(free) :], parameters, biases)
     scale = scales(samples.group, state.residual)
     equations = normal_equations(samples.tracker, samples.cluster, state.design, state.residual, scale, ridge)
-    return Fit(tuple(parameters), with_bias, state.theta, state.error, state.residual, state.design, free, equations)
+    slopes = state.design[:, :, : len(free)].copy()
+    return Fit(tuple(parameters), with_bias, state.theta, state.error, state.residual, slopes, free, equations)
+
+
+def design_of(samples: AuditSamples, fitted: Fit) -> NDArray[np.float64]:
+    """(n, 2, columns): derivatives by the free numbers of a fit, then by the biases of each tracker.
+
+    It is made where it is needed: of many trackers, those of all fits of a selection would fill the memory.
+    """
+    return np.concatenate([fitted.slopes, _bias_columns(samples, with_bias=fitted.with_bias)], axis=2)
 
 
 def _state(
@@ -103,8 +112,10 @@ def _state(
     return _State(there.theta, beta, error, error - biases @ beta, design)
 
 
-def _bias_columns(samples: AuditSamples) -> NDArray[np.float64]:
-    """(n, 2, 4 trackers): of each tracker a constant in u and v, and a drift in u and v."""
+def _bias_columns(samples: AuditSamples, *, with_bias: bool) -> NDArray[np.float64]:
+    """(n, 2, 4 trackers): of each tracker a constant in u and v, and a drift in u and v; no columns without biases."""
+    if not with_bias:
+        return np.empty((len(samples.age), 2, 0))
     n, rows = len(samples.age), np.arange(len(samples.age))
     columns = np.zeros((n, 2, 4 * len(samples.trackers)))
     for coordinate in (0, 1):
@@ -151,13 +162,14 @@ class Gain:
 
 def held_out_residuals(samples: AuditSamples, fitted: Fit, moves: Jackknife) -> NDArray[np.float64]:
     """Residuals (n, 2) of each observation about the fit without its cluster, px."""
-    return np.asarray(fitted.residual - np.einsum("nij,nj->ni", fitted.design, moves.moves[samples.cluster]))
+    moved = np.einsum("nij,nj->ni", design_of(samples, fitted), moves.moves[samples.cluster])
+    return np.asarray(fitted.residual - moved)
 
 
 def held_out_errors(samples: AuditSamples, fitted: Fit, moves: Jackknife) -> NDArray[np.float64]:
     """Errors (n, 2) about the truth corrected by the fit without the cluster of each observation, px."""
     k = len(fitted.free)
-    moved = np.einsum("nij,nj->ni", fitted.design[:, :, :k], moves.moves[samples.cluster, :k])
+    moved = np.einsum("nij,nj->ni", fitted.slopes, moves.moves[samples.cluster, :k])
     return np.asarray(fitted.error - moved)
 
 
@@ -230,7 +242,12 @@ class ResampledFit:
         samples, fitted = self.samples.by_blocks, self.fitted
         scale = scales(samples.group, fitted.residual)
         equations = normal_equations(
-            samples.tracker, samples.cluster, fitted.design, fitted.residual, scale, fitted.equations.ridge
+            samples.tracker,
+            samples.cluster,
+            design_of(samples, fitted),
+            fitted.residual,
+            scale,
+            fitted.equations.ridge,
         )
         return ResampledFit(samples, replace(fitted, equations=equations), jackknife(equations))
 

@@ -31,7 +31,7 @@ from scipy import special
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.robust_fits import condition_number, jackknife, scales
 from tracknoise.tables.findings_schema import AuditVerdict
-from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, Start, fit, gain, losses
+from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, Start, design_of, fit, gain, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import has_k1
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, Fit, Parameter
@@ -84,7 +84,7 @@ def shares(fitted: Fit, places: NDArray[np.intp], *, level: float) -> list[Share
 
 
 def _share(fitted: Fit, places: NDArray[np.intp], onto: NDArray[np.float64], tracker: int, level: float) -> Shares:
-    moves = jackknife(fitted.equations, np.array([tracker]))
+    moves = jackknife(fitted.equations, [tracker])
     value = 1.0 + float(onto @ moves.step[places])
     spread = float(np.sqrt(onto @ moves.covariance[np.ix_(places, places)] @ onto))
     half = float(special.stdtrit(moves.freedom[places].min(), 0.5 + 0.5 * level)) * spread
@@ -443,7 +443,7 @@ def _by_interval(one: Assessment) -> NDArray[np.float64]:
 def _explaining(one: Assessment) -> NDArray[np.float64]:
     """Least size of an error of each number whose correction explains enough, whatever its sign."""
     inverse = np.linalg.inv(one.fitted.equations.information)[:, one.places]
-    fields = np.nan_to_num(one.fitted.design) @ (inverse / np.diagonal(inverse[one.places]))
+    fields = np.nan_to_num(design_of(one.tested.samples, one.fitted)) @ (inverse / np.diagonal(inverse[one.places]))
     without = _without_errors(one)
     return np.array([_least(one, without, field) for field in np.moveaxis(fields, 2, 0)])
 

@@ -384,10 +384,10 @@ class Fit:
         Observed minus corrected true positions, px; NaN where the corrected truth has none.
     residual : (n, 2) float64
         Errors without the biases of the trackers.
-    design : (n, 2, columns) float64
-        Derivatives of the corrected positions by the free numbers, then by the biases of each tracker.
+    slopes : (n, 2, columns) float64
+        Derivatives of the corrected positions by the free numbers.
     free : (columns,) intp
-        Place of each free number in `theta`; the columns of biases come after them.
+        Place of each free number in `theta`.
     equations
         Normal equations of each tracker and cluster.
     """
@@ -397,7 +397,7 @@ class Fit:
     theta: NDArray[np.float64]
     error: NDArray[np.float64]
     residual: NDArray[np.float64]
-    design: NDArray[np.float64]
+    slopes: NDArray[np.float64]
     free: NDArray[np.intp]
     equations: NormalEquations
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 PAGE = Path(__file__).parents[2] / "docs" / "tour.md"
 FIGURES = "runs/demo/report/figures"
+DRAW = "tracknoise report runs/demo --figures"
 PROMPT = "$ "
 _BLOCK = re.compile(r"(?<=^```console\n).*?(?=^```$)", re.DOTALL | re.MULTILINE)
 _FIGURE = re.compile(r"\]\(figures/([\w-]+\.svg)\)")
@@ -83,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     page = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(remade(page, lambda command: run(command, folder)), encoding="utf-8")
-    run("tracknoise report runs/demo --figures", folder)
+    run(DRAW, folder)
     for name in figures(page):
         shutil.copy(folder / FIGURES / name, PAGE.parent / "figures" / name)
 

@@ -46,6 +46,7 @@ def test_the_page_and_its_figures_are_written(tmp_path, monkeypatch):
     page.write_text(PAGE.replace("first command", "echo one").replace("$ second", f"$ mkdir -p {tour.FIGURES}"))
     run.mkdir()
     monkeypatch.setattr(tour, "PAGE", page)
+    monkeypatch.setattr(tour, "DRAW", "echo drawn")
     with pytest.raises(FileNotFoundError, match=r"error-by-age\.svg"):
         tour.main([str(run)])
     (run / tour.FIGURES / "error-by-age.svg").write_text("<svg/>")

@@ -331,7 +331,7 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     text = f"Undecided from {scenes}: the {what} of {high} is {ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))} times"
     of_core = not data.truth_is_fitted and shown_size(data)[0] == "core"
     reverse = of_core and _rms_ratio(data, low, high) > 1.0
-    end = f", but its {rms_of_tracks(data.trimming)} is smaller." if reverse else " there."
+    end = f", but its {rms_of_tracks(data.trimming)} is smaller." if reverse else "."
     text += f" that of {low}{end}"
     return Judgement(undecided, text, _SECTION)
 

@@ -220,5 +220,5 @@ def without_truth(data: RunData) -> str:
     without = total - int(statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum())
     if without <= _MOSTLY * total:
         return ""
-    rest = "; no error could be measured" if without == total else " and are left out"
-    return f" {percent(without / total)} of the observations have no true position{rest}."
+    rest = "; no error could be measured" if without == total else ""
+    return f" {percent(without / total)} of observations have no true position{rest}."

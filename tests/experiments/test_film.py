@@ -13,7 +13,7 @@ from tracknoise.tables.schema import FILM, check
 
 SIMULATED = {"motions": ["arvr"], "frames": 4, "width": 160, "height": 120, "supersampling": 1}
 NOISE = 6.0
-"""Mean difference of grey values between an image and its WebP image."""
+"""Mean difference of grey values between an image and its JPEG image."""
 
 
 @pytest.fixture(scope="module")

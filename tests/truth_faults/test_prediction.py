@@ -162,7 +162,7 @@ def bowed(smoothed: float = 0.0) -> np.ndarray:
 def test_smoothed_poses_are_sharpened_again() -> None:
     paths, c = Paths.of(np.arange(40.0), bowed(smoothed=1.5), np.zeros(40, np.intp)), 1.5
     frame, true = np.arange(5, 35), bowed()
-    found = CorrectedMotion(paths, Corrections(theta_of({Parameter.smoothing: c})), frame, np.zeros(30)).moving
+    found = CorrectedMotion(paths, Corrections(theta_of({Parameter.smoothing: c})), frame, np.zeros(30))
     stated = np.abs(paths.position[frame] - true[frame, :3, 3]).max()
     assert np.abs(found.position - true[frame, :3, 3]).max() < 0.06 * stated
     stated = np.abs(paths.rotation[frame] - true[frame, :3, :3]).max()
@@ -172,7 +172,7 @@ def test_smoothed_poses_are_sharpened_again() -> None:
 def test_late_rotations_are_those_of_later_times_and_positions_stay() -> None:
     paths = Paths.of(np.arange(40.0), bowed(), np.zeros(40, np.intp))
     frame, corrections = np.arange(5, 35), Corrections(theta_of({Parameter.rotation_delay: (0.5, 0.5, 0.5)}))
-    found = CorrectedMotion(paths, corrections, frame, np.zeros(30)).moving
+    found = CorrectedMotion(paths, corrections, frame, np.zeros(30))
     later = paths.at(frame, np.full(30, 0.5))
     np.testing.assert_allclose(found.rotation, later.rotation, atol=1e-12)
     assert np.abs(paths.rotation[frame] - later.rotation).max() > 4e-3

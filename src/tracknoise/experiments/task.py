@@ -16,7 +16,7 @@ from tracknoise.experiments.failures import Batch, InParts, Result, diagnose
 from tracknoise.experiments.geometry_tables import camera_tables, geometry_tables
 from tracknoise.experiments.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.local_workers import notify
-from tracknoise.experiments.machine import kernels, one_blas_thread, use_one_opencv_thread
+from tracknoise.experiments.machine import keep_freed_memory, kernels, one_blas_thread, use_one_opencv_thread
 from tracknoise.experiments.measure import Measurement, measure_together, poses_of_two, tap_metrics
 from tracknoise.experiments.parts import (
     folder_of,
@@ -83,6 +83,7 @@ def run_batch(
     the manifest, one per task. A sequence counts as measured once the manifest contains its entry. Or the parts in
     which a sequence is to be measured, which is too long for one piece.
     """
+    keep_freed_memory()
     task = batch[0]
     if not task.parts:
         return _measure_batch(batch, run, claim=claim, progress=progress)

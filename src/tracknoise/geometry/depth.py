@@ -270,15 +270,14 @@ def _vertices(
     height, width = depth.valid.shape
     rays = _rays(camera, height, width, target_from_camera[:3, :3].tobytes())
     z = np.where(depth.valid, depth.depth_m, np.nan)
-    points = np.empty((height, width, 3))
-    for axis, shift in enumerate(target_from_camera[:3, 3]):
-        np.multiply(rays[axis], z, out=points[..., axis])
-        points[..., axis] += shift
-    ahead = points[..., 2] > 0.0
-    points[~ahead] = np.nan
+    planes = np.empty((3, height, width))  # of x, y and z: each is computed faster than every third number
+    for plane, ray, shift in zip(planes, rays, target_from_camera[:3, 3], strict=True):
+        np.multiply(ray, z, out=plane)
+        plane += shift
+    planes[:, ~(planes[2] > 0.0)] = np.nan
     vertices = np.empty((3, height, width))
-    vertices[:2] = np.moveaxis(target.project(points), -1, 0)
-    np.divide(1.0, points[..., 2], out=vertices[2])
+    vertices[:2] = np.moveaxis(target.project(np.moveaxis(planes, 0, -1)), -1, 0)
+    np.divide(1.0, planes[2], out=vertices[2])
     return vertices
 
 

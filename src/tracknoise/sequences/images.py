@@ -220,6 +220,13 @@ def encode_webp(image: NDArray[np.uint8], *, quality: int) -> bytes:
     return encoded.tobytes()
 
 
+def encode_jpeg(image: NDArray[np.uint8], *, quality: int) -> bytes:
+    """Encode a grayscale image, (height, width) of 8 bits, as the bytes of a JPEG file; quality is from 1 to 100."""
+    done, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    assert done, "such an image can always be encoded"
+    return encoded.tobytes()
+
+
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     """Encode a grayscale image, (height, width) of 8 or 16 bits, as the bytes of a PNG file."""
     done, encoded = cv2.imencode(".png", image)

@@ -656,7 +656,7 @@ strip is a WebP image with patches of the worst track side by side, from its anc
 """
 
 FILM: Schema = {"frame": pl.UInt32, "image": pl.Binary}
-"""Images of the first frames of a sequence, small, as WebP files."""
+"""Images of the first frames of a sequence, small, as JPEG files; as WebP files in earlier runs."""
 
 INPUTS: Schema = {
     "kind": INPUT_KIND,

@@ -49,9 +49,9 @@ class Start:
     predicted: Predicted
 
     @classmethod
-    def at(cls, samples: AuditSamples, theta: NDArray[np.float64]) -> "Start":
-        """Begin at these numbers."""
-        return cls(theta, predict(samples, theta))
+    def at(cls, samples: AuditSamples, theta: NDArray[np.float64], near: "Start | None" = None) -> "Start":
+        """Begin at these numbers, which may be near those of another start."""
+        return cls(theta, predict(samples, theta, None if near is None else near.predicted))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +77,8 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *,
     free, limit = columns_of(parameters), furthest(parameters)
     biases = _bias_columns(samples, with_bias=with_bias)
     ridge = 1.0 / np.concatenate([limit, np.full(biases.shape[2], _FURTHEST_BIAS_PX)]) ** 2
-    state = _state(samples, start, np.zeros(biases.shape[2]), parameters, biases)
+    there = start
+    state = _state(samples, there, np.zeros(biases.shape[2]), parameters, biases)
     for _ in range(_STEPS):
         step, information = _solved(samples, state, ridge)
         if _is_small(step[: len(free)], information):
@@ -85,7 +86,8 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *,
             break
         theta = state.theta.copy()
         theta[free] = np.clip(theta[free] + step[: len(free)], -limit, limit)
-        state = _state(samples, Start.at(samples, theta), state.beta + step[len(free) :], parameters, biases)
+        there = Start.at(samples, theta, there)
+        state = _state(samples, there, state.beta + step[len(free) :], parameters, biases)
     scale = scales(samples.group, state.residual)
     equations = normal_equations(samples.tracker, samples.cluster, state.design, state.residual, scale, ridge)
     slopes = state.design[:, :, : len(free)].copy()

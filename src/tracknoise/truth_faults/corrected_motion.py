@@ -58,27 +58,15 @@ def _undone(vectors: NDArray[np.float64], turned: NDArray[np.float64]) -> NDArra
     return np.asarray(turned + 0.5 * cross + second * _cross(vectors, cross))
 
 
+def _of_axes(vectors: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The number of each axis from the vectors of that axis, (n, 3) each."""
+    return np.stack([one[:, axis] for axis, one in enumerate(vectors)], axis=1)
+
+
 def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cross products of vectors (n, 3), in a third of the time of `numpy.cross`."""
     (x, y, z), (a, b, c) = one.T, other.T
     return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Delayed:
-    """What delays of rotations change.
-
-    Attributes
-    ----------
-    turn : (n, 3) float64
-        Rotation vectors in the own frame.
-    by_delay, by_time : (n, 3) float64
-        How each number changes with the delay about its axis, and with time.
-    """
-
-    turn: NDArray[np.float64]
-    by_delay: NDArray[np.float64]
-    by_time: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,24 +89,43 @@ class CorrectedMotion:
     row_delay: NDArray[np.float64]
 
     @cached_property
-    def moving(self) -> Moving:
-        """Corrected poses and velocities."""
+    def rotation(self) -> NDArray[np.float64]:
+        """Corrected rotations, (n, 3, 3)."""
         if self._by_frame is not None:
             motion, row = self._by_frame
-            return motion.moving.taken(row)
-        stated = self._stated
-        if not self._has_delay and self._smoothing == 0.0:
+            return motion.rotation[row]
+        stated = self._stated.rotation
+        return stated if self._is_stated else stated @ self._turned
+
+    @cached_property
+    def position(self) -> NDArray[np.float64]:
+        """Corrected positions, (n, 3), metres."""
+        if self._by_frame is not None:
+            motion, row = self._by_frame
+            return motion.position[row]
+        stated = self._stated.position
+        return stated if self._is_stated else np.asarray(stated - self._smoothing * self._bend[0][:, 1])
+
+    @cached_property
+    def turning(self) -> NDArray[np.float64]:
+        """Angular velocities, (n, 3), see `Moving`."""
+        if self._by_frame is not None:
+            motion, row = self._by_frame
+            return motion.turning[row]
+        stated = self._stated.turning
+        if self._is_stated:
             return stated
-        bend, change = self._bend
-        turned = Rotation.from_rotvec(np.nan_to_num(self._turn)).as_matrix()
-        faster = self._delayed.by_time - self._smoothing * change[:, 0]
-        by_time = _turned(self._turn, faster)
-        return Moving(
-            stated.rotation @ turned,
-            stated.position - self._smoothing * bend[:, 1],
-            np.einsum("nji,nj->ni", turned, stated.turning) + by_time,
-            stated.velocity - self._smoothing * change[:, 1],
-        )
+        faster = self._delayed_by_time - self._smoothing * self._bend[1][:, 0]
+        return np.asarray(np.einsum("nji,nj->ni", self._turned, stated) + _turned(self._turn, faster))
+
+    @cached_property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocities, (n, 3), see `Moving`."""
+        if self._by_frame is not None:
+            motion, row = self._by_frame
+            return motion.velocity[row]
+        stated = self._stated.velocity
+        return stated if self._is_stated else np.asarray(stated - self._smoothing * self._bend[1][:, 1])
 
     def by_times(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives of the times by clock offset, clock drift and readout, (n, 3). `phase` : (n,), of each row."""
@@ -132,7 +139,7 @@ class CorrectedMotion:
             return turns[row], moves[row]
         bend, _ = self._bend
         turns, moves = np.zeros((2, len(self.frame), 3, 4))
-        turns[:, range(3), range(3)], turns[:, :, 3] = self._delayed.by_delay, -bend[:, 0]
+        turns[:, range(3), range(3)], turns[:, :, 3] = self._delayed_by_delay, -bend[:, 0]
         moves[:, :, 3] = -bend[:, 1]
         return (right_jacobian(self._turn) @ turns if self._turn.any() else turns), moves
 
@@ -151,25 +158,50 @@ class CorrectedMotion:
     def _turn(self) -> NDArray[np.float64]:
         """Rotation vectors of the corrections in the own frame, (n, 3)."""
         bend, _ = self._bend
-        return np.asarray(self._delayed.turn - self._smoothing * bend[:, 0])
+        return np.asarray(_of_axes([turn for _, turn in self._delayed]) - self._smoothing * bend[:, 0])
 
     @cached_property
-    def _delayed(self) -> Delayed:
-        stated, nothing = self._stated, np.zeros((len(self.frame), 3))
-        if not self._has_delay:
-            return Delayed(nothing, stated.turning, nothing)
-        found = Delayed(nothing, nothing.copy(), nothing.copy())
-        for axis, delay in enumerate(self.corrections.of(Parameter.rotation_delay)):
-            later = self.paths.moving(self.frame, self._clock + delay)
-            turn = steps(stated.rotation, later.rotation)
-            by_delay = _undone(turn, later.turning)
-            found.turn[:, axis], found.by_delay[:, axis] = turn[:, axis], by_delay[:, axis]
-            found.by_time[:, axis] = (by_delay - _undone(-turn, stated.turning))[:, axis]
+    def _turned(self) -> NDArray[np.float64]:
+        """The same as matrices, (n, 3, 3)."""
+        found: NDArray[np.float64] = Rotation.from_rotvec(np.nan_to_num(self._turn)).as_matrix()
         return found
+
+    @cached_property
+    def _delayed(self) -> list[tuple[Moving, NDArray[np.float64]]]:
+        """Stated poses after the delay about each axis, and the rotation vectors to them, (n, 3), in the own frame."""
+        stated = self._stated
+        if not self._has_delay:
+            return [(stated, np.zeros((len(self.frame), 3)))] * 3
+        later = [self.paths.moving(self.frame, self._clock + one) for one in self._delays]
+        return [(one, steps(stated.rotation, one.rotation)) for one in later]
+
+    @cached_property
+    def _delayed_by_delay(self) -> NDArray[np.float64]:
+        """How the turn about each axis changes with its delay, (n, 3)."""
+        if not self._has_delay:
+            return self._stated.turning
+        return _of_axes([_undone(turn, later.turning) for later, turn in self._delayed])
+
+    @cached_property
+    def _delayed_by_time(self) -> NDArray[np.float64]:
+        """How it changes with time, (n, 3)."""
+        if not self._has_delay:
+            return np.zeros((len(self.frame), 3))
+        before = _of_axes([_undone(-turn, self._stated.turning) for _, turn in self._delayed])
+        return np.asarray(self._delayed_by_delay - before)
+
+    @property
+    def _delays(self) -> NDArray[np.float64]:
+        return self.corrections.of(Parameter.rotation_delay)
+
+    @property
+    def _is_stated(self) -> bool:
+        """Whether the shape of the path is the stated one."""
+        return not self._has_delay and self._smoothing == 0.0
 
     @property
     def _has_delay(self) -> bool:
-        return bool(self.corrections.of(Parameter.rotation_delay).any())
+        return bool(self._delays.any())
 
     @property
     def _smoothing(self) -> float:

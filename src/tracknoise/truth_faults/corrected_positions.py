@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.cameras import Camera, Intrinsics
 from tracknoise.geometry.projection import projection_jacobian
-from tracknoise.truth_faults.audit_samples import AuditSamples, Moving
+from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_motion import CorrectedMotion, crossed, right_jacobian
 from tracknoise.truth_faults.fault_parameters import PLACES, SLICES, Corrections, Parameter, Part
 
@@ -198,7 +198,7 @@ class WorldPoints:
     @cached_property
     def points(self) -> NDArray[np.float64]:
         """World points, (n, 3), metres."""
-        return np.asarray(np.einsum("nij,nj->ni", self._moving.rotation, self._on_sensor) + self._moving.position)
+        return np.asarray(np.einsum("nij,nj->ni", self._motion.rotation, self._on_sensor) + self._motion.position)
 
     def by(self, part: Part) -> NDArray[np.float64]:
         """Derivatives of the points by the numbers of a part, (n, 3, numbers)."""
@@ -212,13 +212,13 @@ class WorldPoints:
                 turned = right_jacobian(self.corrections.of(Parameter.mounting_rotation)[None])
                 return -self._to_world @ crossed(self._in_camera) @ turned
             case Part.translation:
-                return self._moving.rotation
+                return self._motion.rotation
             case Part.time:
                 factors = self._motion.by_times(self.samples.phase_at_birth)
                 return np.asarray(self._pace[:, :, None] * factors[:, None, :])
             case Part.path:
                 turns, moves = self._motion.by_path()
-                return moves - self._moving.rotation @ crossed(self._on_sensor) @ turns
+                return moves - self._motion.rotation @ crossed(self._on_sensor) @ turns
 
     def _by_depth(self) -> NDArray[np.float64]:
         steep = (self._depth / self._in_line)[:, None] ** 2 * self._sight.point
@@ -229,9 +229,9 @@ class WorldPoints:
     @property
     def _pace(self) -> NDArray[np.float64]:
         """How the points change with the time of their first row, (n, 3), metres per unit of time."""
-        moving = self._moving
-        turned = np.einsum("nij,nj->ni", moving.rotation, np.cross(moving.turning, self._on_sensor))
-        return np.asarray(turned + moving.velocity)
+        motion = self._motion
+        turned = np.einsum("nij,nj->ni", motion.rotation, np.cross(motion.turning, self._on_sensor))
+        return np.asarray(turned + motion.velocity)
 
     @cached_property
     def _sight(self) -> Sight:
@@ -269,14 +269,10 @@ class WorldPoints:
         readout = samples.readout + self.corrections.of(Parameter.readout)
         return CorrectedMotion(samples.paths, self.corrections, samples.birth, readout * samples.phase_at_birth)
 
-    @property
-    def _moving(self) -> Moving:
-        return self._motion.moving
-
     @cached_property
     def _to_world(self) -> NDArray[np.float64]:
         """Rotations from the camera to the world, (n, 3, 3)."""
-        return _times(self._moving.rotation, self.corrections.mounting)
+        return _times(self._motion.rotation, self.corrections.mounting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,9 +305,8 @@ class LaterPositions:
     @cached_property
     def pace(self) -> NDArray[np.float64]:
         """How positions change with the time of their rows, (n, 2), px per unit of time."""
-        moving = self._moving
-        carried = np.einsum("nij,nj->ni", self._from_world, moving.velocity)
-        back = np.cross(moving.turning, self._on_sensor) + carried
+        carried = np.einsum("nij,nj->ni", self._from_world, self._motion.velocity)
+        back = np.cross(self._motion.turning, self._on_sensor) + carried
         return np.asarray(-np.einsum("nij,nj->ni", self._by_sensor, back))
 
     def by(self, part: Part, points_by: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -342,18 +337,14 @@ class LaterPositions:
     def _motion(self) -> CorrectedMotion:
         return CorrectedMotion(self.samples.paths, self.corrections, self.samples.now, self.row_delay)
 
-    @property
-    def _moving(self) -> Moving:
-        return self._motion.moving
-
     @cached_property
     def _from_world(self) -> NDArray[np.float64]:
-        return np.swapaxes(self._moving.rotation, 1, 2)
+        return np.swapaxes(self._motion.rotation, 1, 2)
 
     @cached_property
     def _on_sensor(self) -> NDArray[np.float64]:
         """Points in the frame of the sensor that the poses belong to, (n, 3)."""
-        return np.asarray(np.einsum("nij,nj->ni", self._from_world, self.points - self._moving.position))
+        return np.asarray(np.einsum("nij,nj->ni", self._from_world, self.points - self._motion.position))
 
     @cached_property
     def _from_mounting(self) -> NDArray[np.float64]:
@@ -381,8 +372,8 @@ def _times(matrices: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray
 
 
 _ROWS_STEPS = 4
-_ROWS_SOLVED = 1e-3
-"""Largest error of a row before the last step, px. Steps converge quadratically: the last one leaves less than 1e-6."""
+_ROWS_SOLVED = 1e-6
+"""Largest error of a row before the last step, px, which needs no new slope."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -412,8 +403,11 @@ class Predicted:
         return self._by_part[part]
 
 
-def predict(samples: AuditSamples, theta: NDArray[np.float64]) -> Predicted:
-    """True positions of samples under corrections: (audit.prediction)."""
+def predict(samples: AuditSamples, theta: NDArray[np.float64], near: Predicted | None = None) -> Predicted:
+    """True positions of samples under corrections: (audit.prediction).
+
+    `near`: what like corrections predict, from where rows of a rolling shutter are found sooner.
+    """
     corrections = Corrections(theta)
     readout = samples.readout + corrections.of(Parameter.readout)
     at_birth, now = (Optics.of(samples.cameras, samples.camera[frame], theta) for frame in (samples.birth, samples.now))
@@ -422,20 +416,29 @@ def predict(samples: AuditSamples, theta: NDArray[np.float64]) -> Predicted:
     def at(row_delay: NDArray[np.float64]) -> LaterPositions:
         return LaterPositions(samples, corrections, now, world.points, row_delay)
 
-    row_delay = _row_delay(at, samples, readout) if readout.any() else np.zeros(len(samples.age))
+    row_delay = _row_delay(at, samples, readout, near) if readout.any() else np.zeros(len(samples.age))
     return Predicted(world, at(row_delay), readout)
 
 
 def _row_delay(
-    at: Callable[[NDArray[np.float64]], LaterPositions], samples: AuditSamples, readout: NDArray[np.float64]
+    at: Callable[[NDArray[np.float64]], LaterPositions],
+    samples: AuditSamples,
+    readout: NDArray[np.float64],
+    near: Predicted | None,
 ) -> NDArray[np.float64]:
     """Time of the row of each position after that of its frame, (n,)."""
-    row = samples.along_shutter(samples.stated)
+    row, slope = samples.along_shutter(samples.stated), None
+    if near is not None:
+        of_near = samples.along_shutter(near.uv)
+        row = np.where(np.isfinite(of_near), of_near, row)
     for _ in range(_ROWS_STEPS):
         found = at(readout * samples.phase(row))
         wrong = samples.along_shutter(found.uv) - row
-        row = row - wrong / (_by_row(found, readout) - 1.0)
-        if np.nanmax(np.abs(wrong), initial=0.0) < _ROWS_SOLVED:
+        is_last = np.nanmax(np.abs(wrong), initial=0.0) < _ROWS_SOLVED
+        if slope is None or not is_last:
+            slope = _by_row(found, readout) - 1.0
+        row = row - wrong / slope
+        if is_last:
             break
     return readout * samples.phase(row)
 

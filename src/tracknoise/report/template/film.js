@@ -6,7 +6,8 @@ class Film {
   constructor(place) {
     this.canvas = place.querySelector("canvas");
     this.form = place.querySelector("form");
-    this.images = filmed.frames.map((data) => Object.assign(new Image(), { src: `data:image/webp;base64,${data}` }));
+    const kind = filmed.frames[0].startsWith("/9j/") ? "jpeg" : "webp";
+    this.images = filmed.frames.map((data) => Object.assign(new Image(), { src: `data:image/${kind};base64,${data}` }));
     this.timer = null;
     this.form.frame.max = filmed.frames.length - 1;
     this.form.addEventListener("input", () => this.show());

@@ -393,6 +393,7 @@ def test_code_that_changed_after_it_was_loaded_is_refused(experiment, capsys):
     assert f"{code}: changed since this process loaded it, expected a new process" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_run_uses_a_foreign_reader_and_tracker_and_is_resumed_with_their_version_only(experiment, capsys):
     status, folder = run(experiment)
     assert status == 0

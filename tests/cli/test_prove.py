@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.estimators.models import TRAINING, made
-from tests.lean import measured_only, without_models
+from tests.lean import measured_only, without_depths, without_models
 
 from tracknoise.estimators.proof import prove
 from tracknoise.estimators.proof_windows import Cut, errors_of, recorded_problems
@@ -42,7 +42,7 @@ class _Silent:
 
 def _run(out: Path, **options: object) -> Path:
     text = TOML.format(**options)
-    with without_models():
+    with without_models(), without_depths():
         execute(parse_experiment(text, place="small.toml"), RunFolder(out), workers=1, listener=_Silent())
     return out
 

@@ -456,7 +456,7 @@ class Boundless:
 
 
 def test_numbers_of_a_tracker_that_are_not_finite_are_unknown():
-    sequence = tn.open_sequence("simulated", motions=["forward"], frames=3, width=96, height=72)
+    sequence = tn.open_sequence("simulated", motions=["forward"], frames=3, width=96, height=72, supersampling=1)
     measured = tn.measure(sequence, Boundless())
     for values in (measured.observations["quality_ratio"], measured.tracks["response"]):
         assert values.drop_nulls().unique().to_list() == [0.5]

@@ -72,7 +72,7 @@ class Reader:
         return self._data().open(sequence)
 
     def _data(self):
-        return Simulated(motions=("forward",), frames=4, width=96, height=72, worlds=2)
+        return Simulated(motions=("forward",), frames=4, width=96, height=72, worlds=2, supersampling=1)
 
 
 @dataclass(frozen=True, slots=True)

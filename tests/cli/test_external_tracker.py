@@ -17,7 +17,7 @@ def experiment(tmp_path):
     shutil.copy(FOLLOW_POINTS, tmp_path / "mine.py")
     (tmp_path / "x.toml").write_text(
         'name = "x"\nspeeds = [1]\n[dataset]\nreader = "simulated"\n'
-        'options = { motions = ["forward"], worlds = 1, frames = 4, width = 160, height = 120 }\n'
+        'options = { motions = ["forward"], worlds = 1, frames = 4, width = 160, height = 120, supersampling = 1 }\n'
         '[[trackers]]\nkind = "external"\n[trackers.options]\nscript = "mine.py"\nevery = 2\n'
         f"command = [{sys.executable!r}]\n"
     )

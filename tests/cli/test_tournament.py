@@ -15,7 +15,7 @@ name = "mine"
 speeds = [2, 1]
 [dataset]
 reader = "simulated"
-options = { motions = ["forward"], worlds = 1, frames = 4, width = 160, height = 120 }
+options = { motions = ["forward"], worlds = 1, frames = 4, width = 160, height = 120, supersampling = 1 }
 [[trackers]]
 kind = "lucas-kanade"
 name = "my-tracker"

@@ -26,6 +26,9 @@ from tracknoise.simulation.world import Scenery
 settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
 settings.load_profile("tracknoise")
 
+# Each of the hundred programs that tests start would compile the package again: see the Makefile.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 
 def pytest_collection_finish() -> None:
     """What was collected stays until the end: to search it for garbage again and again takes processor time."""

@@ -40,6 +40,15 @@ def without_findings() -> Iterator[None]:
 
 
 @contextmanager
+def with_findings() -> Iterator[None]:
+    """Runs are finished as in a program, with findings."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(execute, "_replace_results", replace_results)
+        patch.setattr(execute, "compute_findings", run_findings.compute_findings)
+        yield
+
+
+@contextmanager
 def measured_by_command() -> Iterator[None]:
     """As `measured_only`, of runs that the command line starts: there is no answer to print."""
     summary = import_module("tracknoise.cli.run_summary")  # of which most tests have no need

@@ -61,7 +61,7 @@ def environment(tmp_path_factory) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def data(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("archives")
-    sequence = tn.open_sequence("simulated", motions=["forward"], frames=6, width=160, height=120)
+    sequence = tn.open_sequence("simulated", motions=["forward"], frames=6, width=160, height=120, supersampling=1)
     np.savez(
         folder / "office.npz",
         images=np.stack([sequence.image(index) for index in range(6)]),
@@ -80,11 +80,9 @@ def tracknoise(environment: dict[str, str], *arguments: object) -> str:
     return finished.stdout
 
 
-def test_the_tracker_and_the_reader_are_listed_with_their_options(environment, data):
+def test_the_tracker_and_the_reader_are_listed_with_their_options(environment):
     assert "Shi-Tomasi corners of the first frame" in tracknoise(environment, "trackers")
-    assert tracknoise(environment, "trackers", "corners").strip().endswith("most = 200")
     assert "metres_per_unit = 1.0" in tracknoise(environment, "datasets", "archive")
-    assert "office" in tracknoise(environment, "datasets", "archive", "--data", data)
 
 
 def test_an_experiment_measures_the_tracker_on_the_data_of_the_reader(environment, data, tmp_path):

@@ -393,6 +393,7 @@ def test_code_that_changed_after_it_was_loaded_is_refused(experiment, capsys):
     assert f"{code}: changed since this process loaded it, expected a new process" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_run_uses_a_foreign_reader_and_tracker_and_is_resumed_with_their_version_only(experiment, capsys):
     status, folder = run(experiment)
     assert status == 0
@@ -455,7 +456,7 @@ class Boundless:
 
 
 def test_numbers_of_a_tracker_that_are_not_finite_are_unknown():
-    sequence = tn.open_sequence("simulated", motions=["forward"], frames=3, width=96, height=72)
+    sequence = tn.open_sequence("simulated", motions=["forward"], frames=3, width=96, height=72, supersampling=1)
     measured = tn.measure(sequence, Boundless())
     for values in (measured.observations["quality_ratio"], measured.tracks["response"]):
         assert values.drop_nulls().unique().to_list() == [0.5]

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.lean import measured_by_command
 
 from tracknoise.cli.app import main
 from tracknoise.exceptions import SettingsError
@@ -71,7 +72,7 @@ class Reader:
         return self._data().open(sequence)
 
     def _data(self):
-        return Simulated(motions=("forward",), frames=4, width=96, height=72, worlds=2)
+        return Simulated(motions=("forward",), frames=4, width=96, height=72, worlds=2, supersampling=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +111,7 @@ def installed(tmp_path, monkeypatch) -> Iterator[None]:
 
 @pytest.fixture
 def run(installed, tmp_path):
-    """Runs an experiment. Gives the exit status."""
+    """Runs an experiment, of which nothing is computed. Gives the exit status."""
 
     def go(*options: str, kind: str = "leaving", tracker: str = "never", reader: str = "never", truth: str = "") -> int:
         (tmp_path / "leaving.toml").write_text(
@@ -118,7 +119,7 @@ def run(installed, tmp_path):
             f'[[trackers]]\nkind = "{kind}"\noptions = {{ when = "{tracker}" }}\n'
             f'[truth]\nkind = "{truth or "birth"}"\n[statistics]\nmin_features = 2\n'
         )
-        with pytest.raises(SystemExit) as ended:
+        with measured_by_command(), pytest.raises(SystemExit) as ended:
             main(["run", str(tmp_path / "leaving.toml"), "--out", str(tmp_path / "run"), "--no-report", *options])
         return ended.value.code
 

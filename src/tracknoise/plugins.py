@@ -1,5 +1,6 @@
 """Trackers, readers and truths by name: those of this package, and those of other packages, by entry point."""
 
+import os
 import sys
 import sysconfig
 from collections.abc import Mapping
@@ -188,7 +189,9 @@ def _sources(module: str) -> tuple[Path, list[Path]]:
     )
     if folder not in map(Path, sysconfig.get_paths().values()):
         loaded = (getattr(each, "__file__", None) for each in list(sys.modules.values()))
-        found |= {Path(each) for each in loaded if each is not None and Path(each).is_relative_to(folder)}
+        named = f"{folder.name}{os.sep}" if folder.name else ""  # of thousands of modules, few are to be looked at
+        near = {Path(each) for each in loaded if each is not None and named in each}
+        found |= {path for path in near if path.is_relative_to(folder)}
     own = Path(__file__).parent
     return folder, sorted(path for path in found if not path.is_relative_to(own))
 

@@ -9,7 +9,9 @@ from tracknoise.text import MOST_SHOWN, html_table
 
 @pytest.fixture(scope="module")
 def sequence():
-    return next(iter(tn.open_sequences("simulated", motions=["forward"], frames=4, width=160, height=120)))
+    return next(
+        iter(tn.open_sequences("simulated", motions=["forward"], frames=4, width=160, height=120, supersampling=1))
+    )
 
 
 def test_a_sequence_is_one_line_and_a_card(sequence):

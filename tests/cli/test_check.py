@@ -92,9 +92,7 @@ def test_json_is_all_that_is_printed(tracknoise, recording, tmp_path):
 
 
 @pytest.mark.usefixtures("without_clock")
-@pytest.mark.parametrize(
-    ("missing", "has_depth"), [([0], True), ([7], False), ([15], True), (range(1, 15), True), (range(1, 15), False)]
-)
+@pytest.mark.parametrize(("missing", "has_depth"), [([0], True), ([7], False), (range(1, 15), True)])
 def test_frames_without_a_pose_are_a_caveat(tracknoise, recording, tmp_path, missing, has_depth):
     shutil.copytree(recording / "walk", tmp_path / "walk")
     rows = np.loadtxt(tmp_path / "walk/poses.txt")
@@ -221,7 +219,6 @@ def test_init_replaces_no_file_unless_it_is_told_to(tracknoise, recording, tmp_p
     assert tracknoise("init", str(recording), "--out", str(file), "--force")[0] == 0
 
 
-@pytest.mark.usefixtures("without_clock")
 @pytest.mark.usefixtures("without_clock")
 def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, recording, tmp_path):
     document = tmp_path / "check.json"

@@ -41,7 +41,7 @@ def test_the_help_of_run_names_the_presets(tracknoise):
 
 
 @pytest.mark.parametrize("buffered", [True, False])
-@pytest.mark.parametrize("arguments", [["datasets"], ["--version"], ["run", "--schema"]])
+@pytest.mark.parametrize("arguments", [["--version"], ["run", "--schema"]])
 def test_results_that_cannot_be_written_are_one_line(arguments, buffered):
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     environment = kept if buffered else {**kept, "PYTHONUNBUFFERED": "1"}

@@ -13,8 +13,8 @@ from tracknoise.cli.app import main
 
 N_FRAMES = 12
 SCENE = "forward"
-FORMATS = ("table.csv", "points.npz", "colmap.db")
-"""The formats of a front end, a point tracker and a reconstruction."""
+FORMATS = ("table.csv", "colmap.db")
+"""The formats of a front end and of a reconstruction. `tests/trackers/imports` has the others."""
 
 
 def called(*arguments: str) -> int:
@@ -57,9 +57,9 @@ def test_what_follows_a_run_works_without_causes_of_ends(run, tracknoise, tmp_pa
     status, out, _ = tracknoise("audit", run)
     assert status == (0 if out.startswith(("Truth: trusted", "Truth: limited")) else 4)
     assert tracknoise("findings", run)[0] == 0
-    status, out, _ = tracknoise("compare", run, run, "--trackers", "table.csv", "points.npz")
+    status, out, _ = tracknoise("compare", run, run, "--trackers", "table.csv", "colmap.db")
     assert status == 0
-    assert "points.npz against table.csv" in out
+    assert "colmap.db against table.csv" in out
     status, *_ = tracknoise("noise", "fit", run, "--tracker", "colmap.db", "--accept-truth", "-o", str(tmp_path))
     assert status == 0
     (model,) = tmp_path.glob("*.noise.json")

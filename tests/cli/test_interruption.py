@@ -118,11 +118,7 @@ def wait_until(true):
 
 @pytest.mark.parametrize(
     ("count", "number", "text"),
-    [
-        ("1", signal.SIGINT, "interrupted"),
-        ("2", signal.SIGTERM, "ended by SIGTERM"),
-        ("2", signal.SIGHUP, "ended by SIGHUP"),
-    ],
+    [("1", signal.SIGINT, "interrupted"), ("2", signal.SIGTERM, "ended by SIGTERM")],
 )
 def test_a_program_is_ended_with_one_line_and_resumes(number, text, count, stalled, tmp_path, tracknoise):
     """The signal is sent as soon as there is a worker, or else the manifest."""

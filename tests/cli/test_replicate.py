@@ -4,6 +4,7 @@ import re
 from functools import partial
 
 import pytest
+from tests.lean import without_audit, without_depths
 
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.settings import ViewSettings
@@ -13,7 +14,7 @@ from tracknoise.report import page
 
 @pytest.fixture
 def small(monkeypatch):
-    """Presets with one tracker, one speed and small images, and no files of figures, so that they take seconds."""
+    """Presets with one tracker, one speed and small images, no audit and no files of figures, which take seconds."""
 
     def load(name, **options):
         experiment = load_experiment(name, **options)
@@ -25,6 +26,8 @@ def small(monkeypatch):
 
     monkeypatch.setattr(variants, "load_experiment", load)
     monkeypatch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
+    with without_audit(), without_depths():
+        yield
 
 
 ONCE = ("--scenes", "1", "--frames", "2", "-w", "1")

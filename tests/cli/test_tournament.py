@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from tests.lean import without_audit, without_depths, without_figure_files
 
 from tracknoise.experiments.entrants import entrants, step_costs
 from tracknoise.experiments.load import load_experiment
@@ -14,7 +15,7 @@ name = "mine"
 speeds = [2, 1]
 [dataset]
 reader = "simulated"
-options = { motions = ["forward"], worlds = 1, frames = 4, width = 160, height = 120 }
+options = { motions = ["forward"], worlds = 1, frames = 4, width = 160, height = 120, supersampling = 1 }
 [[trackers]]
 kind = "lucas-kanade"
 name = "my-tracker"
@@ -30,6 +31,13 @@ def experiment(tmp_path):
     return tmp_path / "x.toml"
 
 
+@pytest.fixture
+def quick():
+    """Runs of which a test looks at the report alone, whether it is there."""
+    with without_audit(), without_depths(), without_figure_files():
+        yield
+
+
 def test_the_own_trackers_come_first_and_every_preset_takes_part_once(experiment):
     names = entrants(load_experiment(experiment))
     assert names[:2] == ["my-tracker", "oracle"]
@@ -41,6 +49,7 @@ def test_the_built_in_tournament_has_every_preset():
     assert set(preset_names()) < set(entrants(load_experiment("tournament")))
 
 
+@pytest.mark.usefixtures("quick")
 def test_a_tournament_is_measured_at_full_rate_and_resumes(tracknoise, experiment):
     run = experiment.parent / "run"
     named = "my-tracker,oracle,openvins"

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from tests.lean import measured_only
+from tests.lean import measured_only, with_findings, without_findings
 
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
@@ -66,9 +66,23 @@ def told() -> Callable[[], Told]:
     return Told
 
 
+@pytest.fixture(scope="package", autouse=True)
+def unfound() -> Iterator[None]:
+    """Runs have the statistics of their scenes, and findings only where a test wants them (`found`)."""
+    with without_findings():
+        yield
+
+
+@pytest.fixture
+def found() -> Iterator[None]:
+    """Findings are made as in a program, of a `finished` run too."""
+    with with_findings():
+        yield
+
+
 @pytest.fixture
 def lean() -> Iterator[None]:
-    """Runs are measured, and nothing is computed of them. Not for tests of a `finished` run, which is whole."""
+    """Runs are measured, and nothing is computed of them. Not for tests of a `finished` run, which has statistics."""
     with measured_only():
         yield
 
@@ -91,14 +105,15 @@ def shared_file(made_once) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def finished(made_once, shared_file, tmp_path) -> Callable[..., tuple[Experiment, RunFolder]]:
+def finished(request, made_once, shared_file, tmp_path) -> Callable[..., tuple[Experiment, RunFolder]]:
     """Gives an experiment on so many scenes, and a finished run of it for the test to change, measured only once."""
 
     def copy(
         count: int, n_frames: int = 4, *, keep: str = "observations", most: int | None = None
     ) -> tuple[Experiment, RunFolder]:
         experiment = load_experiment(shared_file(count, n_frames)).model_copy(update={"keep": keep}).with_scenes(most)
-        name = f"run-{count}-{n_frames}-{keep}-{most}"
+        found = "-found" if "found" in request.fixturenames else ""
+        name = f"run-{count}-{n_frames}-{keep}-{most}{found}"
         original = made_once(name, lambda path: execute(experiment, RunFolder(path), listener=Told()))
         return experiment, RunFolder(shutil.copytree(original, tmp_path / name / "run"))
 

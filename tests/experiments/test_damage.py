@@ -47,6 +47,7 @@ def test_a_damaged_manifest_is_replaced_by_a_fresh_start_alone(finished, told, f
     assert files(run) == before
 
 
+@pytest.mark.usefixtures("found")
 def test_edited_findings_are_noticed_and_made_again(finished, told, files):
     experiment, run = finished(2)
     path = run.path / "statistics" / "findings.json"

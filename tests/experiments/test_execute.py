@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import polars as pl
 import pytest
-from tests.lean import with_models
+from tests.lean import with_findings, with_models
 
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import Experiment, parse_experiment
@@ -80,7 +80,7 @@ def finished(experiment, made_once) -> RunFolder:
     def write(path: Path) -> None:
         before = cv2.getNumThreads()
         cv2.setNumThreads(1)
-        with with_models():
+        with with_findings(), with_models():
             outcome = execute(experiment, RunFolder(path), listener=Silent())
         cv2.setNumThreads(before)
         assert outcome.measured == ["arvr-00@default", "sideways-00@default"]
@@ -160,6 +160,7 @@ def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(expe
     assert expected.height == finished.statistics("trims").height == 8
 
 
+@pytest.mark.usefixtures("found")
 def test_a_run_that_lost_a_sequence_is_completed_by_workers_with_the_settings_that_it_recorded(finished, tmp_path):
     recorded = parse_experiment(finished.experiment_toml(), place="recorded")
     assert recorded.trackers[0].options["window_px"] == 15

@@ -38,6 +38,7 @@ def test_to_keep_statistics_alone_changes_no_other_file(finished, tmp_path, told
     assert not [name for name in left_out if (small.path / name).exists()]
 
 
+@pytest.mark.usefixtures("found")
 def test_statistics_are_made_without_a_look_at_observations_or_tracks(scenes, tmp_path, told, read):
     execute(scenes(2), RunFolder(tmp_path / "run"), listener=told())
     assert read
@@ -76,6 +77,7 @@ def test_more_scenes_are_added_to_a_run_as_if_they_had_always_been_there(finishe
     assert run.manifest().settings_hash == whole.manifest().settings_hash == wanted.digest()
 
 
+@pytest.mark.usefixtures("found")
 def test_data_that_gained_a_scene_are_measured_there_alone(scenes, tmp_path, told, files, read):
     experiment, run, whole = scenes(2), RunFolder(tmp_path / "run"), RunFolder(tmp_path / "whole")
     execute(experiment, whole, listener=told())
@@ -91,6 +93,7 @@ def test_data_that_gained_a_scene_are_measured_there_alone(scenes, tmp_path, tol
     assert files(run) == files(whole)
 
 
+@pytest.mark.usefixtures("found")
 def test_other_questions_are_answered_without_measuring_again(finished, tmp_path, told, files, read):
     asked = FindingsSettings(margin=0.5, level=0.8, intervals="percentile")
     (experiment, run), whole = finished(2), RunFolder(tmp_path / "whole")
@@ -139,6 +142,7 @@ def test_earlier_results_stay_until_new_ones_are_ready(measured, finished, told,
     assert not (run.path / "report").exists()
 
 
+@pytest.mark.usefixtures("found")
 def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(finished, told, monkeypatch):
     experiment, run = finished(2)
     (run.path / "report").mkdir()

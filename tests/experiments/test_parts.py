@@ -29,6 +29,12 @@ def in_parts(file, *, frames=10, **changes):
     return load_experiment(file).model_copy(update=changes)
 
 
+def quickly(file):
+    """The same with what does not matter to a test left out: one tracker at one speed."""
+    experiment = in_parts(file, speeds=[1])
+    return experiment.model_copy(update={"trackers": experiment.trackers[:1]})
+
+
 @pytest.fixture(scope="module")
 def recording(made_once):
     from tests.experiments.conftest import write_experiment
@@ -188,11 +194,11 @@ def test_a_damaged_part_is_named_and_the_others_are_kept(experiment_file, told, 
     before = image.read_bytes()
     image.write_bytes(b"no image")
     run = RunFolder(tmp_path / "run")
-    outcome = execute(in_parts(file), run, listener=told())
+    outcome = execute(quickly(file), run, listener=told())
     assert outcome.failures[KEY].startswith("frames 10 to 19: ")
     assert "frame-000014" in outcome.failures[KEY]
     image.write_bytes(before)
-    assert execute(in_parts(file), run, listener=told()).measured == [KEY]
+    assert execute(quickly(file), run, listener=told()).measured == [KEY]
 
 
 def test_a_part_without_depth_shows_nothing_and_fails_nothing(experiment_file, told, tmp_path):
@@ -202,7 +208,7 @@ def test_a_part_without_depth_shows_nothing_and_fails_nothing(experiment_file, t
     for index in range(10, 20):
         cv2.imwrite(str(tmp_path / "data" / "seq-01" / f"frame-{index:06d}.depth.png"), np.zeros((48, 64), np.uint16))
     run = RunFolder(tmp_path / "run")
-    assert execute(in_parts(file), run, listener=told()).measured == [KEY]
+    assert execute(quickly(file), run, listener=told()).measured == [KEY]
     observed = run.sequence_table("observations", KEY)
     assert observed.filter(pl.col("frame").is_between(10, 19)).is_empty()
     assert observed.filter(pl.col("frame") >= 20).height
@@ -212,13 +218,13 @@ def test_a_part_without_depth_shows_nothing_and_fails_nothing(experiment_file, t
 def test_a_changed_image_makes_the_recording_outdated(experiment_file, told, tmp_path):
     file = experiment_file(1, 30)
     run = RunFolder(tmp_path / "run")
-    execute(in_parts(file), run, listener=told())
+    execute(quickly(file), run, listener=told())
     again = told()
-    execute(in_parts(file), run, listener=again)
+    execute(quickly(file), run, listener=again)
     assert again.keys == []
     image = tmp_path / "data" / "seq-01" / "frame-000025.color.png"
     cv2.imwrite(str(image), 255 - cv2.imread(str(image), cv2.IMREAD_GRAYSCALE))
-    execute(in_parts(file), run, listener=again)
+    execute(quickly(file), run, listener=again)
     assert again.keys == [KEY]
 
 
@@ -269,7 +275,7 @@ def test_a_part_without_poses_is_left_out_and_named(experiment_file, told, tmp_p
     for index in range(10):
         (tmp_path / "data" / "seq-01" / f"frame-{index:06d}.pose.txt").write_text("nan nan nan nan\n" * 4)
     run = RunFolder(tmp_path / "run [1]")
-    outcome = execute(in_parts(file), run, listener=told())
+    outcome = execute(quickly(file), run, listener=told())
     assert outcome.measured == [KEY], outcome.failures
     assert any("nothing could be measured in frames 0 to 9" in note for note in run.manifest().sequences[KEY].notes)
 
@@ -283,7 +289,7 @@ def test_parts_of_another_version_are_measured_again(recording, told, tmp_path, 
 
     run = RunFolder(tmp_path / "run")
     with pytest.raises(KeyboardInterrupt):
-        execute(in_parts(recording), run, listener=Ends())
+        execute(quickly(recording), run, listener=Ends())
     part = run.part(KEY, 0)
     manifest = part.manifest()
     manifest.versions["numpy"] = "0.1"
@@ -294,7 +300,7 @@ def test_parts_of_another_version_are_measured_again(recording, told, tmp_path, 
         def frame(self, key, done, total, first):
             seen.append((first, done))
 
-    execute(in_parts(recording), run, listener=Counts())
+    execute(quickly(recording), run, listener=Counts())
     assert (0, 1) in seen
     assert (10, 1) not in seen
 

@@ -56,7 +56,9 @@ def test_poses_come_back(tmp_path) -> None:
 
 def test_frames_without_a_pose_are_missing_in_tables_and_counted(tmp_path) -> None:
     scene = tmp_path / "data" / "scene"
-    write_folder(open_sequence("simulated", motions=["sideways"], frames=6, width=80, height=60), scene)
+    write_folder(
+        open_sequence("simulated", motions=["sideways"], frames=6, width=80, height=60, supersampling=1), scene
+    )
     lines = (scene / "poses.txt").read_text().splitlines()
     lines[3] = " ".join(["nan"] * 7)
     (scene / "poses.txt").write_text("\n".join(lines))

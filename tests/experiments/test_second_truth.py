@@ -59,6 +59,7 @@ def experiment(tmp_path):
     return written
 
 
+@pytest.mark.usefixtures("found")
 @pytest.mark.parametrize(
     ("second", "keep"),
     [

@@ -13,8 +13,8 @@ def repeated(experiment, seeds=3):
 
 
 @pytest.fixture
-def both(finished, made_once, told):
-    """Runs of one seed and of three, which no test changes."""
+def both(found, finished, made_once, told):
+    """Runs of one seed and of three with their findings, which no test changes."""
     experiment, one = finished(2)
 
     def measure(path):

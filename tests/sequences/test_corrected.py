@@ -273,7 +273,7 @@ def test_impossible_corrections_are_refused(values, message):
 
 
 def test_measured_errors_are_those_without_the_fault():
-    sequence = tn.open_sequence("simulated", motions=["sideways"], frames=10, width=160, height=120)
+    sequence = tn.open_sequence("simulated", motions=["sideways"], frames=10, width=160, height=120, supersampling=1)
     tracker = tn.LucasKanade(min_features=60, max_features=90)
     stated = Stated(sequence, {"camera": {"fx": sequence.camera.fx * 1.5, "fy": sequence.camera.fy * 1.5}})
     truth, wrong, mended = (

@@ -12,7 +12,9 @@ from tracknoise.statistics.noise_sums import PER_OCTAVE, TERMS, noise_tables
 @pytest.fixture(scope="module")
 def tables() -> dict[str, pl.DataFrame]:
     """Of an oracle that reports the texture."""
-    sequence = tracknoise.open_sequence("simulated", motions=["forward"], frames=10, width=160, height=120, worlds=1)
+    sequence = tracknoise.open_sequence(
+        "simulated", motions=["forward"], frames=10, width=160, height=120, worlds=1, supersampling=1
+    )
     oracle = tracknoise.Oracle(n_features=60, covariance_px2=((0.04, 0.0), (0.0, 0.04)), texture_exponent=-1.0)
     measurement = tracknoise.measure(sequence, oracle, speeds=[1, 2])
     prepared = replace(measurement.prepared, slowest=1)

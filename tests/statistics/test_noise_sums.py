@@ -66,7 +66,9 @@ def test_a_track_ends_before_its_first_unknown_error(one_track) -> None:
 
 @pytest.fixture(scope="module")
 def measured():
-    sequence = tracknoise.open_sequence("simulated", motions=["forward"], frames=10, width=160, height=120, worlds=1)
+    sequence = tracknoise.open_sequence(
+        "simulated", motions=["forward"], frames=10, width=160, height=120, worlds=1, supersampling=1
+    )
     oracle = tracknoise.Oracle(n_features=60, covariance_px2=((0.04, 0.0), (0.0, 0.04)), loss_rate=0.05)
     measurement = tracknoise.measure(sequence, oracle, speeds=[1, 2])
     return measurement.prepared, frame_geometry(sequence, measurement.n_frames)

@@ -17,7 +17,9 @@ LENGTH = 5
 
 @pytest.fixture(scope="module")
 def measured():
-    sequence = tracknoise.open_sequence("simulated", motions=["forward"], frames=10, width=160, height=120, worlds=1)
+    sequence = tracknoise.open_sequence(
+        "simulated", motions=["forward"], frames=10, width=160, height=120, worlds=1, supersampling=1
+    )
     oracle = tracknoise.Oracle(n_features=60, covariance_px2=((0.04, 0.0), (0.0, 0.04)), loss_rate=0.05)
     measurement = tracknoise.measure(sequence, oracle, speeds=[1, 2])
     return replace(measurement.prepared, slowest=1), frame_geometry(sequence, measurement.n_frames)

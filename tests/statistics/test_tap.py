@@ -103,7 +103,7 @@ def test_perfect_tracks_have_1_and_nothing_to_evaluate_has_no_value():
 
 @pytest.fixture(scope="module")
 def sequence():
-    return tn.open_sequence("simulated", motions=["forward"], frames=8, width=160, height=120)
+    return tn.open_sequence("simulated", motions=["forward"], frames=8, width=160, height=120, supersampling=1)
 
 
 def test_metrics_of_a_measurement_count_frames_in_which_a_lost_point_is_still_visible(sequence):

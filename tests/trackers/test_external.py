@@ -171,7 +171,7 @@ def test_options_of_a_file_make_the_same_settings():
 
 
 def test_it_is_measured_up_to_the_frames_that_are_read():
-    sequence = tn.open_sequence("simulated", motions=["forward"], frames=6, width=200, height=150)
+    sequence = tn.open_sequence("simulated", motions=["forward"], frames=6, width=200, height=150, supersampling=1)
     settings = External((sys.executable,), FOLLOW_POINTS, every=2)
     measured = tn.measure(sequence, settings, speeds=[1, 2], max_frames=4)
     last = {speed: rows["frame"].max() for (speed,), rows in measured.observations.group_by("speed")}

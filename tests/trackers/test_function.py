@@ -19,7 +19,7 @@ def lucas_kanade(previous, image, points):
 
 @pytest.fixture(scope="module")
 def sequence():
-    return tn.open_sequence("simulated", motions=["forward"], frames=4, width=200, height=150)
+    return tn.open_sequence("simulated", motions=["forward"], frames=4, width=200, height=150, supersampling=1)
 
 
 def test_a_function_is_measured_as_a_tracker_of_its_name(sequence):

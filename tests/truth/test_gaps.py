@@ -33,7 +33,7 @@ class Gappy(View):
 
 @pytest.fixture(scope="module")
 def sequence():
-    return open_sequence("simulated", motions=["sideways"], frames=12, width=160, height=120)
+    return open_sequence("simulated", motions=["sideways"], frames=12, width=160, height=120, supersampling=1)
 
 
 @pytest.fixture(scope="module")

@@ -157,7 +157,7 @@ def test_positions_that_fit_no_point_disturb_nothing():
 
 
 def test_a_recording_without_depth_is_measured_by_triangulation(tmp_path):
-    simulated = open_sequence("simulated", motions=["sideways"], frames=10, width=160, height=120)
+    simulated = open_sequence("simulated", motions=["sideways"], frames=10, width=160, height=120, supersampling=1)
     write_folder(simulated, tmp_path / "scene")
     for path in (tmp_path / "scene" / "depth").iterdir():
         path.unlink()

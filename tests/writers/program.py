@@ -10,7 +10,7 @@ name = "small"
 speeds = [1]
 [dataset]
 reader = "simulated"
-options = {{ motions = ["forward"], frames = 4, width = 96, height = 72, worlds = 2 }}
+options = {{ motions = ["forward"], frames = 4, width = 96, height = 72, worlds = 2, supersampling = 1 }}
 [[trackers]]
 {tracker}
 [statistics]

@@ -27,14 +27,18 @@ def new_manifest(experiment: Experiment) -> Manifest:
     """Begin a manifest that names everything the numbers of an experiment depend on."""
     return Manifest(
         settings_hash=experiment.digest(),
-        versions={_PYTHON: platform.python_version(), **_versions(experiment)},
-        machine={
-            "system": f"{platform.system()} {platform.release()}",
-            "processor": platform.machine(),
-            "cores": str(os.cpu_count()),
-        },
+        versions=_versions(experiment),
+        machine=_machine(),
         seed=experiment.seed,
     )
+
+
+def _machine() -> dict[str, str]:
+    return {
+        "system": f"{platform.system()} {platform.release()}",
+        "processor": platform.machine(),
+        "cores": str(os.cpu_count()),
+    }
 
 
 def require_versions(recorded: Mapping[str, str], *, place: str) -> None:
@@ -46,7 +50,8 @@ def require_versions(recorded: Mapping[str, str], *, place: str) -> None:
 
 
 def _versions(experiment: Experiment) -> dict[str, str]:
-    versions = {name: version(name) for name in LIBRARIES} | READERS.versions(experiment.dataset.reader)
+    versions = {_PYTHON: platform.python_version(), **{name: version(name) for name in LIBRARIES}}
+    versions |= READERS.versions(experiment.dataset.reader)
     for choice in experiment.trackers:
         versions |= TRACKERS.versions(choice.kind)
     return versions | (TRUTHS.versions(experiment.truth.kind) if experiment.truth.kind else {})
@@ -108,8 +113,7 @@ def forget_outdated(todo: list[Task], run: RunFolder, manifest: Manifest, experi
     if outdated:
         manifest.statistics.clear()
     if not manifest.sequences:
-        now = new_manifest(experiment)
-        manifest.versions, manifest.machine = now.versions, now.machine
+        manifest.versions, manifest.machine = _versions(experiment), _machine()
     elif todo:
         require_versions(manifest.versions, place=str(run.path))
 

@@ -6,7 +6,7 @@ import pytest
 from tests.lean import without_audit, without_depths
 
 from tracknoise.exceptions import StoreError
-from tracknoise.experiments.validation import scene_pools
+from tracknoise.experiments.validation import exact_worlds, scene_pools
 from tracknoise.experiments.validation import self_test as selfcheck
 from tracknoise.experiments.validation.comparison import CHECKS, SUSPECTS, Area, answer, exact, within
 from tracknoise.experiments.validation.self_test import LEAST_SCENES, judge, self_test
@@ -42,9 +42,10 @@ def clean(tmp_path_factory) -> pl.DataFrame:
 
 @pytest.fixture(scope="module")
 def reversed_trimming(tmp_path_factory) -> pl.DataFrame:
-    """The exact part in this process, while trimming keeps what it should remove."""
+    """The exact part in this process, of one scene, while trimming keeps what it should remove."""
     right = trimming._thresholds
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(exact_worlds, "_SCENES", exact_worlds._SCENES[:1])
         patch.setattr(trimming, "_thresholds", lambda *args: -right(*args))
         return self_test(tmp_path_factory.mktemp("reversed"), scenes=1, seed=SEED)
 
@@ -77,11 +78,12 @@ def test_reversed_trimming_is_noticed(reversed_trimming):
 
 
 def test_results_do_not_depend_on_the_number_of_workers(clean, reversed_trimming):
-    """What trimming does not change is the same in this process and in those of two workers."""
+    """The observations of the first scene are the same in this process and in those of two workers."""
     assert reversed_trimming["area"].unique().sort().to_list() == EXACT
-    unchanged = [area for area in EXACT if area not in (Area.trimming, Area.curves)]
-    one, two = (checks.filter(pl.col("area").is_in(unchanged)) for checks in (reversed_trimming, clean))
-    assert one.equals(two)
+    for area in (Area.geometry, Area.visibility, Area.errors):
+        one, two = (checks.filter(area=area, world="files") for checks in (reversed_trimming, clean))
+        assert one.equals(two.head(one.height))
+        assert two.height == 2 * one.height > 0
 
 
 def test_an_error_in_the_package_is_a_fault_and_a_full_disk_is_not(tmp_path, monkeypatch):

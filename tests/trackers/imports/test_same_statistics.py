@@ -20,7 +20,9 @@ WITHOUT = {"ends": [*BY_CAUSE], "tracks": ["end", "response"], "frames": ["outli
 @pytest.fixture(scope="module")
 def sequence() -> Sequence:
     """A simulated sequence with the timestamps of a recording."""
-    simulated = tn.open_sequence("simulated", motions=["forward"], frames=N_FRAMES, width=160, height=120)
+    simulated = tn.open_sequence(
+        "simulated", motions=["forward"], frames=N_FRAMES, width=160, height=120, supersampling=1
+    )
     return Sequence.from_arrays(
         [simulated.image(index) for index in range(N_FRAMES)],
         simulated.world_from_camera,

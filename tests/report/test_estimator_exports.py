@@ -76,6 +76,6 @@ def test_a_choice_is_the_name_of_the_tracker_as_it_is() -> None:
     shown = Exports(trackers=("two  <words>",), missing={}, choices=(), packed="", first="filter")
     summary = SimpleNamespace(measured="", certainty=SimpleNamespace(text=""))
     page = template("sections/estimator.html.j2").render(
-        noise_exports=shown, data=SimpleNamespace(slowest=1), summary=summary
+        noise_exports=shown, data=SimpleNamespace(slowest=1), summary=summary, picture=None
     )
     assert '<option value="two  &lt;words&gt;">' in page

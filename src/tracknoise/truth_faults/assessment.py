@@ -458,7 +458,7 @@ def _corrected(faults: _Named) -> str:
     undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults.rows]
     if not any(undone):
         return "No setting undoes this: use other poses, and measure again."
-    block = "Apply the corrections that `tracknoise audit` prints"
+    block = "Apply the corrections that `tracknoise audit` prints, and measure again"
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
     return f"{block}. Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."

@@ -16,9 +16,9 @@ MOST_TRACKS, FEWEST_TRACKS, OF_ALL = 150, 20, 600
 def filmed_scene(data: ReportData) -> dict[str, Any] | None:
     """Frames and tracks as the script of the page reads them; None where the run keeps none.
 
-    Returns: `scene`, `width` and `height` of the images of the recording, px; `frames`, WebP images in base64; and
-    `trackers`, by name lists of tracks. A track has its first `frame` and, for each frame from there on, `u`, `v`, and
-    `du`, `dv`, which are null where the true position is unknown, in px.
+    Returns: `scene`, `width` and `height` of the images of the recording, px; `frames`, JPEG or WebP images in base64;
+    and `trackers`, by name lists of tracks. A track has its first `frame` and, for each frame from there on, `u`, `v`,
+    and `du`, `dv`, which are null where the true position is unknown, in px.
     """
     for key, entry in sorted(data.manifest.sequences.items()):
         if "film" in entry.sha256 and data.keeps_observations and data.trackers:

@@ -42,7 +42,12 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
     left = len(told) - shown
     to_use = [*_flat(told[:shown]), *([f"{left} more: --table"] if left else [])]
     answered = [*to_use, *better[max(0, len(to_use) - room) :]]
-    return [*answered, *trust] if TruthVerdict.of(data.trust).is_usable else [*trust, *answered]
+    return _in_order(data, answered, trust)
+
+
+def _in_order(data: ReportData, numbers: list[str], trust: list[str]) -> list[str]:
+    """The verdict on the truth first where it forbids the numbers, otherwise last."""
+    return [*numbers, *trust] if TruthVerdict.of(data.trust).is_usable else [*trust, *numbers]
 
 
 def _fitting(told: Sequence[Sequence[str]], room: int) -> int:
@@ -99,8 +104,7 @@ def most_important(data: ReportData, most: int) -> list[str]:
     most
         How many sentences there may be in all.
     """
-    numbers, trust = [*sentences_to_set(data)[:MOST_TRACKERS], _better(data)], _trust(data)
-    answers = [*numbers, *trust] if TruthVerdict.of(data.trust).is_usable else [*trust, *numbers]
+    answers = _in_order(data, [*sentences_to_set(data)[:MOST_TRACKERS], _better(data)], _trust(data))
     chosen = list[str]()
     for text in filter(None, [*answers, *changes(data), *_shown(data)]):
         if len(sentences_of(joined([*chosen, text]))) > most:

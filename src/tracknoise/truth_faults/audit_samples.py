@@ -41,10 +41,6 @@ class Moving:
     turning: NDArray[np.float64]
     velocity: NDArray[np.float64]
 
-    def taken(self, rows: NDArray[np.intp]) -> "Moving":
-        """Some of the cameras, as often as they are named."""
-        return Moving(self.rotation[rows], self.position[rows], self.turning[rows], self.velocity[rows])
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Paths:

@@ -6,8 +6,9 @@ units of half of the longest one. l_i = Log(R(t')^T R(t' + d_i))_i for the delay
 the smoothing, and R'' and p'' are the second differences of the stated path at t'.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, wraps
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,22 @@ def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.f
     return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
 
 
+_OfRows = Callable[["CorrectedMotion"], NDArray[np.float64]]
+
+
+def _once_a_frame(compute: _OfRows) -> _OfRows:
+    """Compute what rows of a frame have in common once for each frame, where they have no times of their own."""
+
+    @wraps(compute)
+    def found(motion: "CorrectedMotion") -> NDArray[np.float64]:
+        if motion._by_frame is None:
+            return compute(motion)
+        by_frame, row = motion._by_frame
+        return compute(by_frame)[row]
+
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class CorrectedMotion:
     """Corrected poses of n rows, and their derivatives where they are asked for.
@@ -89,29 +106,23 @@ class CorrectedMotion:
     row_delay: NDArray[np.float64]
 
     @cached_property
+    @_once_a_frame
     def rotation(self) -> NDArray[np.float64]:
         """Corrected rotations, (n, 3, 3)."""
-        if self._by_frame is not None:
-            motion, row = self._by_frame
-            return motion.rotation[row]
         stated = self._stated.rotation
         return stated if self._is_stated else stated @ self._turned
 
     @cached_property
+    @_once_a_frame
     def position(self) -> NDArray[np.float64]:
         """Corrected positions, (n, 3), metres."""
-        if self._by_frame is not None:
-            motion, row = self._by_frame
-            return motion.position[row]
         stated = self._stated.position
         return stated if self._is_stated else np.asarray(stated - self._smoothing * self._bend[0][:, 1])
 
     @cached_property
+    @_once_a_frame
     def turning(self) -> NDArray[np.float64]:
         """Angular velocities, (n, 3), see `Moving`."""
-        if self._by_frame is not None:
-            motion, row = self._by_frame
-            return motion.turning[row]
         stated = self._stated.turning
         if self._is_stated:
             return stated
@@ -119,11 +130,9 @@ class CorrectedMotion:
         return np.asarray(np.einsum("nji,nj->ni", self._turned, stated) + _turned(self._turn, faster))
 
     @cached_property
+    @_once_a_frame
     def velocity(self) -> NDArray[np.float64]:
         """Velocities, (n, 3), see `Moving`."""
-        if self._by_frame is not None:
-            motion, row = self._by_frame
-            return motion.velocity[row]
         stated = self._stated.velocity
         return stated if self._is_stated else np.asarray(stated - self._smoothing * self._bend[1][:, 1])
 

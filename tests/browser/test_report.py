@@ -121,7 +121,7 @@ def test_the_answer_fits_where_most_true_positions_are_unknown(
 ) -> None:
     run = make_run(scenes=("a", "b", "c"), trackers=("one", "two"), speeds=(1,), depthless=("b", "c"))
     page = open_page(write_report(run, figure_formats=()), width=1366)
-    assert "have no true position" in page.evaluate("document.querySelector('.first').textContent")
+    assert "lack true positions" in page.evaluate("document.querySelector('.first').textContent")
     assert page.evaluate(BOTTOMS) <= 768
 
 

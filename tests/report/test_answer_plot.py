@@ -31,7 +31,7 @@ def to_set(sigma, innovations, *, tracker="oracle", is_bound=False):
     ("one", "title"),
     [
         (to_set(0.16, 0.069), "Your residuals say 0.069 px. Set 0.160 px."),
-        (to_set(0.16, 0.069, is_bound=True), "Your residuals say 0.069 px. Set at most 0.160 px."),
+        (to_set(0.16, 0.069, is_bound=True), "Your residuals say 0.069 px. Set 0.160 px, an upper bound."),
         (to_set(0.5, 0.49), "Your residuals are right: set 0.500 px."),
     ],
 )
@@ -44,7 +44,7 @@ def test_it_is_about_the_tracker_that_residuals_mislead_most(model):
     settings = [to_set(0.5, 0.4, tracker="a"), to_set(0.5, 0.1, tracker="b"), to_set(0.5, 0.2, tracker="c")]
     found = answer_plot(dict.fromkeys("abc", model), "filter", settings, NOTHING)
     assert found.subject == "b; windows of 11 frames"
-    assert found.heading.startswith("With b, your residuals say")
+    assert found.heading.startswith("With b, residuals say")
     assert [curve.tracker for curve in found.curves] == ["b", "a", "c"]
 
 

@@ -212,7 +212,7 @@ def test_what_the_numbers_rest_on_is_told_before_the_first_table(make_run: Calla
     assert "Errors of the truth can explain up to" in first
     assert '<a href="#truth">' in first
     assert f"<p>Next: {sentences_of(TruthVerdict.of_run(run).step)[0]}</p>" in first
-    assert "100.0\N{NO-BREAK SPACE}% of observations have no true position" in first
+    assert "100.0\N{NO-BREAK SPACE}% of observations lack true positions" in first
     assert "<strong>The whole run</strong>: the true position of 100.0" in page.split('<section id="truth"')[1]
 
 

@@ -90,11 +90,11 @@ def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> Non
     either = verdict(audit=audit(faults=(0.28, 0.25, 0.32)), **seen)
     assert either.verdict is Trust.not_trusted
     assert either.text.startswith(
-        "Motions of the camera that the poses lack, or constant faults that look like them, explain 31.0"
+        "Camera motions that the poses lack, or constant faults that look like them, explain 31.0"
     )
     assert "calibration" in either.step
     motion = verdict(audit=audit(faults=(0.28, 0.0, 0.5)), **seen)
-    assert motion.text.startswith("Motions of the camera that the poses lack explain 31.0")
+    assert motion.text.startswith("Camera motions that the poses lack explain 31.0")
     assert "bundle adjustment" in motion.step
 
 

@@ -221,4 +221,4 @@ def without_truth(data: RunData) -> str:
     if without <= _MOSTLY * total:
         return ""
     rest = "; no error could be measured" if without == total else ""
-    return f" {percent(without / total)} of observations have no true position{rest}."
+    return f" {percent(without / total)} of observations lack true positions{rest}."

@@ -2,6 +2,7 @@
 
 import base64
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import polars as pl
@@ -17,6 +18,8 @@ _WIDEST = 640
 _QUALITY = 78
 MOST_FEATURES = 150
 """Features drawn per tracker."""
+_MOST_NAMED = 4
+"""With more trackers the key has no names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +32,13 @@ class AnnotatedFrame:
         The drawing.
     caption
         What it shows.
+    key
+        Colours of the trackers, by name; empty where they are too many for a line.
     """
 
     svg: Markup
     caption: str
+    key: Mapping[str, str]
 
 
 def annotated_frame(data: ReportData) -> AnnotatedFrame | None:
@@ -52,7 +58,7 @@ def annotated_frame(data: ReportData) -> AnnotatedFrame | None:
         '<image href="data:image/jpeg;base64,{image}" x="-0.5" y="-0.5" width="{width}" height="{height}"/>'
         "{parts}</svg>"
     ).format(caption=caption, width=width, height=height, image=_jpeg(scene), parts=Markup("").join(parts))
-    return AnnotatedFrame(svg, caption)
+    return AnnotatedFrame(svg, caption, data.colour if len(data.trackers) <= _MOST_NAMED else {})
 
 
 def _jpeg(scene: Scene) -> str:

@@ -65,7 +65,7 @@ def number_of(value: float, low: float | None, high: float | None) -> Number:
 
 
 def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
-    """A robust loss with its knee in sigmas, or the factor on a chi-square gate; empty where there is neither.
+    """A robust loss with its knee in sigmas, or a gate as a factor on the quantile of chi-square; empty without either.
 
     Parameters
     ----------
@@ -76,10 +76,11 @@ def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
     """
     if kernel is not None and "knee" in factors:
         return f"{kernel.title()} loss, knee {number(factors['knee'])} sigma"
-    gates = [f"chi-square {name} gate {TIMES} {number(factors[key])}" for name, key in _GATES.items() if key in factors]
+    gates = [f"{name} gate {number(factors[key])} {_TIMES_QUANTILE}" for name, key in _GATES.items() if key in factors]
     return next(iter(gates), "")
 
 
+_TIMES_QUANTILE = f"{TIMES} \N{GREEK SMALL LETTER CHI}²(.95)"
 _GATES = {"track": "track_gate", "observation": "observation_gate"}
 
 

@@ -124,7 +124,7 @@ class AnswerPlot:
         """The title on the page, with the tracker that it is about where there are several."""
         if len(self.curves) < 2:
             return self.title
-        return f"With {printable(self.curves[0].tracker)}, {self.title[0].lower()}{self.title[1:]}"
+        return f"With {printable(self.curves[0].tracker)}, {self.title.removeprefix('Your ')}"
 
     @property
     def subject(self) -> str:
@@ -168,15 +168,15 @@ def answer_plot(
     chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
     windows = f"windows of {counted(first.window, 'frame')}"
     shown = tuple(_alike_long([curves[one.tracker] for one in chosen]))
-    return AnswerPlot(_title(first), windows, shown, _strip(seen, first.tracker))
+    return AnswerPlot(_title(first), windows, shown, _strip(seen, first.tracker, "Its worst" if shown[1:] else "Worst"))
 
 
 def _title(one: NoiseToSet) -> str:
     sigma, residuals = one.sigma.value or 0.0, one.innovations.value or 0.0
-    most = "at most " if one.is_bound else ""
+    to_set = f"{px(sigma)}{', an upper bound' if one.is_bound else ''}"
     if _alike(sigma, residuals):
-        return f"Your residuals are right: set {most}{px(sigma)}."
-    return f"Your residuals say {px(residuals)}. Set {most}{px(sigma)}."
+        return f"Your residuals are right: set {to_set}."
+    return f"Your residuals say {px(residuals)}. Set {to_set}."
 
 
 def _alike(one: float, other: float) -> bool:
@@ -217,8 +217,8 @@ def _sizes(model: NoiseModel, name: str, window: int) -> tuple[float, float] | N
         return None
 
 
-def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
-    """Tiles of the track with the largest error of all that have pictures."""
+def _strip(seen: Mapping[str, Any], tracker: str, worst: str) -> Strip | None:
+    """Tiles of the track with the largest error of all that have pictures; `worst` opens the caption."""
     own = [group for group in seen["groups"] if group["tracker"] == tracker and len(group["strip_at"]) > 1]
     if not own:
         return None
@@ -234,7 +234,7 @@ def _strip(seen: Mapping[str, Any], tracker: str) -> Strip | None:
     marks = tuple(_marked(side, path.get(frames[place])) for place in chosen)
     size = float(np.hypot(*track["error"]))
     frames_on = track["frame"] - track["anchor_frame"]
-    caption = f"Worst track: {px(size)} off after {counted(frames_on, 'frame')}. Circle or line: truth."
+    caption = f"{worst} track: {px(size)} off after {counted(frames_on, 'frame')}. Marked: truth."
     written = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))).save(written, "png")
     return Strip(written.getvalue(), marks, caption)

@@ -45,7 +45,7 @@ def ranking_table(data: ReportData) -> Cells | None:
     ranks, costs = ranks_by_role(data), read_costs(data.run)
     if ranks.is_empty():
         return None
-    sigmas = {one.tracker: f"{'at most ' if one.is_bound else ''}{one.sigma.text}" for one in noise_to_set(data)}
+    sigmas = {one.tracker: f"{one.sigma.text}{', upper bound' if one.is_bound else ''}" for one in noise_to_set(data)}
     spans = {
         (tracker, role): str(best) if best == worst else f"{best} to {worst}"
         for tracker, role, best, worst in ranks.select("tracker", "role", "best", "worst").iter_rows()

@@ -484,17 +484,17 @@ _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a 
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
-_POSES = "Use poses of a global bundle adjustment, or compare trackers at the same corners."
+_POSES = "Use poses of global bundle adjustment, or compare trackers at the same corners."
 _CAUSES: Mapping[TruthCause, str] = {
-    TruthCause.poses: "motions of the camera that the poses lack could explain",
+    TruthCause.poses: "camera motions that the poses lack could explain",
     TruthCause.any_fault: "constant faults, as of the calibration or the clock, could explain",
     TruthCause.depths: "random errors of depths could explain",
 }
 _ESTABLISHED: Mapping[TruthCause, str] = {
-    TruthCause.poses: "motions of the camera that the poses lack explain",
+    TruthCause.poses: "camera motions that the poses lack explain",
     TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
 }
-_EITHER = "motions of the camera that the poses lack, or constant faults that look like them, explain"
+_EITHER = "camera motions that the poses lack, or constant faults that look like them, explain"
 _STEPS: Mapping[TruthCause, str] = {
     TruthCause.any_fault: (
         "Measure a recording with more motion and more different depths, or state the accuracy of the calibration and "

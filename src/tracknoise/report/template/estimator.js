@@ -117,7 +117,7 @@ async function showSettings(name, ofExperiment) {
     if (name !== ofExperiment) {
       const [value, interval, more, residuals] = found?.set ?? ["", "", found?.why ? "no export" : "no single sigma", ""];
       const most = row.querySelector(".most");
-      sigma.replaceChildren(...(found?.set && most ? [most] : []), written("b", value), " ", written("span", most ? "" : interval, "ends"));
+      sigma.replaceChildren(written("b", value), " ", most && found?.set ? most : written("span", most ? "" : interval, "ends"));
       limit.textContent = more;
       innovations.textContent = residuals;
     }

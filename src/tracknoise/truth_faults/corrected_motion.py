@@ -30,23 +30,26 @@ def crossed(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def right_jacobian(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """J with Exp(v + d) = Exp(v) Exp(J d) for small d: of rotation vectors (n, 3), (n, 3, 3) (Sola 2018, eq. 143)."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    cross, safe = crossed(vectors), np.maximum(angle, _SMALL_ANGLE)
-    is_small = angle < _SMALL_ANGLE
-    first = np.where(is_small, 0.5, (1.0 - np.cos(safe)) / safe**2)
-    second = np.where(is_small, 0.0, (safe - np.sin(safe)) / safe**3)
+    first, second = (one[:, :, None] for one in _coefficients(vectors))
+    cross = crossed(vectors)
     return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
 
 
 def _turned(vectors: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
     """`right_jacobian` times other vectors, (n, 3)."""
+    first, second = _coefficients(vectors)
+    cross = _cross(vectors, others)
+    return np.asarray(others - first * cross + second * _cross(vectors, cross))
+
+
+def _coefficients(vectors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Factors of one and of two cross products in `right_jacobian`, (n, 1)."""
     angle = np.linalg.norm(vectors, axis=1)[:, None]
     safe = np.maximum(angle, _SMALL_ANGLE)
     is_small = angle < _SMALL_ANGLE
     first = np.where(is_small, 0.5, (1.0 - np.cos(safe)) / safe**2)
     second = np.where(is_small, 0.0, (safe - np.sin(safe)) / safe**3)
-    cross = _cross(vectors, others)
-    return np.asarray(others - first * cross + second * _cross(vectors, cross))
+    return first, second
 
 
 def _undone(vectors: NDArray[np.float64], turned: NDArray[np.float64]) -> NDArray[np.float64]:

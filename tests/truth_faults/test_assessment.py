@@ -107,6 +107,19 @@ def test_what_cannot_be_separated_from_the_trackers_is_never_yes(cause: str, sha
     assert verdict(audit=audit(**{cause: share})).verdict == expected
 
 
+def test_a_limited_truth_says_what_limits_it_where_no_cause_surely_explains_much() -> None:
+    by_chance = verdict(audit=audit(depths=(0.05, 0.0, 0.3)))
+    assert by_chance.verdict is Trust.limited
+    assert "Random errors of depths have the largest part in this bound." in by_chance.text
+    faults = verdict(audit=audit(faults=(0.05, 0.0, 0.3)))
+    assert "Constant faults, as of the calibration or the clock, have the largest part in this bound." in faults.text
+    stated = verdict(audit=audit(depths=(0.05, 0.0, 0.3)), sizes={"lk": ErrorSize(10, 0.5, 0.2)})
+    assert stated.verdict is Trust.limited
+    assert "largest part" not in stated.text
+    by_maps = verdict(audit=audit(depths=(0.05, 0.0, 0.3), maps=(0.06, 0.04, 0.08)))
+    assert "Random errors of depths, by which depth maps disagree, explain 6.0" in by_maps.text
+
+
 def test_depths_that_maps_do_not_repeat_are_established_whatever_the_tracks_say() -> None:
     clear, dominant = (0.3, 0.2, 0.4), (0.6, 0.5, 0.7)
     found = verdict(audit=audit(maps=clear))

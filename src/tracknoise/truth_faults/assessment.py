@@ -413,10 +413,20 @@ def _noise_text(evidence: TruthEvidence) -> str:
 
 
 def _of_causes(bounds: _Bounds) -> str:
-    """What single causes explain, where it is not small, the largest first, in a sentence each; begins with a space."""
+    """What single causes explain, where it is not small, the largest first, in a sentence each; begins with a space.
+
+    Where all are small: what depth maps surely show, otherwise the cause that has the largest part in the bound, unless
+    what is stated or another tracker sets it.
+    """
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
     said = {**_CAUSES, **({bounds.established: bounds.established_text} if bounds.established else {})}
+    if not causes and bounds.depth_maps is not None and bounds.depth_maps.low > _REPEATED:
+        return f" {sentence_case(_ESTABLISHED[TruthCause.depths])} {percent(bounds.depth_maps.value)}."
+    if not causes and bounds.high < _bound(bounds.causes):
+        return ""
+    if not causes:
+        return f" {sentence_case(_NAMES[bounds.largest])} have the largest part in this bound."
     return "".join(f" {sentence_case(said[cause])} {percent(shares[cause])}." for cause in causes)
 
 
@@ -485,11 +495,12 @@ _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
 _POSES = "Use poses of global bundle adjustment, or compare trackers at the same corners."
-_CAUSES: Mapping[TruthCause, str] = {
-    TruthCause.poses: "camera motions that the poses lack could explain",
-    TruthCause.any_fault: "constant faults, as of the calibration or the clock, could explain",
-    TruthCause.depths: "random errors of depths could explain",
+_NAMES: Mapping[TruthCause, str] = {
+    TruthCause.poses: "camera motions that the poses lack",
+    TruthCause.any_fault: "constant faults, as of the calibration or the clock,",
+    TruthCause.depths: "random errors of depths",
 }
+_CAUSES = {cause: f"{name} could explain" for cause, name in _NAMES.items()}
 _ESTABLISHED: Mapping[TruthCause, str] = {
     TruthCause.poses: "camera motions that the poses lack explain",
     TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",

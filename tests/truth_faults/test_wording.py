@@ -1,6 +1,8 @@
 """Sentences of a check and of others about one thing, and about numbers of 100 and more."""
 
 import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
 from tests.estimators.models import made as made_model
 
 from tracknoise.geometry.cameras import Camera
@@ -23,6 +25,23 @@ def test_one_jump_is_in_one_place():
     made.world_from_camera[20:, 0, 3] += 5000.0
     text = pose_jumps(made).text
     assert "Poses jump in 1 place. The largest jump follows frame 19: 5000 m" in text
+
+
+@pytest.mark.parametrize("wrong", [slice(20, 21), slice(20, 22)])
+def test_wrong_poses_among_right_ones_are_one_jump(wrong):
+    made = sequence(40)
+    made.world_from_camera[wrong, 1, 3] += 3.0
+    text = pose_jumps(made).text
+    assert "Poses jump in 1 place. The largest jump follows frame 19: 3 m and 0 deg, and back." in text
+    turned = sequence(40)
+    turned.world_from_camera[wrong, :3, :3] = Rotation.from_euler("z", 20.0, degrees=True).as_matrix()
+    assert "follows frame 19: 0.1 m and 20 deg, and back." in pose_jumps(turned).text
+
+
+def test_a_hand_that_shakes_does_not_jump():
+    made = sequence(40)
+    made.world_from_camera[:, 1, 3] = 0.3 * np.sin(1.3 * np.arange(40.0))
+    assert "no step is far larger" in pose_jumps(made).text
 
 
 def test_one_interval_and_one_pose():

@@ -115,15 +115,22 @@ _JUMP_STEPS, _JUMP_AROUND = 8.0, 3.0
 """A jump is this many times the median step, and this many times the steps around it."""
 _JUMP_DEG, _JUMP_M = 1.0, 0.02
 """A jump is at least this large."""
+_AWAY = (2, 3)
+"""Frames from the pose before one or two wrong poses to the pose after them."""
 
 
 def pose_jumps(sequence: Sequence) -> Item:
     """Steps of the camera that are far larger than their neighbours."""
-    moved_m, turned_deg = steps_of(sequence.world_from_camera)
+    poses = sequence.world_from_camera
+    moved_m, turned_deg = steps_of(poses)
     known = np.isfinite(moved_m)
     if known.sum() < 3:
         return Item("pose jumps", Severity.unknown, "There are too few poses in a row to look for jumps.")
-    jumped = is_jump(moved_m, _JUMP_M) | is_jump(turned_deg, _JUMP_DEG)
+    (far, jumped_m), (wide, jumped_deg) = (
+        _jumps(steps, [steps_of(poses, frames)[kind] for frames in _AWAY], least)
+        for kind, (steps, least) in enumerate(((moved_m, _JUMP_M), (turned_deg, _JUMP_DEG)))
+    )
+    jumped, returns = jumped_m | jumped_deg, far | wide
     worst = int(np.nanargmax(np.where(jumped, moved_m / _median(moved_m) + turned_deg / _median(turned_deg), -1.0)))
     median_m, median_deg = float(np.nanmedian(moved_m)), float(np.nanmedian(turned_deg))
     values: Values = {"n_jumps": int(jumped.sum()), "median_step_m": median_m, "median_step_deg": median_deg}
@@ -132,7 +139,8 @@ def pose_jumps(sequence: Sequence) -> Item:
         return Item("pose jumps", Severity.ok, f"{typical}; no step is far larger than those around it.", values)
     text = (
         f"Poses jump in {counted(int(jumped.sum()), 'place')}. The largest jump follows frame {worst}: "
-        f"{significant(moved_m[worst], 3)} m and {significant(turned_deg[worst], 3)} deg. {typical}."
+        f"{significant(moved_m[worst], 3)} m and {significant(turned_deg[worst], 3)} deg"
+        f"{', and back' if returns[worst] else ''}. {typical}."
     )
     return Item("pose jumps", Severity.caveat, text, {**values, "worst_frame": worst})
 
@@ -153,22 +161,33 @@ def repeated_frames(sequence: Sequence) -> Item | None:
     return Item("repeated frames", Severity.caveat, text, {"n_repeated": repeated})
 
 
-def steps_of(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n - 1,) float64 each: distance (m) and angle (deg) from each pose to the next; NaN without a pose."""
-    moved = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
-    relative = np.swapaxes(poses[:-1, :3, :3], 1, 2) @ poses[1:, :3, :3]
+def steps_of(poses: NDArray[np.float64], frames: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n - frames,) float64 each: distance (m) and angle (deg) from each pose to a later one; NaN without a pose."""
+    moved = np.linalg.norm(poses[frames:, :3, 3] - poses[:-frames, :3, 3], axis=1)
+    relative = np.swapaxes(poses[:-frames, :3, :3], 1, 2) @ poses[frames:, :3, :3]
     off_axis = np.stack([relative[:, 2, 1], relative[:, 0, 2], relative[:, 1, 0]], axis=1)
     off_axis -= np.stack([relative[:, 1, 2], relative[:, 2, 0], relative[:, 0, 1]], axis=1)
     sine, cosine = np.linalg.norm(off_axis, axis=1) / 2, (np.trace(relative, axis1=1, axis2=2) - 1) / 2
     return moved, np.degrees(np.arctan2(sine, cosine))
 
 
-def is_jump(steps: NDArray[np.float64], least: float) -> NDArray[np.bool_]:
-    """(n,) bool: steps far above the median of all and above their neighbours."""
+def _jumps(
+    steps: NDArray[np.float64], across: list[NDArray[np.float64]], least: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Steps (n,) that one of the next two undoes, and jumps: those far above the median of all and their neighbours.
+
+    `across`: how far it is over two steps, and over three. A step and the one that undoes it are one jump.
+    """
     padded = np.pad(np.nan_to_num(steps), 2)
-    around = np.max([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]], axis=0)
+    before, after = [padded[1:-3].copy(), padded[:-4].copy()], [padded[3:-1].copy(), padded[4:].copy()]
+    undone, undoing = np.zeros((2, len(steps)), np.bool_)
+    for apart, over in enumerate(across, start=1):
+        first = np.flatnonzero(np.minimum(steps[:-apart], steps[apart:]) > _JUMP_AROUND * over)
+        after[apart - 1][first] = before[apart - 1][first + apart] = 0.0
+        undone[first] = undoing[first + apart] = True
+    around = np.max([*before, *after], axis=0)
     large = (steps > least) & (steps > _JUMP_STEPS * _median(steps)) & (steps > _JUMP_AROUND * around)
-    return np.asarray(large, dtype=np.bool_)
+    return undone, np.asarray(large & (undone | ~undoing), dtype=np.bool_)
 
 
 def _median(values: NDArray[np.float64]) -> float:

@@ -54,6 +54,27 @@ def test_what_is_not_finite_or_not_ok_is_lost(sideways, setting):
     assert (second.offered, second.matched) == (60, 29)
 
 
+def test_a_function_that_changes_its_images_changes_no_other_measurement():
+    images = [np.random.default_rng(0).integers(0, 256, (60, 80), np.uint8)] * 3
+
+    def blurring(previous, image, points):
+        cv2.GaussianBlur(image, (0, 0), 3, dst=image)
+        previous[:] = 0
+        return points, np.ones(len(points), bool)
+
+    camera, depths = [[60.0, 0.0, 39.5], [0.0, 60.0, 29.5], [0.0, 0.0, 1.0]], np.full((3, 60, 80), 2.0)
+    made = tn.Sequence.from_arrays(images, np.tile(np.eye(4), (3, 1, 1)), camera, depths)
+    settings = {"min_features": 5, "max_features": 20}
+    alone = tn.measure(made, {"lk": LucasKanade(**settings)}).observations
+    together = tn.measure(made, {"mine": Function(blurring, **settings), "lk": LucasKanade(**settings)}).observations
+    assert together.filter(tracker="lk").equals(alone)
+
+
+def test_no_tracker_can_change_the_image_of_a_frame(sideways):
+    with pytest.raises(ValueError, match="read-only"):
+        sideways[0].image[0, 0] = 1
+
+
 @pytest.mark.parametrize(
     ("returned", "message"),
     [

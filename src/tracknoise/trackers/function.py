@@ -38,11 +38,11 @@ class Function(FollowingSettings):
     ----------
     function
         Called as ``function(previous, image, points)`` for each image that the tracker sees, if features are alive:
-        `previous` and `image` are (height, width) uint8 and must not be changed, `points` (n, 2) float64, px, n at
-        least 1. The centre of the first pixel is (0, 0). It returns ``points, ok``: (n, 2) positions in `image`, px,
-        and (n,) bool, whether each was found. Positions that are not finite count as not found. A third value, (n, 2,
-        2) px^2, is the covariance of each position, NaN where unknown; the first position of a track has none. What it
-        raises is raised.
+        `previous` and `image` are copies, (height, width) uint8; `points` (n, 2) float64, px, n at least 1. The centre
+        of the first pixel is (0, 0). It returns ``points, ok``: (n, 2) positions in `image`, px, and (n,) bool, whether
+        each was found. Positions that are not finite count as not found. A third value, (n, 2, 2) px^2, is the
+        covariance of each position, NaN where unknown; the first position of a track has none. What it raises is
+        raised.
     rejection
         Which features are outliers; by default none.
     refine
@@ -94,7 +94,7 @@ class _Called:
 
     def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
         """Where features of one image are in the next."""
-        returned: object = self.function(before.image, after.image, features.uv.copy())
+        returned: object = self.function(before.image.copy(), after.image.copy(), features.uv.copy())
         if not isinstance(returned, tuple | list) or len(returned) not in (2, 3):
             raise TrackerError(f"{self.name} returned {_shown(returned)}, expected points and ok")
         n = len(features)

@@ -30,7 +30,7 @@ class Frame:
     index
         Frame of the nominal sequence.
     image
-        (height, width) uint8; never modified.
+        (height, width) uint8. Trackers share it, and can only read it.
 
     Raises
     ------
@@ -44,7 +44,8 @@ class Frame:
         if image.ndim != 2 or image.dtype != np.uint8:
             raise ValueError(f"a frame is a 2-D uint8 image, not {image.ndim}-D {image.dtype}")
         self.index = index
-        self.image = image
+        self.image = image.view()
+        self.image.flags.writeable = False
         self._memo: dict[Hashable, object] = {}
 
     @property

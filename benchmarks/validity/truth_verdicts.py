@@ -456,9 +456,11 @@ class Bench:
 
 def causes_in(text: str) -> Iterator[str]:
     """Causes that a sentence names, and those that it cannot distinguish from a bias of the trackers."""
-    text, _, unclear = text.partition(" An error of the ")
+    text, _, unclear = text.lower().partition(" an error of the ")
     known = {"motions of the poses": "poses lack", "constant faults": "constant faults", "depths": "errors of depths"}
     known |= {about.name: about.name for about in PARAMETERS.values()}
+    known |= {"inverse depths": "inverse depths are off", "smoothing": "poses are smoothed", "jitter": "poses jitter"}
+    known |= {"clock": "the clock of the poses"}
     yield from (name for name, part in known.items() if part in text)
     yield from (f"perhaps {name}" for name, part in known.items() if part in unclear)
 

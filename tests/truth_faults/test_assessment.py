@@ -73,9 +73,17 @@ def test_a_truth_that_explains_little_is_trusted_and_says_how_much() -> None:
      ((0.9, 0.8, 0.95), "not trusted"), ((0.5, 0.15, 0.8), "not trusted")],
 )  # fmt: skip
 def test_motions_that_poses_lack_decide_by_their_bounds(share: Share, expected: str) -> None:
-    found = verdict(pose_shares=poses(lk=(share, None)))
+    found = verdict(pose_shares=poses(lk=(share, share)))
     assert found.verdict == expected
     assert bool(found.step) == (expected != "trusted")
+
+
+def test_a_motion_that_no_other_tracker_can_confirm_is_established_only_if_it_explains_most() -> None:
+    """A single tracker has motions of its own on exact data: a fifth of the squared errors, up to a half."""
+    alone = verdict(pose_shares=poses(lk=((0.5, 0.15, 0.8), None)))
+    assert alone.verdict is Trust.unknown
+    assert "nothing is established" in alone.text
+    assert verdict(pose_shares=poses(lk=((0.9, 0.8, 0.95), None))).verdict is Trust.not_trusted
 
 
 def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
@@ -86,7 +94,7 @@ def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
 
 def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> None:
     """Depths that are wrong by their distance look like motions of the camera where the scene changes little."""
-    seen = {"pose_shares": poses(lk=((0.31, 0.27, 0.35), None))}
+    seen = {"pose_shares": poses(lk=((0.31, 0.27, 0.35), (0.31, 0.27, 0.35)))}
     either = verdict(audit=audit(faults=(0.28, 0.25, 0.32)), **seen)
     assert either.verdict is Trust.not_trusted
     assert either.text.startswith(

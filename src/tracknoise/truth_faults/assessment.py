@@ -160,6 +160,7 @@ class _Bounds:
     causes: Mapping[TruthCause, _Share]
     high: float
     depth_maps: _Share | None
+    is_alone: bool
 
     @property
     def largest(self) -> TruthCause:
@@ -168,9 +169,13 @@ class _Bounds:
 
     @property
     def established(self) -> TruthCause | None:
-        """The cause that surely explains more than is small, the larger one of two; None where none does."""
+        """The cause that surely explains more than is small, the larger one of two; None where none does.
+
+        A motion that no other tracker can confirm has to explain most.
+        """
         shares = {TruthCause.poses: self.causes[TruthCause.poses], TruthCause.depths: self.depth_maps}
-        sure = {cause: share.value for cause, share in shares.items() if share is not None and share.low > SMALL}
+        least = {TruthCause.poses: MOST if self.is_alone else SMALL, TruthCause.depths: SMALL}
+        sure = {cause: share.value for cause, share in shares.items() if share and share.low > least[cause]}
         return max(sure, key=sure.__getitem__, default=None)
 
     @property
@@ -271,7 +276,7 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
     something too, or there is no other: the noise of the others is in what they predict, so that they explain less. It
     contradicts what is stated, for all trackers, where it surely explains more of at least half of them. A single
     tracker has small motions of its own also on exact data, and so have trackers of one kind: without another one to
-    confirm it, a motion contradicts only if it explains most of the errors.
+    confirm it, a motion is established, and contradicts, only if it explains most of the errors.
     """
     found, by_maps, by_poses = list[_Bounds](), list[bool](), list[bool]()
     for tracker, size in sizes.items():
@@ -287,7 +292,7 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
         known = {cause: share for cause, share in causes.items() if share is not None}
         if poses is None or len(known) < len(causes):
             continue
-        found.append(_Bounds(tracker, size, known, _bound(known), depth_maps))
+        found.append(_Bounds(tracker, size, known, _bound(known), depth_maps, is_alone=others is None))
         if (stated := size.stated_share) is not None:
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
             by_poses.append(poses.low > max(stated, MOST if others is None else SMALL))

@@ -326,7 +326,7 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     if data.nominal(data.summary).filter(pl.col("tracker").is_in(list(sizes)))["at"].n_unique() > 1:
         text = f"Undecided from {scenes}: the errors are not known at the same {data.axis.name}."
         return Judgement(undecided, text, _SECTION)
-    low, high = min(sizes, key=lambda name: sizes[name] or 0.0), max(sizes, key=lambda name: sizes[name] or 0.0)
+    low, *_, high = sorted(sizes, key=lambda name: sizes[name] or 0.0)  # of equal ones, not the same twice
     what = "noise" if data.truth_is_fitted else _core_or_rms(data)
     text = f"Undecided from {scenes}: the {what} of {high} is {ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))} times"
     of_core = not data.truth_is_fitted and shown_size(data)[0] == "core"

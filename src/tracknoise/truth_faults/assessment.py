@@ -163,6 +163,11 @@ class _Bounds:
     is_alone: bool
 
     @property
+    def least(self) -> float:
+        """What one of the causes explains at least."""
+        return max(share.low for share in self.causes.values())
+
+    @property
     def largest(self) -> TruthCause:
         """The cause with the largest upper bound."""
         return max(self.causes, key=lambda cause: self.causes[cause].high)
@@ -324,7 +329,10 @@ def _with_stated(stated: float, causes: Mapping[TruthCause, _Share]) -> float:
 
 
 def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence) -> list[_Bounds]:
-    """Bounds of trackers by what others bound, at the ages that all of them have: (truth.common)."""
+    """Bounds of trackers by what others bound, at the ages that all of them have: (truth.common).
+
+    None is smaller than what a cause surely explains of the tracker itself.
+    """
     squares = _squares(evidence.curves, [one.tracker for one in bounds])
     rows = evidence.audit.filter(family=str(Family.at_most), parameter=MOVED).drop_nulls("value")
     moved = dict(rows.select("component", "value").iter_rows())
@@ -332,7 +340,7 @@ def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence) -> list[_Bounds]
         return list(bounds)
     least = min(one.high * squares[one.tracker] for one in bounds)
     most = {name: factor * least / squares[name] for name, factor in moved.items() if name in squares}
-    return [replace(one, high=min(one.high, most.get(one.tracker, 1.0))) for one in bounds]
+    return [replace(one, high=min(one.high, max(most.get(one.tracker, 1.0), one.least))) for one in bounds]
 
 
 def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
@@ -485,7 +493,7 @@ def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
         clearer = min(evidence.scene_shares, key=evidence.scene_shares.__getitem__, default=None)
         every = sorted(evidence.scene_shares.values())
         if clearer is not None and len(every) > 1 and every[0] <= _CLEARER * every[len(every) // 2]:
-            return f"Measure {clearer} alone: poses explain {percent(every[0])} there. {_POSES}"
+            return f"Measure {clearer} alone: poses explain {percent(max(every[0], 0.0))} there. {_POSES}"
         return _POSES
     return _SMOOTH if cause is TruthCause.depths and _noise_text(evidence) else _STEPS[cause]
 

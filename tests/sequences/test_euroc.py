@@ -89,6 +89,7 @@ def test_body_poses_are_interpolated_at_the_images_to_the_nanosecond(scene):
     read = open_sequence("euroc", scene)
     np.testing.assert_allclose(read.world_from_camera, bodies_between(recorded_ns) @ BODY_FROM_CAMERA, atol=1e-9)
     np.testing.assert_allclose(read.world_from_camera, motion(FRAMES_NS), atol=1e-5)
+    assert read.clock_start_ns == START_NS
 
 
 def bodies_between(recorded_ns):

@@ -90,6 +90,7 @@ def test_poses_are_interpolated_between_those_around_an_image(tmp_path):
     read = open_sequence("tum", tmp_path)
     np.testing.assert_allclose(read.world_from_camera, at(times_s), atol=2e-7)
     np.testing.assert_allclose(read.timestamps_s, times_s - times_s[0], atol=1e-6)
+    assert abs(read.clock_start_ns / 1e9 - times_s[0]) < 1e-6
     shifted = open_sequence("tum", tmp_path, time_shift_s=0.01)
     np.testing.assert_allclose(shifted.world_from_camera, at(times_s + 0.01), atol=2e-7)
 

@@ -1,6 +1,7 @@
 """Sequences cut short, played backward and turned: checked against the sequence itself, whose truth is exact."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.folder import write_folder
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.sequence import Scan, Sequence, TruthKind
+from tracknoise.sequences.sequence import Scan, Sequence, TruthKind, clock_start_of
 from tracknoise.sequences.views import View, chosen_frames, turned, view
 from tracknoise.tables.identity import Direction
 
@@ -117,6 +118,12 @@ def test_backward_times_increase_by_the_same_intervals_and_cameras_follow_their_
     assert shown.timestamps_s.tolist() == [10.0, 13.0, 15.0, 16.0]
     assert [shown.camera_at(index).fx for index in range(4)] == [43.0, 42.0, 41.0, 40.0]
     assert shown.camera == shown.camera_at(0)
+
+
+def test_the_clock_of_the_recording_is_that_of_views_whose_time_runs_forward(timed) -> None:
+    clocked = replace(timed, clock_start_ns=7)
+    assert clock_start_of(chosen_frames(turned(clocked, 90), [1, 4])) == 7
+    assert clock_start_of(view(clocked, n_frames=4, direction=Direction.backward, rotation=0)) is None
 
 
 def test_turned_cameras_turn_each(timed) -> None:

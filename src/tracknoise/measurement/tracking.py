@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
-from tracknoise.sequences.sequence import Sequence, camera_at, times_of
+from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, times_of
 from tracknoise.sequences.views import first_of_part, source_frames
 from tracknoise.trackers.gradient import dominant_gradient
 from tracknoise.trackers.tracker import Frame, NotedTracker, OracleTruth, SequenceContext, Tracker, TrackerSettings
@@ -178,6 +178,7 @@ def start_tracker(
             truth=truth,
             frames_without_pose=frozenset(np.flatnonzero(~posed).tolist()),
             timestamps_s=times_of(sequence),
+            clock_start_ns=clock_start_of(sequence),
             source_frames=source_frames(sequence),
             camera_at=partial(camera_at, sequence),
             rotation_at=(lambda index: sequence.world_from_camera[index, :3, :3]) if posed.any() else None,

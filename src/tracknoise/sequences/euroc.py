@@ -380,6 +380,7 @@ class Euroc(SceneReader):
                 *second_notes,
             ),
             timestamps_s=times_s,
+            clock_start_ns=int(start_ns),
             group=place_of(sequence.scene),
             second=second,
             shutter=calibration.shutter,

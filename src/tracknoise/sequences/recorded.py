@@ -58,6 +58,8 @@ class RecordedSequence:
         What the scene has in common with others, such as the place; None where it is independent of all others.
     second
         A second camera, for depth from stereo; None where there is none.
+    clock_start_ns
+        Time 0 of the timestamps by the clock of the recording, ns; None where they are those of this clock.
     shutter
         How images are read out; None where all rows of an image are exposed together. It needs timestamps.
     path
@@ -82,6 +84,7 @@ class RecordedSequence:
     notes: tuple[str, ...] = ()
     caveats: tuple[str, ...] = ()
     timestamps_s: NDArray[np.float64] | None = None
+    clock_start_ns: int | None = None
     cameras: tuple[CameraModel, ...] | None = None
     pose_accuracy: PoseAccuracy | None = None
     depth_accuracy: DepthAccuracy | None = None

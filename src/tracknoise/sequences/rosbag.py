@@ -144,6 +144,7 @@ class Rosbag(SceneReader):
                 *_repeated(scan, positions),
             ),
             timestamps_s=(times_ns - times_ns[0]) / 1e9,
+            clock_start_ns=int(times_ns[0]),
             group=parent_of(sequence.scene),
             shutter=None if calibration is None else calibration.shutter,
             path=along,

@@ -272,6 +272,12 @@ def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
     return times
 
 
+def clock_start_of(sequence: Sequence) -> int | None:
+    """Time 0 of a sequence by the clock of its recording, ns; None where its times are those of this clock."""
+    start: int | None = getattr(sequence, "clock_start_ns", None)
+    return start
+
+
 def path_of(sequence: Sequence) -> PosePath | None:
     """Poses of a sequence over time: its own, or those of its frames; None without two frames with timestamps."""
     own: PosePath | None = getattr(sequence, "path", None)

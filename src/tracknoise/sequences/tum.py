@@ -438,6 +438,7 @@ class Tum(SceneReader):
             depths=depth_files(paths, calibration.camera, read_depth),
             notes=(*calibration.notes, *pose_notes, *images.notes, *time_notes, *association_notes),
             timestamps_s=timestamps_s,
+            clock_start_ns=None if timestamps_s is None else round(1e9 * images.times_s[0]),
             group=None if known is None else known.place,
             shutter=calibration.shutter,
             path=None

@@ -20,6 +20,7 @@ from tracknoise.sequences.sequence import (
     Surface,
     camera_at,
     caveats_of,
+    clock_start_of,
     group_of,
     path_of,
     shutter_of,
@@ -145,6 +146,11 @@ class View:
     def timestamps_s(self) -> NDArray[np.float64] | None:
         """(n,) float64, seconds; None where unknown."""
         return self.sequence.timestamps_s
+
+    @property
+    def clock_start_ns(self) -> int | None:
+        """That of the sequence shown."""
+        return clock_start_of(self.sequence)
 
     @property
     def pose_accuracy(self) -> PoseAccuracy | None:
@@ -349,6 +355,11 @@ class Backward(View):
         """(n,) float64, seconds, increasing: the intervals are shown in reverse order; None where unknown."""
         times = self.sequence.timestamps_s
         return None if times is None else _reversed(times, times)
+
+    @property
+    def clock_start_ns(self) -> int | None:
+        """None: time runs backward."""
+        return None
 
     @property
     def path(self) -> PosePath | None:

@@ -341,7 +341,9 @@ def _require_any(rows: Rows, used: NDArray[np.intp], frames_s: NDArray[np.float6
         return
     time_s = _times(rows)
     expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; if the clocks differ, set"
-    shift = f"time_offset_s, which is added: {frames_s[0] - time_s.min():.9f} would make both begin together"
+    shift = (
+        f"time_offset_s, which is added: {frames_s[0] - time_s.min():.9f} would put the first row into the first frame"
+    )
     raise DataError(rows.path, f"times from {time_s.min():.9g} to {time_s.max():.9g} s", f"{expected} {shift}")
 
 
@@ -413,8 +415,18 @@ class Assignment:
             raise DataError(rows.path, "times", expected)
         assign = interpolated if self.asynchronous else nearest_frames
         limit = self._largest_gap_s(context.timestamps_s, context.source_frames)
-        framed, left_out = assign(in_seconds(rows, self.time_offset_s), context.timestamps_s, limit)
+        timed = self._timed(rows, context.timestamps_s, context.clock_start_ns)
+        framed, left_out = assign(timed, context.timestamps_s, limit)
         return framed, 0 if context.source_frames else left_out
+
+    def _timed(self, rows: Rows, frames_s: NDArray[np.float64], start_ns: int | None) -> Rows:
+        """Rows with times in seconds of the sequence. Those of the clock of the recording are nearer to its start."""
+        timed = in_seconds(rows, self.time_offset_s)
+        if start_ns is None or abs(_times(timed).min() - 1e-9 * start_ns) >= abs(_times(timed).min() - frames_s[0]):
+            return timed
+        if rows.time_ns is not None:
+            return in_seconds(replace(rows, time_ns=rows.time_ns - start_ns), self.time_offset_s)
+        return replace(timed, time_s=_times(timed) - 1e-9 * start_ns)
 
     def _largest_gap_s(self, frames_s: NDArray[np.float64], source: range | None) -> float:
         """By default a share of the median time between frames of the recording."""

@@ -237,6 +237,8 @@ class SequenceContext:
         Frames in which no true position is known.
     timestamps_s
         (n_frames,) float64: the time of each frame, seconds, increasing; None where unknown.
+    clock_start_ns
+        Time 0 by the clock of the recording, ns; None where times are those of this clock, or unknown.
     source_frames
         Frames of the recording that are those of the sequence, where a part of it was chosen; None otherwise.
     camera_at
@@ -259,6 +261,7 @@ class SequenceContext:
     first_frame: int = 0
     frames_without_pose: frozenset[int] = frozenset()
     timestamps_s: NDArray[np.float64] | None = field(default=None, compare=False)
+    clock_start_ns: int | None = None
     source_frames: range | None = None
     camera_at: Callable[[int], CameraModel] | None = field(default=None, compare=False)
     rotation_at: Callable[[int], NDArray[np.float64]] | None = field(default=None, compare=False)

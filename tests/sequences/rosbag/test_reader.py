@@ -92,6 +92,7 @@ def require_same(found: Sequence, simulated: Sequence) -> None:
         np.testing.assert_array_equal(found.image(index), simulated.image(index))
     times_s = np.arange(len(simulated)) * STEP_NS / 1e9
     np.testing.assert_allclose(found.timestamps_s, times_s, rtol=0, atol=1e-12)
+    assert found.clock_start_ns == START_NS
 
 
 @EVERY

@@ -236,6 +236,21 @@ def test_tables_are_read_as_other_programs_write_them(habit, tmp_path):
     np.testing.assert_array_equal(positions(tracker, 0), table().filter(frame=0).select("u_px", "v_px").to_numpy())
 
 
+@pytest.mark.parametrize("unit", ["timestamp", "time_s"])
+def test_times_of_the_clock_of_the_recording_are_those_of_its_frames(tmp_path, unit):
+    """Also where no track begins in the first frames."""
+    start_ns = 1_403_636_579_763_555_584
+    late = table().filter(pl.col("frame") >= 4)
+    by_clock = pl.col("frame") * 50_000_000 + start_ns
+    given = late.select("track", "u_px", "v_px", (by_clock if unit == "timestamp" else by_clock * 1e-9).alias(unit))
+    where = replace(context(times=0.05 * np.arange(N_FRAMES)), clock_start_ns=start_ns)
+    tracker = start(tmp_path, given, where)
+    assert len(positions(tracker, 0)) == 0
+    for _ in range(1, 4):
+        positions(tracker, _)
+    np.testing.assert_array_equal(positions(tracker, 4), late.filter(frame=4).select("u_px", "v_px").to_numpy())
+
+
 def test_a_column_time_is_in_seconds_or_nanoseconds(tmp_path):
     expected = table().filter(frame=0).select("u_px", "v_px").to_numpy()
     times = 1.6e9 + TIMES

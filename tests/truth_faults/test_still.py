@@ -10,11 +10,13 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 from tracknoise.experiments.doubts import doubts
 from tracknoise.experiments.measure import measure
 from tracknoise.sequences.arrays import Sequence
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.enumerations import Trust
 from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.truth_faults.audit_tables import enough
 from tracknoise.truth_faults.check_recording import check_sequence
 from tracknoise.truth_faults.check_report import SequenceReport
+from tracknoise.truth_faults.pose_errors import REACH, Normal
 
 K = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
 TEXTURE = cv2.GaussianBlur(np.random.default_rng(3).uniform(0, 255, (120, 160)).astype(np.float32), (0, 0), 1.5)
@@ -68,3 +70,20 @@ def test_true_positions_that_stand_still_are_not_audited() -> None:
     found = enough(replace(samples, stated=samples.uv_at_birth))
     assert isinstance(found, str)
     assert found.startswith("no true position moves in the images")
+
+
+def test_a_pose_a_million_kilometres_away_is_named_and_ends_no_check() -> None:
+    made = open_sequence("simulated", motions=["sideways"], frames=60, width=160, height=120, supersampling=1)
+    poses = made.world_from_camera.copy()
+    poses[30, 0, 3] += 1e9 - 10.0
+    images, depths = ([getattr(made, kind)(index) for index in range(60)] for kind in ("image", "depth"))
+    report = check_sequence(Sequence.from_arrays(images, poses, made.camera, [one.depth_m for one in depths]))
+    assert "Poses jump in 1 place" in texts(report)["pose jumps"]
+    assert report.truth.verdict is Trust.unknown
+    assert "too large or too small beside the others. Poses jump in 1 place" in report.truth.text
+    assert report.truth.step.startswith("Correct the data")
+
+
+def test_pose_errors_of_equations_without_a_solution_are_unknown() -> None:
+    normal = Normal(np.full((6 * (REACH + 1), 12), -1e9), np.ones((2, 6)), np.full(2, 100))
+    assert np.isnan(normal.solve(np.tile(np.eye(6), (2, 1, 1)))).all()

@@ -402,7 +402,7 @@ def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     stated = [size.stated_share for size in sizes.values()]
     why = (evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW])[0]
     noise, caution = _noise_text(evidence), _caution(evidence)
-    step = _SMOOTH if noise else _MORE_DATA
+    step = _SMOOTH if noise else _CORRECT_DATA if evidence.cautions else _MORE_DATA
     if stated and not noise and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
     known = [share for share in stated if share is not None]

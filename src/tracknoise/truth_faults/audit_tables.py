@@ -296,7 +296,18 @@ def not_audited(why: str, dataset: str) -> AuditTables:
 
 
 def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
-    """Tables of the audit of some observations."""
+    """Tables of the audit of some observations; of none where their numbers are too unlike, see `_EXTREME`."""
+    try:
+        with np.errstate(all="ignore"):
+            return _tables_of(samples, dataset)
+    except np.linalg.LinAlgError:
+        return not_audited(_EXTREME, dataset)
+
+
+_EXTREME = "numbers of its poses, depths or camera are too large or too small beside the others"
+
+
+def _tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
     selection = select(samples)
     curve = curves(samples, _corrected_errors(samples, selection), dataset)
     shares = [*_named_shares(samples, selection), *_bounds(samples)]

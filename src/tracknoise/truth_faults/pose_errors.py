@@ -300,10 +300,16 @@ class Normal:
         return Normal(self.band + other.band, self.right + other.right, self.count + other.count)
 
     def solve(self, axes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose errors eta, (frames, 6); NaN of frames with too few tracks. Shapes: axes (frames, 6, 6)."""
+        """Pose errors eta, (frames, 6); NaN of frames with too few tracks. Shapes: axes (frames, 6, 6).
+
+        All are NaN where numbers are so unlike, as of poses a million metres apart, that rounding decides.
+        """
         band = self.band.copy()
         band[0] += 1.0 / PRIOR**2
-        xi = solveh_banded(band, self.right.ravel(), lower=True, check_finite=False).reshape(-1, 6)
+        try:
+            xi = solveh_banded(band, self.right.ravel(), lower=True, check_finite=False).reshape(-1, 6)
+        except np.linalg.LinAlgError:
+            return np.full((len(self.count), 6), np.nan)
         xi[self.count < FEWEST] = np.nan
         return np.asarray(np.einsum("nij,nj->ni", axes, xi))
 

@@ -82,6 +82,12 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         ("speeds = []\n" + MINIMAL, "x.toml: speeds: found [], expected at least 1 value"),
         (MINIMAL + "[truth.corrections]\nprincipal_point_px = [1, 2, 3]\n", "expected at most 2 values"),
         (MINIMAL + 'name = ""\n', "x.toml: trackers[0].name: found '', expected a text that is not empty"),
+        (
+            MINIMAL + "[truth.accuracy]\nrotation_deg_per_sqrt_frames = 0.03\n",
+            "(did you mean 'rotation_deg_per_sqrt_frame'?); known: clock_ms, ",
+        ),
+        (MINIMAL + "[truth.corrections]\ndepht_scale = 1.0\n", "(did you mean 'depth_scale'?)"),
+        (MINIMAL + "[truth.second]\ntrajektory = 'a'\n", "(did you mean 'trajectory'?)"),
         (MINIMAL.replace("reader =", "raeder ="), "unknown key 'raeder' (did you mean 'reader'?)"),
         (MINIMAL.replace("reader =", "raeder ="), "(in section 'dataset')"),
     ],

@@ -178,7 +178,7 @@ def test_parquet_columns_of_whole_floats_are_read(tmp_path, setting):
         ("track,frame,u_px,v_px\r1,0,2,3\r", r"tracks.csv:1: a carriage return within the line, expected lines that"),
         (
             'track,frame,u_px,v_px\n1,0,2,3\n"1,1,2,3\n',
-            r"tracks.csv:3: no whole row .*, expected .* all quotes closed$",
+            r"tracks.csv:3: no whole row .*, expected .* quotes closed$",
         ),
         ("track,frame,u_px,v_px\n1,0,2,3\n\0", r"tracks.csv:3: a null character, expected"),
         ("track,frame,u_px,v_px\n1,0,2,3\n2,0,2,3\n1,0,5,5\n", r"tracks.csv:4: track 1, expected one row for each"),

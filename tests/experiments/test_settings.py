@@ -81,6 +81,7 @@ def test_digest_ignores_where_the_data_lie_and_nothing_else():
         (MINIMAL.replace('"x"', '".."'), "x.toml: name: found '..', expected a name without"),
         ("speeds = []\n" + MINIMAL, "x.toml: speeds: found [], expected at least 1 value"),
         (MINIMAL + "[truth.corrections]\nprincipal_point_px = [1, 2, 3]\n", "expected at most 2 values"),
+        (MINIMAL.replace("[[", "root = 1\n[["), "x.toml: dataset.root: found 1, expected a path"),
         (MINIMAL + 'name = ""\n', "x.toml: trackers[0].name: found '', expected a text that is not empty"),
         (
             MINIMAL + "[truth.accuracy]\nrotation_deg_per_sqrt_frames = 0.03\n",

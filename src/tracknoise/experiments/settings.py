@@ -568,6 +568,8 @@ def _expected(problem: ErrorDetails) -> str:
         return f"at most {counted(limits['max_length'], 'value')}"
     if problem["type"] == "string_too_short":
         return "a text that is not empty"
+    if problem["type"] == "path_type":
+        return "a path"
     if problem["type"] == "string_pattern_mismatch":
         return "a name without / and \\ that is not all dots, because a folder is called like it"
     return problem["msg"].removeprefix("Input should be ")

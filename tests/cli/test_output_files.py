@@ -12,7 +12,7 @@ def folder(tmp_path, monkeypatch):
     for name in ("run/manifest.json", "run/experiment.toml", "rec/poses.txt", "g.toml", "m.noise.json"):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
-        path.write_text("kept")
+        path.write_text('{\n "format": "tracknoise.noise/2"')
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "hard.md").hardlink_to("g.toml")
     return tmp_path
@@ -33,6 +33,7 @@ COMPARE = "compare run run "
         (COMPARE + "--html rec", "--html rec: found a folder, expected a file to write"),
         (COMPARE + "--html pipe", "--html pipe: found no regular file, expected a file to write"),
         (COMPARE + "--json-file g.toml", "--json-file g.toml: found a file of another kind, expected a new file or"),
+        (COMPARE + "--json-file m.noise.json", "found a file of another kind, expected a new file or an earlier JSON"),
         (COMPARE + "--markdown rec/poses.txt", "found a file of another kind, expected a new file or earlier Markdown"),
         ("noise table run --json-file t/noise-table.json -o t", "--out t/noise-table.json: found the file of --json-f"),
         ("noise check m.noise.json --on run --figure run/a.svg", "--figure run/a.svg: found a place in the run"),
@@ -52,6 +53,7 @@ def test_what_is_needed_is_not_replaced(command, message, folder, tracknoise):
     ("option", "name", "text"),
     [
         ("--json-file", "a.json", '{\n "format": 1,'),
+        ("--json-file", "a.json", '{\n "format": "tracknoise.noise-table/1",'),
         ("--html", "a.html", "<!doctype html>\n<p>"),
         ("--markdown", "a", "## b compared with a"),
         ("--markdown", "empty", ""),

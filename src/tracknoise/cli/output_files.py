@@ -9,7 +9,7 @@ from tracknoise.foreign_files import absolute, is_folder, is_regular_file
 
 _BEGINNINGS = {
     "--html": ("an earlier page", re.compile(rb"\s*<!doctype html>")),
-    "--json-file": ("an earlier JSON document", re.compile(rb'\s*\{\s*"format":')),
+    "--json-file": ("an earlier JSON document", re.compile(rb'\s*\{\s*"format": ?(\d|"tracknoise\.noise-table/)')),
     "--markdown": ("earlier Markdown", re.compile(rb"\s*## ")),
 }
 """What an option may replace, and how it begins. Other options may replace any file but an input."""

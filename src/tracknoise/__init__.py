@@ -6,8 +6,8 @@
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # as that of `typing`, which takes a while to load
 if TYPE_CHECKING:
     from tracknoise.api.analyse import analyse
     from tracknoise.api.finished_run import Run, open_run

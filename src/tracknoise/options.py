@@ -195,7 +195,7 @@ def find_paths(
 def _changed(
     hint: Any, value: object, change: Callable[[Path | PathTemplate], str], from_data: Callable[[Path], str]
 ) -> object:
-    parts = list(_parts(hint))
+    parts = list(parts_of(hint))
     if isinstance(value, list | tuple):
         return [_changed(hint, item, change, from_data) for item in value]
     if isinstance(value, Mapping):
@@ -210,11 +210,11 @@ def _changed(
     return value
 
 
-def _parts(hint: Any) -> Iterator[Any]:
+def parts_of(hint: Any) -> Iterator[Any]:
     """A type and all types that it is made of."""
     yield hint
     for part in get_args(hint):
-        yield from _parts(part)
+        yield from parts_of(part)
 
 
 @cache
@@ -241,7 +241,7 @@ def _nested(settings_type: type) -> dict[str, type]:
 
 
 def _settings_in(hint: Any) -> type | None:
-    return next((part for part in _parts(hint) if isinstance(part, type) and is_dataclass(part)), None)
+    return next((part for part in parts_of(hint) if isinstance(part, type) and is_dataclass(part)), None)
 
 
 def _plain(value: object) -> object:

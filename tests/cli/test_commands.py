@@ -92,6 +92,20 @@ def test_a_file_after_json_is_told_its_option(tracknoise, tmp_path, monkeypatch,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("command", "place"),
+    [
+        (("compare", "a", "b", "--html", ""), "--html"),
+        (("audit", "a", "--json-file="), "--json-file"),
+        (("run", "x.toml", "-o", ""), "-o"),
+        (("findings", ""), "findings"),
+    ],
+)
+def test_an_empty_value_is_one_line(tracknoise, command, place):
+    message = f"{place}: found an empty value, expected a path, a name or a number after {place}"
+    assert tracknoise(*command) == (1, "", f"tracknoise: error: {message}\n")
+
+
 def test_a_recording_that_is_a_file_may_follow_json(tracknoise, tmp_path):
     (tmp_path / "x.bag").write_bytes(b"")
     code, _, err = tracknoise("check", "--json", str(tmp_path / "x.bag"))

@@ -2,6 +2,7 @@
 
 import io
 import math
+import os
 import shutil
 import tomllib
 
@@ -92,3 +93,13 @@ def test_settings_that_no_experiment_has_are_one_line(key, value, message, copie
         code, out, err = ended(tracknoise, command, copied, whole)
         assert (code, out, err.count("error")) == (1, "", 1), command
         assert err.splitlines()[-1].startswith(place), command
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "experiment.toml", "statistics/results.parquet"])
+def test_a_pipe_is_refused_and_not_waited_for(name, copied, whole, tracknoise):
+    (copied.path / name).unlink()
+    os.mkfifo(copied.path / name)
+    for command in COMMANDS:
+        code, _, err = ended(tracknoise, command, copied, whole)
+        assert code == 1
+        assert err == f"tracknoise: error: {copied.path / name}: not a regular file, expected a file of the run\n"

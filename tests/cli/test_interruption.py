@@ -251,3 +251,21 @@ def test_a_signal_that_is_ignored_from_the_start_stays_ignored():
     with Interruption() as interruption:
         signal.raise_signal(signal.SIGHUP)
         assert not interruption
+
+
+LOADING = """
+import os, signal, sys
+from tracknoise.__main__ import start
+
+class Interrupted:
+    def find_spec(name, path=None, target=None):
+        os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupted)
+start()
+"""
+
+
+def test_ctrl_c_is_quiet_while_modules_are_loaded():
+    done = subprocess.run([sys.executable, "-c", LOADING], capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"")

@@ -173,10 +173,17 @@ def test_parquet_columns_of_whole_floats_are_read(tmp_path, setting):
         ("track,frame,u_px,v_px\n1,1e30,2,3\n", r"tracks.csv:2: frame '1e30', expected a whole number$"),
         ("track,frame,u_px,v_px\nnan,0,2,3\n", r"tracks.csv:2: track 'nan', expected a whole number$"),
         ("track,frame,u_px,v_px\n1,-1,2,3\n", r"tracks.csv:2: frame -1, expected a frame from 0 to 5 of the"),
-        ("track, track,frame,u_px,v_px\n1,1,0,2,3\n", r"tracks.csv: not readable \(.*duplicate.*\), expected"),
+        ("track, track,frame,u_px,v_px\n1,1,0,2,3\n", r"tracks.csv:1: column track twice, expected .*, each once$"),
+        ("# by x, 2\ntrack,frame,u_px,v_px\n1,0,2,3\n", r"tracks.csv:1: a comment, expected a header with the columns"),
+        ("track,frame,u_px,v_px\r1,0,2,3\r", r"tracks.csv:1: a carriage return within the line, expected lines that"),
+        (
+            'track,frame,u_px,v_px\n1,0,2,3\n"1,1,2,3\n',
+            r"tracks.csv:3: no whole row .*, expected .* quotes closed$",
+        ),
+        ("track,frame,u_px,v_px\n1,0,2,3\n\0", r"tracks.csv:3: a null character, expected"),
         ("track,frame,u_px,v_px\n1,0,2,3\n2,0,2,3\n1,0,5,5\n", r"tracks.csv:4: track 1, expected one row for each"),
         ("track,frame,u_px,v_px,response\n1,0,2,3,high\n", r"tracks.csv:2: response 'high', expected a finite number$"),
-        ("track,frame,u_px,v_px\n1,0,2,3,4\n", r"tracks.csv: not readable \(.*\), expected a .csv file of tracks$"),
+        ("track,frame,u_px,v_px\n1,0,2,3\n\n1,1,2,3,4\n", r"tracks.csv:4: 5 columns, expected a row of 4 columns, as"),
         ("", r"tracks.csv: not readable \(.*\), expected a .csv file of tracks$"),
     ],
 )
@@ -209,7 +216,7 @@ def test_bytes_that_are_no_table_are_refused(name, tmp_path, setting):
 
 def test_text_in_utf_16_is_refused_as_such(tmp_path, setting):
     (tmp_path / "tracks.csv").write_text("track,frame,u_px,v_px\n1,0,2,3\n", encoding="utf-16")
-    with pytest.raises(DataError, match=r"tracks.csv: null characters in line 1, expected .* in UTF-8, not UTF-16$"):
+    with pytest.raises(DataError, match=r"tracks.csv:1: a null character, expected .* in UTF-8, not UTF-16$"):
         Imported(str(tmp_path / "tracks.csv")).start(setting())
 
 

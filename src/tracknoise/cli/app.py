@@ -158,10 +158,12 @@ def _status(terminal: Terminal, arguments: list[str] | None) -> int:
     import typer
 
     from tracknoise.cli.commands import app
+    from tracknoise.cli.shared_options import require_values
 
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # one unprintable character must not hide the rest
+    require_values(sys.argv[1:] if arguments is None else arguments)
     try:
         status: int = typer.main.get_command(app).main(
             args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal

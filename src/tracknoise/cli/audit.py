@@ -36,12 +36,14 @@ def audit(
 
     Example: `tracknoise audit runs/7scenes`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.exceptions import StoreError
     from tracknoise.tables.store import RunFolder
     from tracknoise.tables.trust import TruthVerdict
     from tracknoise.truth_faults.audit_summary import corrections_toml, recorded_step
     from tracknoise.truth_faults.pose_accuracy import accuracy_toml
 
+    require_outputs([("--json-file", json_file)], inputs=[run])
     folder = RunFolder(run)
     found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
     if found.is_empty():

@@ -41,11 +41,13 @@ def check(
     Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`,
     `tracknoise check /data/euroc --option depth=stereo`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
     from tracknoise.tables.files import write_atomically
     from tracknoise.truth_faults.check_recording import Pictures, check_reader
 
     opened = open_recording(recording, option)
+    require_outputs([("--html", html), ("--json-file", json_file)], inputs=[opened.path])
     context.obj.say(f"reader: {opened.reader.name}")
     pictures = Pictures()
     source = str(opened.path or opened.reader.name)

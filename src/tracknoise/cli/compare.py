@@ -58,9 +58,12 @@ def compare(
     `tracknoise compare runs/a runs/b --trackers lucas-kanade mine --html compare.html`
     """
     from tracknoise.analysis.gate import comparison_json
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.experiments.compare_runs import compare as compare_runs
     from tracknoise.experiments.compare_runs import read_gate
 
+    outputs = [("--html", html), ("--markdown", markdown), ("--json-file", json_file)]
+    require_outputs(outputs, inputs=[*runs, gate])
     tolerances = None if gate is None else read_gate(gate)
     found = compare_runs(*runs, trackers=trackers, gate=tolerances, margin=margin, level=level, ages=ages)
     _print_notes(context.obj, found)

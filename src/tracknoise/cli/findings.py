@@ -30,12 +30,14 @@ def findings(
 
     Examples: `tracknoise findings runs/7scenes`, `tracknoise findings runs/7scenes --all --table`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.exceptions import StoreError
     from tracknoise.phrases.headlines import findings_json
     from tracknoise.report.report_data import ReportData
     from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
     from tracknoise.words import count
 
+    require_outputs([("--json-file", json_file)], inputs=[run])
     data = ReportData.of(RunFolder(run))
     if data.findings.is_empty():
         raise StoreError(f"{run}: holds no findings, expected those of a finished run; `tracknoise run` computes them")

@@ -22,6 +22,7 @@ def init(
 
     Examples: `tracknoise init /data/my-recording`, `tracknoise init tum /data/fr1 --out fr1.toml`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
     from tracknoise.exceptions import SettingsError
     from tracknoise.experiments.template import experiment_template
@@ -33,6 +34,9 @@ def init(
     file = out or Path(f"{(path or Path(reader.name)).resolve().name}.toml")
     if file.exists() and not force:
         raise SettingsError(f"{file}: exists, expected a new file; --force replaces it")
+    if file.exists() and file.suffix != ".toml":
+        raise SettingsError(f"{file}: found a file of another kind, expected a new file or a .toml file to replace")
+    require_outputs([("--out", file)], inputs=[path])
     write_atomically(file, text.encode())
     context.obj.result(
         f"{file}: reader {reader.name}. A first answer in about a minute: tracknoise run {file} --quick. "

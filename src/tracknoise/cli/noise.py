@@ -59,10 +59,12 @@ def check(
 
     Example: `tracknoise noise check lucas-kanade@1.noise.json --on runs/other`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.text_table import show
     from tracknoise.report.noise_cells import calibration_cells, calibration_sentences, reliability_cells
 
     kind = None if figure is None else _kind(figure)
+    require_outputs([("--figure", figure)], inputs=[file, on])
     found = _found(file, on, scene, own, tracker, speed)
     context.obj.result("\n".join(calibration_sentences(found)))
     for cells in (calibration_cells(found), reliability_cells(found)):
@@ -145,6 +147,7 @@ def export_command(
 
     Example: `tracknoise noise export lk.noise.json --to openvins --focal 458.6 --rate 20 -o config`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.estimators.exports import estimator_name
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.exceptions import SettingsError
@@ -163,6 +166,7 @@ def export_command(
     if out is None:
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0
+    require_outputs([("--out", out / name) for name in files], inputs=[file, tracks])
     for name, content in files.items():
         write_atomically(out / name, content.encode())
     context.obj.result("\n".join(f"written: {(out / name).resolve()}" for name in files))
@@ -233,17 +237,18 @@ def table(
 
     Example: `tracknoise noise table runs/demo -o tables`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.estimators.lookup_table import noise_table, noise_table_csv, noise_table_json
     from tracknoise.tables.files import write_atomically
     from tracknoise.tables.store import RunFolder
 
+    files = {out / "noise-table.csv": noise_table_csv, out / "noise-table.json": noise_table_json} if out else {}
+    require_outputs([("--json-file", json_file), *(("--out", path) for path in files)], inputs=[run])
     found = noise_table(RunFolder(run), trackers=tracker, speeds=speed, window=window)
     write_json(context.obj, noise_table_json(found), as_json=as_json, file=json_file)
     if not as_json:
         _print(context, found)
-    files = {"noise-table.csv": noise_table_csv, "noise-table.json": noise_table_json} if out else {}
-    for name, content in files.items():
-        path = Path(out or ".") / name
+    for path, content in files.items():
         write_atomically(path, content(found).encode())
         (context.obj.say if as_json else context.obj.result)(f"written: {path}")
     return 0
@@ -285,6 +290,7 @@ def fit(
 
     Example: `tracknoise noise fit runs/demo -o models`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.estimators.exports import estimator_name
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.estimators.run_models import run_models
@@ -297,10 +303,12 @@ def fit(
     require_truth(TruthVerdict.of_run(RunFolder(run)), str(run), accepted=accept_truth)
     about = estimator_name(name)
     wanted = chosen_conditions(RunFolder(run), trackers=tracker, speeds=speed)
+    stems = _stems(wanted)
+    files = {(label, played): out / f"{stems[label]}@{played}.noise.json" for label, played in wanted}
+    require_outputs([("--out", path) for path in files.values()], inputs=[run])
     kept = run_models(RunFolder(run))
     failed = list[SettingsError]()
-    stems = _stems(wanted)
-    for label, played in wanted:
+    for (label, played), path in files.items():
         own = kept.models.get(label) if played == kept.speed and scene is None else None
         if own is None:
             context.obj.say(f"{label} at speed {played}: fitted now, because {_why_anew(kept, played, scene)}")
@@ -310,7 +318,6 @@ def fit(
             failed.append(error)
             context.obj.warn(f"{label} at speed {played} has no model: {error}")
             continue
-        path = out / f"{stems[label]}@{played}.noise.json"
         model.write(path)
         context.obj.result("\n".join(model_sentences(model, about)))
         _show(context, model, window)

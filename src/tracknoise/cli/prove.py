@@ -41,6 +41,7 @@ def prove(
 
     Example: `tracknoise prove runs/7scenes lk.noise.json`
     """
+    from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.text_table import show
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.estimators.proof import prove as proof_of
@@ -48,6 +49,7 @@ def prove(
     from tracknoise.tables.store import RunFolder
     from tracknoise.tables.trust import TruthVerdict
 
+    require_outputs([("--out", out)], inputs=[run, model])
     read = NoiseModel.read(model)
     truth = TruthVerdict.of_run(RunFolder(run))
     for verdict, whose in ((truth, run), (read.truth, model)):

@@ -34,8 +34,10 @@ def report(
     from tracknoise.tables.store import RunFolder
 
     if rerun is not None:
+        from tracknoise.cli.output_files import require_outputs
         from tracknoise.experiments.view3d import write_recording
 
+        require_outputs([("--rerun", rerun)], inputs=[run])
         write_recording(RunFolder(run), rerun, scene=scene)
         context.obj.result(f"written: {rerun.resolve()}")
     print_results(context.obj, RunFolder(run), report=True, figures=figures, table=table)

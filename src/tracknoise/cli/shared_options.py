@@ -1,5 +1,6 @@
 """Options that several commands share, so that they have the same name and help everywhere."""
 
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -111,6 +112,23 @@ class JsonCommand(typer.core.TyperCommand):
             if option == _JSON and _is_new_file(following):
                 _refuse_file(following)
         return super().parse_args(ctx, args)
+
+
+def require_values(arguments: Iterable[str]) -> None:
+    """Refuse empty arguments: an empty path would be the current folder.
+
+    Raises
+    ------
+    SettingsError
+        If there is one; the message shows what is before it.
+    """
+    before = "tracknoise"
+    for argument in arguments:
+        option, equals, value = argument.partition("=")
+        if not argument or (option.startswith("--") and equals and not value):
+            place = option or before
+            raise SettingsError(f"{place}: found an empty value, expected a path, a name or a number after {place}")
+        before = argument
 
 
 def _is_new_file(word: str) -> bool:

@@ -64,7 +64,7 @@ def simulate(
     hfov: Annotated[float | None, typer.Option(help="Horizontal field of view, degrees. Not for dtu.")] = None,
     supersampling: Annotated[int | None, typer.Option(min=1, help="Samples per pixel along each axis.")] = None,
     noise: Annotated[
-        float | None, typer.Option(min=0, help="Sigma of the sensor noise, grey levels (default: 2).")
+        float | None, typer.Option(min=0, max=10_000, help="Sigma of the sensor noise, grey levels (default: 2).")
     ] = None,
     shadows: Annotated[bool | None, typer.Option("--shadows", help="Render shadows (slower).")] = None,
     lighting: Annotated[str | None, typer.Option(help="Name of a lighting. Not for dtu, which has its own.")] = None,

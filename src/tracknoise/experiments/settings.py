@@ -24,7 +24,7 @@ from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
-from tracknoise.options import options_schemas
+from tracknoise.options import options_schemas, parts_of
 from tracknoise.plugins import Plugins
 from tracknoise.sequences.frame_range import frames_of, require_range
 from tracknoise.tables import defaults
@@ -551,7 +551,7 @@ def _first_problem(error: ValidationError) -> str:
     problem = likeliest_problem(error.errors())
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in problem["loc"]).lstrip(".")
     if problem["type"] == "extra_forbidden":
-        return str(UnknownNameError("key", key.split(".")[-1], _known_keys(problem["loc"]))) + f" ({_parent(key)})"
+        return str(UnknownNameError("key", str(problem["loc"][-1]), _known_keys(problem["loc"]))) + f" ({_parent(key)})"
     if problem["type"] == "missing":
         return f"{key}: missing, expected a value"
     if problem["type"] == "value_error":
@@ -568,6 +568,8 @@ def _expected(problem: ErrorDetails) -> str:
         return f"at most {counted(limits['max_length'], 'value')}"
     if problem["type"] == "string_too_short":
         return "a text that is not empty"
+    if problem["type"] == "path_type":
+        return "a path"
     if problem["type"] == "string_pattern_mismatch":
         return "a name without / and \\ that is not all dots, because a folder is called like it"
     return problem["msg"].removeprefix("Input should be ")
@@ -578,14 +580,13 @@ def _parent(key: str) -> str:
 
 
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:
-    sections: dict[str, type[BaseModel]] = {
-        "dataset": DatasetSettings,
-        "views": ViewSettings,
-        "trackers": TrackerChoice,
-        "truth": TruthSettings,
-        "statistics": StatisticsSettings,
-        "findings": FindingsSettings,
-        "estimator": EstimatorSettings,
-    }
-    section = sections.get(str(location[0]), Experiment) if len(location) > 1 else Experiment
+    """Keys of the section in which the last part of a location stands."""
+    section: type[BaseModel] = Experiment
+    for part in location[:-1]:
+        if isinstance(part, str):
+            section = next(filter(_is_section, parts_of(section.model_fields[part].annotation)))
     return list(section.model_fields)
+
+
+def _is_section(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)

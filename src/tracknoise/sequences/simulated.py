@@ -262,7 +262,7 @@ class Simulated:
     distortion: tuple[float, ...] = ()
     baseline_m: NotNegative = 0.0
     supersampling: Annotated[int, Ge(1), Le(16)] = 2
-    noise_sigma: NotNegative = 2.0
+    noise_sigma: Annotated[float, Ge(0), Le(10_000)] = 2.0
     shadows: bool = False
     lightings: tuple[str, ...] = (DEFAULT_LIGHTING,)
     seed: Annotated[int, Ge(0)] = 0

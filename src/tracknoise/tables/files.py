@@ -13,6 +13,7 @@ import polars as pl
 
 from tracknoise import atomic
 from tracknoise.exceptions import SchemaError, StoreError
+from tracknoise.foreign_files import is_regular_file
 from tracknoise.processes import raise_if_interruption
 from tracknoise.tables import schema
 
@@ -79,7 +80,7 @@ def read_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: 
         If the file is missing, cannot be read or has another hash.
     """
     try:
-        content = path.read_bytes()
+        content = read_regular(path)
     except FileNotFoundError as error:
         raise StoreError(f"{path}: missing, expected {expected}; {remedy}") from error
     except (OSError, ValueError) as error:
@@ -87,6 +88,21 @@ def read_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: 
     if sha256 and digest(content) not in sha256:
         raise StoreError(f"{path}: damaged (checksum mismatch), expected {expected}; {remedy}")
     return content
+
+
+def read_regular(path: Path) -> bytes:
+    """Content of a file of a run.
+
+    Raises
+    ------
+    StoreError
+        If it is a pipe or a device: opening it would wait for a writer.
+    OSError, ValueError
+        If it cannot be read.
+    """
+    if path.exists() and not (is_regular_file(path) or path.is_dir()):
+        raise StoreError(f"{path}: not a regular file, expected a file of the run")
+    return path.read_bytes()
 
 
 def read_text_checked(path: Path, sha256: Collection[str], *, expected: str, remedy: str = REMEDY) -> str:
@@ -144,7 +160,9 @@ def _parsed(path: Path, content: bytes, columns: schema.Schema) -> pl.DataFrame:
 
 
 def is_intact(path: Path, sha256: str) -> bool:
-    """Whether a file exists and has this hash. It is read in pieces."""
+    """Whether a regular file exists and has this hash. It is read in pieces."""
+    if not is_regular_file(path):
+        return False
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest() == sha256

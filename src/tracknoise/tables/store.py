@@ -25,6 +25,7 @@ from tracknoise.tables.files import (
     is_intact,
     read_checked,
     read_parquet,
+    read_regular,
     read_stacked,
     read_text_checked,
     remove,
@@ -702,7 +703,7 @@ class RunFolder:
 
     def _manifest_content(self) -> bytes:
         try:
-            return (self.path / _MANIFEST).read_bytes()
+            return read_regular(self.path / _MANIFEST)
         except (OSError, ValueError) as error:
             raise StoreError(f"{self.path}: no readable {_MANIFEST}, expected the folder of a run") from error
 

@@ -17,6 +17,7 @@ Tracks from a COLMAP database: keypoints, chained over consecutive images by ver
 Tables and encodings: https://colmap.github.io/database.html.
 """
 
+import csv
 import sqlite3
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -245,18 +246,60 @@ def _read_table(path: Path) -> pl.DataFrame:
 
 def _read_csv(path: Path, size: int) -> pl.DataFrame:
     """All columns are read as text, so that errors can show the cell. The header shows what separates them."""
+    _require_no_null(path)
     with path.open("rb") as file:
-        header = file.readline(MIB).decode(errors="replace")
-    if "\0" in header:
-        raise DataError(path, "null characters in line 1", "a .csv file of tracks in UTF-8, not UTF-16")
+        header = file.readline(MIB).decode("utf-8-sig", errors="replace").rstrip("\r\n")
     separator = max(_SEPARATORS, key=header.count)
-    columns = header.count(separator) + 1
-    if columns > _MOST_COLUMNS:
-        raise DataError(path, f"{columns} columns", f"at most {_MOST_COLUMNS}")
-    table = pl.read_csv(path, infer_schema=False, glob=False, separator=separator).rename(_plain_name)
+    names = [_plain_name(name) for name in header.split(separator)]
+    _require_header(path, header, names)
+    try:
+        table = pl.read_csv(path, infer_schema=False, glob=False, separator=separator)
+    except pl.exceptions.PolarsError:
+        _require_whole_rows(path, separator, len(names))
+        raise
+    table = table.rename(_plain_name)
     table = table.rename(_known_names(table.columns))
     _require_columns(path, table.schema)
     return table.select(_used(table.columns))
+
+
+def _require_no_null(path: Path) -> None:
+    line = 1
+    with path.open("rb") as file:
+        while piece := file.read(MIB):
+            before, null, _ = piece.partition(b"\0")
+            line += before.count(b"\n")
+            if null:
+                raise DataError(f"{path}:{line}", "a null character", "a .csv file of tracks in UTF-8, not UTF-16")
+
+
+def _require_header(path: Path, header: str, names: list[str]) -> None:
+    """Check the first line before Polars does: its errors name no line, and it gives equal columns other names."""
+    place, expected = f"{path}:1", f"a header with the columns {', '.join(_COLUMNS)}, each once"
+    if "\r" in header:
+        raise DataError(place, "a carriage return within the line", "lines that end with a line feed")
+    if len(names) > _MOST_COLUMNS:
+        raise DataError(path, f"{len(names)} columns", f"at most {_MOST_COLUMNS}")
+    if header.startswith("#") and not _USED & {*names, *_known_names(names).values()}:
+        raise DataError(place, "a comment", expected)
+    if twice := next((name for name in names if _is_used(name) and names.count(name) > 1), None):
+        raise DataError(place, f"column {twice} twice", expected)
+
+
+def _require_whole_rows(path: Path, separator: str, columns: int) -> None:
+    """Name the first row that is no row of the table."""
+    expected, first = f"a row of {counted(columns, 'column')}, as in line 1, with all quotes closed", 1
+    with path.open("rb") as file:
+        rows = csv.reader((line.decode() for line in file), delimiter=separator, strict=True)
+        try:
+            for row in rows:
+                if len(row) > columns:
+                    raise DataError(f"{path}:{first}", counted(len(row), "column"), expected)
+                first = rows.line_num + 1
+        except csv.Error as error:
+            raise DataError(f"{path}:{first}", f"no whole row ({error})", expected) from error
+        except UnicodeDecodeError as error:
+            raise DataError(f"{path}:{rows.line_num + 1}", "not UTF-8", "a .csv file of tracks in UTF-8") from error
 
 
 def _plain_name(column: str) -> str:

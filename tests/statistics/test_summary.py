@@ -141,3 +141,5 @@ def test_the_wrong_tables_are_refused() -> None:
         summary(empty(CURVES), empty(CURVES), empty(OUTLIERS))
     with pytest.raises(SchemaError, match="outliers"):
         summary(empty(CURVES), empty(LIFETIMES), empty(CURVES))
+    with pytest.raises(SchemaError, match="outliers: found NoneType, expected a table"):
+        summary(empty(CURVES), empty(LIFETIMES), None)

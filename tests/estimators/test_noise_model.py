@@ -134,7 +134,7 @@ def test_wrong_residuals_are_not_whitened(residuals, message) -> None:
 @pytest.mark.parametrize("window", [-5, 1, 1.5, True, math.nan, "x"])
 def test_a_window_is_a_whole_number_of_at_least_two(window) -> None:
     for ask in (made().sigma, made().advise):
-        with pytest.raises(SettingsError, match="window is .*, expected a whole number of at least 2"):
+        with pytest.raises(SettingsError, match=r"window is .*, expected a whole number of at least 2"):
             ask(window=window)
 
 

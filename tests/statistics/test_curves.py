@@ -157,13 +157,13 @@ def test_another_table_is_refused() -> None:
     with pytest.raises(SchemaError, match="moments"):
         curves(empty(CURVES))
     for wrong in (None, "moments", [None]):
-        with pytest.raises(SchemaError, match="moments: found (str|NoneType), expected a table"):
+        with pytest.raises(SchemaError, match=r"moments: found (str|NoneType), expected a table"):
             curves(wrong)
 
 
 @pytest.mark.parametrize("least", [None, 0, 1.5, "20"])
 def test_a_cut_needs_a_number_of_features(least) -> None:
-    with pytest.raises(SettingsError, match="min_features is .*, expected a whole number of at least 1"):
+    with pytest.raises(SettingsError, match=r"min_features is .*, expected a whole number of at least 1"):
         curves(empty(MOMENTS), min_features=least)
 
 

@@ -28,6 +28,7 @@ READERS: Plugins[Reader] = Plugins(
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",
         "tum": "tracknoise.sequences.tum:Tum",
     },
+    needs=("name", "description", "needs_root", "sequences", "open"),
     given=frozenset({"root"}),
 )
 

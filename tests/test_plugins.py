@@ -35,21 +35,29 @@ FOREIGN = Path(__file__).parent / "foreign" / "tapes.py"
 
 @pytest.fixture
 def plugins(tmp_path, monkeypatch):
-    """A group to which an installed package adds one class that can be loaded and one that cannot."""
-    (tmp_path / "foreign_trackers.py").write_text("class Foreign:\n    kind = 'foreign'\n")
+    """A group to which an installed package adds one class that can be loaded, and what cannot be used."""
+    decorated = "@dataclass\nclass {}:\n    description = 'does little'\n"
+    (tmp_path / "foreign_trackers.py").write_text(
+        "from dataclasses import dataclass\nnumber = 5\nclass Plain:\n    kind = 'plain'\n    description = 'x'\n"
+        + decorated.format("Foreign")
+        + "    kind = 'foreign'\n"
+        + decorated.format("Unnamed")
+    )
     info = tmp_path / "foreign_trackers-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: foreign-trackers\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
         "[tracknoise.test]\nforeign = foreign_trackers:Foreign\nbroken = foreign_trackers:Missing\n"
+        "number = foreign_trackers:number\nplain = foreign_trackers:Plain\nunnamed = foreign_trackers:Unnamed\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    yield Plugins(what="thing", group="tracknoise.test", built_in={"own": "fractions:Fraction"})
+    needs = ("kind", "description")
+    yield Plugins(what="thing", group="tracknoise.test", built_in={"own": "fractions:Fraction"}, needs=needs)
     sys.modules.pop("foreign_trackers", None)
 
 
 def test_own_and_foreign_names_are_known(plugins):
-    assert plugins.names() == ["broken", "foreign", "own"]
+    assert plugins.names() == ["broken", "foreign", "number", "own", "plain", "unnamed"]
 
 
 def test_a_foreign_class_is_loaded(plugins):
@@ -67,9 +75,25 @@ def test_an_unknown_name_lists_the_known_ones(plugins):
         plugins.load("foriegn")
 
 
-def test_a_class_that_is_no_dataclass_is_refused(plugins):
-    with pytest.raises(SettingsError, match=r"thing 'foreign': found <class .*Foreign'>, expected a dataclass$"):
-        plugins.make("foreign")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("number", "thing 'number': found 5, expected a dataclass$"),
+        ("plain", r"thing 'plain': found <class .*Plain'>, expected a dataclass$"),
+        ("unnamed", r"thing 'unnamed': found <class .*> without kind, expected one with kind, description$"),
+    ],
+)
+def test_what_is_no_such_class_is_refused(plugins, name, message):
+    for ask in (plugins.load, plugins.make, lambda name: plugin_defaults(plugins, name)):
+        with pytest.raises(SettingsError, match=message):
+            ask(name)
+
+
+def test_what_cannot_be_used_is_listed_with_the_others(plugins):
+    listed = replace(plugins, built_in={}).descriptions()
+    assert listed["foreign"] == "does little"
+    assert listed["number"] == "cannot be used: thing 'number': found 5, expected a dataclass"
+    assert sorted(listed) == ["broken", "foreign", "number", "plain", "unnamed"]
 
 
 def test_the_version_of_the_package_that_offers_a_name_is_known(plugins):

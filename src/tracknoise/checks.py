@@ -9,11 +9,13 @@ JSON schema too.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from enum import StrEnum
 from functools import cache
-from numbers import Real
+from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
@@ -32,13 +34,36 @@ Between0And1 = Annotated[float, Gt(0), Lt(1)]
 
 MOST_LEVELS = 16
 """How deep lists and tables in settings can nest."""
+_LONGEST_VALUE = 300
+"""Characters of a value in a message; of a longer one the type is named."""
 _WHOLE = range(-(2**63), 2**63)
 
 
 def require(holds: bool, field: str, value: object, expected: str) -> None:
     """Raise InvalidValueError, naming field, value and what was expected, unless `holds`."""
     if not holds:
-        raise InvalidValueError(f"{field} is {value!r}, expected {expected}")
+        shown = repr(value)
+        found = shown if len(shown) <= _LONGEST_VALUE else f"of type {type(value).__name__}"
+        raise InvalidValueError(f"{field} is {found}, expected {expected}")
+
+
+def require_whole(field: str, value: object, least: int | None = None) -> None:
+    """Raise InvalidValueError unless `value` is a whole number, and not below `least`."""
+    expected = "a whole number" if least is None else f"a whole number of at least {least}"
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    require(whole and (least is None or _is_within(value, {"ge": least})), field, value, expected)
+
+
+def path_of(field: str, value: str | PathLike[str]) -> Path:
+    """A path from what names it. Raises InvalidValueError unless that is a text or a path."""
+    require(isinstance(value, str | PathLike), field, value, "a path")
+    return Path(value)
+
+
+def require_list(field: str, value: object, of: str) -> None:
+    """Raise InvalidValueError unless `value` holds several things; a text does not."""
+    holds = isinstance(value, Collection) and not isinstance(value, str | bytes | Mapping)
+    require(holds, field, value, f"a list of {of}")
 
 
 def settle_members(settings: object, **kinds: type[StrEnum]) -> None:
@@ -60,7 +85,8 @@ def require_bounds(settings: Any) -> None:
     for name, bounds in bounds_of(settings.__class__).items():
         value = getattr(settings, name)
         for number in value if isinstance(value, tuple | list) else (value,):
-            require(number is None or _is_within(number, bounds), name, number, in_words(bounds))
+            if number is not None:
+                require_within(name, number, bounds)
     for name, kinds in _settings_among(settings.__class__).items():
         value = getattr(settings, name)
         require(isinstance(value, kinds), name, value, " or ".join(f"{kind.__name__}(...)" for kind in kinds))
@@ -76,6 +102,11 @@ def _settings_among(settings_type: type) -> dict[str, tuple[type, ...]]:
         for name, parts in kinds.items()
         if any(map(is_dataclass, parts)) and all(isinstance(part, type) for part in parts)
     }
+
+
+def require_within(field: str, value: object, bounds: Mapping[str, float]) -> None:
+    """Raise ValueError unless `value` is a finite number within bounds: ``gt``, ``ge``, ``lt`` and ``le``."""
+    require(_is_within(value, bounds), field, value, in_words(bounds))
 
 
 def require_finite(field: str, value: float) -> None:

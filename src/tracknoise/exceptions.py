@@ -61,14 +61,16 @@ def missing_extra(what: str, extra: str) -> SettingsError:
 class UnknownNameError(TracknoiseError):
     """A name (tracker, reader, scene, preset, ...) is unknown."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: object, known: Iterable[object]) -> None:
         self.kind, self.name, self.known = kind, name, sorted(map(str, known))  # members of enumerations too
         super().__init__(kind, name, self.known)
 
     def _message(self) -> str:
-        close = get_close_matches(self.name, self.known, n=1) or get_close_matches(self.name.lower(), self.known, n=1)
+        spelt = (self.name, self.name.lower()) if isinstance(self.name, str) else ()
+        close = next(filter(None, (get_close_matches(name, self.known, n=1) for name in spelt)), None)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
-        return f"unknown {self.kind} {self.name!r}{hint}; known: {', '.join(self.known) or 'none'}"
+        found = str(self.name) if spelt else self.name  # a member of an enumeration as its text
+        return f"unknown {self.kind} {found!r}{hint}; known: {', '.join(self.known) or 'none'}"
 
 
 class TrackerError(TracknoiseError):

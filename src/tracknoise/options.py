@@ -50,8 +50,6 @@ def validated(settings_type: type[T], options: Mapping[str, object], given: Mapp
     """
     from pydantic import ValidationError
 
-    if not is_dataclass(settings_type):
-        raise ValueError(f"found {settings_type!r}, expected a dataclass")
     for name in given.keys() & options.keys():
         raise ValueError(f"{name}: unknown setting{_known(settings_type, (name,), given)}")
     try:
@@ -61,8 +59,9 @@ def validated(settings_type: type[T], options: Mapping[str, object], given: Mapp
         raise ValueError(f"lists and tables more than {MOST_LEVELS} deep, expected fewer levels") from error
     except TypeError as error:
         raise ValueError(f"{error}, expected what a TOML file can hold") from error
+    kind: Any = settings_type  # which can be hashed, unlike what mypy takes it for
     try:
-        settings: T = _adapter(settings_type).validate_json(written, strict=True)
+        settings: T = _adapter(kind).validate_json(written, strict=True)
     except ValidationError as error:
         raise ValueError(_explain(settings_type, likeliest_problem(error.errors()), given)) from error
     return settings

@@ -4,7 +4,7 @@ import os
 import sys
 import sysconfig
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -32,6 +32,8 @@ class Plugins(Generic[T]):
         Entry point group for other packages.
     built_in
         ``module:attribute`` of those that come with this package, by name; these take precedence.
+    needs
+        Attributes that a class has, beside the fields of a dataclass.
     given
         Fields that are not options, because they are set in another way.
     """
@@ -39,11 +41,16 @@ class Plugins(Generic[T]):
     what: str
     group: str
     built_in: Mapping[str, str]
+    needs: tuple[str, ...] = ()
     given: frozenset[str] = frozenset()
 
     def names(self) -> list[str]:
         """All names, sorted."""
         return sorted({*self.built_in, *(point.name for point in entry_points(group=self.group))})
+
+    def descriptions(self) -> dict[str, str]:
+        """What each class says of itself, by name; of one that cannot be used, why."""
+        return {name: self._description(name) for name in self.names()}
 
     def __contains__(self, name: str) -> bool:
         """Whether there is such a name; those of other packages take longer, and are looked at last."""
@@ -57,7 +64,7 @@ class Plugins(Generic[T]):
         UnknownNameError
             Listing the known names.
         SettingsError
-            If another package offers the name, but cannot be imported.
+            If another package offers the name, but cannot be imported, or it offers no such class.
         """
         if name in self.built_in:
             module, attribute = self.built_in[name].split(":")
@@ -154,10 +161,26 @@ class Plugins(Generic[T]):
             said = error if isinstance(error, ImportError | AttributeError) else with_type(error)
             message = f"{self.what} {point.name!r}: {point.value} cannot be loaded ({said}), expected a class"
             raise SettingsError(message) from error
+        self._require_class(point.name, found)
         for path in _sources(point.module)[1]:
             if path not in _hashes:
                 _hashes[path] = content_of(path)
         return found
+
+    def _require_class(self, name: str, found: object) -> None:
+        place = f"{self.what} {name!r}: found {found!r}"
+        if not (isinstance(found, type) and is_dataclass(found)):
+            raise SettingsError(f"{place}, expected a dataclass")
+        missing = [attribute for attribute in self.needs if not hasattr(found, attribute)]
+        if missing:
+            raise SettingsError(f"{place} without {', '.join(missing)}, expected one with {', '.join(self.needs)}")
+
+    def _description(self, name: str) -> str:
+        try:
+            kind: Any = self.load(name)
+        except SettingsError as error:
+            return f"cannot be used: {error}"
+        return str(kind.description)
 
 
 _hashes: dict[Path, str | None] = {}

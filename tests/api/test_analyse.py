@@ -45,6 +45,9 @@ def test_what_was_written_goes_with_the_analysis(measurements):
 def test_what_cannot_be_analysed_is_refused(measurements):
     with pytest.raises(SettingsError, match="no measurements, expected at least one"):
         tn.analyse([])
+    for wrong in (None, [None]):
+        with pytest.raises(SettingsError, match=r"measurement is None, expected what tracknoise\.measure returns"):
+            tn.analyse(wrong)
     with pytest.raises(SettingsError, match="forward-00@default: found 2 measurements, expected one with all trackers"):
         tn.analyse([measurements[0]] * 2)
     with pytest.raises(SettingsError, match="found populations projected and visible, expected measurements of one"):

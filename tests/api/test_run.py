@@ -114,7 +114,7 @@ def test_tables_are_arrow_streams(run):
     [
         ({"scene": "forward-0"}, r"unknown scene 'forward-0' \(did you mean 'forward-00'\?\); known: forward-00, side"),
         ({"tracker": "lk"}, "unknown tracker 'lk'; known: lucas-kanade"),
-        ({"speed": [1, 3]}, "unknown speed '3'; known: 1, 2"),
+        ({"speed": [1, 3]}, "unknown speed 3; known: 1, 2"),
         ({"lighting": "dim"}, "unknown lighting 'dim'; known: default"),
         ({"colour": 3}, "unknown column 'colour'; known: age, "),
     ],
@@ -133,6 +133,37 @@ def test_unknown_statistics_tables_and_categories_list_the_known_ones(run):
         run.table("curves", trimming="no")
     with pytest.raises(UnknownNameError, match="unknown column 'tracker'; known: camera, dataset"):
         run.table("poses", tracker="lucas-kanade")
+    for ask, what in (
+        (run.table, "table"),
+        (run.figure, "figure"),
+        (run.sigma, "estimator"),
+        (run.findings, "tracker"),
+    ):
+        with pytest.raises(UnknownNameError) as caught:
+            ask(5)
+        assert str(caught.value).startswith(f"unknown {what} 5; known: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "expected"),
+    [
+        ("intervals", {"speed": "1"}, "speed is '1', expected a whole number"),
+        ("observations", {"speed": 1.0}, "speed is 1.0, expected a whole number"),
+        ("intervals", {"at": True}, "at is True, expected a whole number"),
+        ("curves", {"u": "0"}, "u is '0', expected a number"),
+        ("curves", {"cut": 1}, "cut is 1, expected True or False"),
+    ],
+)
+def test_values_of_another_type_than_the_column_are_refused(run, name, wanted, expected):
+    with pytest.raises(SettingsError) as caught:
+        run.table(name, **wanted)
+    assert str(caught.value) == expected
+
+
+def test_whole_numbers_are_numbers_of_any_column(run):
+    curves = run.table("curves")
+    assert run.table("curves", u=0).equals(curves.filter(u=0.0))
+    assert run.table("curves", at=np.int64(1)).equals(curves.filter(at=1))
 
 
 def test_a_choice_that_no_sequence_has_gives_no_rows(run):
@@ -184,11 +215,15 @@ def test_a_track_needs_one_sequence_and_condition(run):
         run.track(1, scene="forward-00", tracker="lucas-kanade")
     with pytest.raises(DataError, match=r"no track 99999, expected one of \d+ tracks"):
         run.track(99999, **ONE)
+    with pytest.raises(SettingsError, match="track is '1', expected a whole number"):
+        run.track("1", **ONE)
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path):
     with pytest.raises(StoreError, match="no run found, expected the folder of a finished run"):
         tn.open_run(tmp_path / "none")
+    with pytest.raises(SettingsError, match="run is None, expected a path"):
+        tn.open_run(None)
 
 
 def test_a_run_that_is_not_finished_is_refused(run, tmp_path):

@@ -97,6 +97,60 @@ def test_impossible_errors_and_changes_are_refused() -> None:
         made(0.1, 0.1, 0.1).change_covariance(frames=[1, 0])
 
 
+@pytest.mark.parametrize(
+    ("ages", "magnification", "texture", "message"),
+    [
+        ("abc", 1.0, 1.0, "ages is 'abc', expected numbers"),
+        (None, 1.0, 1.0, "ages is None, expected numbers"),
+        ([[0, 1]], 1.0, 1.0, "ages: found shape (1, 2), expected one number or (2,)"),
+        ([0, math.inf], 1.0, 1.0, "ages: found inf, expected finite numbers"),
+        ([0, 1], [1.0], 1.0, "magnification: found shape (1,), expected one number or (2,)"),
+        ([0, 1], 1.0, [2.0], "min_eigenvalue: found shape (1,), expected one number or (2,)"),
+        ([0, 1], 1.0, [2.0, [1.0]], "min_eigenvalue: setting an array element with a sequence"),
+        ([0, 1], 1.0, [2.0, -1.0], "min_eigenvalue: found -1, expected finite numbers from 0 on, or NaN where unknown"),
+        ([0, 1], 1.0, math.inf, "min_eigenvalue: found inf, expected finite numbers from 0 on"),
+    ],
+)
+def test_what_a_track_is_asked_with_is_named(ages, magnification, texture, message) -> None:
+    with pytest.raises(SettingsError) as caught:
+        made(0.1, 0.1).track_covariance(ages, magnification=magnification, min_eigenvalue=texture)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("residuals", "message"),
+    [
+        (np.zeros((2, 2)), r"residuals: found shape \(2, 2\), expected \(4,\) or \(4, n\): u and v"),
+        (np.full(4, np.nan), "residuals: found NaN or infinity, expected finite numbers"),
+        (None, "residuals is None, expected numbers"),
+        ("x", "residuals is 'x', expected numbers"),
+    ],
+)
+def test_wrong_residuals_are_not_whitened(residuals, message) -> None:
+    with pytest.raises(SettingsError, match=message):
+        made(0.3, 0.2).whiten(residuals, [0, 1])
+
+
+@pytest.mark.parametrize("window", [-5, 1, 1.5, True, math.nan, "x"])
+def test_a_window_is_a_whole_number_of_at_least_two(window) -> None:
+    for ask in (made().sigma, made().advise):
+        with pytest.raises(SettingsError, match=r"window is .*, expected a whole number of at least 2"):
+            ask(window=window)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"run": None}, "run is None, expected a path"),
+        ({"speed": "1"}, "speed is '1', expected a whole number of at least 1"),
+        ({"scenes": "forward-00"}, "scenes is 'forward-00', expected a list of names"),
+    ],
+)
+def test_what_is_fitted_is_stated_in_the_right_types(change, message) -> None:
+    with pytest.raises(SettingsError, match=message):
+        NoiseModel.fit(**{"run": "nothing", "tracker": "lk", **change})
+
+
 def test_equivalents_are_of_the_nearest_window() -> None:
     model = made()
     assert model.equivalent(landmark=Landmark.FREE, window=11, purpose=Purpose.NEWEST_POSE).window == 10
@@ -119,6 +173,8 @@ def test_corrections() -> None:
     np.testing.assert_allclose(moved, [[1, 1], [1, 1], [1.2, 1.2]])  # first positions have no error about themselves
     with pytest.raises(SettingsError, match="no flow"):
         along.correct(uv, [1, 2, 3])
+    with pytest.raises(SettingsError, match=r"found uv of shape \(3, 2\) and ages of shape \(2,\), expected \(n, 2\)"):
+        made().correct(uv, [1, 2])
 
 
 def test_documents_come_back(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ ERRORS = {
     "unknown tracker 'orcale' (did you mean 'oracle'?); known: imported, oracle": UnknownNameError(
         "tracker", "orcale", ["oracle", "imported"]
     ),
+    "unknown table None; known: 5, curves": UnknownNameError("table", None, ["curves", 5]),
     "unknown scene 'a'; known: none": UnknownNameError("scene", "a", []),
 }
 

@@ -253,6 +253,9 @@ def test_wrong_arguments_are_refused(make, tmp_path):
     base = make("base")
     for arguments, message in (
         ({"margin": 0.0}, "margin is 0.0"),
+        ({"margin": "0.1"}, "margin is '0.1', expected a number above 0"),
+        ({"trackers": "lk"}, "trackers is 'lk', expected two names"),
+        ({"gate": "gate.toml"}, "gate is 'gate.toml', expected what `read_gate` returns"),
         ({"level": 1.5}, "level is 1.5"),
         ({"ages": "some"}, "ages is 'some'"),
     ):
@@ -260,6 +263,8 @@ def test_wrong_arguments_are_refused(make, tmp_path):
             tracknoise.compare(base, base, **arguments)
     with pytest.raises(SettingsError, match="expected at least two"):
         tracknoise.compare(base)
+    with pytest.raises(SettingsError, match="run is None, expected a path"):
+        tracknoise.compare(base, None)
     with pytest.raises(StoreError, match="nothing"):
         tracknoise.compare(base, tmp_path / "nothing")
 

@@ -23,6 +23,13 @@ def test_an_unknown_reader_lists_the_known():
     with pytest.raises(UnknownNameError) as caught:
         make_reader("sevenscene")
     assert str(caught.value).startswith("unknown reader 'sevenscene' (did you mean 'sevenscenes'?); known: ")
+    with pytest.raises(UnknownNameError, match="unknown reader None; known: "):
+        open_sequence(None)
+
+
+def test_a_root_is_a_path():
+    with pytest.raises(SettingsError, match="root is 5, expected a path"):
+        open_sequence("folder", 5)
 
 
 def test_options_are_checked(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.exceptions import SchemaError
+from tracknoise.exceptions import SchemaError, SettingsError
 from tracknoise.statistics import curves as module
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.definitions import NAMES, UNITS
@@ -156,6 +156,15 @@ def test_no_moments_give_no_curves() -> None:
 def test_another_table_is_refused() -> None:
     with pytest.raises(SchemaError, match="moments"):
         curves(empty(CURVES))
+    for wrong in (None, "moments", [None]):
+        with pytest.raises(SchemaError, match=r"moments: found (str|NoneType), expected a table"):
+            curves(wrong)
+
+
+@pytest.mark.parametrize("least", [None, 0, 1.5, "20"])
+def test_a_cut_needs_a_number_of_features(least) -> None:
+    with pytest.raises(SettingsError, match=r"min_features is .*, expected a whole number of at least 1"):
+        curves(empty(MOMENTS), min_features=least)
 
 
 def test_along_frames_curves_have_the_names_of_time(observations) -> None:

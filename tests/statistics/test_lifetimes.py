@@ -312,6 +312,8 @@ def test_no_tracks_give_empty_tables() -> None:
 def test_another_table_is_refused() -> None:
     with pytest.raises(SchemaError, match="tracks"):
         lifetimes(empty(LIFETIMES))
+    with pytest.raises(SchemaError, match="tracks: found NoneType, expected a table"):
+        lifetimes(None)
     with pytest.raises(SchemaError, match="ends"):
         lifetimes_of_ends(empty(TRACKS))
     for function in (mean_lifetime, median_survival, surviving):

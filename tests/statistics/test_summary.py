@@ -3,7 +3,7 @@ import math
 import polars as pl
 import pytest
 
-from tracknoise.exceptions import SchemaError, UnknownNameError
+from tracknoise.exceptions import SchemaError, SettingsError, UnknownNameError
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import lifetimes
 from tracknoise.statistics.moments import scene_moments
@@ -134,6 +134,12 @@ def test_nothing_gives_nothing() -> None:
     assert summary(empty(CURVES), empty(LIFETIMES), empty(OUTLIERS)).equals(empty(SUMMARY))
 
 
+@pytest.mark.parametrize(("name", "value"), [("age", "20"), ("age", 0), ("key_frame", None)])
+def test_the_reference_has_a_number(name: str, value: object) -> None:
+    with pytest.raises(SettingsError, match=f"{name} is {value!r}, expected a"):
+        summary(empty(CURVES), empty(LIFETIMES), empty(OUTLIERS), **{name: value})
+
+
 def test_the_wrong_tables_are_refused() -> None:
     with pytest.raises(SchemaError, match="curves"):
         summary(empty(LIFETIMES), empty(LIFETIMES), empty(OUTLIERS))
@@ -141,3 +147,5 @@ def test_the_wrong_tables_are_refused() -> None:
         summary(empty(CURVES), empty(CURVES), empty(OUTLIERS))
     with pytest.raises(SchemaError, match="outliers"):
         summary(empty(CURVES), empty(LIFETIMES), empty(CURVES))
+    with pytest.raises(SchemaError, match="outliers: found NoneType, expected a table"):
+        summary(empty(CURVES), empty(LIFETIMES), None)

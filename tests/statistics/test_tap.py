@@ -132,3 +132,5 @@ def test_a_truth_that_cannot_locate_points_is_named(sequence):
     object.__setattr__(measured, "truth", "scan")
     with pytest.raises(SettingsError):
         tn.tap_metrics(measured)
+    with pytest.raises(SettingsError, match="measurement is None, expected what"):
+        tn.tap_metrics(None)

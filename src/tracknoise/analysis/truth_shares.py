@@ -31,7 +31,7 @@ from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table
 from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.statistics.definitions import LENGTHS, POOLED, UNITS
-from tracknoise.statistics.grouping import Tables, by_condition
+from tracknoise.statistics.grouping import Tables, by_condition, tables_of
 from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.findings_schema import (
@@ -221,8 +221,8 @@ def pose_disagreement_table(sums: pl.DataFrame | Iterable[pl.DataFrame], samplin
     `sums`: tables of all scenes, schema `POSE_DIFFERENCES`. Returns: schema `POSE_DISAGREEMENT`, sorted by its
     columns before `n`. Raises as `condition_table`.
     """
-    tables = [sums] if isinstance(sums, pl.DataFrame) else sums
-    named = (check(table, POSE_DIFFERENCES, "pose differences").with_columns_seq(**_ANY_CONDITION) for table in tables)
+    tables = (check(table, POSE_DIFFERENCES, "pose differences") for table in tables_of(sums, "pose differences"))
+    named = (table.with_columns_seq(**_ANY_CONDITION) for table in tables)
     schema = {**ORIGIN, **{name: kind for name, kind in POSE_DIFFERENCES.items() if name not in ORIGIN}}
     conditions = by_condition((table.select_seq(*schema) for table in named), schema, "pose differences")
     wide = {**TWO_TRUTHS, **POSE_DISAGREEMENT}

@@ -13,7 +13,7 @@ import tomlkit
 
 from tracknoise.api.finished_run import Run
 from tracknoise.exceptions import SettingsError
-from tracknoise.experiments.measure import Measurement
+from tracknoise.experiments.measure import Measurement, require_measurement
 from tracknoise.experiments.run_findings import compute_findings
 from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
@@ -66,7 +66,8 @@ def analyse(
     }
     run = Run(RunFolder(Path(tempfile.mkdtemp(prefix="tracknoise-"))))
     weakref.finalize(run, shutil.rmtree, run.path, ignore_errors=True)
-    _fill(RunFolder(run.path), [measurements] if isinstance(measurements, Measurement) else measurements, asked)
+    each = measurements if isinstance(measurements, Iterable) else [measurements]
+    _fill(RunFolder(run.path), each, asked)
     return run
 
 
@@ -92,6 +93,7 @@ def _fill(folder: RunFolder, measurements: Iterable[Measurement], asked: Mapping
 
 
 def _write(folder: RunFolder, measurement: Measurement, asked: Mapping[str, object]) -> _Written:
+    require_measurement(measurement)
     conditions = measurement.frames.select("dataset", "tracker", "speed").unique(maintain_order=True)
     experiment = _experiment(conditions, measurement.population, asked)
     return _Written(write_measurement(folder, experiment, measurement), conditions, measurement.population)

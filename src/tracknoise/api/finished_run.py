@@ -5,11 +5,13 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
 
 import polars as pl
 
+from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
@@ -111,8 +113,11 @@ def select(table: pl.DataFrame, wanted: Mapping[str, Any]) -> pl.DataFrame:
     ------
     UnknownNameError
         If there is no such column, or the column is one of names and does not have such a name.
+    SettingsError
+        If a column holds numbers or truth values, and a value is none.
     """
     for column, value in wanted.items():
+        _require_type(column, _listed(value), table.schema.get(column))
         _require_known(table, column, _listed(value))
         table = filtered(table, {column: value})
     return table
@@ -123,7 +128,8 @@ def filtered(table: pl.DataFrame, wanted: Mapping[str, Any]) -> pl.DataFrame:
     for column, value in wanted.items():
         if column not in table.columns:
             raise UnknownNameError("column", column, table.columns)
-        table = table.filter(pl.col(column).is_in(_listed(value), nulls_equal=True))
+        values = pl.Series(_listed(value), dtype=pl.Float64) if table.schema[column].is_float() else _listed(value)
+        table = table.filter(pl.col(column).is_in(values, nulls_equal=True))
     return table
 
 
@@ -135,7 +141,20 @@ def _require_known(table: pl.DataFrame, column: str, values: list[str | float | 
     known = _names(table, column)
     for value in values:
         if known is not None and value not in known:
-            raise UnknownNameError(column, str(value), [str(name) for name in known if name is not None])
+            raise UnknownNameError(column, value, [name for name in known if name is not None])
+
+
+def _require_type(column: str, values: Iterable[object], kind: pl.DataType | None) -> None:
+    """Refuse values that polars cannot compare with the numbers or truth values of a column."""
+    if kind is None:
+        return
+    for value in (one for one in values if one is not None):
+        if kind.is_integer():
+            require_whole(column, value)
+        elif kind.is_float():
+            require(isinstance(value, Real) and not isinstance(value, bool), column, value, "a number")
+        elif kind == pl.Boolean:
+            require(isinstance(value, bool), column, value, "True or False")
 
 
 def _names(table: pl.DataFrame, column: str) -> list[Any] | None:
@@ -178,10 +197,12 @@ def open_run(path: str | Path) -> "Run":
 
     Raises
     ------
+    SettingsError
+        If `path` is no path.
     StoreError
         If there is no run, it is not finished, or it is damaged.
     """
-    folder = RunFolder(Path(path))
+    folder = RunFolder(path_of("run", path))
     if not folder.exists:
         raise StoreError(f"{path}: no run found, expected the folder of a finished run")
     folder.statistics("summary")
@@ -431,11 +452,11 @@ class Run:
         StoreError, SchemaError
             If the table is missing or damaged, or the run does not keep it.
         """
+        if name not in self.tables():
+            raise UnknownNameError("table", name, self.tables())
         if name in STATISTICS_TABLES or name in FINDINGS_TABLES:
             return select(self._folder.statistics(name), wanted)
-        if name in SEQUENCE_TABLES:
-            return self._of_sequences(name, wanted)
-        raise UnknownNameError("table", name, self.tables())
+        return self._of_sequences(name, wanted)
 
     def observations(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
         """Return single observations with their errors.
@@ -499,12 +520,13 @@ class Run:
         Raises
         ------
         SettingsError
-            If there are several scenes, trackers, ... to choose from.
+            If there are several scenes, trackers, ... to choose from, or `track` is no whole number.
         DataError
             If there is no such track.
         UnknownNameError, StoreError, SchemaError
             As for `observations`.
         """
+        require_whole("track", track)
         _require_one(self._chosen(wanted), _IDENTITY, track=track)
         observations = self.observations(**wanted)
         _require_one(observations, _CONDITION, track=track)

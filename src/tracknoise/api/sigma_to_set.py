@@ -87,7 +87,7 @@ def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[
     if not found.models:
         why = "; ".join(f"{tracker}: {reason}" for tracker, reason in found.missing.items())
         raise SettingsError(f"{run.path}: no tracker has a noise model, expected one{f' ({why})' if why else ''}")
-    length = window or _asked_window(run.statistics("advice"), estimator_name(name))
+    length = _asked_window(run.statistics("advice"), estimator_name(name)) if window is None else window
     advised: dict[str, SigmaToSet] = {}
     reasons = []
     for tracker, model in found.models.items():

@@ -36,7 +36,7 @@ def datasets(
 
     words = recording or []
     if not words:
-        context.obj.result(listing({name: READERS.load(name).description for name in READERS.names()}))
+        context.obj.result(listing(READERS.descriptions()))
         return 0
     if data is None and (len(words) > 1 or _is_path(words[0])):
         return _show_recording(context.obj, words, option)

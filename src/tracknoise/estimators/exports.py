@@ -22,11 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter
 
+from tracknoise.checks import require_whole
 from tracknoise.estimators.advice import Advice, ExportedModel, Gate, advise, observation_gate
 from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark, LossKind, Purpose
 from tracknoise.exceptions import SettingsError, UnknownNameError
 
-_SHORTEST = 2
+SHORTEST_WINDOW = 2
+"""Frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +81,8 @@ class Target:
 
     def __post_init__(self) -> None:
         """Refuse a window without a second frame, and reasons for a difference that is not stated."""
-        if self.window is not None and self.window < _SHORTEST:
-            raise SettingsError(f"window of {self.window}, expected at least {_SHORTEST} frames")
+        if self.window is not None:
+            require_whole("window", self.window, SHORTEST_WINDOW)
         if self.focal_change is not None and self.focal_px is None:
             raise SettingsError(f"found no focal length, expected one because it may differ ({self.focal_change})")
         if self.rate_change is not None and self.rate_hz is None:
@@ -104,7 +106,7 @@ class Noise:
 
     def advice(self, *, window: int | None = None) -> Advice:
         """What to set, for its window or another one."""
-        return self.about.advise(self.model, window=window or self.window, purpose=self.purpose)
+        return self.about.advise(self.model, window=self.window if window is None else window, purpose=self.purpose)
 
     @property
     def sigma(self) -> float:
@@ -281,7 +283,7 @@ class Estimator:
             model,
             landmark=self.landmark,
             purpose=wanted,
-            window=window or self.window,
+            window=self.window if window is None else window,
             kernel=self.kernel,
             knee=self.knee,
             gates=self.gates,
@@ -315,12 +317,12 @@ def refused() -> Mapping[str, Refused]:
     return {name: TypeAdapter(Refused).validate_python(fields) for name, fields in tomllib.loads(text).items()}
 
 
-def estimator(name: str) -> Estimator:
+def estimator(name: object) -> Estimator:
     """Return an estimator by its name: see `estimator_name`."""
     return estimators()[estimator_name(name)]
 
 
-def estimator_name(name: str) -> str:
+def estimator_name(name: object) -> str:
     """Return the name under which an estimator is known. Case and the signs between words do not matter.
 
     Parameters
@@ -335,7 +337,8 @@ def estimator_name(name: str) -> str:
     UnknownNameError
         If it is not known.
     """
-    if (known := _names().get(_plain(name))) is None:
+    known = _names().get(_plain(name)) if isinstance(name, str) else None
+    if known is None:
         listed = {one: about.aliases for one, about in estimators().items()}
         raise UnknownNameError("estimator", name, [*listed, *chain.from_iterable(listed.values())])
     if known in refused():

@@ -25,8 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, GetPydanticSchema
 from pydantic_core import CoreSchema, core_schema
 
+from tracknoise.checks import require
 from tracknoise.estimators.track_noise import TrackNoise
-from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
 
 
 def as_covariance() -> GetPydanticSchema:
@@ -377,6 +378,32 @@ def factor_of(conditions: Sequence[Factor], at: Mapping[str, ArrayLike], count: 
     for name, values in at.items():
         total += log_factor(by_name[name], np.broadcast_to(np.asarray(values, dtype=np.float64), (count,)))
     return np.asarray(np.exp(total))
+
+
+def of_one_length(**values: ArrayLike) -> list[NDArray[np.float64]]:
+    """Numbers and rows of numbers as rows of one length, (n,) float64.
+
+    Raises
+    ------
+    SettingsError
+        Naming the first that is neither, or is not as long as those before it.
+    """
+    arrays = {name: numbers(name, value) for name, value in values.items()}
+    count = next((array.size for array in arrays.values() if array.ndim), 1)
+    for name, array in arrays.items():
+        if array.ndim > 1 or (array.ndim and array.size != count):
+            raise SettingsError(f"{name}: found shape {array.shape}, expected one number or ({count},)")
+    return [np.full(count, array, dtype=np.float64) for array in arrays.values()]
+
+
+def numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """An array of numbers, of any shape. Raises SettingsError, naming it, unless it is one."""
+    try:
+        found = np.asarray(values)
+    except ValueError as error:
+        raise SettingsError(f"{name}: {first_line(error)}, expected numbers") from error
+    require(found.dtype.kind in "iuf", name, values, "numbers")
+    return found.astype(np.float64)
 
 
 def log_factor(factor: Factor, values: NDArray[np.float64]) -> NDArray[np.float64]:

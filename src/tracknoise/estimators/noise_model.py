@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from scipy import linalg
 
+from tracknoise.checks import path_of, require_list, require_whole
 from tracknoise.estimators.advice import Advice
 from tracknoise.estimators.export_render import export
-from tracknoise.estimators.exports import Export, Target
+from tracknoise.estimators.exports import SHORTEST_WINDOW, Export, Target
 from tracknoise.estimators.exports import estimator as estimator_of
 from tracknoise.estimators.fit import fitted_fields
 from tracknoise.estimators.model import (
@@ -34,6 +35,8 @@ from tracknoise.estimators.model import (
     Training,
     corrected,
     factor_of,
+    numbers,
+    of_one_length,
 )
 from tracknoise.estimators.track_noise import (
     Reference,
@@ -190,11 +193,15 @@ class NoiseModel:
         UnknownNameError
             If the run has no such tracker or scene.
         SettingsError
-            If it has no such speed, no scene is named, or there are too few errors.
+            If it has no such speed, no scene is named, an argument has a wrong type, or there are too few errors.
         StoreError, SchemaError
             If there is no finished run, or it does not hold what models are fitted to.
         """
-        return cls.fitted_to(training_tables(RunFolder(Path(run)), tracker=tracker, speed=speed, scenes=scenes))
+        require_whole("speed", speed, 1)
+        if scenes is not None:
+            require_list("scenes", scenes, "names")
+        folder = RunFolder(path_of("run", run))
+        return cls.fitted_to(training_tables(folder, tracker=tracker, speed=speed, scenes=scenes))
 
     @classmethod
     def fitted_to(cls, tables: TrainingTables) -> "NoiseModel":
@@ -220,8 +227,9 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If the model has none of this kind.
+            If the model has none of this kind, or the window is no whole number of at least 2 frames.
         """
+        require_whole("window", window, SHORTEST_WINDOW)
         known = [one for one in self.equivalents if (one.landmark, one.purpose) == (landmark, purpose)]
         if not known:
             found = f"the model has no sigma for landmark {landmark} and purpose {purpose}"
@@ -236,7 +244,7 @@ class NoiseModel:
         UnknownNameError
             If there is no such kind of landmark, or no such purpose.
         SettingsError
-            If the model has none of this kind.
+            As `equivalent`.
         """
         kind, use = _named(Landmark, "kind of landmark", landmark), _named(Purpose, "purpose", purpose)
         return self.equivalent(landmark=kind, window=window, purpose=use).sigma
@@ -264,16 +272,16 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If an age is negative, or a magnification is not positive.
+            If an age or a condition is negative, a magnification is not positive, one is infinite, or lengths differ.
         UnknownNameError
             If the model has no such condition.
         """
-        ages, carried, *_ = _spread(age, magnification, *at.values())
+        (ages, carried), factor = _spread(self.conditions, at, age=age, magnification=magnification)
         if not ((ages >= 0.0).all() and (carried > 0.0).all()):
             raise SettingsError(
                 "errors: found a negative age, or M that is not above 0, expected ages from 0 on, and M > 0"
             )
-        return error_covariances(self.components, ages, carried, factor_of(self.conditions, at, len(ages)))
+        return error_covariances(self.components, ages, carried, factor)
 
     def change_covariance(self, *, frames: ArrayLike = 1.0, **at: ArrayLike) -> NDArray[np.float64]:
         """Covariances of what errors change by, after the first frame of a track.
@@ -292,14 +300,14 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If a number of frames is not positive.
+            If a number of frames is not positive, a condition is negative or infinite, or lengths differ.
         UnknownNameError
             If the model has no such condition.
         """
-        (apart, *_) = _spread(frames, *at.values())
+        (apart,), factor = _spread(self.conditions, at, frames=frames)
         if not (apart > 0.0).all():
             raise SettingsError(f"changes: found {apart.min():g} frames in between, expected more than 0")
-        return change_covariances(self.components, apart, factor_of(self.conditions, at, len(apart)))
+        return change_covariances(self.components, apart, factor)
 
     def track_covariance(
         self,
@@ -331,7 +339,8 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If ages do not increase, or a magnification is not positive.
+            If ages do not increase, a magnification is not positive, a condition is negative or infinite, or lengths
+            differ.
         UnknownNameError
             If the model has no such condition, or there is no such reference.
         """
@@ -397,15 +406,22 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            As `track_covariance`, and if the covariance is singular, as that of age 0 about birth.
+            As `track_covariance`, and if residuals have another shape or are not finite, or the covariance is singular,
+            as that of age 0 about birth.
         """
         covariance = self.track_covariance(ages, reference=reference, magnification=magnification, **at)
+        found, length = numbers("residuals", residuals), len(covariance)
+        if found.ndim not in (1, 2) or len(found) != length:
+            expected = f"({length},) or ({length}, n): u and v of each observation in turn"
+            raise SettingsError(f"residuals: found shape {found.shape}, expected {expected}")
+        if not np.isfinite(found).all():
+            raise SettingsError("residuals: found NaN or infinity, expected finite numbers")
         try:
             root = np.linalg.cholesky(covariance)
         except np.linalg.LinAlgError as error:
             expected = "noise in every observation (with reference birth, leave age 0 out)"
             raise SettingsError(f"track: found a singular covariance, expected {expected}") from error
-        return np.asarray(linalg.solve_triangular(root, np.asarray(residuals, dtype=np.float64), lower=True))
+        return np.asarray(linalg.solve_triangular(root, found, lower=True))
 
     def correct(self, uv: ArrayLike, ages: ArrayLike, *, flow: ArrayLike | None = None) -> NDArray[np.float64]:
         """Observed positions without the mean error, (n, 2) px; unchanged where no correction is warranted.
@@ -423,9 +439,13 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If the flow is needed and missing.
+            If the flow is needed and missing, or an array has another shape.
         """
-        return corrected(self.bias, np.asarray(uv, dtype=np.float64), np.asarray(ages, dtype=np.float64), flow)
+        since, observed = numbers("ages", ages), numbers("uv", uv)
+        if since.ndim != 1 or observed.shape != (len(since), 2):
+            found = f"found uv of shape {observed.shape} and ages of shape {since.shape}"
+            raise SettingsError(f"correction: {found}, expected (n, 2) and (n,)")
+        return corrected(self.bias, observed, since, flow)
 
     def advise(self, estimator: str = "filter", *, window: int | None = None) -> Advice:
         """What to set in an estimator, all together: sigma, gates, robust loss and its knee.
@@ -489,7 +509,7 @@ class NoiseModel:
         StoreError
             If the file cannot be written.
         """
-        write_atomically(Path(path), self.text.encode())
+        write_atomically(path_of("path", path), self.text.encode())
 
     @classmethod
     def read(cls, path: str | Path) -> "NoiseModel":
@@ -500,7 +520,7 @@ class NoiseModel:
         DataError
             If it cannot be read, or is not a noise model: with the place, what was found and what was expected.
         """
-        return cls.parse(read_text(Path(path), "a noise model", most=16 * MIB), path)
+        return cls.parse(read_text(path_of("path", path), "a noise model", most=16 * MIB), path)
 
     @classmethod
     def parse(cls, text: str, path: str | Path) -> "NoiseModel":
@@ -530,17 +550,26 @@ def _of_track(
     at: Mapping[str, ArrayLike],
 ) -> NDArray[np.float64]:
     about = _named(Reference, "reference", reference)
-    spread, carried = _spread(ages, magnification)
+    (spread, carried), factor = _spread(conditions, at, ages=ages, magnification=magnification)
     increase = len(spread) > 0 and spread[0] >= 0.0 and bool((np.diff(spread) > 0.0).all())
     if not (increase and (carried > 0.0).all()):
         found = f"ages {spread.tolist()}, magnifications {carried.tolist()}"
         raise SettingsError(f"track: found {found}, expected increasing ages from 0 on, and M > 0")
-    return track_covariance(noise, spread, about, carried, factor_of(conditions, at, len(spread)))
+    return track_covariance(noise, spread, about, carried, factor)
 
 
-def _spread(*values: ArrayLike) -> list[NDArray[np.float64]]:
-    """Arrays of one length, (n,) float64."""
-    return [np.atleast_1d(array).astype(np.float64) for array in np.broadcast_arrays(*values)]
+def _spread(
+    conditions: Sequence[Factor], at: Mapping[str, ArrayLike], **values: ArrayLike
+) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    """Values as rows of one length, and the factor of the conditions there, (n,) float64."""
+    rows = of_one_length(**values, **at)
+    for name, row in zip((*values, *at), rows, strict=True):
+        wrong = row[np.isinf(row) | ((name in at) & (row < 0.0))]
+        if wrong.size:
+            known = "finite numbers from 0 on, or NaN where unknown" if name in at else "finite numbers"
+            raise SettingsError(f"{name}: found {wrong[0]:g}, expected {known}")
+    covariates = dict(zip(at, rows[len(values) :], strict=True))
+    return rows[: len(values)], factor_of(conditions, covariates, len(rows[0]))
 
 
 def _named(kinds: type[_Kind], what: str, name: str) -> _Kind:

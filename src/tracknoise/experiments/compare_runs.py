@@ -27,6 +27,7 @@ from tracknoise.analysis.paired_values import (
     of_differences,
 )
 from tracknoise.analysis.run_changes import ESTIMANDS, OF_ERRORS, Asked, Compared, Comparison, RunSide, Unit
+from tracknoise.checks import path_of, require, require_within
 from tracknoise.estimators.window_noise import scene_quantities
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.resume import LIBRARIES
@@ -597,7 +598,8 @@ def compare(
         If there is no finished run, or one is damaged.
     """
     _require(others, margin, level, ages)
-    known, *compared = _opened([Path(first), *map(Path, others)])
+    _require_choices(trackers, gate)
+    known, *compared = _opened([path_of("run", path) for path in (first, *others)])
     found = [questions(known, run, trackers) for run in compared]
     asked = [one for part in found for one in part.asked]
     sides = tuple(
@@ -614,12 +616,15 @@ def compare(
 def _require(others: Sequence[object], margin: float, level: float, ages: str) -> None:
     if not others:
         raise SettingsError("found one run to compare, expected at least two")
-    if not 0 < margin < float("inf"):
-        raise SettingsError(f"margin is {margin}, expected a number above 0")
-    if not _LEVELS[0] <= level <= _LEVELS[1]:
-        raise SettingsError(f"level is {level}, expected a number from {_LEVELS[0]} to {_LEVELS[1]}")
-    if ages not in list(ComparedAges):
-        raise SettingsError(f"ages is {ages!r}, expected one of {', '.join(ComparedAges)}")
+    require_within("margin", margin, {"gt": 0})
+    require_within("level", level, {"ge": _LEVELS[0], "le": _LEVELS[1]})
+    require(ages in list(ComparedAges), "ages", ages, f"one of {', '.join(ComparedAges)}")
+
+
+def _require_choices(trackers: object, gate: object) -> None:
+    pair = isinstance(trackers, tuple | list) and len(trackers) == 2
+    require(trackers is None or pair, "trackers", trackers, "two names: in the first run, and in the others")
+    require(gate is None or isinstance(gate, Gate), "gate", gate, "what `read_gate` returns")
 
 
 def _opened(paths: Sequence[Path]) -> list[OpenedRun]:

@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.checks import require
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
@@ -352,6 +353,11 @@ class LocatingTruth(Protocol):
         ...
 
 
+def require_measurement(found: object) -> None:
+    """Refuse what is no measurement."""
+    require(isinstance(found, Measurement), "measurement", found, "what tracknoise.measure returns")
+
+
 def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
     """Metrics of TAP-Vid and expected feature age of every tracker and speed of a measured sequence.
 
@@ -370,10 +376,11 @@ def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
     Raises
     ------
     SettingsError
-        If the truth cannot locate points in frames in which they were not observed.
+        If it is no measurement, or the truth cannot locate points in frames in which they were not observed.
     DataError
         If a depth map cannot be read.
     """
+    require_measurement(measurement)
     truth = make_truth(measurement.sequence, measurement.truth)
     if not isinstance(truth, LocatingTruth):
         expected = "birth or raycast, which locate points where they were not observed"

@@ -16,6 +16,7 @@ from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import checked_poses, has_pose
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.tables.identity import SequenceId
+from tracknoise.text import is_printable
 
 _PLACE = "arrays"
 
@@ -68,8 +69,10 @@ class Sequence(RecordedSequence):
         Raises
         ------
         DataError
-            Naming the array, its shape and what was expected.
+            Naming the array, its shape and what was expected; or a name that is no text, or no printable one.
         """
+        for name, value in (("dataset", dataset), ("scene", scene)):
+            _require_name(name, value)
         pictures = _Images(tuple(_gray(index, image) for index, image in _items("images", images)))
         if not len(pictures):
             raise DataError(_PLACE, "no image", "at least one")
@@ -121,6 +124,11 @@ class _Depths:
 
     def __call__(self, index: int) -> DepthMap | None:
         return self.depths[index]
+
+
+def _require_name(name: str, value: object) -> None:
+    if not (isinstance(value, str) and is_printable(value)):
+        raise DataError(_PLACE, f"{name} is {value!r}", "a text in UTF-8 without control characters")
 
 
 def _items(name: str, values: Iterable[Any]) -> Iterator[tuple[int, Any]]:

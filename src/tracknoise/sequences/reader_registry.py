@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
 from pathlib import Path
 
+from tracknoise.checks import path_of
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.plugins import Plugins, plugin_defaults
 from tracknoise.sequences.sequence import Reader, Sequence, SharingReader
@@ -27,6 +28,7 @@ READERS: Plugins[Reader] = Plugins(
         "tartanair": "tracknoise.sequences.tartanair:TartanAir",
         "tum": "tracknoise.sequences.tum:Tum",
     },
+    needs=("name", "description", "needs_root", "sequences", "open"),
     given=frozenset({"root"}),
 )
 
@@ -117,7 +119,7 @@ def open_sequence(
     """
     if isinstance(frames, int):
         options, frames = {**options, "frames": frames}, None
-    made = make_reader(reader, None if root is None else Path(root), options)
+    made = make_reader(reader, None if root is None else path_of("root", root), options)
     return chosen_frames(made.open(select(made, scene, lighting)), frames)
 
 
@@ -143,6 +145,6 @@ def open_sequences(reader: str, root: str | Path | None = None, **options: objec
     TracknoiseError
         If a name is unknown, an option is wrong, or the data cannot be used.
     """
-    made = make_reader(reader, None if root is None else Path(root), options)
+    made = make_reader(reader, None if root is None else path_of("root", root), options)
     for sequence in made.sequences():
         yield made.open(sequence)

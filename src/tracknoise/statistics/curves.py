@@ -20,8 +20,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.checks import require_whole
 from tracknoise.statistics.definitions import NAMES, POOLED, UNITS
-from tracknoise.statistics.grouping import group_rows, in_chunks
+from tracknoise.statistics.grouping import group_rows, in_chunks, tables_of
 from tracknoise.statistics.moments import MOMENT_VALUES, SECOND, merge_groups
 from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Axis, Weighting
@@ -75,6 +76,8 @@ def curves(moments: pl.DataFrame | Iterable[pl.DataFrame], *, min_features: int 
     ------
     SchemaError
         If the table has other columns.
+    SettingsError
+        If `min_features` is no whole number of at least 1.
     """
     return check(_curves(moments, CURVE_COLUMNS, "moments", [], min_features), CURVES, "curves")
 
@@ -110,8 +113,8 @@ def _curves(
     tables: pl.DataFrame | Iterable[pl.DataFrame], schema: Schema, name: str, labels: Sequence[str], min_features: int
 ) -> pl.DataFrame:
     """Curves for each combination of the columns `labels`, which come first."""
-    each = [tables] if isinstance(tables, pl.DataFrame) else tables
-    narrow = (table.drop(_HIGHER, strict=False) for table in each)
+    require_whole("min_features", min_features, 1)
+    narrow = (table.drop(_HIGHER, strict=False) for table in tables_of(tables, name))
     points = _pooled(in_chunks(narrow, schema, name), schema, [*labels, *_POINT])
     keys = _with_cuts(points.select(*labels, *_POINT, "n"), [*labels, *_CURVE], min_features)
     weightings = {Weighting.features: _by_features(points), Weighting.scenes: _by_scenes(points)}

@@ -16,7 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.schema import Schema, check, empty
+from tracknoise.tables.schema import Schema, check, empty, require_table
 
 _ROWS_AT_ONCE = 2**17
 """Rows of small tables that are stacked before they are processed: it costs no more than processing one of them."""
@@ -206,8 +206,14 @@ def reduce_each(
     SchemaError
         If a table does not have the columns of `schema`.
     """
-    each = [tables] if isinstance(tables, pl.DataFrame) else tables
-    return pl.concat([reduce(empty(schema)), *(reduce(check(table, schema, name)) for table in each)])
+    each = (check(table, schema, name) for table in tables_of(tables, name))
+    return pl.concat([reduce(empty(schema)), *map(reduce, each)])
+
+
+def tables_of(tables: object, name: str) -> Iterator[pl.DataFrame]:
+    """Each of one or several tables. Raises SchemaError, naming it, at what is no table."""
+    for table in [tables] if isinstance(tables, pl.DataFrame) or not isinstance(tables, Iterable) else tables:
+        yield require_table(table, name)
 
 
 def in_chunks(
@@ -237,7 +243,7 @@ def in_chunks(
         If a table does not have the columns of `schema`.
     """
     waiting, height = [], 0
-    for table in [tables] if isinstance(tables, pl.DataFrame) else tables:
+    for table in tables_of(tables, name):
         waiting.append(check(table, schema, name))
         height += table.height
         if height >= rows:

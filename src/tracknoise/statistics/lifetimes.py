@@ -11,7 +11,14 @@ import polars as pl
 
 from tracknoise.inference.survival import kaplan_meier
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import group_rows, group_runs, in_chunks, number_combinations, total_if_known
+from tracknoise.statistics.grouping import (
+    group_rows,
+    group_runs,
+    in_chunks,
+    number_combinations,
+    tables_of,
+    total_if_known,
+)
 from tracknoise.statistics.prepared import blocks_of
 from tracknoise.tables.schema import BY_CAUSE, ENDS, FAILURES, LIFETIMES, ORIGIN, TRACKS, Schema, TrackEnd, check, empty
 
@@ -102,8 +109,7 @@ def lifetimes(tracks: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     SchemaError
         If a table has other columns.
     """
-    tables = [tracks] if isinstance(tracks, pl.DataFrame) else tracks
-    return lifetimes_of_ends(count_ends(table) for table in tables)
+    return lifetimes_of_ends(count_ends(table) for table in tables_of(tracks, "tracks"))
 
 
 def lifetimes_of_ends(ends: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import polars as pl
 
+from tracknoise.checks import require, require_whole
 from tracknoise.exceptions import UnknownNameError
 from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
@@ -58,11 +59,15 @@ def summary(
     ------
     UnknownNameError
         If there is no such population.
+    SettingsError
+        If the age or the key frame has another type.
     SchemaError
         If a table has other columns.
     """
     if population not in POPULATIONS:
         raise UnknownNameError("population", population, POPULATIONS)
+    require_whole("age", age, 1)
+    require(isinstance(key_frame, int | Mapping), "key_frame", key_frame, "a frame, or one of each direction")
     zero = pl.when(pl.col("axis") == Axis.frame).then(_key_frame(key_frame)).otherwise(0)
     chosen = (pl.col("at") > zero) & (pl.col("at") <= zero + age)
     points = check(curves, CURVES, "curves").filter(chosen, weighting=Weighting.features, population=population)

@@ -886,8 +886,9 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     Raises
     ------
     SchemaError
-        Naming the first column that differs.
+        Naming the first column that differs, or what is no table.
     """
+    require_table(table, name)
     found = list(zip(table.columns, table.dtypes, strict=True))  # quicker than its schema
     schema = layout_of(schema, table.columns)
     expected = [(column, kind() if isinstance(kind, type) else kind) for column, kind in schema.items()]
@@ -899,6 +900,13 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
     if len(found) > len(expected):
         raise SchemaError(f"{name}: unexpected column {found[len(expected)][0]!r}")
     return table
+
+
+def require_table(found: object, name: str) -> pl.DataFrame:
+    """What was found, if it is a table. Raises SchemaError, naming it, otherwise."""
+    if not isinstance(found, pl.DataFrame):
+        raise SchemaError(f"{name}: found {type(found).__name__}, expected a table (polars.DataFrame)")
+    return found
 
 
 def storable(table: Table) -> Table:

@@ -25,6 +25,7 @@ TRACKERS: Plugins[TrackerSettings] = Plugins(
         "oracle": "tracknoise.trackers.oracle:Oracle",
         "patch": "tracknoise.trackers.aligned_patches:AlignedPatches",
     },
+    needs=("kind", "description", "start"),
 )
 
 
@@ -61,10 +62,10 @@ def is_preset(name: str) -> bool:
 
 
 def descriptions() -> tuple[dict[str, str], dict[str, str]]:
-    """What each tracker does, and each preset, by name."""
-    trackers = {name: TRACKERS.load(name).description for name in TRACKERS.names()}
+    """What each tracker does, and each preset, by name: see `Plugins.descriptions`."""
     presets = {name: load_preset(name) for name in filter(is_preset, preset_names())}
-    return trackers, {name: f"preset of {one.system}: {one.description}" for name, one in presets.items()}
+    described = {name: f"preset of {one.system}: {one.description}" for name, one in presets.items()}
+    return TRACKERS.descriptions(), described
 
 
 def tracker_defaults(kind: str) -> str:

@@ -20,6 +20,7 @@ TRUTHS: Plugins[TruthSource] = Plugins(
         "scan": "tracknoise.truth.scan:KeyFrameScan",
         "triangulated": "tracknoise.truth.triangulated:Triangulated",
     },
+    needs=("kind", "open"),
 )
 
 

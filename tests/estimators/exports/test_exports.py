@@ -479,7 +479,7 @@ def test_a_reason_needs_a_number():
 
 
 def test_a_window_has_two_frames():
-    with pytest.raises(SettingsError, match="window of 1, expected at least 2 frames"):
+    with pytest.raises(SettingsError, match="window is 1, expected a whole number of at least 2"):
         Target(window=1)
 
 

@@ -272,7 +272,7 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If an age or a condition is negative, a magnification is not positive, one is infinite, or lengths differ.
+            If an age is negative, a magnification is not positive, a number is infinite, or lengths differ.
         UnknownNameError
             If the model has no such condition.
         """
@@ -300,7 +300,7 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If a number of frames is not positive, a condition is negative or infinite, or lengths differ.
+            If a number of frames is not positive, a condition is infinite, or lengths differ.
         UnknownNameError
             If the model has no such condition.
         """
@@ -339,8 +339,7 @@ class NoiseModel:
         Raises
         ------
         SettingsError
-            If ages do not increase, a magnification is not positive, a condition is negative or infinite, or lengths
-            differ.
+            If ages do not increase, a magnification is not positive, a condition is infinite, or lengths differ.
         UnknownNameError
             If the model has no such condition, or there is no such reference.
         """
@@ -564,9 +563,9 @@ def _spread(
     """Values as rows of one length, and the factor of the conditions there, (n,) float64."""
     rows = of_one_length(**values, **at)
     for name, row in zip((*values, *at), rows, strict=True):
-        wrong = row[np.isinf(row) | ((name in at) & (row < 0.0))]
+        wrong = row[np.isinf(row)]
         if wrong.size:
-            known = "finite numbers from 0 on, or NaN where unknown" if name in at else "finite numbers"
+            known = "finite numbers, or NaN where unknown" if name in at else "finite numbers"
             raise SettingsError(f"{name}: found {wrong[0]:g}, expected {known}")
     covariates = dict(zip(at, rows[len(values) :], strict=True))
     return rows[: len(values)], factor_of(conditions, covariates, len(rows[0]))

@@ -496,7 +496,7 @@ def test_what_to_set_is_that_of_the_advice(data: ReportData) -> None:
         assert one.sigma.value == rows.filter(quantity="sigma")["value"][0]
         assert one.innovations.value == rows.filter(quantity="innovations")["value"][0]
         assert one.sigma.text == f"0.200{SPACE}px"
-        assert one.limit == f"track gate 0.300 {TIMES} \N{GREEK SMALL LETTER CHI}²(.95)"
+        assert one.limit == f"track gate 0.300{SPACE}{TIMES}{SPACE}\N{GREEK SMALL LETTER CHI}²(.95)"
         assert one.window == rows["window"][0]
         assert not one.is_bound
     untrusted = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
@@ -507,7 +507,7 @@ def test_a_robust_loss_is_named_with_its_knee() -> None:
     assert limit_text("cauchy", {"knee": 1.25}) == "Cauchy loss, knee 1.25 sigma"
     assert (
         limit_text(None, {"observation_gate": 0.5})
-        == f"observation gate 0.500 {TIMES} \N{GREEK SMALL LETTER CHI}²(.95)"
+        == f"observation gate 0.500{SPACE}{TIMES}{SPACE}\N{GREEK SMALL LETTER CHI}²(.95)"
     )
     assert limit_text(None, {}) == ""
 

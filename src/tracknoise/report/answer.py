@@ -16,7 +16,7 @@ from tracknoise.report import small_plots
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.trust import TruthVerdict
-from tracknoise.words import TIMES, number, pixels, px
+from tracknoise.words import SPACE, TIMES, number, pixels, px
 
 
 def summarise(data: ReportData) -> Summary:
@@ -76,11 +76,13 @@ def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
     """
     if kernel is not None and "knee" in factors:
         return f"{kernel.title()} loss, knee {number(factors['knee'])} sigma"
-    gates = [f"{name} gate {number(factors[key])} {_TIMES_QUANTILE}" for name, key in _GATES.items() if key in factors]
+    gates = [
+        f"{name} gate {number(factors[key])}{SPACE}{_TIMES_QUANTILE}" for name, key in _GATES.items() if key in factors
+    ]
     return next(iter(gates), "")
 
 
-_TIMES_QUANTILE = f"{TIMES} \N{GREEK SMALL LETTER CHI}²(.95)"
+_TIMES_QUANTILE = f"{TIMES}{SPACE}\N{GREEK SMALL LETTER CHI}²(.95)"
 _GATES = {"track": "track_gate", "observation": "observation_gate"}
 
 

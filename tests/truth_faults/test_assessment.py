@@ -103,7 +103,7 @@ def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> Non
     assert "calibration" in either.step
     motion = verdict(audit=audit(faults=(0.28, 0.0, 0.5)), **seen)
     assert motion.text.startswith("Camera motions that the poses lack explain 31.0")
-    assert "bundle adjustment" in motion.step
+    assert "bundle-adjusted" in motion.step
 
 
 @pytest.mark.parametrize(

@@ -507,7 +507,7 @@ _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a 
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
-_POSES = "Use poses of global bundle adjustment, or compare trackers at the same corners."
+_POSES = "Use globally bundle-adjusted poses, or compare trackers at the same corners."
 _NAMES: Mapping[TruthCause, str] = {
     TruthCause.poses: "camera motions that the poses lack",
     TruthCause.any_fault: "constant faults, as of the calibration or the clock,",

@@ -184,13 +184,13 @@ def test_a_panic_that_an_interruption_caused_ends_like_it(signalled, monkeypatch
                 signal.raise_signal(signal.SIGINT)
         panicked(KeyboardInterrupt)
 
-    monkeypatch.setattr(reader_registry, "READERS", SimpleNamespace(names=interrupted))
+    monkeypatch.setattr(reader_registry, "READERS", SimpleNamespace(descriptions=interrupted))
     text = "tracknoise: error: interrupted; run the same command again to resume\n"
     assert tracknoise("datasets") == (130, "", text)
 
 
 def test_another_panic_is_an_internal_error_of_one_line(monkeypatch, tracknoise):
-    monkeypatch.setattr(reader_registry, "READERS", SimpleNamespace(names=lambda: panicked(ValueError)))
+    monkeypatch.setattr(reader_registry, "READERS", SimpleNamespace(descriptions=lambda: panicked(ValueError)))
     status, _, errors = tracknoise("datasets")
     assert status == 1
     assert errors.startswith("tracknoise: error: internal error (PanicException: called `Result::unwrap()`")

@@ -283,12 +283,12 @@ def _by_camera(frame: NDArray[np.int64], context: SequenceContext) -> Iterator[t
 _Taken = tuple[Rows, int]
 
 
-def in_seconds(rows: Rows, offset_s: float) -> Rows:
-    """The same rows with times in seconds, an offset added. Nanoseconds are added as whole numbers."""
+def in_seconds(rows: Rows, offset_s: float, start_ns: int = 0) -> Rows:
+    """The same rows with times in seconds after a start, an offset added. Nanoseconds are added as whole numbers."""
     if rows.time_ns is not None:
-        return replace(rows, time_s=(rows.time_ns + round(1e9 * offset_s)) / 1e9, time_ns=None)
+        return replace(rows, time_s=(rows.time_ns - start_ns + round(1e9 * offset_s)) / 1e9, time_ns=None)
     assert rows.time_s is not None, "there are times"
-    return replace(rows, time_s=rows.time_s + offset_s)
+    return replace(rows, time_s=rows.time_s + offset_s - 1e-9 * start_ns)
 
 
 def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
@@ -422,11 +422,10 @@ class Assignment:
     def _timed(self, rows: Rows, frames_s: NDArray[np.float64], start_ns: int | None) -> Rows:
         """Rows with times in seconds of the sequence. Those of the clock of the recording are nearer to its start."""
         timed = in_seconds(rows, self.time_offset_s)
-        if start_ns is None or abs(_times(timed).min() - 1e-9 * start_ns) >= abs(_times(timed).min() - frames_s[0]):
+        first = _times(timed).min()
+        if start_ns is None or abs(first - 1e-9 * start_ns) >= abs(first - frames_s[0]):
             return timed
-        if rows.time_ns is not None:
-            return in_seconds(replace(rows, time_ns=rows.time_ns - start_ns), self.time_offset_s)
-        return replace(timed, time_s=_times(timed) - 1e-9 * start_ns)
+        return in_seconds(rows, self.time_offset_s, start_ns)
 
     def _largest_gap_s(self, frames_s: NDArray[np.float64], source: range | None) -> float:
         """By default a share of the median time between frames of the recording."""

@@ -179,7 +179,7 @@ class _Bounds:
         A motion that no other tracker can confirm has to explain most.
         """
         shares = {TruthCause.poses: self.causes[TruthCause.poses], TruthCause.depths: self.depth_maps}
-        least = {TruthCause.poses: MOST if self.is_alone else SMALL, TruthCause.depths: SMALL}
+        least = {TruthCause.poses: _least_of_motion(is_alone=self.is_alone), TruthCause.depths: SMALL}
         sure = {cause: share.value for cause, share in shares.items() if share and share.low > least[cause]}
         return max(sure, key=sure.__getitem__, default=None)
 
@@ -300,9 +300,14 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
         found.append(_Bounds(tracker, size, known, _bound(known), depth_maps, is_alone=others is None))
         if (stated := size.stated_share) is not None:
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
-            by_poses.append(poses.low > max(stated, MOST if others is None else SMALL))
+            by_poses.append(poses.low > max(stated, _least_of_motion(is_alone=others is None)))
     is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
     return _common(found if is_faulty or is_refuted else [_as_stated(one) for one in found], evidence)
+
+
+def _least_of_motion(*, is_alone: bool) -> float:
+    """What a motion of the camera has to explain surely to be established, by one tracker alone or by several."""
+    return MOST if is_alone else SMALL
 
 
 def _as_stated(bounds: _Bounds) -> _Bounds:
@@ -515,10 +520,10 @@ _NAMES: Mapping[TruthCause, str] = {
 }
 _CAUSES = {cause: f"{name} could explain" for cause, name in _NAMES.items()}
 _ESTABLISHED: Mapping[TruthCause, str] = {
-    TruthCause.poses: "camera motions that the poses lack explain",
+    TruthCause.poses: f"{_NAMES[TruthCause.poses]} explain",
     TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
 }
-_EITHER = "camera motions that the poses lack, or constant faults that look like them, explain"
+_EITHER = f"{_NAMES[TruthCause.poses]}, or constant faults that look like them, explain"
 _STEPS: Mapping[TruthCause, str] = {
     TruthCause.any_fault: (
         "Measure a recording with more motion and more different depths, or state the accuracy of the calibration and "

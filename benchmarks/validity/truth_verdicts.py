@@ -377,12 +377,14 @@ def _only(values: pl.Series) -> float | None:
 
 
 def size_of(measured: Measurement, tracker: str) -> ErrorSize:
-    """Size of the errors of a tracker at `REFERENCE_AGE`, and of what the stated accuracy makes of them there."""
+    """Size of the errors of a tracker at `REFERENCE_AGE`, and of what the stated accuracy makes up to there."""
     error = near_errors(measured, tracker).filter(age=REFERENCE_AGE)
-    floor = truth_floor(measured.floors).filter(tracker=tracker, source="all", axis="age", at=REFERENCE_AGE)
-    stated = _only(floor["floor_uu"] + floor["floor_vv"])
+    floor = truth_floor(measured.floors).filter(
+        pl.col("at") <= REFERENCE_AGE, tracker=tracker, source="all", axis="age"
+    )
+    stated = {age: np.sqrt(uu + vv) for age, uu, vv in floor.select("at", "floor_uu", "floor_vv").iter_rows()}
     error_px = float(np.sqrt((error["du_px"] ** 2 + error["dv_px"] ** 2).mean()))
-    return ErrorSize(REFERENCE_AGE, error_px, None if stated is None else np.sqrt(stated))
+    return ErrorSize(REFERENCE_AGE, error_px, stated or None)
 
 
 def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:

@@ -121,7 +121,7 @@ def test_a_limited_truth_says_what_limits_it_where_no_cause_surely_explains_much
     assert "Random errors of depths have the largest part in this bound." in by_chance.text
     faults = verdict(audit=audit(faults=(0.05, 0.0, 0.3)))
     assert "Constant faults, as of the calibration or the clock, have the largest part in this bound." in faults.text
-    stated = verdict(audit=audit(depths=(0.05, 0.0, 0.3)), sizes={"lk": ErrorSize(10, 0.5, 0.2)})
+    stated = verdict(audit=audit(depths=(0.05, 0.0, 0.3)), sizes={"lk": ErrorSize(10, 0.5, {10: 0.2})})
     assert stated.verdict is Trust.limited
     assert "largest part" not in stated.text
     by_maps = verdict(audit=audit(depths=(0.05, 0.0, 0.3), maps=(0.06, 0.04, 0.08)))
@@ -194,10 +194,11 @@ def test_mistakes_and_fitted_points_decide_before_all_else() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stated_px", "expected"), [(0.0, "trusted"), (0.1, "trusted"), (0.3, "limited"), (None, "unknown")]
+    ("stated", "expected"),
+    [({10: 0.0}, "trusted"), ({10: 0.1}, "trusted"), ({10: 0.3}, "limited"), (None, "unknown")],
 )
-def test_a_stated_accuracy_bounds_what_tracks_cannot(stated_px: float | None, expected: str) -> None:
-    wide = {"audit": audit(faults=(0.3, -0.5, 1.0)), "sizes": {"lk": ErrorSize(10, 0.5, stated_px)}}
+def test_a_stated_accuracy_bounds_what_tracks_cannot(stated: dict[int, float] | None, expected: str) -> None:
+    wide = {"audit": audit(faults=(0.3, -0.5, 1.0)), "sizes": {"lk": ErrorSize(10, 0.5, stated)}}
     assert verdict(**wide).verdict == expected
     assert verdict(**wide, pose_shares=poses(lk=((0.8, 0.7, 0.9), None))).verdict == Trust.not_trusted
 
@@ -210,13 +211,35 @@ def test_a_stated_accuracy_bounds_what_tracks_cannot(stated_px: float | None, ex
 def test_a_motion_of_a_single_tracker_does_not_contradict_an_exact_truth(
     own: Share, others: Share | None, expected: str
 ) -> None:
-    sizes = {"lk": ErrorSize(10, 0.5, 0.0)}
+    sizes = {"lk": ErrorSize(10, 0.5, {10: 0.0})}
     assert verdict(sizes=sizes, pose_shares=poses(lk=(own, others))).verdict == expected
 
 
+def test_what_is_stated_is_compared_with_errors_of_all_ages() -> None:
+    """White noise of poses is as large at age 1 as at age 10, where the errors are larger."""
+    rows = [
+        {
+            "tracker": "lk",
+            "correction": "measured",
+            "age": age,
+            "n": n,
+            "core_u_px": px,
+            "core_v_px": 0.0,
+            "near_px": px,
+        }
+        for age, n, px in ((1, 300, 0.1), (10, 100, 0.5))
+    ]
+    curves = pl.DataFrame(rows, schema=dict(AUDIT_CURVES))
+    white = {"curves": curves, "sizes": {"lk": ErrorSize(10, 0.5, {1: 0.05, 10: 0.05})}}
+    found = table(**white).filter(cause="stated")
+    assert found["share"].item() == pytest.approx((300 * 0.05**2 / 0.1**2 + 100 * 0.05**2 / 0.5**2) / 400)
+    assert found["bound_px"].item() == 0.05
+    assert verdict(**white, audit=audit(faults=(0.3, -0.5, 1.0))).verdict is Trust.limited
+
+
 def test_a_stated_accuracy_does_not_hide_what_the_tracks_show() -> None:
-    seen = {"sizes": {"lk": ErrorSize(10, 0.5, 0.05)}, "pose_shares": poses(lk=((0.15, 0.05, 0.3), (0.1, 0.02, 0.2)))}
-    found = verdict(**seen)
+    shown = poses(lk=((0.15, 0.05, 0.3), (0.1, 0.02, 0.2)))
+    found = verdict(sizes={"lk": ErrorSize(10, 0.5, {10: 0.05})}, pose_shares=shown)
     assert found.verdict == Trust.limited
     assert "up to 15.0" in found.text  # the upper bound alone would be more
 
@@ -226,7 +249,7 @@ def test_too_few_tracks_leave_what_is_stated() -> None:
     assert verdict(audit=few).verdict == Trust.unknown
     assert "only 20 observations" in verdict(audit=few).text
     for stated, expected in ((0.0, Trust.trusted), (0.2, Trust.limited), (0.45, Trust.unknown)):
-        assert verdict(audit=few, sizes={"lk": ErrorSize(10, 0.5, stated)}).verdict == expected
+        assert verdict(audit=few, sizes={"lk": ErrorSize(10, 0.5, {10: stated})}).verdict == expected
 
 
 @pytest.mark.parametrize(
@@ -374,7 +397,7 @@ def test_depth_maps_tell_what_random_depths_explain_that_grow_with_the_square(pe
 
 def test_depth_maps_that_disagree_contradict_an_exact_truth() -> None:
     """No tracker has a part in that, so that less of it is enough than of what the tracks show."""
-    exact, bound = {"lk": ErrorSize(10, 0.5, 0.0)}, (0.2, 0.1, 0.3)
+    exact, bound = {"lk": ErrorSize(10, 0.5, {10: 0.0})}, (0.2, 0.1, 0.3)
     rounding, noise = (0.002, 0.001, 0.004), (0.06, 0.04, 0.08)
     assert verdict(sizes=exact, audit=audit(depths=bound, maps=rounding)).verdict == Trust.trusted
     assert verdict(sizes=exact, audit=audit(depths=bound, maps=noise)).verdict == Trust.limited

@@ -1,7 +1,7 @@
 """The audit of a run's truth, and the verdict on it, from the tables of its sequences."""
 
 from collections.abc import Mapping
-from math import hypot
+from math import hypot, sqrt
 from statistics import fmean
 
 import polars as pl
@@ -77,10 +77,11 @@ def trust_table(
     rigid = [empty(RIGID), *(table.filter(*shown) for table in run.stored_tables("rigid"))]
     summary = tables["summary"].filter(*shown, pl.col("tracker").is_in(seen or every))
     states = all(entry.states_accuracy for entry in entries)
+    floor = tables["floor"].filter(*shown, source="all", axis="age")
     evidence = TruthEvidence(
         audit=tables["audit"],
         pose_shares=tables["pose_share"].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
-        sizes=_sizes(summary, str(experiment.findings.trimming), states=states),
+        sizes=_sizes(summary, str(experiment.findings.trimming), floor if states else floor.clear()),
         curves=tables["audit_curves"],
         mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
         cautions=_each(entries, "cautions"),
@@ -96,14 +97,14 @@ def _each(entries: list[SequenceEntry], name: str) -> list[str]:
     return list(dict.fromkeys(sentence for entry in entries for sentence in getattr(entry, name)))
 
 
-def _sizes(summary: pl.DataFrame, trimming: str, *, states: bool) -> dict[str, ErrorSize]:
-    """Size of the errors of each tracker whose errors are known, and of what is stated of the truth."""
+def _sizes(summary: pl.DataFrame, trimming: str, floor: pl.DataFrame) -> dict[str, ErrorSize]:
+    """Size of the errors of each tracker whose errors are known, and by age of what is stated of the truth."""
     found = {}
     for row in summary.drop_nulls("at").to_dicts():
-        floor = (row["floor_u_px"], row["floor_v_px"])
+        stated = floor.filter(pl.col("at") <= row["at"], tracker=row["tracker"]).select("at", "floor_uu", "floor_vv")
         found[row["tracker"]] = ErrorSize(
             age=row["at"],
             error_px=hypot(row[f"{trimming}_rms_u_px"], row[f"{trimming}_rms_v_px"]),
-            stated_px=hypot(*floor) if states and None not in floor else None,
+            stated_px={age: sqrt(uu + vv) for age, uu, vv in stated.iter_rows()} or None,
         )
     return found

@@ -725,7 +725,7 @@ AUDIT_CURVES: Schema = {
     "n": pl.Int64,
     **dict.fromkeys(("mean_u_px", "mean_v_px"), pl.Float64),
     **dict.fromkeys(("second_uu", "second_vv"), pl.Float64),
-    **dict.fromkeys(("core_u_px", "core_v_px"), pl.Float64),
+    **dict.fromkeys(("core_u_px", "core_v_px", "near_px"), pl.Float64),
 }
 """Errors of the audited observations by age: as `measured`, with each named fault corrected, and with `all` of them.
 
@@ -733,7 +733,8 @@ A fault is corrected together with those that were named before it.
 
 A correction is applied to units that took no part in its fit. Outliers are left out of all columns, the same ones for
 every correction: errors that are longer, after all corrections, than five times the median length of their tracker
-and age. core is 1.4826 times the median absolute error.
+and age. core is 1.4826 times the median absolute error. near_px is the RMS length of those up to three robust scales,
+which shares that are explained are of.
 """
 
 

@@ -57,12 +57,13 @@ class ErrorSize:
     error_px
         RMS, both coordinates together, px.
     stated_px
-        What the stated accuracy of the truth can cause; None where poses or depths have none.
+        RMS that the stated accuracy of the truth can cause, px, by age up to this one; None where poses or depths have
+        none.
     """
 
     age: int
     error_px: float
-    stated_px: float | None = None
+    stated_px: Mapping[int, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,28 +128,36 @@ class _Size:
 
     Shares are in units of the robust scale. With heavy tails, the RMS within the wider limits of the audit's curves can
     be 1.8 times as large, which makes what is stated look small.
+
+    stated_px, stated_share: RMS at this age that the stated accuracy can cause, and its share of the squared errors of
+    all audited ages up to it, as of other causes; None where it is not stated. White noise of poses moves young
+    observations as far as old ones, whose errors are larger.
     """
 
     age: int
     px: float
-    stated_px: float | None
     is_core: bool
+    stated_px: float | None = None
+    stated_share: float | None = None
 
     @classmethod
     def of(cls, tracker: str, size: ErrorSize, curves: pl.DataFrame) -> "_Size":
         """Of a tracker: at the last audited age up to that of its size."""
-        rows = curves.filter(pl.col("age") <= size.age, tracker=tracker, correction=MEASURED).sort("age")
-        if rows.is_empty():
-            return cls(size.age, size.error_px, size.stated_px, is_core=False)
-        core_px = hypot(rows["core_u_px"][-1], rows["core_v_px"][-1])
-        return cls(size.age, core_px, size.stated_px, is_core=True)
+        rows = curves.filter(pl.col("age") <= size.age, tracker=tracker, correction=MEASURED).sort("age").to_dicts()
+        px = hypot(rows[-1]["core_u_px"], rows[-1]["core_v_px"]) if rows else size.error_px
+        found, stated = cls(size.age, px, is_core=bool(rows)), size.stated_px
+        if not stated:
+            return found
+        of_last = stated[max(stated)]
+        parts = [(row["n"], _part(stated[row["age"]], row["near_px"])) for row in rows if row["age"] in stated]
+        n = sum(count for count, _ in parts)
+        share = sum(count * part for count, part in parts) / n if n else _part(of_last, px)
+        return replace(found, stated_px=of_last, stated_share=share)
 
-    @property
-    def stated_share(self) -> float | None:
-        """Share of the squared error that the stated accuracy can cause; None where it is not stated."""
-        if self.stated_px is None:
-            return None
-        return min((self.stated_px / self.px) ** 2, 1.0) if self.px > 0.0 else float(self.stated_px > 0.0)
+
+def _part(stated_px: float, px: float) -> float:
+    """Share of a squared error that a stated accuracy can cause, at most 1."""
+    return min((stated_px / px) ** 2, 1.0) if px > 0.0 else float(stated_px > 0.0)
 
 
 @dataclass(frozen=True, slots=True)

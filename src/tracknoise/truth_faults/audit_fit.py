@@ -292,8 +292,17 @@ MEDIAN_TO_CORE = 1.4826
 def curves(samples: AuditSamples, errors: Mapping[str, NDArray[np.float64]], dataset: str) -> pl.DataFrame:
     """Table `AUDIT_CURVES`."""
     good = _inliers(samples, errors)
+    squares = {name: np.sum(error**2, axis=1) for name, error in errors.items()}
+    near = {name: squares[name] <= _MOST * scales(samples.group, error) ** 2 for name, error in errors.items()}
     rows = [
-        {"dataset": dataset, "tracker": name, "correction": correction, "age": int(age), **_moments(error[chosen])}
+        {
+            "dataset": dataset,
+            "tracker": name,
+            "correction": correction,
+            "age": int(age),
+            **_moments(error[chosen]),
+            "near_px": _rms(squares[correction][chosen & near[correction]]),
+        }
         for tracker, name in enumerate(samples.trackers)
         for age in np.unique(samples.age[samples.tracker == tracker]).tolist()
         for chosen in [good & (samples.tracker == tracker) & (samples.age == age)]
@@ -301,6 +310,10 @@ def curves(samples: AuditSamples, errors: Mapping[str, NDArray[np.float64]], dat
         if chosen.any()
     ]
     return pl.DataFrame(rows, schema=dict(AUDIT_CURVES))
+
+
+def _rms(squares: NDArray[np.float64]) -> float:
+    return float(np.sqrt(squares.sum() / max(len(squares), 1)))
 
 
 def second_moments(samples: AuditSamples, errors: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:

@@ -63,26 +63,31 @@ def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[
 
 
 def _size(sequence: Sequence, followed: Followed, samples: AuditSamples) -> ErrorSize:
-    """Size of the errors at the last age up to the reference age, and of what is stated of the truth."""
+    """Size of the errors at the last age up to the reference age, and by age of what is stated of the truth."""
     ages, counts = np.unique(samples.age[samples.age <= REFERENCE_AGE], return_counts=True)
     age = int(max(ages[counts >= _FEWEST], default=ages[np.argmax(counts)] if len(ages) else 0))
     some = samples.chosen(np.flatnonzero(samples.age == age))
     square = float(np.mean(np.sum((some.observed - some.stated) ** 2, axis=1)))
-    return ErrorSize(age, sqrt(square), _stated_px(sequence, followed, some))
+    return ErrorSize(
+        age, sqrt(square), _stated_px(sequence, followed, samples.chosen(np.flatnonzero(samples.age <= age)))
+    )
 
 
-def _stated_px(sequence: Sequence, followed: Followed, samples: AuditSamples) -> float | None:
-    """RMS that the stated accuracy can cause, px; None where poses or depths have none."""
+def _stated_px(sequence: Sequence, followed: Followed, samples: AuditSamples) -> dict[int, float] | None:
+    """RMS that the stated accuracy can cause, px, by age; None where poses or depths have none."""
     kind = TruthKind.raycast if sequence.surface is not None else TruthKind.birth
     known = known_accuracy(sequence, kind)
     if not known.is_complete:
         return None
     errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=frame_step(sequence))
     if errors.is_exact:
-        return 0.0
+        return dict.fromkeys(map(int, samples.age), 0.0)
     points = _points(sequence, followed, samples)
-    traces = [np.trace(sum(found.covariance.values()), axis1=1, axis2=2) for _, found in errors.of(points)]
-    return sqrt(float(np.nanmean(np.concatenate(traces))))
+    squares = np.full(len(samples.age), np.nan)
+    for rows, found in errors.of(points):
+        squares[rows] = np.trace(sum(found.covariance.values()), axis1=1, axis2=2)
+    known = np.isfinite(squares)
+    return {int(age): sqrt(squares[known & (samples.age == age)].mean()) for age in np.unique(samples.age[known])}
 
 
 def _points(sequence: Sequence, followed: Followed, samples: AuditSamples) -> AnchoredPoints:

@@ -13,10 +13,14 @@ from tracknoise.exceptions import SettingsError
 from tracknoise.report.noise_cells import model_sentences
 
 
-def recording(*, focal: float | None = 460.0, rate: float | None = 20.0, width: int = 640) -> pl.DataFrame:
+def recording(
+    *, focal: float | None = 460.0, taller: float = 1.0, rate: float | None = 20.0, width: int = 640
+) -> pl.DataFrame:
     times = [None] * 3 if rate is None else [frame / rate for frame in range(3)]
-    kinds = {"time_s": pl.Float64, "width": pl.Int32, "height": pl.Int32, "fx_px": pl.Float64}
-    return pl.DataFrame({"time_s": times, "width": [width] * 3, "height": [480] * 3, "fx_px": [focal] * 3}, kinds)
+    kinds = {"time_s": pl.Float64, "width": pl.Int32, "height": pl.Int32, "fx_px": pl.Float64, "fy_px": pl.Float64}
+    in_v = None if focal is None else taller * focal
+    row = {"width": width, "height": 480, "fx_px": focal, "fy_px": in_v}
+    return pl.DataFrame([{"time_s": time, **row} for time in times], kinds)
 
 
 def test_recordings_of_one_camera_give_its_numbers() -> None:
@@ -26,6 +30,10 @@ def test_recordings_of_one_camera_give_its_numbers() -> None:
     assert found.notes == ()
     untimed = recorded_camera({"a": recording(rate=None), "b": recording(rate=None)})
     assert (untimed.rate_hz, untimed.notes) == (None, ())
+
+
+def test_one_focal_length_stands_for_those_in_u_and_v() -> None:
+    assert recorded_camera({"a": recording(taller=1.21)}).focal_px == pytest.approx(506.0)
 
 
 def test_what_recordings_do_not_have_in_common_is_not_stated_but_noted() -> None:

@@ -52,9 +52,11 @@ def reference_view(table: pl.DataFrame) -> dict[str, Any]:
 def recorded_camera(cameras: Mapping[str, pl.DataFrame]) -> CameraOfModel:
     """The camera of recordings. What differs by more than `TOLERANCE` is not known of the model, and noted.
 
+    The focal length is the geometric mean of those in u and v: estimators in normalised units take one number for both.
     `cameras`: schema `CAMERAS`, at least one row each, by the key of the sequence.
     """
-    focal = [value for table in cameras.values() for value in table["fx_px"].unique().to_list()]
+    both = (pl.col("fx_px") * pl.col("fy_px")).sqrt()
+    focal = [value for table in cameras.values() for value in table.select(both).to_series().unique().to_list()]
     if not any(focal):
         key = next(iter(cameras))
         raise SettingsError(

@@ -14,24 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tracknoise.geometry.projection import cross_matrices
 from tracknoise.truth_faults.audit_samples import Moving, Paths, steps
 from tracknoise.truth_faults.fault_parameters import Corrections, Parameter
 
 _SMALL_ANGLE = 1e-4
 
 
-def crossed(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 3, 3): the matrices whose products with others are cross products with these vectors (n, 3)."""
-    found = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    found[:, 2, 1], found[:, 0, 2], found[:, 1, 0] = x, y, z
-    return found - np.swapaxes(found, 1, 2)
-
-
 def right_jacobian(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """J with Exp(v + d) = Exp(v) Exp(J d) for small d: of rotation vectors (n, 3), (n, 3, 3) (Sola 2018, eq. 143)."""
     first, second = (one[:, :, None] for one in _coefficients(vectors))
-    cross = crossed(vectors)
+    cross = cross_matrices(vectors)
     return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
 
 

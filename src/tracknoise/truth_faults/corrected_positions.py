@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.cameras import Camera, Intrinsics
-from tracknoise.geometry.projection import projection_jacobian
+from tracknoise.geometry.projection import cross_matrices, projection_jacobian
 from tracknoise.truth_faults.audit_samples import AuditSamples
-from tracknoise.truth_faults.corrected_motion import CorrectedMotion, crossed, right_jacobian
+from tracknoise.truth_faults.corrected_motion import CorrectedMotion, right_jacobian
 from tracknoise.truth_faults.fault_parameters import PLACES, SLICES, Corrections, Parameter, Part
 
 INTRINSIC = 4
@@ -210,7 +210,7 @@ class WorldPoints:
                 return self._by_depth()
             case Part.rotation:
                 turned = right_jacobian(self.corrections.of(Parameter.mounting_rotation)[None])
-                return -self._to_world @ crossed(self._in_camera) @ turned
+                return -self._to_world @ cross_matrices(self._in_camera) @ turned
             case Part.translation:
                 return self._motion.rotation
             case Part.time:
@@ -218,7 +218,7 @@ class WorldPoints:
                 return np.asarray(self._pace[:, :, None] * factors[:, None, :])
             case Part.path:
                 turns, moves = self._motion.by_path()
-                return moves - self._motion.rotation @ crossed(self._on_sensor) @ turns
+                return moves - self._motion.rotation @ cross_matrices(self._on_sensor) @ turns
 
     def _by_depth(self) -> NDArray[np.float64]:
         steep = (self._depth / self._in_line)[:, None] ** 2 * self._sight.point
@@ -322,7 +322,7 @@ class LaterPositions:
                 return of_points
             case Part.rotation:
                 turned = right_jacobian(-self.corrections.of(Parameter.mounting_rotation)[None])
-                return of_points + self._by_sensor @ crossed(self._from_mounting) @ turned
+                return of_points + self._by_sensor @ cross_matrices(self._from_mounting) @ turned
             case Part.translation:
                 return of_points - self._by_sensor
             case Part.time:
@@ -330,7 +330,7 @@ class LaterPositions:
                 return of_points + self.pace[:, :, None] * self._motion.by_times(phase)[:, None, :]
             case Part.path:
                 turns, moves = self._motion.by_path()
-                back = crossed(self._on_sensor) @ turns - self._from_world @ moves
+                back = cross_matrices(self._on_sensor) @ turns - self._from_world @ moves
                 return of_points + self._by_sensor @ back
 
     @cached_property

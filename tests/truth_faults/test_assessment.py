@@ -215,8 +215,16 @@ def test_a_motion_of_a_single_tracker_does_not_contradict_an_exact_truth(
     assert verdict(sizes=sizes, pose_shares=poses(lk=(own, others))).verdict == expected
 
 
+def test_depths_that_their_maps_contradict_are_not_to_be_stated_but_replaced() -> None:
+    better = "Use more accurate depths, or a recording with less parallax."
+    shown = {"depths": (0.4, 0.3, 0.7), "maps": (0.37, 0.3, 0.4)}
+    assert verdict(audit=audit(**shown)).step == better
+    assert verdict(audit=audit(**shown), sizes={"lk": ErrorSize(10, 0.5, {10: 0.1})}).step == better
+    assert "State the accuracy of the depths" in verdict(audit=audit(depths=(0.4, 0.0, 0.7))).step
+
+
 def test_what_is_stated_is_compared_with_errors_of_all_ages() -> None:
-    """White noise of poses is as large at age 1 as at age 10, where the errors are larger."""
+    """White noise of poses is as large at age 1 as at age 10, where the errors are larger; a drift is not."""
     rows = [
         {
             "tracker": "lk",
@@ -234,6 +242,8 @@ def test_what_is_stated_is_compared_with_errors_of_all_ages() -> None:
     found = table(**white).filter(cause="stated")
     assert found["share"].item() == pytest.approx((300 * 0.05**2 / 0.1**2 + 100 * 0.05**2 / 0.5**2) / 400)
     assert found["bound_px"].item() == 0.05
+    drift = table(curves=curves, sizes={"lk": ErrorSize(10, 0.5, {1: 0.01, 10: 0.2})}).filter(cause="stated")
+    assert drift["share"].item() == pytest.approx(0.2**2 / 0.5**2)
     assert verdict(**white, audit=audit(faults=(0.3, -0.5, 1.0))).verdict is Trust.limited
 
 
@@ -393,6 +403,15 @@ def test_depth_maps_tell_what_random_depths_explain_that_grow_with_the_square(pe
     assert found is not None
     assert found.value == pytest.approx(planted, rel=0.35)
     assert explained(wrong, available(wrong)).depth_maps is None
+
+
+def test_rounding_of_depths_explains_nothing_of_errors_that_are_rounding() -> None:
+    exact = make_samples(np.random.default_rng(2), WORLD, theta_of({}))
+    rounded = np.full(len(exact.depth), 1e-8)
+    found = explained(replace(exact, observed=exact.stated + 1e-9, depth_sd=rounded), available(exact))
+    assert found.depth_maps is not None
+    assert found.depth_maps.high < 1e-6
+    assert found.depths.high < 1e-6
 
 
 def test_depth_maps_that_disagree_contradict_an_exact_truth() -> None:

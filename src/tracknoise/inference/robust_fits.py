@@ -25,7 +25,8 @@ from scipy import special
 FREEDOM = 4.0
 """Degrees of freedom of Student's distribution, for residuals in two coordinates."""
 _RAYLEIGH_MEDIAN = 1.1774100225154747
-_LEAST_PX = 1e-3
+LEAST_PX = 1e-3
+"""Smaller errors are none."""
 
 
 def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -49,7 +50,7 @@ def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np
     known = np.bincount(group, np.isfinite(length)).astype(np.intp)
     low, high = last - count + np.maximum(known - 1, 0) // 2, last - count + known // 2
     median = 0.5 * (of_groups[low] + of_groups[np.minimum(high, len(length) - 1)])
-    scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), _LEAST_PX)[group]
+    scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), LEAST_PX)[group]
     return scale
 
 

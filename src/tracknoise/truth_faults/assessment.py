@@ -129,9 +129,9 @@ class _Size:
     Shares are in units of the robust scale. With heavy tails, the RMS within the wider limits of the audit's curves can
     be 1.8 times as large, which makes what is stated look small.
 
-    stated_px, stated_share: RMS at this age that the stated accuracy can cause, and its share of the squared errors of
-    all audited ages up to it, as of other causes; None where it is not stated. White noise of poses moves young
-    observations as far as old ones, whose errors are larger.
+    stated_px, stated_share: RMS at this age that the stated accuracy can cause, and its share of the squared errors;
+    None where it is not stated. The share is the larger one of that of this age and that of all audited ages up to it:
+    white noise of poses moves young observations as far as old ones, whose errors are larger; a drift does not.
     """
 
     age: int
@@ -150,9 +150,10 @@ class _Size:
             return found
         of_last = stated[max(stated)]
         parts = [(row["n"], _part(stated[row["age"]], row["near_px"])) for row in rows if row["age"] in stated]
-        n = sum(count for count, _ in parts)
-        share = sum(count * part for count, part in parts) / n if n else _part(of_last, px)
-        return replace(found, stated_px=of_last, stated_share=share)
+        if not parts:
+            return replace(found, stated_px=of_last, stated_share=_part(of_last, px))
+        mean = sum(count * part for count, part in parts) / sum(count for count, _ in parts)
+        return replace(found, stated_px=of_last, stated_share=max(mean, parts[-1][1]))
 
 
 def _part(stated_px: float, px: float) -> float:
@@ -191,6 +192,11 @@ class _Bounds:
         least = {TruthCause.poses: _least_of_motion(is_alone=self.is_alone), TruthCause.depths: SMALL}
         sure = {cause: share.value for cause, share in shares.items() if share and share.low > least[cause]}
         return max(sure, key=sure.__getitem__, default=None)
+
+    @property
+    def are_depths_shown(self) -> bool:
+        """Whether depth maps show random errors of depths."""
+        return self.depth_maps is not None and self.depth_maps.low > _REPEATED
 
     @property
     def established_text(self) -> str:
@@ -392,11 +398,11 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
         of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
         cause = TruthCause.any_fault if worst.is_like_fault else sure
         text = f"{sentence_case(worst.established_text)} {of}.{noise}"
-        return _Found(Trust.not_trusted, text, _of_cause(evidence, cause))
+        return _Found(Trust.not_trusted, text, _of_cause(evidence, worst, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
     known = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
-    step = _corrected(faults) if faults.rows else _of_cause(evidence, cause)
+    step = _corrected(faults) if faults.rows else _of_cause(evidence, worst, cause)
     if worst.high > MOST:
         nothing = "" if faults.rows else ", and nothing is established"
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}{noise}"
@@ -448,7 +454,7 @@ def _of_causes(bounds: _Bounds) -> str:
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
     said = {**_CAUSES, **({bounds.established: bounds.established_text} if bounds.established else {})}
-    if not causes and bounds.depth_maps is not None and bounds.depth_maps.low > _REPEATED:
+    if not causes and bounds.depth_maps is not None and bounds.are_depths_shown:
         return f" {sentence_case(_ESTABLISHED[TruthCause.depths])} {percent(bounds.depth_maps.value)}."
     if not causes and bounds.high < _bound(bounds.causes):
         return ""
@@ -501,15 +507,18 @@ def _corrected(faults: _Named) -> str:
     return f"{block}. Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."
 
 
-def _of_cause(evidence: TruthEvidence, cause: TruthCause) -> str:
-    """What would help against a cause."""
+def _of_cause(evidence: TruthEvidence, bounds: _Bounds, cause: TruthCause) -> str:
+    """What would help against a cause; a stated accuracy is no help where it is known, or depth maps contradict it."""
     if cause is TruthCause.poses:
         clearer = min(evidence.scene_shares, key=evidence.scene_shares.__getitem__, default=None)
         every = sorted(evidence.scene_shares.values())
         if clearer is not None and len(every) > 1 and every[0] <= _CLEARER * every[len(every) // 2]:
             return f"Measure {clearer} alone: poses explain {percent(max(every[0], 0.0))} there. {_POSES}"
         return _POSES
-    return _SMOOTH if cause is TruthCause.depths and _noise_text(evidence) else _STEPS[cause]
+    if cause is TruthCause.depths and _noise_text(evidence):
+        return _SMOOTH
+    is_known = bounds.are_depths_shown or bounds.size.stated_share is not None
+    return _BETTER_DEPTHS if cause is TruthCause.depths and is_known else _STEPS[cause]
 
 
 _MOST_OTHERS = 2
@@ -521,6 +530,7 @@ _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a 
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
+_BETTER_DEPTHS = "Use more accurate depths, or a recording with less parallax."
 _POSES = "Use globally bundle-adjusted poses, or compare trackers at the same corners."
 _NAMES: Mapping[TruthCause, str] = {
     TruthCause.poses: "camera motions that the poses lack",

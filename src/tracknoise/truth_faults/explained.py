@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.inference.robust_fits import scales, summed
+from tracknoise.inference.robust_fits import LEAST_PX, scales, summed
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.truth_faults.audit_fit import LEVEL, MEDIAN_TO_CORE, Gain, gain, jackknife_half_width, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
@@ -212,13 +212,12 @@ class _Cells:
     def share(self, part: NDArray[np.float64]) -> float:
         """Share of the variances that a part (cells,) of them is, in units of the mean variance of each group.
 
-        Groups without errors have no part; 0 where no group has any.
+        Of errors that are none it is nearly 0.
         """
-        total = self.variance.sum(axis=1)
+        total = np.maximum(self.variance.sum(axis=1), 2.0 * LEAST_PX**2)
         sums = np.bincount(self.group, self.count * total) / np.maximum(np.bincount(self.group, self.count), 1)
-        weight = np.divide(self.count, sums[self.group], out=np.zeros(len(total)), where=sums[self.group] > 0.0)
-        of_all = float(np.sum(weight * total))
-        return float(np.sum(weight * part)) / of_all if of_all > 0.0 else 0.0
+        weight = self.count / sums[self.group]
+        return float(np.sum(weight * part)) / float(np.sum(weight * total))
 
 
 def _fitted_share(rows: _Rows, used: NDArray[np.bool_]) -> float:

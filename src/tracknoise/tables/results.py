@@ -105,7 +105,7 @@ one. why says in words what a verdict rests on or what is missing. caveats are t
 """
 _NUMBERS = tuple(name for name in RESULTS if name not in ("id", *IDENTITY, "caveats"))
 _BYTES = 6
-_AT_ONCE = 100_000
+_AT_ONCE = 20_000
 """Rows whose identities are written out at a time."""
 
 

@@ -66,7 +66,7 @@ def told() -> Callable[[], Told]:
     return Told
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def unfound() -> Iterator[None]:
     """Runs have the statistics of their scenes, and findings only where a test wants them (`found`)."""
     with without_findings():

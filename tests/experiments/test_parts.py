@@ -315,4 +315,6 @@ def test_trackers_that_need_the_whole_sequence_get_it(recording, tmp_path, told)
     run = RunFolder(tmp_path / "run")
     outcome = execute(in_parts(recording, trackers=trackers, speeds=[1]), run, listener=told())
     assert outcome.measured == [KEY], outcome.failures
-    assert not run.manifest().sequences[KEY].parts
+    entry = run.manifest().sequences[KEY]
+    assert not entry.parts
+    assert "measured in one piece, all frames: imported needs the whole sequence" in entry.notes

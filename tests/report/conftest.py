@@ -19,7 +19,7 @@ from tracknoise.tables.store import RunFolder
 __all__ = ["fitted_run", "make_run", "planted_run"]
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def unchecked_parts() -> Iterator[None]:
     """Figures are made as in a program: Altair checks none of their parts. `tests/contract` checks them whole."""
     with debug_mode(False):

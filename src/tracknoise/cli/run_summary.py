@@ -136,10 +136,13 @@ def _quick_limits(run: RunFolder) -> str:
     entries = list(run.manifest().sequences.values())
     measured = sum(sum(stop - start for start, stop in entry.parts) or entry.n_frames for entry in entries)
     total = sum(entry.n_frames for entry in entries)
+    of_all = f"{counted(total, 'frame')} of {counted(len(entries), 'sequence')}"
+    if measured == total:
+        return f"Quick: all {of_all}. Without --quick: all speeds, and the report."
     longest = max(max((stop - start for start, stop in entry.parts), default=entry.n_frames) for entry in entries)
     return (
-        f"Quick: {measured} of {counted(total, 'frame')} of {counted(len(entries), 'sequence')}. Tracks end after "
-        f"{longest} frames, and intervals are wide. Without --quick: all frames and speeds, and the report."
+        f"Quick: {measured} of {of_all}. Tracks end after {longest} frames, and intervals are wide. "
+        f"Without --quick: all frames and speeds, and the report."
     )
 
 

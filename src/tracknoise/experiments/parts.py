@@ -28,6 +28,7 @@ from tracknoise.tables.schema import INPUTS
 from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
 from tracknoise.text import counted
 from tracknoise.trackers.tracker import needs_frames_only
+from tracknoise.words import listing
 
 _USUAL = 640 * 480
 BUDGET = 500 * _USUAL
@@ -47,9 +48,27 @@ def parts_of(task: Task, sequence: Recording) -> tuple[range, ...]:
     Sequences that are read together are measured in one piece, and so are those whose true positions are fixed in one
     key frame, and those of trackers that need the whole sequence, such as imported tracks.
     """
-    trackers = make_trackers(task.experiment).values()
+    return () if _of_the_whole(task) else _possible_parts(task, sequence)
+
+
+def one_piece_notes(task: Task, sequence: Recording) -> tuple[str, ...]:
+    """Which trackers alone keep a sequence in one piece, a sentence; none where none does."""
+    names = _of_the_whole(task)
+    if not names or not _possible_parts(task, sequence):
+        return ()
+    need = "need" if len(names) > 1 else "needs"
+    return (f"measured in one piece, all frames: {listing(names)} {need} the whole sequence",)
+
+
+def _of_the_whole(task: Task) -> list[str]:
+    """Trackers that need the whole sequence."""
+    return [name for name, tracker in make_trackers(task.experiment).items() if not needs_frames_only(tracker)]
+
+
+def _possible_parts(task: Task, sequence: Recording) -> tuple[range, ...]:
+    """The parts, whatever the trackers need."""
     of_one_frame = (task.experiment.truth.kind or next(iter(sequence.truths), None)) == TruthKind.scan
-    if task.shares or of_one_frame or not all(map(needs_frames_only, trackers)):
+    if task.shares or of_one_frame:
         return ()
     pixels = sequence.camera.width * sequence.camera.height
     return ranges_of(len(sequence), task.experiment, task.speeds, pixels=pixels)

@@ -26,6 +26,7 @@ from tracknoise.experiments.parts import (
     measured_before,
     measured_parts,
     note_of,
+    one_piece_notes,
     parts_of,
 )
 from tracknoise.experiments.pictures import KEPT_BYTES, film, track_patches
@@ -183,6 +184,8 @@ def _measure_batch(
             entry = sequence_entry(measurement, seconds=seconds, sha256=hashes)
             if task.part is not None:
                 entry = replace(entry, notes=measurement.notes)  # those of the sequence are of all of its frames
+            else:
+                entry = replace(entry, notes=(*one_piece_notes(task, sequence), *entry.notes))
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
             found = doubts(measurement, kinds)
             entries.append(replace(entry, doubts=found.mistakes, cautions=found.cautions))

@@ -15,15 +15,24 @@ from tracknoise.options import PathTemplate
 from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.features import ALIVE, Features, report
-from tracknoise.trackers.imported_rows import Assignment, Normalised, PixelOrigin, Raster, Rows, Tracks, Units
+from tracknoise.trackers.imported_rows import (
+    LARGEST_OFFSET_S,
+    Assignment,
+    Normalised,
+    PixelOrigin,
+    Raster,
+    Rows,
+    Tracks,
+    Units,
+)
 from tracknoise.trackers.refinement import SHIFT, Refinement
-from tracknoise.trackers.track_files import SUFFIXES, TrackFormat, detected, origin_of, read_rows
+from tracknoise.trackers.track_files import LARGEST_EXACT, SUFFIXES, TrackFormat, detected, origin_of, read_rows
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, is_quality_name
 
 
-def subsampled(context: SequenceContext, *, every_speed: bool) -> tuple[str, ...]:
-    """A note if the tracks were not made at the speed at which they are measured."""
-    if context.speed == 1 or every_speed:
+def _subsampled(tracks: Tracks, context: SequenceContext) -> tuple[str, ...]:
+    """A note if the tracks were not made at the speed at which they are measured: they have rows between its frames."""
+    if not np.any(tracks.frame % context.speed):
         return ()
     note = "imported tracks are those of speed 1, subsampled: what a tracker does at this speed is not measured"
     return (f"at speed {context.speed}, {note}",)
@@ -180,7 +189,7 @@ class ImportedArrays:
         """
         raster = Normalised() if self.units is Units.normalised else Raster(PixelOrigin.centre)
         tracks, notes = Assignment(raster).tracks(self.rows, context)
-        return ImportedTracker(tracks, notes + subsampled(context, every_speed=False), self.refine)
+        return ImportedTracker(tracks, notes + _subsampled(tracks, context), self.refine)
 
 
 def _require_named(quality: object) -> None:
@@ -218,14 +227,13 @@ def _finite(name: str, values: ArrayLike, length: int | None = None) -> NDArray[
 
 
 def _whole(name: str, values: ArrayLike, length: int | None = None) -> NDArray[np.int64]:
-    found = _finite(name, values, length)
-    bad = np.flatnonzero(found != np.rint(found))
+    found, given = _finite(name, values, length), np.asarray(values)
+    most = np.inf if given.dtype.kind in "iu" else LARGEST_EXACT
+    bad = np.flatnonzero((found != np.rint(found)) | (np.abs(found) > most))
     if len(bad):
-        raise SettingsError(f"imported arrays: {name}[{bad[0]}] is {found[bad[0]]}, expected a whole number")
-    return np.asarray(values).astype(np.int64)
-
-
-_LARGEST_OFFSET_S = 4e9
+        expected = "a whole number" if found[bad[0]] <= LARGEST_EXACT else "integers where numbers are so large"
+        raise SettingsError(f"imported arrays: {name}[{bad[0]}] is {found[bad[0]]}, expected {expected}")
+    return given.astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,7 +282,7 @@ class Imported:
     units: Units = Units.pixels
     origin: PixelOrigin | None = None
     raster: tuple[Positive, Positive] | None = None
-    time_offset_s: Annotated[float, Ge(-_LARGEST_OFFSET_S), Le(_LARGEST_OFFSET_S)] = 0.0
+    time_offset_s: Annotated[float, Ge(-LARGEST_OFFSET_S), Le(LARGEST_OFFSET_S)] = 0.0
     max_gap_s: Positive | None = None
     topic: str | None = None
     refine: Refinement = field(default_factory=Refinement)
@@ -339,7 +347,8 @@ class Imported:
             asynchronous=kind is TrackFormat.events,
         )
         tracks, notes = assignment.tracks(rows, context)
-        return ImportedTracker(tracks, notes + subsampled(context, every_speed="{speed}" in self.path), self.refine)
+        of_speed = () if "{speed}" in self.path else _subsampled(tracks, context)
+        return ImportedTracker(tracks, notes + of_speed, self.refine)
 
     def _require_files_of_views(self, sequence: SequenceId) -> None:
         """Refuse the file of upright, forward images for others: its positions and frames are not those of these."""

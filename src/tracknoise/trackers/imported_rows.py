@@ -340,11 +340,15 @@ def _require_any(rows: Rows, used: NDArray[np.intp], frames_s: NDArray[np.float6
     if len(used):
         return
     time_s = _times(rows)
-    expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; if the clocks differ, set"
-    shift = (
-        f"time_offset_s, which is added: {frames_s[0] - time_s.min():.9f} would put the first row into the first frame"
+    offset_s = float(frames_s[0] - time_s.min())
+    advice = (
+        "if the clocks differ, set time_offset_s, which is added: "
+        f"{offset_s:.9f} would put the first row into the first frame"
+        if abs(offset_s) <= LARGEST_OFFSET_S
+        else "these are no seconds: divide nanoseconds by 1e9"
     )
-    raise DataError(rows.path, f"times from {time_s.min():.9g} to {time_s.max():.9g} s", f"{expected} {shift}")
+    expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; {advice}"
+    raise DataError(rows.path, f"times from {time_s.min():.9g} to {time_s.max():.9g} s", expected)
 
 
 def _require_one_row_each_time(
@@ -355,6 +359,8 @@ def _require_one_row_each_time(
     rows.refuse(twice, "track", rows.track, "one row for each track and time")
 
 
+LARGEST_OFFSET_S = 4e9
+"""Seconds beyond the times of any clock."""
 NEAREST_GAP = 0.5
 """Largest distance between a row and its frame, as a share of the median time between frames."""
 INTERPOLATED_GAP = 1.5

@@ -41,7 +41,9 @@ from tracknoise.trackers.tracker import is_quality_name
 
 _MOST_BYTES = 4096 * MIB
 _LONGEST_LINE = 1 << 16
-_LARGEST_WHOLE = 2.0**62
+_LARGEST_TIME = 2**62
+LARGEST_EXACT = 2**53 - 1
+"""Beyond it, different whole numbers are the same as floating-point numbers."""
 
 
 def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> tuple[NDArray[np.float64], list[int]]:
@@ -64,11 +66,15 @@ def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> t
     return np.array(values).reshape(-1, len(names)), lines
 
 
-def whole_numbers(path: Path, lines: list[int], values: NDArray[np.float64], name: str) -> NDArray[np.int64]:
-    """A column of whole numbers."""
-    bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > _LARGEST_WHOLE))
+def whole_numbers(
+    path: Path, lines: list[int], values: NDArray[np.float64], name: str, *, most: int = LARGEST_EXACT
+) -> NDArray[np.int64]:
+    """A column of whole numbers up to the largest one."""
+    bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > most))
     if len(bad):
-        raise DataError(f"{path}:{lines[bad[0]]}", f"{name} {float(values[bad[0]])!r}", "a whole number")
+        first = float(values[bad[0]])
+        limit = f" of at most {most}" if abs(first) > most else ""
+        raise DataError(f"{path}:{lines[bad[0]]}", f"{name} {first!r}", f"a whole number{limit}")
     whole: NDArray[np.int64] = values.astype(np.int64)
     return whole
 
@@ -112,7 +118,7 @@ def read_xivo(path: Path) -> Rows:
     """Read a dump of XIVO's tracker. Descriptors are ignored."""
     values, lines = read_numbers(path, ",", ("timestamp", "id", "u", "v"))
     track = whole_numbers(path, lines, values[:, 1], "id")
-    time_ns = whole_numbers(path, lines, np.rint(values[:, 0]), "timestamp")
+    time_ns = whole_numbers(path, lines, np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
     return Rows(path, track, values[:, 2:4].copy(), time_ns=time_ns, line=np.array(lines))
 
 

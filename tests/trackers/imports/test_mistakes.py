@@ -93,6 +93,10 @@ def test_frames_that_are_skipped_are_named_unless_the_speed_is_theirs(tmp_path):
     assert len(positions(start(tmp_path, rows, context(speed=3)), 3)) == 6
 
 
+def test_tracks_of_every_third_frame_are_those_of_speed_three(tmp_path):
+    assert start(tmp_path, table().filter(pl.col("frame") % 3 == 0), context(speed=3)).notes == ()
+
+
 def test_a_higher_speed_of_the_same_file_is_noted(tmp_path):
     assert "subsampled" in start(tmp_path, table(), context(speed=2)).notes[0]
     table().write_csv(tmp_path / "tracks-2.csv")
@@ -152,6 +156,11 @@ def test_events_are_interpolated_between_their_updates_but_not_over_gaps(tmp_pat
         ("1 0.0 5\n", r"tracks.txt:1: 3 columns, expected at least 4: id, t, x, y$"),
         ("# id t x y\n\n1 0.0 5 x\n", r"tracks.txt:3: y 'x', expected a finite number$"),
         ("1.5 0.0 5 6\n", r"tracks.txt:1: id 1.5, expected a whole number$"),
+        (
+            f"{2**53} 0.0 5 6\n",
+            r"tracks.txt:1: id 9007199254740992.0, expected a whole number of at most 9007199254740991$",
+        ),
+        ("1 123456789012 5 6\n", r"times of the frames, from .* s; these are no seconds: divide nanoseconds by 1e9$"),
         ("1 0 5 6\n1 0 7 8\n", r"tracks.txt:2: track 1, expected one row for each track and time$"),
         ("# nothing\n", r"no track, expected at least one row$"),
         ("1 0.0 5 6" + " 7" * 40000, r"tracks.txt:1: a line of 65536 characters or more"),

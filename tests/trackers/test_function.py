@@ -90,6 +90,10 @@ def test_no_tracker_can_change_the_image_of_a_frame(sideways):
             (np.zeros((60, 2)), np.ones(60, bool), np.ones((60, 2))),
             r"covariances float64 of shape \(60, 2\), expected numbers of shape \(60, 2, 2\)",
         ),
+        (
+            (np.zeros((60, 2)), np.ones(60, bool), np.tile([[2.0, 0.5], [0.4, 1.0]], (60, 1, 1))),
+            r"covariances that are not symmetric",
+        ),
         ((["a"] * 60, np.ones(60, bool)), r"points <U1 of shape \(60,\), expected numbers"),
     ],
 )

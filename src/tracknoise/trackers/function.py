@@ -114,7 +114,14 @@ class _Called:
             found = f"covariances {_shown(covariance[0])}"
             raise TrackerError(f"{self.name} returned {found}, expected numbers of shape ({n}, 2, 2)")
         entries = covariance[0].astype(np.float32)
+        apart = np.abs(entries[:, 0, 1] - entries[:, 1, 0])
+        if np.any(apart > _ROUNDING * np.abs(entries).max(axis=(1, 2))):
+            raise TrackerError(f"{self.name} returned covariances that are not symmetric, expected (n, 2, 2) px^2")
         return {"cov_uu": entries[:, 0, 0], "cov_uv": entries[:, 0, 1], "cov_vv": entries[:, 1, 1]}
+
+
+_ROUNDING = 1e-3
+"""Difference of the two covariances of u and v, relative to the largest entry, that is rounding."""
 
 
 def _shown(value: object) -> str:

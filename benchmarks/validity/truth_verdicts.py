@@ -475,7 +475,7 @@ def lines(cell: Cell, found: Sequence[Mapping[str, Any]], *, evidence: bool) -> 
     yield f"    an exact truth removes {undone.mean():.3f} ({undone.min():.3f} to {undone.max():.3f})"
     floors = [one[TOGETHER].floor for one in found if one[TOGETHER].floor is not None]
     if floors:
-        yield f"    stated accuracy: explains {np.mean(floors):.3f} at age {REFERENCE_AGE}"
+        yield f"    stated accuracy: explains {np.mean(floors):.3f} up to age {REFERENCE_AGE}"
     for name in (TOGETHER, *({ALONE} & found[0].keys())):
         every = [one[name] for one in found]
         for stated in ("unstated", "stated"):

@@ -131,7 +131,8 @@ class _Size:
 
     stated_px, stated_share: RMS at this age that the stated accuracy can cause, and its share of the squared errors;
     None where it is not stated. The share is the larger one of that of this age and that of all audited ages up to it:
-    white noise of poses moves young observations as far as old ones, whose errors are larger; a drift does not.
+    white noise of poses moves young observations as far as old ones, whose errors are larger; a drift does not. Of two
+    sizes of errors, the core and the RMS within three scales, the smaller one counts: the share is a bound.
     """
 
     age: int
@@ -144,12 +145,17 @@ class _Size:
     def of(cls, tracker: str, size: ErrorSize, curves: pl.DataFrame) -> "_Size":
         """Of a tracker: at the last audited age up to that of its size."""
         rows = curves.filter(pl.col("age") <= size.age, tracker=tracker, correction=MEASURED).sort("age").to_dicts()
-        px = hypot(rows[-1]["core_u_px"], rows[-1]["core_v_px"]) if rows else size.error_px
+        cores = [hypot(row["core_u_px"], row["core_v_px"]) for row in rows]
+        px = cores[-1] if cores else size.error_px
         found, stated = cls(size.age, px, is_core=bool(rows)), size.stated_px
         if not stated:
             return found
         of_last = stated[max(stated)]
-        parts = [(row["n"], _part(stated[row["age"]], row["near_px"])) for row in rows if row["age"] in stated]
+        parts = [
+            (row["n"], _part(stated[row["age"]], min(row["near_px"], core)))
+            for row, core in zip(rows, cores, strict=True)
+            if row["age"] in stated
+        ]
         if not parts:
             return replace(found, stated_px=of_last, stated_share=_part(of_last, px))
         mean = sum(count * part for count, part in parts) / sum(count for count, _ in parts)

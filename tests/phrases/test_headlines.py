@@ -194,6 +194,11 @@ def test_a_core_in_one_coordinate_only_is_told(axis: str, other: str, core: str)
     assert f"% of its errors in {axis} exceed three cores." in text
 
 
+def test_a_tracker_without_a_core_is_named() -> None:
+    text = read(UNTRIMMED, summary=table(SUMMARY, SUMMED))["noise"]["text"]
+    assert "at age 10. lk has no core: its errors are few, or mostly exactly zero. Its RMS over all tracks in u" in text
+
+
 def test_errors_on_a_grid_have_a_core_of_few_values() -> None:
     shape = {"trimming": "untrimmed", "age_low": 10, "age_high": 19, "verdict": "undecided"}
     shape |= {"why": "errors lie on a grid of 1/4 px: a density cannot be fitted to them"}

@@ -189,6 +189,11 @@ def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
     return "".join(f" {_VIEW[name].format(view[name])}" for name in names)
 
 
+def condition_name(names: Mapping[str, Any]) -> str:
+    """Name a condition."""
+    return f"{names['tracker']} at speed {names['speed']}{view_text(names, [name for name in _VIEW if name in names])}"
+
+
 def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     """Write how intervals were made: ``95 % intervals over 8 scenes``.
 

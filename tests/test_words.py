@@ -3,7 +3,7 @@ import pytest
 from tracknoise.words import (
     SPACE,
     count,
-    coverage_text,
+    coverage_sentence,
     interval_text,
     listing,
     next_scene_text,
@@ -74,8 +74,9 @@ def test_what_intervals_resample_is_said(resampled: str, expected: str) -> None:
 
 
 def test_how_much_scenes_differ_is_said() -> None:
-    said = coverage_text(0.95, 0.883).replace(SPACE, " ")
-    assert said == "a 95 % interval can cover as little as 88 % in data like yours"
+    said = coverage_sentence("There", 0.95, 0.883).replace(SPACE, " ")
+    assert said == "There a 95 % interval can cover as little as 88 % in data like yours."
+    assert {coverage_sentence("There", 0.95, covered) for covered in (0.95, 0.99, None)} == {""}
     assert spread_text(0.64, "px", is_scale=True) == "scenes differ by a factor of 1.9"
     assert spread_text(0.64, "share", is_scale=True) == "scenes differ by a factor of 1.9 in odds"
     assert spread_text(0.12, "px", is_scale=False).replace(SPACE, " ") == "scenes differ by 0.120 px"

@@ -211,17 +211,24 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     return f"{100 * level:g}{SPACE}% intervals {_RESAMPLED[resampled].format(scenes)}"
 
 
-def coverage_text(level: float, coverage: float) -> str:
-    """Write the coverage of untested intervals: ``a 95 % interval can cover as little as 88 % in data like yours``.
+def coverage_sentence(opening: str, level: float, coverage: float | None) -> str:
+    """Write the coverage of untested intervals; empty where it is not known, or not below the level as it is written.
+
+    ``There a 95 % interval can cover as little as 88 % in data like yours.``
 
     Parameters
     ----------
+    opening
+        What the sentence begins with.
     level
         Probability that intervals are made for, between 0 and 1.
     coverage
         Share of intervals that contain the true value: the column of `INTERVALS`.
     """
-    return f"a {100 * level:g}{SPACE}% interval can cover as little as {100 * coverage:.0f}{SPACE}% in data like yours"
+    if coverage is None or round(100 * coverage) >= 100 * level:
+        return ""
+    covered = f"{100 * coverage:.0f}{SPACE}%"
+    return f"{opening} a {100 * level:g}{SPACE}% interval can cover as little as {covered} in data like yours."
 
 
 def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:

@@ -1,9 +1,11 @@
 import pytest
 
+from tracknoise.inference.estimates import Estimate
 from tracknoise.words import (
     SPACE,
     count,
     coverage_sentence,
+    format_estimate,
     interval_text,
     listing,
     next_scene_text,
@@ -12,6 +14,7 @@ from tracknoise.words import (
     pixels,
     px,
     spread_text,
+    times,
 )
 
 
@@ -58,6 +61,13 @@ def test_counts_agree_with_their_noun() -> None:
 
 def test_listings_read_like_prose() -> None:
     assert [listing("abc"[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
+
+
+def test_a_huge_ratio_is_not_written_out() -> None:
+    assert times(2.5e22).replace(SPACE, " ") == "more than 1000 times"
+    assert format_estimate(Estimate(3000.0, 812.0, 9e9, unit="times")).replace(SPACE, " ") == (
+        "more than 1000 times (812 to more than 1000)"
+    )
 
 
 @pytest.mark.parametrize(

@@ -109,8 +109,14 @@ def effect_text(effect: float | None) -> str:
     return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
 
 
+_MOST_TIMES = 1000
+"""Larger ratios are not written out."""
+
+
 def ratio(value: float) -> str:
-    """Write a ratio: to two digits, or three where it is near one."""
+    """Write a ratio: to two digits, or three where it is near one; ``more than 1000`` where it is huge."""
+    if value > _MOST_TIMES:
+        return f"more than {_MOST_TIMES}"
     return number(value, digits=2 if value >= 2 else 3)
 
 
@@ -127,6 +133,11 @@ def chance(p: float) -> str:
 def count(n: int, noun: str) -> str:
     """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
     return f"{number(n) if n else 'no'} {plural(n, noun)}"
+
+
+def only(n: int, noun: str) -> str:
+    """Write a count that is too small: ``no scenes``, ``only 3 scenes``."""
+    return f"only {count(n, noun)}" if n else count(n, noun)
 
 
 def scenes_counted(column: str) -> pl.Expr:
@@ -323,7 +334,12 @@ def _frames(value: float | None) -> str:
     return number(round(value))
 
 
-_WRITTEN: Mapping[str, Write] = {"share": percent, "px": pixels, "frames": _frames}
+def _times(value: float | None) -> str:
+    """Growth: to three digits, but for huge ones."""
+    return number(value) if value is None or value <= _MOST_TIMES else ratio(value)
+
+
+_WRITTEN: Mapping[str, Write] = {"share": percent, "px": pixels, "frames": _frames, "times": _times}
 """How numbers of a unit are written; others to three digits."""
 
 

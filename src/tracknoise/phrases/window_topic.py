@@ -91,7 +91,7 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
         conditions.trackers,
         lambda tracker: _noise_of(windows, length, tables["trust"], conditions, tracker),
         opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.{of_length}",
-        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{brackets}",
+        closing=f"Windows begin at birth; numbers are medians over those of all scenes, with true poses.{brackets}",
         topic="depth noise",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",

@@ -1,9 +1,11 @@
 import pytest
 
+from tracknoise.inference.estimates import Estimate
 from tracknoise.words import (
     SPACE,
     count,
-    coverage_text,
+    coverage_sentence,
+    format_estimate,
     interval_text,
     listing,
     next_scene_text,
@@ -12,6 +14,7 @@ from tracknoise.words import (
     pixels,
     px,
     spread_text,
+    times,
 )
 
 
@@ -60,6 +63,13 @@ def test_listings_read_like_prose() -> None:
     assert [listing("abc"[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
 
 
+def test_a_huge_ratio_is_not_written_out() -> None:
+    assert times(2.5e22).replace(SPACE, " ") == "more than 1000 times"
+    assert format_estimate(Estimate(3000.0, 812.0, 9e9, unit="times")).replace(SPACE, " ") == (
+        "more than 1000 times (812 to more than 1000)"
+    )
+
+
 @pytest.mark.parametrize(
     ("resampled", "expected"),
     [
@@ -74,8 +84,9 @@ def test_what_intervals_resample_is_said(resampled: str, expected: str) -> None:
 
 
 def test_how_much_scenes_differ_is_said() -> None:
-    said = coverage_text(0.95, 0.883).replace(SPACE, " ")
-    assert said == "a 95 % interval can cover as little as 88 % in data like yours"
+    said = coverage_sentence("There", 0.95, 0.883).replace(SPACE, " ")
+    assert said == "There a 95 % interval can cover as little as 88 % in data like yours."
+    assert {coverage_sentence("There", 0.95, covered) for covered in (0.95, 0.99, None)} == {""}
     assert spread_text(0.64, "px", is_scale=True) == "scenes differ by a factor of 1.9"
     assert spread_text(0.64, "share", is_scale=True) == "scenes differ by a factor of 1.9 in odds"
     assert spread_text(0.12, "px", is_scale=False).replace(SPACE, " ") == "scenes differ by 0.120 px"

@@ -109,8 +109,14 @@ def effect_text(effect: float | None) -> str:
     return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
 
 
+_MOST_TIMES = 1000
+"""Larger ratios are not written out."""
+
+
 def ratio(value: float) -> str:
-    """Write a ratio: to two digits, or three where it is near one."""
+    """Write a ratio: to two digits, or three where it is near one; ``more than 1000`` where it is huge."""
+    if value > _MOST_TIMES:
+        return f"more than {_MOST_TIMES}"
     return number(value, digits=2 if value >= 2 else 3)
 
 
@@ -127,6 +133,11 @@ def chance(p: float) -> str:
 def count(n: int, noun: str) -> str:
     """Write a count with its noun: ``no tracks``, ``1 track``, ``1,200 tracks``."""
     return f"{number(n) if n else 'no'} {plural(n, noun)}"
+
+
+def only(n: int, noun: str) -> str:
+    """Write a count that is too small: ``no scenes``, ``only 3 scenes``."""
+    return f"only {count(n, noun)}" if n else count(n, noun)
 
 
 def scenes_counted(column: str) -> pl.Expr:
@@ -189,6 +200,11 @@ def view_text(view: Mapping[str, object], names: Iterable[str]) -> str:
     return "".join(f" {_VIEW[name].format(view[name])}" for name in names)
 
 
+def condition_name(names: Mapping[str, Any]) -> str:
+    """Name a condition."""
+    return f"{names['tracker']} at speed {names['speed']}{view_text(names, [name for name in _VIEW if name in names])}"
+
+
 def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     """Write how intervals were made: ``95 % intervals over 8 scenes``.
 
@@ -206,17 +222,24 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     return f"{100 * level:g}{SPACE}% intervals {_RESAMPLED[resampled].format(scenes)}"
 
 
-def coverage_text(level: float, coverage: float) -> str:
-    """Write the coverage of untested intervals: ``a 95 % interval can cover as little as 88 % in data like yours``.
+def coverage_sentence(opening: str, level: float, coverage: float | None) -> str:
+    """Write the coverage of untested intervals; empty where it is not known, or not below the level as it is written.
+
+    ``There a 95 % interval can cover as little as 88 % in data like yours.``
 
     Parameters
     ----------
+    opening
+        What the sentence begins with.
     level
         Probability that intervals are made for, between 0 and 1.
     coverage
         Share of intervals that contain the true value: the column of `INTERVALS`.
     """
-    return f"a {100 * level:g}{SPACE}% interval can cover as little as {100 * coverage:.0f}{SPACE}% in data like yours"
+    if coverage is None or round(100 * coverage) >= 100 * level:
+        return ""
+    covered = f"{100 * coverage:.0f}{SPACE}%"
+    return f"{opening} a {100 * level:g}{SPACE}% interval can cover as little as {covered} in data like yours."
 
 
 def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:
@@ -311,7 +334,12 @@ def _frames(value: float | None) -> str:
     return number(round(value))
 
 
-_WRITTEN: Mapping[str, Write] = {"share": percent, "px": pixels, "frames": _frames}
+def _times(value: float | None) -> str:
+    """Growth: to three digits, but for huge ones."""
+    return number(value) if value is None or value <= _MOST_TIMES else ratio(value)
+
+
+_WRITTEN: Mapping[str, Write] = {"share": percent, "px": pixels, "frames": _frames, "times": _times}
 """How numbers of a unit are written; others to three digits."""
 
 

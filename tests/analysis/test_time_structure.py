@@ -153,7 +153,7 @@ def test_with_a_key_frame_time_is_the_distance_from_it(see_errors) -> None:
 
 
 @pytest.mark.parametrize(
-    ("frames", "scale", "why"), [(4, 1.0, "ages with enough errors: 3; at least 4"), (FRAMES, 0.0, "are zero at")]
+    ("frames", "scale", "why"), [(4, 1.0, "only 3 ages with enough errors; at least 4"), (FRAMES, 0.0, "are zero at")]
 )
 def test_too_few_ages_or_no_errors_leave_it_undecided(see_errors, frames: int, scale: float, why: str) -> None:
     found = structured(of_scenes(see_errors, lambda rng: scale * walk(rng)[:, :frames]))

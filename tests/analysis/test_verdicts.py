@@ -135,3 +135,20 @@ def test_a_gate_leaves_out_other_trackers_and_speeds():
     rows = [asked("core", 0.0), asked("core", 2.0, of=fast)]
     assert judge(Gate({"core": 0.2}, speeds=(1,)), rows).outcome == "pass"
     assert judge(Gate({"core": 0.2}), rows).outcome == "worse"
+
+
+def test_conditions_and_statistics_of_one_run_only_are_no_pass():
+    gate = Gate({"core": 0.2, "lifetime": 0.2})
+    slow, fast, other = (
+        Compared("after", name, name, "simulated", "default", 0, "forward", "", speed)
+        for name, speed in (("lk", 1), ("lk", 4), ("sift", 1))
+    )
+    rows = [asked(name, 0.0, of=of) for name, of in (("core", slow), ("lifetime", slow), ("core", other))]
+    found = judge(gate, rows, expected=[slow, fast, other])
+    assert found.outcome == "undecided"
+    assert found.missing == ("speed 4 is not in both runs", "lifetime of sift at speed 1 was not measured in both runs")
+    assert judge(Gate({"core": 0.2}, speeds=(1,)), rows, expected=[slow, fast, other]).outcome == "pass"
+    elsewhere = judge(
+        Gate({"core": 0.2}, trackers=("lk",)), [*rows, asked("core", 0.0, of=fast)], expected=[slow, fast]
+    )
+    assert elsewhere.missing == ()

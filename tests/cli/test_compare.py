@@ -66,10 +66,21 @@ def test_a_run_that_failed_to_measure_a_scene_does_not_pass(tracknoise, make, ga
     assert "after: after could not measure scene-0@default" in err
 
 
-def test_a_scene_that_was_not_to_be_measured_is_named_and_no_obstacle(tracknoise, make, gate):
-    status, _, err = tracknoise("compare", make("base"), make("seven", seed=1, scenes=SCENES[1:]), "--gate", gate())
-    assert status == 0
-    assert "compare-seven has no scene-0@default, which compare-base measured." in err
+@pytest.mark.parametrize(
+    ("name", "less", "missing"),
+    [
+        ("seven", {"scenes": SCENES[1:]}, "Compare-seven has no scene-0@default, which compare-base measured."),
+        ("one tracker", {"trackers": ("lk",)}, "Tracker other is not in both runs."),
+    ],
+)
+def test_a_run_that_measured_less_does_not_pass_and_one_that_measured_more_does(
+    tracknoise, make, gate, name, less, missing
+):
+    smaller = make(name, seed=1, **less)
+    status, out, _ = tracknoise("compare", make("base"), smaller, "--gate", gate())
+    assert (status, missing in out) == (4, True)
+    status, out, _ = tracknoise("compare", smaller, make("base"), "--gate", gate())
+    assert (status, missing in out) == (0, False)
 
 
 def test_a_gate_that_fails_is_the_status_and_all_files_are_written(tracknoise, make, gate, tmp_path):

@@ -8,6 +8,7 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import TrackerSetup
+from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.views import view
 from tracknoise.tables.files import read_parquet, write_parquet
@@ -136,3 +137,13 @@ def test_the_store_keeps_quality_and_trimming_does_too(tmp_path):
     assert measured.observations["quality_sure"].to_list() == [0, 1, 2, 3, 4]
     sha256 = write_parquet(tmp_path / "observations.parquet", measured.observations)
     assert read_parquet(tmp_path / "observations.parquet", OBSERVATIONS, sha256).equals(measured.observations)
+
+
+@pytest.mark.parametrize(("size_px", "are_errors"), [(1e-9, False), (1e-5, True)])
+def test_differences_of_rounding_are_no_errors(size_px, are_errors):
+    sequence = open_sequence("simulated", motions=("sideways",), frames=4, width=160, height=120, supersampling=1)
+    tracker = tracknoise.Oracle(n_features=30, bias_px=(size_px, -size_px), covariance_px2=((0.0, 0.0), (0.0, 0.0)))
+    later = tracknoise.measure(sequence, tracker).observations.filter(pl.col("age") > 0).drop_nulls("du_px")
+    assert later.height
+    assert ((later["du_px"] != 0.0) == are_errors).all()
+    assert ((later["dv_px"] != 0.0) == are_errors).all()

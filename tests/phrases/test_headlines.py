@@ -194,6 +194,11 @@ def test_a_core_in_one_coordinate_only_is_told(axis: str, other: str, core: str)
     assert f"% of its errors in {axis} exceed three cores." in text
 
 
+def test_a_tracker_without_a_core_is_named() -> None:
+    text = read(UNTRIMMED, summary=table(SUMMARY, SUMMED))["noise"]["text"]
+    assert "at age 10. lk has no core: its errors are few, or mostly exactly zero. Its RMS over all tracks in u" in text
+
+
 def test_errors_on_a_grid_have_a_core_of_few_values() -> None:
     shape = {"trimming": "untrimmed", "age_low": 10, "age_high": 19, "verdict": "undecided"}
     shape |= {"why": "errors lie on a grid of 1/4 px: a density cannot be fitted to them"}
@@ -327,6 +332,7 @@ def test_a_truth_that_is_not_trusted_comes_before_all_else(verdict: str) -> None
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
 AT_TEN = {**OVERALL, "at": 10, "mean_u_px": 0.12, "mean_v_px": -0.04, "share_of_second": 0.062, "sign_flip_p": 0.004}
 AT_TEN |= {"mean_u_low_px": 0.05, "mean_u_high_px": 0.19, "mean_v_low_px": -0.09, "mean_v_high_px": 0.01}
+AT_TEN |= {"effect_px": 0.126, "effect_low_px": 0.06, "effect_high_px": 0.2}
 
 
 def test_copies_are_named_before_the_numbers() -> None:
@@ -343,11 +349,12 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     mean = {**POINT, "statistic": "nu", "weighting": "scenes", "value": 0.12, "low": 0.09, "high": 0.15}
     bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), intervals=table(INTERVALS, mean))["bias"]
     assert (
-        "At age 10, the mean trimmed error of lk is not zero (p = 0.004, 8 scenes). In u it is 0.120 px (0.050 to "
-        "0.190). In v it is −0.040 px (−0.090 to 0.010). Over all ages and conditions together it is not zero"
+        "At age 10, the mean trimmed error of lk is not zero (p = 0.004, 8 scenes). Its length is 0.126 px (0.060 "
+        "to 0.200). In u the mean is 0.120 px (0.050 to 0.190). In v it is "
+        "−0.040 px (−0.090 to 0.010). Over all ages and conditions together it is not zero"
     ) in bias["text"]
     assert "The square of the mean is 6.2 % of the mean square error, u and v together." in bias["text"]
-    assert (bias["value"], bias["low"], bias["high"]) == (0.12, 0.05, 0.19)
+    assert (bias["value"], bias["low"], bias["high"]) == (0.126, 0.06, 0.2)
 
 
 WHOLE = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}

@@ -75,6 +75,13 @@ def test_a_tracker_that_drifts_has_depths_less_certain_than_its_residuals_say() 
     assert (estimate.value, estimate.low, estimate.high, estimate.unit) == (0.2, 0.17, 0.23, "px")
 
 
+def test_intervals_are_told_only_where_the_numbers_have_them() -> None:
+    """As where the longest windows are of a few long scenes."""
+    without = {name: (value, None, None) for name, (value, *_) in DRIFTING.items()}
+    found = text(pl.concat([windows(without, n_scenes=3), windows(DRIFTING, window=5)]))
+    assert found.endswith("with true poses. Numbers are of 3 scenes, too few for intervals.")
+
+
 def test_independent_noise_is_as_certain_as_claimed() -> None:
     assert "depths are as certain as claimed: the uncertainty is 1.02 times (0.970 to 1.06) the" in text(
         windows(HONEST)

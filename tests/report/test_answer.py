@@ -205,6 +205,18 @@ def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: s
     assert text.endswith(f"RMS over the kept tracks {end}.")
 
 
+def test_a_difference_that_rounds_to_nothing_is_not_contrasted(data: ReportData) -> None:
+    undecided = compared(data, "undecided")
+    row = undecided.dependence.filter(factor="tracker", statistic="core").row(0, named=True)
+    larger, smaller = row["larger"], next(name for name in data.trackers if name != row["larger"])
+    alike = undecided.dependence.with_columns(effect=pl.lit(1.0001))
+    turned = with_rms(dataclasses.replace(undecided, dependence=alike), **{smaller: 2.0, larger: 1.0})
+    assert "1.00 times" in summarise(turned).accuracy.text.replace(SPACE, " ")
+    assert "smaller" not in summarise(turned).accuracy.text
+    nearly = with_rms(undecided, **{smaller: 1.0001, larger: 1.0})
+    assert "smaller" not in summarise(nearly).accuracy.text
+
+
 def test_of_one_scene_the_disagreement_is_told_too(data: ReportData) -> None:
     bare = dataclasses.replace(data, dependence=data.dependence.clear())
     sizes = {one.tracker: one.measures[0].number.value for one in summarise(bare).cards}

@@ -77,7 +77,9 @@ def test_the_answer_names_the_statistics_of_each_verdict():
         "No difference: lifetime.",
         "Undecided: outlier ratio.",
     ]
-    (sentence,) = clearest([CORE, LIFETIME, OPEN])
+    sentence, weighting = clearest([CORE, LIFETIME, OPEN])
+    assert weighting == "Factors and percentages are geometric means over scenes."
+    assert clearest([LIFETIME]) == []
     assert sentence.startswith("Core of the errors is worse: +21")
     assert sentence.endswith("at age 7 in v.")
 

@@ -72,7 +72,7 @@ from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.schema import CONDITION, ENDS, FRAME_COUNTS, MOMENTS, SCALES, VERDICT, Schema, check, empty
-from tracknoise.words import STATISTICS, count
+from tracknoise.words import STATISTICS, count, only
 
 ROLES: Mapping[str, str] = {
     **{name: role for names in NAMES.values() for role, name in names.items() if role in STATISTICS},
@@ -378,7 +378,7 @@ def _gap(
         return "a value of 0 at one of two levels, which has no ratio" if unlike else asked.gap
     fewest = int(asked.both.sum(axis=0).min())
     if fewest < MIN_SCENES:
-        return f"two levels share only {count(fewest, 'scene')}; {_FEW}"
+        return f"two levels share {only(fewest, 'scene')}; {_FEW}"
     if question is None:
         return _few_groups(asked, group)
     if found is None:

@@ -21,7 +21,7 @@ The gate passes if every row does, so that no correction is needed for a pass.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -33,6 +33,7 @@ from tracknoise.analysis.run_changes import (
     ESTIMANDS,
     Asked,
     Change,
+    Compared,
     Comparison,
     GateResult,
     GateRow,
@@ -46,6 +47,8 @@ from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.multiple_tests import benjamini_hochberg, holm, in_families
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
+from tracknoise.tables.schema import VIEW
+from tracknoise.words import condition_name
 
 SHARE_MARGIN = 0.2
 """Margin of differences of shares, relative to that of ratios: 0.02 where ratios have 0.1."""
@@ -221,13 +224,20 @@ class Gate:
     level: float = LEVEL
     ages: ComparedAges = ComparedAges.every
 
+    def covers(self, of: Compared) -> bool:
+        """Whether a condition is one of the gate."""
+        return (self.trackers is None or of.tracker in self.trackers) and (
+            self.speeds is None or of.speed in self.speeds
+        )
+
     def about(self, asked: Asked) -> bool:
         """Whether a question is one of the gate."""
-        tracker = self.trackers is None or asked.of.tracker in self.trackers
-        return tracker and asked.statistic in self.tolerances and (self.speeds is None or asked.of.speed in self.speeds)
+        return asked.statistic in self.tolerances and self.covers(asked.of)
 
 
-def judge(gate: Gate, asked: Sequence[Asked], missing: Sequence[str] = ()) -> GateResult:
+def judge(
+    gate: Gate, asked: Sequence[Asked], missing: Sequence[str] = (), expected: Sequence[Compared] = ()
+) -> GateResult:
     """Apply a gate.
 
     Parameters
@@ -238,12 +248,14 @@ def judge(gate: Gate, asked: Sequence[Asked], missing: Sequence[str] = ()) -> Ga
         All questions of a comparison.
     missing
         Reasons why the comparison is incomplete.
+    expected
+        Conditions that the first run measured, so that the others have to.
     """
     chosen = [one for one in asked if gate.about(one)]
     tested = [one.tested(_margin(gate, one), level=gate.level, ages=gate.ages) for one in chosen]
     adjusted = holm([_p_worse(one, tests) for one, tests in zip(chosen, tested, strict=True)])
     rows = [_row(gate, one, tests, beyond) for one, tests, beyond in zip(chosen, tested, adjusted, strict=True)]
-    lacking = [*missing, *_unanswered(gate, chosen)]
+    lacking = [*missing, *_unanswered(gate, [one for one in asked if gate.covers(one.of)], expected)]
     return GateResult(_outcome(rows, lacking), tuple(rows), tuple(lacking))
 
 
@@ -276,13 +288,49 @@ def _answer(gate: Gate, asked: Asked, tested: Tested, beyond: float) -> tuple[st
     return UNDECIDED, tested.gap or ("the interval contains the tolerance" if contains else UNSURE)
 
 
-def _unanswered(gate: Gate, asked: Sequence[Asked]) -> list[str]:
-    """What the gate names and the runs did not measure."""
-    statistics = {one.statistic for one in asked}
-    sentences = [f"{name} was not measured in both runs" for name in gate.tolerances if name not in statistics]
-    trackers, speeds = {one.of.tracker for one in asked}, {one.of.speed for one in asked}
-    sentences += [f"tracker {name} is not in both runs" for name in gate.trackers or () if name not in trackers]
-    return sentences + [f"speed {speed} is not in both runs" for speed in gate.speeds or () if speed not in speeds]
+def _unanswered(gate: Gate, asked: Sequence[Asked], expected: Sequence[Compared]) -> Iterator[str]:
+    """What the gate is about and the runs do not share; of several runs, with the name of the one."""
+    known = [*expected, *(one.of for one in asked)]
+    runs = list(dict.fromkeys(one.run for one in known))
+    for run in runs:
+        wanted = list(dict.fromkeys(one for one in known if one.run == run and gate.covers(one)))
+        measured = {one: {ask.statistic for ask in asked if ask.of == one} for one in wanted}
+        measured = {one: found for one, found in measured.items() if found}
+        ending = f" ({run})" if len(runs) > 1 else ""
+        for sentence in (*_unshared(gate, wanted, measured), *_unmeasured(gate, measured)):
+            yield f"{sentence}{ending}"
+
+
+def _unshared(gate: Gate, wanted: Sequence[Compared], measured: Container[Compared]) -> Iterator[str]:
+    """Trackers, speeds and other conditions that two runs do not share."""
+    there = [one for one in wanted if one in measured]
+    trackers, speeds = {one.tracker for one in there}, {one.speed for one in there}
+    for name in gate.trackers or sorted({one.tracker for one in wanted}):
+        if name not in trackers:
+            yield f"tracker {name} is not in both runs"
+    for speed in gate.speeds or sorted({one.speed for one in wanted}):
+        if speed not in speeds:
+            yield f"speed {speed} is not in both runs"
+    for one, named in _names(wanted).items():
+        if one not in measured and one.tracker in trackers and one.speed in speeds:
+            yield f"{named} is not in both runs"
+
+
+def _unmeasured(gate: Gate, measured: Mapping[Compared, Container[str]]) -> Iterator[str]:
+    """Statistics of shared conditions that were not measured in both runs."""
+    for name in gate.tolerances:
+        without = [named for one, named in _names(measured).items() if name not in measured[one]]
+        if len(without) == len(measured):
+            yield f"{name} was not measured in both runs"
+        else:
+            yield from (f"{name} of {named} was not measured in both runs" for named in without)
+
+
+def _names(conditions: Iterable[Compared]) -> dict[Compared, str]:
+    """Names of conditions, with the parts of the view of which there are several."""
+    known = list(conditions)
+    several = [name for name in VIEW if len({getattr(one, name) for one in known}) > 1]
+    return {one: condition_name({name: getattr(one, name) for name in ("tracker", "speed", *several)}) for one in known}
 
 
 def _outcome(rows: Sequence[GateRow], lacking: Sequence[str]) -> str:

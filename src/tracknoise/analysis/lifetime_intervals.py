@@ -178,10 +178,11 @@ def _smoothed(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 def _with_extremes(between: BetweenScenes, own: NDArray[np.float64]) -> BetweenScenes:
     """The same with the shares 0 and 1 within the bounds of the next scene, where any scene has them, (1, 1, scenes).
 
-    Where all scenes have 0, or all have 1, it is not known how much scenes differ.
+    Where most scenes have 0, or most have 1, it is not known how much scenes differ.
     """
-    none, every = (np.where(np.isnan(own), True, own == end) for end in (0.0, 1.0))
-    unknown = none.all(axis=-1) | every.all(axis=-1)
+    n_scenes = (~np.isnan(own)).sum(axis=-1)
+    none, every = ((own == end).sum(axis=-1) for end in (0.0, 1.0))
+    unknown = 2 * np.maximum(none, every) > n_scenes
     low = np.where((own == 0.0).any(axis=-1) & ~np.isnan(between.next_low), 0.0, between.next_low)
     high = np.where((own == 1.0).any(axis=-1) & ~np.isnan(between.next_high), 1.0, between.next_high)
     spread, low, high = (np.where(unknown, np.nan, values) for values in (between.spread, low, high))

@@ -53,7 +53,7 @@ from tracknoise.inference.units import MIN_SCENES, MIN_WITHIN, Resampled
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
 from tracknoise.tables.trust import TruthVerdict
-from tracknoise.words import count, place
+from tracknoise.words import count, only, place
 
 
 class Unit(StrEnum):
@@ -657,7 +657,7 @@ class Asked(OfStatistic):
 
     def _too_few(self) -> str:
         if self.n_scenes < MIN_SCENES:
-            return f"the runs share only {count(self.n_scenes, 'scene')}; {_FEW}"
+            return f"{only(self.n_scenes, 'scene')} with data in both runs; {_FEW}"
         part = self.group[self.values.both]
         n_groups = len(np.unique(part))
         if n_groups < MIN_SCENES and len(part) - n_groups < MIN_WITHIN:
@@ -667,7 +667,7 @@ class Asked(OfStatistic):
     def _gap(self, found: Change | None) -> str | None:
         if found is None:
             with_data = int((~np.isnan(self.values.change)).any(axis=1).sum())
-            return f"{count(with_data, 'scene')} with enough data in both runs; {_FEW}"
+            return f"{only(with_data, 'scene')} with enough data in both runs; {_FEW}"
         if (self.values.unlike & found.compared).any():
             return "a value of 0 in one of the runs, which has no ratio"
         return None

@@ -60,7 +60,8 @@ def between_scenes(
     """How much scenes differ in their own statistics."""
     own = own_values(units, statistics)
     found = next_scene(units, own, scales, level=estimates.level)
-    return BetweenScenes(found.spread, found.low, found.high, _coverage(estimates, units, found.spread, scales))
+    unknown = np.full_like(found.spread, np.nan)
+    return with_estimates(BetweenScenes(found.spread, found.low, found.high, unknown), units, scales, estimates)
 
 
 def own_values(units: Units, statistics: Statistics) -> NDArray[np.float64]:
@@ -77,8 +78,15 @@ def spread_on(units: Units, statistics: Statistics, scale: str, *, level: float)
 def with_estimates(
     between: BetweenScenes, units: Units, scales: Sequence[str], estimates: EstimateArray
 ) -> BetweenScenes:
-    """The same beside other estimates of the same statistics, whose coverage is asked for."""
-    return replace(between, coverage=_coverage(estimates, units, between.spread, scales))
+    """The same beside other estimates of the same statistics, whose coverage is asked for.
+
+    Where values of scenes are far from Gaussian, the interval of an estimate can reach beyond the prediction for one
+    scene. The prediction is then widened to contain it.
+    """
+    low = np.where(np.isnan(between.next_low), np.nan, np.fmin(between.next_low, estimates.low))
+    high = np.where(np.isnan(between.next_high), np.nan, np.fmax(between.next_high, estimates.high))
+    coverage = _coverage(estimates, units, between.spread, scales)
+    return replace(between, next_low=low, next_high=high, coverage=coverage)
 
 
 def with_coverage(between: BetweenScenes, rows: Sequence[int], coverage: NDArray[np.float64]) -> BetweenScenes:

@@ -63,6 +63,7 @@ from tracknoise.tables.defaults import MARGIN, MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Behaviour, Verdict
 from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, SEQUENCE, check
+from tracknoise.words import only
 
 Array = NDArray[np.float64]
 _Fit = Callable[[Array], Array]
@@ -579,7 +580,7 @@ def _rows(
     for place, (coordinate, fit) in enumerate(zip("uv", fits, strict=True)):
         correlations = {f"autocorrelation{end}": found[place] for end, found in related.items()}
         if fit is None:
-            few = f"ages with enough errors: {n_ages}; at least {MIN_AGES} are needed"
+            few = f"{only(n_ages, 'age')} with enough errors; at least {MIN_AGES} are needed"
             why = few if n_ages < MIN_AGES else "all errors are zero at some age"
             found = {**_bounds(correlations), "grows": Verdict.undecided, "verdict": Behaviour.undecided, "why": why}
         else:

@@ -26,7 +26,7 @@ def findings(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Print the ten most important sentences about a run: what to set, which tracker is better, and what was shown.
+    """Print at most ten sentences about a run: what to set, which tracker is better, and what was shown.
 
     Examples: `tracknoise findings runs/7scenes`, `tracknoise findings runs/7scenes --all --table`
     """

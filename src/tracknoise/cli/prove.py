@@ -88,7 +88,8 @@ def _tables(found: "Proof") -> "list[Cells]":
     from tracknoise.estimators.trial import REFERENCE
 
     compared = f"arm {REFERENCE}"
-    poses = f"Errors of the newest pose relative to {compared}, and NEES: 1 if as certain as claimed. 95 % intervals."
+    intervals = "" if found.poses["low"].is_null().all() else " In brackets: 95 % intervals."
+    poses = f"Errors of the newest pose relative to {compared}, and NEES: 1 if as certain as claimed.{intervals}"
     distances = "Errors of triangulated distances relative to 1 px, and share inside their 95 % intervals."
     shown = ("position_ratio", "rotation_ratio", "nees_newest", "nees_all", "coverage_95")
     return [

@@ -179,12 +179,11 @@ def failed_in(first: OpenedRun, second: OpenedRun) -> Iterator[str]:
         yield f"{second.name} could not measure {_some(failed)}, which {first.name} measured."
 
 
-def left_out(first: OpenedRun, second: OpenedRun) -> Iterator[str]:
-    """Sentences about sequences that only one of the runs was to measure."""
-    for one, other in ((first, second), (second, first)):
-        known = set(other.manifest.sequences) | set(other.manifest.failures)
-        if only := set(one.manifest.sequences) - known:
-            yield f"{other.name} has no {_some(only)}, which {one.name} measured."
+def left_out(one: OpenedRun, other: OpenedRun) -> Iterator[str]:
+    """Sentences about sequences that one run has measured, and the other was not to."""
+    known = set(other.manifest.sequences) | set(other.manifest.failures)
+    if only := set(one.manifest.sequences) - known:
+        yield f"{other.name} has no {_some(only)}, which {one.name} measured."
 
 
 _TRACKER, _SPEED = POOLED.index("tracker"), POOLED.index("speed")
@@ -226,14 +225,13 @@ def matched_trackers(first: Measured, second: Measured, asked: tuple[str, str] |
     return {asked[0]: asked[1]}
 
 
-def matched_conditions(first: Measured, second: Measured, trackers: Mapping[str, str]) -> list[Pair]:
-    """Conditions that both runs have, sorted."""
-    pairs = [
+def paired_conditions(first: Measured, trackers: Mapping[str, str]) -> list[Pair]:
+    """Conditions of a run and those that another should have, sorted. `trackers`: as of `matched_trackers`."""
+    return [
         (key, _with_tracker(key, trackers[str(key[_TRACKER])]))
         for key in sorted(first.conditions)
         if str(key[_TRACKER]) in trackers
     ]
-    return [(key, other) for key, other in pairs if other in second.conditions]
 
 
 def unmatched(first: Measured, second: Measured, trackers: Mapping[str, str] | None) -> Iterator[str]:
@@ -389,7 +387,8 @@ class Questions:
 
     asked: tuple[Asked, ...]  # all questions, statistics in the order of `ESTIMANDS`
     notes: tuple[str, ...]  # what takes no part, one sentence each
-    missing: tuple[str, ...]  # those of them that are about sequences that the second run could not measure
+    missing: tuple[str, ...]  # those of them that are about sequences that the first run alone has measured
+    expected: tuple[Compared, ...]  # conditions of the first run that the second should have
 
 
 def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | None) -> Questions:
@@ -400,18 +399,20 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     known, found = Measured(first.name, frozenset(tables[0].frames)), Measured(second.name, frozenset(tables[1].frames))
     matched = matched_trackers(known, found, trackers)
     fitted = any(first.manifest.sequences[key].truth == TRIANGULATED for key in keys)
-    missing = tuple(failed_in(first, second))
+    missing = (*failed_in(first, second), *left_out(first, second))
     apart = unmatched(known, found, matched if trackers is None else None)
-    notes = (*missing, *left_out(first, second), *apart, *([_FITTED] if fitted else []))
+    notes = (*missing, *left_out(second, first), *apart, *([_FITTED] if fitted else []))
     groups = groups_of_scenes(first.manifest.sequences, first.settings["dataset"].get("groups"))
-    pairs = matched_conditions(known, found, matched)
+    pairs = [(key, other) for key, other in paired_conditions(known, matched) if other in found.conditions]
     asked = [
         Asked(_compared(second.name, pair), name, values, names, groups.of(str(pair[0][0]), names), axis)
         for pair, names in ((pair, scenes[str(pair[0][0])]) for pair in pairs)
         for name, axis, values in _in_order(_values(tables, pair, names))
         if not (fitted and name in OF_ERRORS)
     ]
-    return Questions(tuple(asked), notes, missing)
+    partners = matched if trackers else {name: matched.get(name, name) for name in known.trackers}
+    expected = (_compared(second.name, pair) for pair in paired_conditions(known, partners))
+    return Questions(tuple(asked), notes, missing, tuple(expected))
 
 
 def _scenes(run: OpenedRun, keys: Sequence[str]) -> dict[str, list[str]]:
@@ -608,7 +609,8 @@ def compare(
     )
     rows = verdicts(asked, margin=margin, level=level, ages=ComparedAges(ages))
     missing = [sentence for part in found for sentence in part.missing]
-    result = None if gate is None else judge(gate, asked, missing)
+    expected = [condition for part in found for condition in part.expected]
+    result = None if gate is None else judge(gate, asked, missing, expected)
     side = RunSide(known.name, str(known.folder.path), truth=TruthVerdict.of_run(known.folder))
     return Comparison(side, sides, tuple(rows), margin, level, ComparedAges(ages), result)
 

@@ -51,8 +51,13 @@ def setup_tables(
     )
 
 
+ROUNDING_PX = 1e-6
+"""Smaller differences between positions are those of rounding, and no errors."""
+
+
 def _observations(recording: Recording, positions: TruePositions) -> dict[str, pl.Series]:
     error = recording.uv - positions.uv
+    error[np.abs(error) < ROUNDING_PX] = 0.0
     return {
         "track": pl.Series(recording.track),
         "frame": pl.Series(recording.frame),

@@ -60,8 +60,9 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     withheld = withheld or audited_bias(tables, conditions, tracker, there["at"])
     if withheld is not None and Verdict.yes in (verdict_at(there), overall["verdict"]):
         return Part(withheld, [verdict])
-    estimates = _means(tables, conditions, tracker, there, conditions.trimmings[0])
-    sentences = _at_one_age(mean, conditions, there, estimates)
+    means = _means(tables, conditions, tracker, there, conditions.trimmings[0])
+    length = [] if there["effect_low_px"] is None else [_length(there)]
+    sentences = _at_one_age(mean, conditions, there, length, means)
     sentences += [_wider_claim(conditions, there, overall)]
     intervals = conditions.of(tables["intervals"], tracker)
     sentences += [curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")]
@@ -71,10 +72,10 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     sentences += [covered_coordinates(covers)]
     untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
     sentences += _in_each(untrimmed, "Without trimming, the mean in u is")
-    return Part(joined(sentences), [*estimates, *untrimmed, verdict])
+    return Part(joined(sentences), [*length, *means, *untrimmed, verdict])
 
 
-def _in_each(means: Sequence[Estimate], opening: str = "In u it is") -> list[str]:
+def _in_each(means: Sequence[Estimate], opening: str = "In u the mean is") -> list[str]:
     """A sentence for each coordinate; none where a mean is unknown."""
     return each_axis([format_estimate(one) for one in means], opening) if len(means) == 2 else []
 
@@ -97,18 +98,28 @@ def _at_all_ages(mean: str, overall: Mapping[str, Any]) -> str:
     return because(f"It is undecided whether {mean} is zero{test}", overall["why"] if p is None else "")
 
 
+def _length(there: Mapping[str, Any]) -> Estimate:
+    """Length of the mean error at one age, with the bounds of the test."""
+    return Estimate.of_row(there, "effect_px", "effect_low_px", "effect_high_px", "px")
+
+
 def _at_one_age(
-    mean: str, conditions: ReportedConditions, there: Mapping[str, Any], estimates: Sequence[Estimate]
+    mean: str,
+    conditions: ReportedConditions,
+    there: Mapping[str, Any],
+    length: Sequence[Estimate],
+    means: Sequence[Estimate],
 ) -> list[str]:
-    """The verdict at one age alone, with the means that it is about."""
+    """The verdict at one age alone, with the length of the mean, whose interval agrees with it, and its parts."""
     p = there["sign_flip_p"]
     if p is None:
-        sizes = _in_each(estimates, f"{sentence_case(mean)} in u is") or [f"{sentence_case(mean)} is unknown."]
+        sizes = _in_each(means, f"{sentence_case(mean)} in u is") or [f"{sentence_case(mean)} is unknown."]
         where = f"That is {conditions.place(there['at'])}."
         return [*sizes, where, because("Whether it is zero in other scenes was not tested", there["why"])]
     test = f"({chance(p)}, {count(there['n_scenes'], 'scene')})"
     is_zero = f"{mean} is not zero" if verdict_at(there) == Verdict.yes else f"it is undecided whether {mean} is zero"
-    return [f"{conditions.opening_place(there['at'])}, {is_zero} {test}.", *_in_each(estimates)]
+    lengths = [f"Its length is {format_estimate(one)}." for one in length]
+    return [f"{conditions.opening_place(there['at'])}, {is_zero} {test}.", *lengths, *_in_each(means)]
 
 
 def _wider_claim(conditions: ReportedConditions, there: Mapping[str, Any], overall: Mapping[str, Any]) -> str:
@@ -146,7 +157,7 @@ def bias_measure(subject: Subject) -> Measure | None:
     overall, there = (first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
     if overall is None or there is None or subject.at is None or subject.row is None or there["effect_px"] is None:
         return None
-    shown = card_number(Estimate.of_row(there, "effect_px", "effect_low_px", "effect_high_px", "px"))
+    shown = card_number(_length(there))
     covered = _is_covered(subject, there)
     verdict = Verdict.undecided if covered else verdict_at(there)
     place = subject.conditions.place(subject.at)

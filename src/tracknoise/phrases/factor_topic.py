@@ -253,7 +253,7 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
     rms = rms_of_tracks(data.trimming)
     if verdict == Verdict.yes and row["better"] in pair:
         better, worse = row["better"], pair[1 - pair.index(row["better"])]
-        if _rms_ratio(data, better, worse) > 1.0:
+        if _is_more(_rms_ratio(data, better, worse)):
             core = f"{better} is better than {worse} by {size}{bounds} in the core"
             return f"Typical error: {core}; large errors make the {rms} of {better} larger."
         than = f" than {worse}" if row["n_levels"] > len(pair) else ""
@@ -262,7 +262,7 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
     if verdict == Verdict.no:
         return _equal(data, row, pair)
     larger, smaller = row["larger"] or pair[0], _smaller(row)
-    if _rms_ratio(data, smaller, larger) > 1.0:
+    if _is_more(row["effect"]) and _is_more(_rms_ratio(data, smaller, larger)):
         return f"Undecided: the core error of {larger} is {size} that of {smaller}{bounds}, but its {rms} is smaller."
     core = f"the core error of {larger} is {size} that of {smaller}{bounds}"
     return f"It is undecided which is more accurate: {core} {everywhere}."
@@ -288,6 +288,11 @@ def _rms_ratio(data: RunData, one: str, other: str) -> float:
         math.hypot(*(rows[name][f"{data.trimming}_rms_{axis}_px"] for axis in "uv")) for name in (one, other)
     )
     return length / beside if beside else 1.0
+
+
+def _is_more(times: float) -> bool:
+    """Whether a ratio is above one as it is written."""
+    return times > 1.0 and ratio(times) != ratio(1.0)
 
 
 def _at_one_place(data: RunData, row: dict[str, Any]) -> str:
@@ -328,9 +333,10 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
         return Judgement(undecided, text, _SECTION)
     low, *_, high = sorted(sizes, key=lambda name: sizes[name] or 0.0)  # of equal ones, not the same twice
     what = "noise" if data.truth_is_fitted else _core_or_rms(data)
-    text = f"Undecided from {scenes}: the {what} of {high} is {ratio((sizes[high] or 0.0) / (sizes[low] or 1.0))} times"
+    size = (sizes[high] or 0.0) / (sizes[low] or 1.0)
+    text = f"Undecided from {scenes}: the {what} of {high} is {ratio(size)} times"
     of_core = not data.truth_is_fitted and shown_size(data)[0] == "core"
-    reverse = of_core and _rms_ratio(data, low, high) > 1.0
+    reverse = of_core and _is_more(size) and _is_more(_rms_ratio(data, low, high))
     end = f", but its {rms_of_tracks(data.trimming)} is smaller." if reverse else "."
     text += f" that of {low}{end}"
     return Judgement(undecided, text, _SECTION)

@@ -23,7 +23,7 @@ from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import because, joined
 from tracknoise.phrases.withheld import audited_rise, growth_cover, withheld_growth
 from tracknoise.tables.enumerations import Axis, Behaviour, Verdict
-from tracknoise.words import count, coverage_text, format_estimate, listing, ratio, sentence_case
+from tracknoise.words import count, coverage_sentence, format_estimate, listing, ratio, sentence_case
 
 _PARTS: Mapping[str, tuple[str, str]] = {
     "white_px_geometric": ("constant part", "px"),
@@ -94,8 +94,7 @@ def _how(row: Mapping[str, Any], parts: Mapping[str, Estimate]) -> tuple[str, li
     """A sentence on how the error of one coordinate grows, from its established parts."""
     if row["verdict"] in _KNOWN and parts:
         listed = [f"{sentence_case(name)} is established: {format_estimate(size)}." for name, size in parts.items()]
-        covered = row["coverage"]
-        stated = "" if covered is None else f"Errors have heavy tails: {coverage_text(row['level'], covered)}."
+        stated = coverage_sentence("Errors have heavy tails:", row["level"], row["coverage"])
         return joined([*listed, stated]), list(parts.values())
     if row["verdict"] == Behaviour.none:
         return because("How it grows is open", row["why"] or "none of the models fits"), []

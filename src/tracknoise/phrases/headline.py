@@ -13,6 +13,7 @@ import polars as pl
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, SceneGroups
 from tracknoise.phrases.bands import interval_texts
+from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION, TRIMMING
@@ -20,7 +21,7 @@ from tracknoise.tables.enumerations import Aspect, Axis, Trimming, Weighting
 from tracknoise.tables.schema import VIEW
 from tracknoise.words import (
     count,
-    coverage_text,
+    coverage_sentence,
     next_scene_text,
     opening_place,
     place,
@@ -167,11 +168,14 @@ def leading(estimates: Sequence[Estimate]) -> Estimate | None:
 
 
 def in_brackets(rows: pl.DataFrame) -> str:
-    """How the intervals in brackets were made, as the last sentences; empty where there are none.
+    """How the intervals in brackets were made, as the last sentences; or that there are too few scenes for any.
 
     `rows`: those reported, with columns low, high, level, resampled and n_scenes.
     """
     texts = interval_texts(rows.drop_nulls(["low", "high"]), "n_scenes")
+    n_scenes = rows["n_scenes"].max()
+    if not texts and isinstance(n_scenes, int) and n_scenes < MIN_SCENES:
+        return f" Numbers are of {count(n_scenes, 'scene')}, too few for intervals."
     return "".join(f" {'Others are' if place else 'In brackets:'} {text}." for place, text in enumerate(texts))
 
 
@@ -370,10 +374,7 @@ def _scenes(found: pl.DataFrame, of: str, *, is_scale: bool) -> str:
         f"{next_scene_text(row['next_low'], row['next_high'], row['unit'])}."
         for row in known
     ]
-    untested = [
-        f"There {coverage_text(row['level'], row['coverage'])}." for row in known if row["coverage"] is not None
-    ]
-    return " ".join([*texts, *untested])
+    return joined([*texts, *(coverage_sentence("There", row["level"], row["coverage"]) for row in known)])
 
 
 def scalar_estimate(row: Mapping[str, Any], intervals: pl.DataFrame, statistic: str, unit: str) -> Estimate:

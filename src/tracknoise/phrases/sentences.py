@@ -1,11 +1,9 @@
 """Sentences: how long they may be, how a text or a reason becomes several of them, and the names in them."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-from tracknoise.tables.schema import VIEW
-from tracknoise.words import listing, sentence_case, view_text
+from tracknoise.words import listing, sentence_case
 
 MOST_WORDS, MOST_NUMBERS = 25, 3
 """No sentence has more words or numbers, apart from names."""
@@ -68,8 +66,3 @@ def together(names: Sequence[str]) -> str:
     """Names as part of a sentence: ``a and b``, or ``a, b, c and 17 others``."""
     named = names if len(names) <= MOST_NAMED else [*names[: MOST_NAMED - 1], f"{len(names) - MOST_NAMED + 1} others"]
     return listing(named)
-
-
-def condition_name(names: Mapping[str, Any]) -> str:
-    """Name a condition."""
-    return f"{names['tracker']} at speed {names['speed']}{view_text(names, [name for name in VIEW if name in names])}"

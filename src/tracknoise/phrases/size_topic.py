@@ -70,9 +70,10 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
 def _cores(
     intervals: pl.DataFrame, conditions: ReportedConditions, at: int, tracker: str, cores: Mapping[str, Estimate]
 ) -> Iterator[str]:
-    """Sentences about the cores in u and in v, of which either may be missing."""
+    """Sentences about the cores in u and in v, of which either or both may be missing; the first names the tracker."""
     known = {axis: format_estimate(core) for axis, core in cores.items()}
     if not known:
+        yield f"{tracker} has no core: its errors are few, or mostly exactly zero."
         return
     axis, *_ = known
     few = {axis: _few_scenes(intervals, conditions, at, axis) for axis in known}

@@ -10,10 +10,10 @@ from tracknoise.phrases.bands import FRAME
 from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables, curve_rows
 from tracknoise.phrases.measures import first
 from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import MOST_NAMED, condition_name, joined, sentences_of, together
+from tracknoise.phrases.sentences import MOST_NAMED, joined, sentences_of, together
 from tracknoise.tables.enumerations import Behaviour, Trimming
 from tracknoise.tables.schema import VERDICT
-from tracknoise.words import count, listing, number, percent, px, rms_of_tracks
+from tracknoise.words import condition_name, count, listing, number, percent, px, rms_of_tracks
 
 _BOTH = (Trimming.untrimmed, Trimming.trimmed)
 _WORDS: Mapping[str, str] = {Behaviour.none: "no model fits", Behaviour.white: "constant"}

@@ -48,7 +48,8 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
 
 
 def _between_scenes(rows: pl.DataFrame) -> str:
-    return " Numbers in brackets are 95 % intervals." if rows["low"].drop_nulls().len() else ""
+    told = rows.filter(quantity="sigma")["low"].drop_nulls()
+    return " Numbers in brackets are 95 % intervals." if told.len() else ""
 
 
 def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | None:
@@ -81,14 +82,16 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
     """The noise that makes depths of points right for windows of tracks, and how wrong they are by residuals."""
     windows = tables["window_sigmas"].filter(trimming=conditions.trimming)
     length = shown_window(windows, conditions)
-    brackets = in_brackets(conditions.reported(windows.filter(quantity="residual_core")))
+    shown = windows.filter(pl.col("n") >= LEAST_WINDOWS, pl.col("window").eq_missing(length))
+    told = (_bracketed(conditions.of(shown, tracker)) for tracker in conditions.trackers)
+    brackets = in_brackets(pl.concat([windows.clear(), *told]))
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     of_length = "" if length is None else f" Windows have {length} frames."
     return by_tracker(
         conditions.trackers,
         lambda tracker: _noise_of(windows, length, tables["trust"], conditions, tracker),
         opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.{of_length}",
-        closing=f"Windows begin at birth; numbers are medians over them, with true poses.{brackets}",
+        closing=f"Windows begin at birth; numbers are medians over those of all scenes, with true poses.{brackets}",
         topic="depth noise",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",
@@ -132,6 +135,12 @@ def _noise_of(
     if "consistent_sigma" in found:
         return _with_depth(found, tracker, trust)
     return _without_depth(found, tracker, conditions)
+
+
+def _bracketed(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows of one length of window whose intervals are told."""
+    told = _ABOUT_DEPTH if "consistent_sigma" in _by_quantity(rows) else ("residual_core",)
+    return rows.filter(pl.col("quantity").is_in(told))
 
 
 def _too_few(length: int) -> str:

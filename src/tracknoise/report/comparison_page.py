@@ -112,14 +112,15 @@ def answers(rows: Sequence[Row]) -> list[str]:
 
 
 def clearest(rows: Sequence[Row]) -> list[str]:
-    """One sentence per statistic that is worse or better, with its effect; the worse ones first."""
+    """One sentence per statistic that is worse or better, with its effect; the worse ones first. Then what it is of."""
     named = varying(rows)
     ordered = sorted(rows, key=lambda row: list(ChangeVerdict).index(row.verdict))
-    return [
-        f"{sentence_case(_named(row, named))} is {row.verdict}: {effect_words(row)}{_at_age(row)}."
-        for row in ordered
-        if row.verdict in (ChangeVerdict.worse, ChangeVerdict.better)
-    ][:_MOST_NAMED]
+    found = [row for row in ordered if row.verdict in (ChangeVerdict.worse, ChangeVerdict.better)][:_MOST_NAMED]
+    effects = [
+        f"{sentence_case(_named(row, named))} is {row.verdict}: {effect_words(row)}{_at_age(row)}." for row in found
+    ]
+    are_ratios = any(row.estimand.unit == Unit.ratio for row in found)
+    return [*effects, *(["Factors and percentages are geometric means over scenes."] if are_ratios else [])]
 
 
 def gate_sentences(result: GateResult) -> list[str]:

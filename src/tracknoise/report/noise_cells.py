@@ -21,7 +21,7 @@ from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
 from tracknoise.tables.enumerations import Product, Trust, Verdict
 from tracknoise.text import counted, significant
-from tracknoise.words import DASH, number, percent, ratio, thousandths
+from tracknoise.words import DASH, count, number, percent, ratio, thousandths
 
 _COMPONENTS = {
     "first": ("first position (A)", "px"),
@@ -165,7 +165,10 @@ def _common(model: NoiseModel) -> list[str]:
     text = f"All features of a frame have {_percent(share.value)} of the variance in common{bounds}."
     if not share.low:
         return [text]
-    return [text, f"More than {1.0 / share.value:.0f} features in a frame therefore improve a pose little."]
+    return [
+        text,
+        f"A pose therefore gains little from more than {count(round(1.0 / share.value), 'feature')} in a frame.",
+    ]
 
 
 def _floor(model: NoiseModel) -> list[str]:

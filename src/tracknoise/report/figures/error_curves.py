@@ -108,7 +108,8 @@ def _curve_figure(
         f"{one.name} has a mean error of {one.describe('mean')}. Its root second moment is {one.describe('second')}."
         for one in found
     ]
-    look_for = f"{when(found, data.axis)} {' '.join(parts)} {advice}"
+    pooled = "These numbers pool the features of all scenes. In the answer at the top, scenes count alike."
+    look_for = f"{when(found, data.axis)} {' '.join(parts)} {pooled} {advice}"
     shows = f"{shows} {describe_bands(points, series)}"
     return Figure(name, title, shows, look_for, grid(points, series, data.axis), message)
 

@@ -406,7 +406,8 @@ def in_words(advice: Advice) -> str:
     """Write what to set, and what it makes right, in one line."""
     parts = [f"sigma {_px(advice.sigma)}"]
     if advice.kernel is not None and advice.knee is not None:
-        parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma")
+        untried = " (not tried)" if advice.is_without_trial else ""
+        parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma{untried}")
     parts += [f"gate of {_GATED[gate]} x {factor:.3g}" for gate, factor in advice.gates.items()]
     return f"{', '.join(parts)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
 
@@ -447,8 +448,9 @@ def _of_advice(advice: Advice) -> Iterator[str]:
             f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and make "
             "the claimed covariance right there. Sigma is larger without the loss."
         )
-    elif advice.kernel is not None and advice.landmark is not Landmark.KNOWN:
-        yield "Sigma is that of residuals. Whether it is right with this loss was not tried: there are too few tracks."
+    elif advice.is_without_trial:
+        yield "The loss was not tried: that takes enough tracks of a scene at the lowest speed of a run."
+        yield "Sigma is that without a loss. With one, a smaller sigma is right most often."
     if Gate.TRACK in advice.gates:
         yield (
             "The gate passes 80 % of good tracks where errors of predicted poses make up a third of the innovations. "

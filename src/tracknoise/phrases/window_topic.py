@@ -1,6 +1,7 @@
 """The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import sqrt
 from typing import Any
 
@@ -62,7 +63,8 @@ def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | No
     together = _together(rows["kernel"][0], found)
     text = joined([f"{tracker}: set {most}{format_estimate(sigma)}.", caveat]) + together
     text += f" Innovations will look like {px(innovations.value)}."
-    return Part(text, list(found.values()), f"{tracker}: set {most}{short(sigma)}.")
+    said = {**found, "innovations": replace(innovations, low=None, high=None)}
+    return Part(text, [said[name] for name in _SAID if name in said], f"{tracker}: set {most}{short(sigma)}.")
 
 
 def _together(kernel: str | None, found: Quantities) -> str:
@@ -75,6 +77,8 @@ def _together(kernel: str | None, found: Quantities) -> str:
 
 
 _GATED = {"track": "tracks", "observation": "single observations"}
+_SAID = ("sigma", "knee", *(f"{gate}_gate" for gate in _GATED), "innovations")
+"""Quantities in the order of the sentences."""
 
 
 def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

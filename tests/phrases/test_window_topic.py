@@ -150,6 +150,13 @@ def test_a_filter_has_sigma_and_gates_together() -> None:
     assert "Sigma makes the covariance of the newest pose right." in found
 
 
+def test_features_in_the_state_have_a_sigma_of_their_own() -> None:
+    found = advised(
+        advice({**GATED, "state_sigma": (0.29, 0.2, 0.4), "observation_gate": (0.44, None, None)}, "openvins")
+    )
+    assert "Set 0.290 px for features in the state. Multiply chi-square gates by 0.310 for tracks and 0.440" in found
+
+
 def test_a_window_has_sigma_and_loss_together() -> None:
     found = advised(advice(ROBUST, "sliding_window", kernel="cauchy"))
     assert "lk: set 0.080 px (0.050 to 0.140). Its Cauchy loss has the knee at 0.850 sigma." in found

@@ -155,6 +155,12 @@ class Advice:
     knee_px: float | None = None
     windows: int = 0  # on how many windows of the recordings the loss was tried; 0 where it was not
     gates: Mapping[Gate, float]  # what to multiply a chi-square gate at .95 by, with `sigma`
+    state: "Advice | None" = None  # of features in the state, where these have a sigma of their own
+
+    @property
+    def every_gate(self) -> Mapping[Gate, float]:
+        """Also those of features in the state."""
+        return self.gates if self.state is None else {**self.gates, **self.state.gates}
 
     @property
     def knee(self) -> float | None:

@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cache
+from functools import cache, partial
 from importlib import resources
 from importlib.metadata import version
 from itertools import chain
@@ -104,18 +104,21 @@ class Noise:
     window: int  # length of its window, frames
     purpose: Purpose | None  # what its sigma makes right; None if it takes the components themselves
 
-    def advice(self, *, window: int | None = None) -> Advice:
-        """What to set, for its window or another one."""
-        return self.about.advise(self.model, window=self.window if window is None else window, purpose=self.purpose)
+    def advice(self) -> Advice:
+        """What to set."""
+        return self.about.advise(self.model, window=self.window, purpose=self.purpose)
 
     @property
     def sigma(self) -> float:
         """Standard deviation, px; with a robust loss, the one that belongs to it."""
         return self.advice().sigma.value
 
-    def sigma_at(self, window: int) -> float:
-        """The same for another window."""
-        return self.advice(window=window).sigma.value
+    @property
+    def state(self) -> Advice:
+        """What to set for features in the state."""
+        found = self.advice().state
+        assert found is not None, f"{self.about.title} has one sigma for all features"
+        return found
 
     @property
     def plain_sigma(self) -> float:
@@ -127,14 +130,10 @@ class Noise:
         """Factor on the chi-square gate of a track at .95, with `sigma`."""
         return self.advice().gates[Gate.TRACK]
 
-    def observation_gate_at(self, window: int) -> float:
-        """Factor on the chi-square gate of one observation at .95, with `sigma_at`."""
-        return self.advice(window=window).gates[Gate.OBSERVATION]
-
     @property
     def observation_gate(self) -> float:
-        """The same with `sigma`."""
-        return self.observation_gate_at(self.window)
+        """Factor on the chi-square gate of one observation at .95, with `sigma`."""
+        return self.advice().gates[Gate.OBSERVATION]
 
     def observation_gate_with(self, sigma: float, level: float) -> float:
         """The same with another standard deviation, px, at another level."""
@@ -260,6 +259,8 @@ class Estimator:
     kernel: LossKind | None = None
     knee: float | None = None
     gates: tuple[Gate, ...] = ()  # its chi-square tests that can be set
+    # Frames that features in its state live for, where these have a sigma and a gate of their own.
+    state_window: int | None = None
     needs: tuple[str, ...] = ()  # what must be known: ``focal length``, ``rate``, ``observations``
     without_effect: tuple[str, ...] = ()  # keys that look right and do nothing, or something else: sentences
     notes: tuple[str, ...] = ()  # sentences
@@ -279,15 +280,11 @@ class Estimator:
         wanted = purpose or self.purpose
         if wanted is None:
             raise SettingsError(f"{self.title} takes the components of a model, expected an estimator with one sigma")
-        return advise(
-            model,
-            landmark=self.landmark,
-            purpose=wanted,
-            window=self.window if window is None else window,
-            kernel=self.kernel,
-            knee=self.knee,
-            gates=self.gates,
-        )
+        of_purpose = partial(advise, model, landmark=self.landmark, purpose=wanted, kernel=self.kernel, knee=self.knee)
+        found = of_purpose(window=self.window if window is None else window, gates=self.gates)
+        if self.state_window is None:
+            return found
+        return replace(found, state=of_purpose(window=self.state_window, gates=[Gate.OBSERVATION]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -404,12 +401,20 @@ def makes_right(noise: Noise) -> str:
 
 def in_words(advice: Advice) -> str:
     """Write what to set, and what it makes right, in one line."""
+    found = f"{_numbers(advice)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+    if advice.state is None:
+        return found
+    return f"{found}; features in the state: {_numbers(advice.state)}, in windows of {advice.state.window} frames"
+
+
+def _numbers(advice: Advice) -> str:
+    """Sigma, loss and gates."""
     parts = [f"sigma {_px(advice.sigma)}"]
     if advice.kernel is not None and advice.knee is not None:
         untried = " (not tried)" if advice.is_without_trial else ""
         parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma{untried}")
     parts += [f"gate of {_GATED[gate]} x {factor:.3g}" for gate, factor in advice.gates.items()]
-    return f"{', '.join(parts)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+    return ", ".join(parts)
 
 
 _GATED: Mapping[Gate, str] = {Gate.TRACK: "tracks", Gate.OBSERVATION: "observations"}

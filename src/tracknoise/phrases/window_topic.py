@@ -25,7 +25,7 @@ LEAST_WINDOWS = 100
 """With fewer windows than this, or fewer that show the depth of their point, a number is not reported."""
 _ALIKE = 1.1
 """An uncertainty that is at most this many times another one counts as the same."""
-_UNITS = dict.fromkeys(("consistent_sigma", "residual_core", "sigma", "innovations"), "px")
+_UNITS = dict.fromkeys(("consistent_sigma", "residual_core", "sigma", "state_sigma", "innovations"), "px")
 _ABOUT_DEPTH = ("consistent_sigma", "core_overconfidence")
 Quantities = Mapping[str, Estimate]
 
@@ -73,11 +73,12 @@ def _together(kernel: str | None, found: Quantities) -> str:
         return f" Its {kernel.title()} loss has the knee at {number(found['knee'].value)} sigma."
     gates = {noun: found[f"{gate}_gate"] for gate, noun in _GATED.items() if f"{gate}_gate" in found}
     named = listing([f"{number(one.value)} for {noun}" for noun, one in gates.items()])
-    return f" Multiply chi-square gates by {named}." if gates else ""
+    state = f" Set {px(found['state_sigma'].value)} for features in the state." if "state_sigma" in found else ""
+    return f"{state} Multiply chi-square gates by {named}." if gates else ""
 
 
 _GATED = {"track": "tracks", "observation": "single observations"}
-_SAID = ("sigma", "knee", *(f"{gate}_gate" for gate in _GATED), "innovations")
+_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATED), "innovations")
 """Quantities in the order of the sentences."""
 
 

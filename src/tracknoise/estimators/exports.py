@@ -393,9 +393,9 @@ def in_comment(line: str) -> str:
 def makes_right(noise: Noise) -> str:
     """Write which numbers are used, with intervals, and what they make right."""
     if noise.purpose is None:
-        floored = _floored(noise.about, noise)
+        written = dict.fromkeys(_floored(noise.about, noise), f", written as {LEAST_PX:g} px")
         parts = [
-            f"{phrase} {_px(getattr(noise.model, name).sigma)}{f', written as {LEAST_PX:g} px' if name in floored else ''}"
+            f"{phrase} {_px(getattr(noise.model, name).sigma)}{written.get(name, '')}"
             for name, phrase in {"first": "first position", "white": "each frame", "walk": "walk"}.items()
         ]
         return f"components of the model: {', '.join(parts)}"

@@ -93,7 +93,15 @@ def test_errors_that_an_outlier_test_rejects_do_not_count() -> None:
     assert tried(wild)["huber", 3.0].sigma_ratio.low > clean["huber", 3.0].sigma_ratio.high
 
 
+def test_one_scene_is_enough() -> None:
+    """More errors are drawn for each of its windows. Without other scenes there is no interval."""
+    found, every = tried(tracks(np.full(200, SIGMA), scenes=1)), of_one_scale()
+    assert all(one.windows == 24 and one.sigma_ratio.low is None for one in found.values())
+    for name, one in found.items():
+        assert one.sigma_ratio.value == pytest.approx(every[name].sigma_ratio.value, rel=0.25)
+
+
 def test_without_tracks_or_errors_nothing_is_tried() -> None:
     assert tried(tracks(np.full(80, SIGMA)).clear()) == {}
-    assert tried(tracks(np.full(80, SIGMA), scenes=1)) == {}
+    assert tried(tracks(np.full(30, SIGMA))) == {}
     assert tried(tracks(np.zeros(80))) == {}

@@ -138,9 +138,13 @@ def advice(found: dict[str, tuple[float, float | None, float | None]], name: str
     return pl.DataFrame(rows, schema=dict(ADVICE))
 
 
-def advised(table: pl.DataFrame, truth: pl.DataFrame = TRUSTED) -> str:
+def on_estimator(table: pl.DataFrame, truth: pl.DataFrame = TRUSTED) -> Headline | None:
     summary = pl.DataFrame([CONDITION], schema=dict(SUMMARY))
-    found = estimator_noise({"advice": table, "summary": summary, "trust": truth}, SCOPE)
+    return estimator_noise({"advice": table, "summary": summary, "trust": truth}, SCOPE)
+
+
+def advised(table: pl.DataFrame, truth: pl.DataFrame = TRUSTED) -> str:
+    found = on_estimator(table, truth)
     return "" if found is None else found.text.replace("\N{NO-BREAK SPACE}", " ")
 
 
@@ -153,10 +157,25 @@ def test_a_filter_has_sigma_and_gates_together() -> None:
     assert "Sigma makes the covariance of the newest pose right." in found
 
 
+def test_features_in_the_state_have_a_sigma_of_their_own() -> None:
+    found = advised(
+        advice({**GATED, "state_sigma": (0.29, 0.2, 0.4), "observation_gate": (0.44, None, None)}, "openvins")
+    )
+    assert "Set 0.290 px for features in the state. Multiply chi-square gates by 0.310 for tracks and 0.440" in found
+
+
 def test_a_window_has_sigma_and_loss_together() -> None:
     found = advised(advice(ROBUST, "sliding_window", kernel="cauchy"))
     assert "lk: set 0.080 px (0.050 to 0.140). Its Cauchy loss has the knee at 0.850 sigma." in found
     assert "chi-square" not in found
+
+
+@pytest.mark.parametrize("bounds", [(0.14, 0.18), (None, None)])
+def test_its_number_is_the_sigma_to_set(bounds: tuple[float | None, float | None]) -> None:
+    """Whatever the order of the table, and also where only innovations have an interval."""
+    table = advice({**GATED, "sigma": (0.16, *bounds)}, "filter").sort("quantity")
+    found = on_estimator(table).estimate
+    assert (found.value, found.low, found.high, found.unit) == (0.16, *bounds, "px")
 
 
 def test_without_a_model_nothing_is_advised() -> None:

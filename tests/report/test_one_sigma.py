@@ -66,6 +66,15 @@ def test_what_to_set_has_all_that_belongs_to_sigma(fitted_run: RunFolder) -> Non
     assert f"{gated.sigma_px:.3f}" in card
     assert gated.caveat in card
     assert len(card.split("<tr>")) <= 11
+    text = export(run_models(fitted_run).models["oracle"], "openvins").files["openvins_noise.yaml"]
+    header, *lines = text.splitlines()[1:]
+    written = dict(line.split(": ") for line in lines if not line.startswith("#"))
+    pairs = [(gated.sigma_px, gated.track_gate), (gated.state_sigma_px, gated.observation_gate)]
+    for name, pair in zip(("msckf", "slam"), pairs, strict=True):
+        own = [written[f"up_{name}_{key}"] for key in ("sigma_px", "chi2_multipler")]
+        assert own == [number(one) for one in pair]
+    assert f"features in the state: sigma {gated.state_sigma_px:.3g} px" in header
+    assert f"gate of observations x {gated.observation_gate:.3g}, in windows of 30 frames" in header
     with pytest.raises(UnknownNameError, match="estimator"):
         run.sigma("nothing like it")
 

@@ -30,8 +30,11 @@ class SigmaToSet:
         Length of the window that sigma is for, frames, and what it makes right.
     innovations_px
         What innovations will look like: their standard deviation, px.
+    state_sigma_px
+        Standard deviation for features in the state, px; None where they have none of their own.
     track_gate, observation_gate
-        What to multiply a chi-square gate of tracks, and of single observations, by; None where there is none.
+        What to multiply a chi-square gate of tracks, and of single observations, by; None where there is none. The
+        second belongs to `state_sigma_px` where there is one.
     kernel, knee
         The robust loss, and its knee in units of sigma; None where the estimator has none.
     caveat
@@ -46,6 +49,7 @@ class SigmaToSet:
     window: int
     makes_right: str
     innovations_px: float
+    state_sigma_px: float | None
     track_gate: float | None
     observation_gate: float | None
     kernel: str | None
@@ -57,6 +61,7 @@ class SigmaToSet:
         facts = {
             "sigma": f"{px(self.sigma_px)}{bounds}",
             "innovations look like": px(self.innovations_px),
+            "sigma of features in the state": self.state_sigma_px and px(self.state_sigma_px),
             "gate of tracks": self.track_gate and f"times {number(self.track_gate)}",
             "gate of observations": self.observation_gate and f"times {number(self.observation_gate)}",
             "robust loss": self.kernel and f"{self.kernel}, knee at {number(self.knee)} sigma",
@@ -118,6 +123,7 @@ def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | Non
         window=found.window,
         makes_right=PURPOSES[found.purpose],
         innovations_px=innovations.value,
+        state_sigma_px=None if found.state is None else found.state.sigma.value,
         **_gates(found),
         kernel=None if found.kernel is None else str(found.kernel),
         knee=found.knee,
@@ -126,4 +132,4 @@ def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | Non
 
 
 def _gates(found: Advice) -> Mapping[str, float | None]:
-    return {f"{gate}_gate": found.gates.get(gate) for gate in Gate}
+    return {f"{gate}_gate": found.every_gate.get(gate) for gate in Gate}

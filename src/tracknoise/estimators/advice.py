@@ -13,8 +13,8 @@ the state .95 takes the place of .80, because a feature is lost with it; its gat
 
 **Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
 those that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed
-covariance right with it. Where none was tried, sigma is that of innovations, with a knee of 1 (Cauchy) or 1.345 (Huber)
-sigmas.
+covariance right with it. Where none was tried, the knee is 1 (Cauchy) or 1.345 (Huber) sigmas of innovations, because
+it decides on the poses, and sigma is that of least squares, because residuals promise too much.
 
 **A point that is known**, from a map or a depth image at its first observation, leaves the whole error in the image:
 sigma is the RMS of errors about the first position, ages 1 to the length of the window.
@@ -132,7 +132,7 @@ POSE_SHARE = 1.0 / 3.0
 GOOD = 0.8
 """Share of good tracks that a gate lets through."""
 UNTRIED_KNEES: Mapping[LossKind, float] = {LossKind.CAUCHY: 1.0, LossKind.HUBER: 1.345}
-"""Knees in sigmas where none was tried."""
+"""Knees in sigmas of innovations where none was tried."""
 _ALIKE = 1.02
 """Errors of poses that differ by less than this factor are alike; the larger knee has fewer local minima."""
 _GAUSSIAN_KNEE = 2.385
@@ -155,11 +155,22 @@ class Advice:
     knee_px: float | None = None
     windows: int = 0  # on how many windows of the recordings the loss was tried; 0 where it was not
     gates: Mapping[Gate, float]  # what to multiply a chi-square gate at .95 by, with `sigma`
+    state: "Advice | None" = None  # of features in the state, where these have a sigma of their own
+
+    @property
+    def every_gate(self) -> Mapping[Gate, float]:
+        """Also those of features in the state."""
+        return self.gates if self.state is None else {**self.gates, **self.state.gates}
 
     @property
     def knee(self) -> float | None:
         """The knee in units of sigma."""
         return None if self.knee_px is None else self.knee_px / self.sigma.value
+
+    @property
+    def is_without_trial(self) -> bool:
+        """Whether sigma is that without the loss, because this was not tried. Known points need no trial."""
+        return self.kernel is not None and self.landmark is not Landmark.KNOWN and not self.windows
 
 
 def advise(
@@ -231,8 +242,9 @@ def _with_kernel(
     """Sigma, knee in px, and on how many windows they were tried, in place of the sigma of least squares."""
     tried = [one for one in model.kernels if one.kind is kernel]
     if not tried:
-        sigma = _positive(model, plain.landmark, Purpose.INNOVATIONS, plain.window).sigma
-        return sigma, (knee or UNTRIED_KNEES[kernel]) * sigma.value, 0
+        residuals = _positive(model, plain.landmark, Purpose.INNOVATIONS, plain.window).sigma.value
+        knee_px = UNTRIED_KNEES[kernel] * residuals if knee is None else knee * plain.sigma.value
+        return plain.sigma, knee_px, 0
     if knee is None:
         least = min(one.error_ratio.value for one in tried)
         best = max((one for one in tried if one.error_ratio.value <= _ALIKE * least), key=lambda one: one.knee_px)

@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cache
+from functools import cache, partial
 from importlib import resources
 from importlib.metadata import version
 from itertools import chain
@@ -104,18 +104,21 @@ class Noise:
     window: int  # length of its window, frames
     purpose: Purpose | None  # what its sigma makes right; None if it takes the components themselves
 
-    def advice(self, *, window: int | None = None) -> Advice:
-        """What to set, for its window or another one."""
-        return self.about.advise(self.model, window=self.window if window is None else window, purpose=self.purpose)
+    def advice(self) -> Advice:
+        """What to set."""
+        return self.about.advise(self.model, window=self.window, purpose=self.purpose)
 
     @property
     def sigma(self) -> float:
         """Standard deviation, px; with a robust loss, the one that belongs to it."""
         return self.advice().sigma.value
 
-    def sigma_at(self, window: int) -> float:
-        """The same for another window."""
-        return self.advice(window=window).sigma.value
+    @property
+    def state(self) -> Advice:
+        """What to set for features in the state."""
+        found = self.advice().state
+        assert found is not None, f"{self.about.title} has one sigma for all features"
+        return found
 
     @property
     def plain_sigma(self) -> float:
@@ -127,14 +130,10 @@ class Noise:
         """Factor on the chi-square gate of a track at .95, with `sigma`."""
         return self.advice().gates[Gate.TRACK]
 
-    def observation_gate_at(self, window: int) -> float:
-        """Factor on the chi-square gate of one observation at .95, with `sigma_at`."""
-        return self.advice(window=window).gates[Gate.OBSERVATION]
-
     @property
     def observation_gate(self) -> float:
-        """The same with `sigma`."""
-        return self.observation_gate_at(self.window)
+        """Factor on the chi-square gate of one observation at .95, with `sigma`."""
+        return self.advice().gates[Gate.OBSERVATION]
 
     def observation_gate_with(self, sigma: float, level: float) -> float:
         """The same with another standard deviation, px, at another level."""
@@ -260,6 +259,8 @@ class Estimator:
     kernel: LossKind | None = None
     knee: float | None = None
     gates: tuple[Gate, ...] = ()  # its chi-square tests that can be set
+    # Frames that features in its state live for, where these have a sigma and a gate of their own.
+    state_window: int | None = None
     needs: tuple[str, ...] = ()  # what must be known: ``focal length``, ``rate``, ``observations``
     without_effect: tuple[str, ...] = ()  # keys that look right and do nothing, or something else: sentences
     notes: tuple[str, ...] = ()  # sentences
@@ -279,15 +280,11 @@ class Estimator:
         wanted = purpose or self.purpose
         if wanted is None:
             raise SettingsError(f"{self.title} takes the components of a model, expected an estimator with one sigma")
-        return advise(
-            model,
-            landmark=self.landmark,
-            purpose=wanted,
-            window=self.window if window is None else window,
-            kernel=self.kernel,
-            knee=self.knee,
-            gates=self.gates,
-        )
+        of_purpose = partial(advise, model, landmark=self.landmark, purpose=wanted, kernel=self.kernel, knee=self.knee)
+        found = of_purpose(window=self.window if window is None else window, gates=self.gates)
+        if self.state_window is None:
+            return found
+        return replace(found, state=of_purpose(window=self.state_window, gates=[Gate.OBSERVATION]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -396,19 +393,32 @@ def in_comment(line: str) -> str:
 def makes_right(noise: Noise) -> str:
     """Write which numbers are used, with intervals, and what they make right."""
     if noise.purpose is None:
-        parts = {"first position": noise.model.first, "each frame": noise.model.white, "walk": noise.model.walk}
-        return "components of the model: " + ", ".join(f"{name} {_px(one.sigma)}" for name, one in parts.items())
+        written = dict.fromkeys(_floored(noise.about, noise), f", written as {LEAST_PX:g} px")
+        parts = [
+            f"{phrase} {_px(getattr(noise.model, name).sigma)}{written.get(name, '')}"
+            for name, phrase in {"first": "first position", "white": "each frame", "walk": "walk"}.items()
+        ]
+        return f"components of the model: {', '.join(parts)}"
     bound = "" if noise.model.truth.is_usable else "; errors of the truth are in it: the tracker alone has less"
     return f"{in_words(noise.advice())}{bound}"
 
 
 def in_words(advice: Advice) -> str:
     """Write what to set, and what it makes right, in one line."""
+    found = f"{_numbers(advice)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+    if advice.state is None:
+        return found
+    return f"{found}; features in the state: {_numbers(advice.state)}, in windows of {advice.state.window} frames"
+
+
+def _numbers(advice: Advice) -> str:
+    """Sigma, loss and gates."""
     parts = [f"sigma {_px(advice.sigma)}"]
     if advice.kernel is not None and advice.knee is not None:
-        parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma")
+        untried = " (not tried)" if advice.is_without_trial else ""
+        parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma{untried}")
     parts += [f"gate of {_GATED[gate]} x {factor:.3g}" for gate, factor in advice.gates.items()]
-    return f"{', '.join(parts)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+    return ", ".join(parts)
 
 
 _GATED: Mapping[Gate, str] = {Gate.TRACK: "tracks", Gate.OBSERVATION: "observations"}
@@ -417,7 +427,7 @@ _GATED: Mapping[Gate, str] = {Gate.TRACK: "tracks", Gate.OBSERVATION: "observati
 def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
     """Sentences on what the export does not express, and on what the model knows of that."""
     cannot = [f"Cannot be expressed: {'; '.join(about.cannot)}."] if about.cannot else []
-    return (*cannot, *about.without_effect, *_of_model(noise), *_of_zeros(about, noise))
+    return (*cannot, *about.without_effect, *_of_model(noise), *_of_floors(about, noise))
 
 
 def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
@@ -447,8 +457,9 @@ def _of_advice(advice: Advice) -> Iterator[str]:
             f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and make "
             "the claimed covariance right there. Sigma is larger without the loss."
         )
-    elif advice.kernel is not None and advice.landmark is not Landmark.KNOWN:
-        yield "Sigma is that of residuals. Whether it is right with this loss was not tried: there are too few tracks."
+    elif advice.is_without_trial:
+        yield "The loss was not tried: that takes enough tracks of a scene at the lowest speed of a run."
+        yield "Sigma is that without a loss. With one, a smaller sigma is right most often."
     if Gate.TRACK in advice.gates:
         yield (
             "The gate passes 80 % of good tracks where errors of predicted poses make up a third of the innovations. "
@@ -456,14 +467,33 @@ def _of_advice(advice: Advice) -> Iterator[str]:
         )
 
 
-def _of_zeros(about: Estimator, noise: Noise) -> Iterator[str]:
-    """What is written for components that are zero, where the templates name them."""
-    templates = " ".join((*about.files.values(), about.patch or ""))
-    named = {"first": "a first position", "white": "a single frame"}
-    for name, phrase in named.items():
-        is_written = f"noise.{name}" in templates or _TRACK in templates
-        if is_written and not getattr(noise.model, name).covariance.any():
+def _of_floors(about: Estimator, noise: Noise) -> Iterator[str]:
+    """What is written for components that are too small, where the templates name them."""
+    for name in _floored(about, noise):
+        component, phrase = getattr(noise.model, name), _FLOORED[name]
+        if component.covariance.any():
+            yield (
+                f"The model has {component.sigma.value:.3g} px noise of {phrase}. In directions with less than "
+                f"{LEAST_PX:g} px, {LEAST_PX:g} px are written instead."
+            )
+        else:
             yield f"The model has no noise of {phrase}: {LEAST_PX:g} px are written instead of zero."
+
+
+_FLOORED = {"first": "a first position", "white": "a single frame"}
+
+
+def _floored(about: Estimator, noise: Noise) -> list[str]:
+    """Components in place of which the templates write `LEAST_PX`, at least in one direction."""
+    templates = " ".join((*about.files.values(), about.patch or ""))
+
+    def is_floored(name: str) -> bool:
+        found = getattr(noise.model, name)
+        if _TRACK in templates:
+            return bool(np.linalg.eigvalsh(found.covariance)[0] < LEAST_PX**2)
+        return f"noise.{name}" in templates and found.sigma.value < LEAST_PX
+
+    return [name for name in _FLOORED if is_floored(name)]
 
 
 def _px(interval: Interval) -> str:

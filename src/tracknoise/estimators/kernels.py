@@ -36,6 +36,8 @@ KNEES = (3.0, 1.0, 0.3)
 LENGTH = 11
 """Frames of a window."""
 _MOST_SCENES, _PER_SCENE = 12, 3
+_ENOUGH = 24
+"""Windows with drawn errors: few scenes have more of each."""
 _LEAST_TRACKS, _LEAST_WINDOWS = 50, 8
 _ROUNDS = 5
 
@@ -140,19 +142,19 @@ class _Drawn:
 
 def _windows(tracks: pl.DataFrame, windows: Sequence[Sequence[LinearTracks]], most_px: float) -> Iterator[_Drawn]:
     """Windows with drawn errors of each scene."""
-    scenes = tracks["scene"].unique().sort().to_list()
-    places = np.unique(np.linspace(0, len(scenes) - 1, min(_MOST_SCENES, len(scenes))).round().astype(int))
+    names = tracks["scene"].unique().sort().to_list()
+    places = np.unique(np.linspace(0, len(names) - 1, min(_MOST_SCENES, len(names))).round().astype(int)).tolist()
+    every = {place: _Scene.of(tracks.filter(scene=names[place]), most_px) for place in places if names}
+    scenes = {place: scene for place, scene in every.items() if len(scene.errors) >= _LEAST_TRACKS}
+    draws = max(_PER_SCENE, -(-_ENOUGH // max(len(scenes) * len(windows), 1)))
     determines = cache(determines_poses)
-    for place in places.tolist() if scenes else []:
-        scene = _Scene.of(tracks.filter(scene=scenes[place]), most_px)
-        if len(scene.errors) < _LEAST_TRACKS:
-            continue
+    for place, scene in scenes.items():
         random = np.random.default_rng(place)
-        for window in [one for one in windows for _ in range(_PER_SCENE)]:
+        for window in [one for one in windows for _ in range(draws)]:
             drawn = [(group, own) for group in window if (own := scene.drawn(group, random)) is not None]
             groups = tuple(group for group, _ in drawn)
             if any(own.any() for _, own in drawn) and determines(groups):
-                yield _Drawn(scenes[place], groups, tuple(own for _, own in drawn))
+                yield _Drawn(names[place], groups, tuple(own for _, own in drawn))
 
 
 def _of_same_tracks(drawn: Sequence[_Drawn]) -> list[list[int]]:

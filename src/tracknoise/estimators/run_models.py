@@ -125,7 +125,8 @@ def advice_table(models: RunModels, name: str, window: int | None, condition: Ma
             continue
         innovations = innovations_of(model, found)
         numbers = {"sigma": found.sigma, "innovations": innovations}
-        numbers |= {f"{gate}_gate": Interval(value=factor) for gate, factor in found.gates.items()}
+        numbers |= {} if found.state is None else {"state_sigma": found.state.sigma}
+        numbers |= {f"{gate}_gate": Interval(value=factor) for gate, factor in found.every_gate.items()}
         numbers |= {} if found.knee is None else {"knee": Interval(value=found.knee)}
         about = {
             "dataset": model.training.dataset,

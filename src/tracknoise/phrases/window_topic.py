@@ -1,6 +1,7 @@
 """The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import sqrt
 from typing import Any
 
@@ -24,7 +25,7 @@ LEAST_WINDOWS = 100
 """With fewer windows than this, or fewer that show the depth of their point, a number is not reported."""
 _ALIKE = 1.1
 """An uncertainty that is at most this many times another one counts as the same."""
-_UNITS = dict.fromkeys(("consistent_sigma", "residual_core", "sigma", "innovations"), "px")
+_UNITS = dict.fromkeys(("consistent_sigma", "residual_core", "sigma", "state_sigma", "innovations"), "px")
 _ABOUT_DEPTH = ("consistent_sigma", "core_overconfidence")
 Quantities = Mapping[str, Estimate]
 
@@ -63,7 +64,8 @@ def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | No
     together = _together(rows["kernel"][0], found)
     text = joined([f"{tracker}: set {most}{format_estimate(sigma)}.", caveat]) + together
     text += f" Innovations will look like {px(innovations.value)}."
-    return Part(text, list(found.values()), f"{tracker}: set {most}{short(sigma)}.")
+    said = {**found, "innovations": replace(innovations, low=None, high=None)}
+    return Part(text, [said[name] for name in _SAID if name in said], f"{tracker}: set {most}{short(sigma)}.")
 
 
 def _together(kernel: str | None, found: Quantities) -> str:
@@ -72,10 +74,13 @@ def _together(kernel: str | None, found: Quantities) -> str:
         return f" Its {kernel.title()} loss has the knee at {number(found['knee'].value)} sigma."
     gates = {noun: found[f"{gate}_gate"] for gate, noun in _GATED.items() if f"{gate}_gate" in found}
     named = listing([f"{number(one.value)} for {noun}" for noun, one in gates.items()])
-    return f" Multiply chi-square gates by {named}." if gates else ""
+    state = f" Set {px(found['state_sigma'].value)} for features in the state." if "state_sigma" in found else ""
+    return f"{state} Multiply chi-square gates by {named}." if gates else ""
 
 
 _GATED = {"track": "tracks", "observation": "single observations"}
+_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATED), "innovations")
+"""Quantities in the order of the sentences."""
 
 
 def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:

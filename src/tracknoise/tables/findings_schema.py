@@ -174,8 +174,9 @@ ADVICE: Schema = {
 }
 """What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
 
-estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma and innovations
-are in px, knee is in sigmas, gates are factors on chi-square quantiles at .95.
+estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma, state_sigma (of
+features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
+are factors on chi-square quantiles at .95.
 """
 
 NOISE_LOOKUP: Schema = {

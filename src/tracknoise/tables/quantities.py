@@ -214,6 +214,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "largest_difference_part": Quantity(None, "What the largest difference is made from."),
     # windows of an estimator
     "sigma_to_set": Quantity("px", "Noise to set in the estimator of the experiment.", _RATIO, _SMALLER),
+    "state_sigma_to_set": Quantity("px", "The same for features in its state."),
     "knee_to_set": Quantity("sigmas", "Knee of its robust loss."),
     "gate_to_set": Quantity("1", "Factor on its chi-square gate at .95."),
     "sigma_of_innovations": Quantity("px", "Noise with which its innovations look right.", _RATIO, _SMALLER),

@@ -605,6 +605,7 @@ def _own_covariances() -> View:
 def _advice() -> View:
     names: dict[str, tuple[str, Constants]] = {
         "sigma": ("sigma_to_set", {}),
+        "state_sigma": ("state_sigma_to_set", {}),
         "knee": ("knee_to_set", {}),
         "track_gate": ("gate_to_set", {"against": "track"}),
         "observation_gate": ("gate_to_set", {"against": "observation"}),

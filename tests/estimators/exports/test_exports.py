@@ -165,7 +165,19 @@ def test_what_is_written_instead_of_zero_is_stated():
         assert white not in made(name).text
     assert white in made("rovio", model=lucas_kanade(white=component(0.0))).text
     for name in ("kimera", "json"):
-        assert "instead of zero" not in made(name).text
+        assert "written instead" not in made(name).text
+
+
+def test_what_is_written_instead_of_less_is_stated():
+    """The first line of the file says what the model has, and what stands below it."""
+    small = lucas_kanade(white=component(0.004), first=component(0.1))
+    found = made("rovio", model=small)
+    assert "each frame 0.004 px (0.0036 to 0.0044), written as 0.01 px" in found.files["rovio_noise.info"]
+    assert "0.004 px noise of a single frame. In directions with less than 0.01 px, 0.01 px are written" in found.text
+    assert "first position 0.1 px (0.09 to 0.11), each frame" in found.text
+    narrow = lucas_kanade(white=component(0.015, 4.0), first=component(0.1))
+    assert "0.015 px noise of a single frame" in made("openvins", model=narrow).text
+    assert "single frame" not in made("rovio", model=narrow).text
 
 
 def test_sigma_and_knee_of_a_loss_are_those_that_were_tried():
@@ -194,11 +206,22 @@ def test_a_knee_that_an_estimator_fixes_decides_on_sigma():
     assert beyond.sigma.value == pytest.approx(0.5 * 0.3**0.25 * sigma(window=10))
 
 
-def test_without_tried_losses_sigma_is_that_of_innovations():
-    cauchy, huber = (advised(name, detections()) for name in ("gtsam", "basalt"))
-    assert (cauchy.sigma.value, cauchy.knee, cauchy.windows) == (0.4, pytest.approx(1.0), 0)
-    assert (huber.sigma.value, huber.knee, huber.windows) == (0.4, pytest.approx(1.345), 0)
-    assert "was not tried" in made("gtsam", model=detections()).text
+def test_without_tried_losses_sigma_is_that_of_least_squares():
+    """Residuals would promise too much. They decide on the knee, and with it on the poses."""
+    untried = lucas_kanade(kernels=())
+    for name, window, purpose, knee in (
+        ("gtsam", 11, "newest_pose", 0.15),
+        ("basalt", 10, "newest_pose", 1.345 * 0.15),
+        ("colmap", 30, "all_poses", 0.15),
+        ("okvis2", 10, "newest_pose", sigma(window=10)),
+    ):
+        found = advised(name, untried)
+        assert found.sigma.value == pytest.approx(sigma(purpose=Purpose(purpose), window=window))
+        assert (found.knee_px, found.windows) == (pytest.approx(knee), 0)
+    written = made("gtsam", model=untried)
+    assert "Cauchy loss at 0.5 sigma (not tried): right for the covariance of the newest pose" in written.text
+    assert "The loss was not tried" in written.text
+    assert "not tried" not in made("gtsam").text
 
 
 def test_a_known_point_leaves_the_whole_error_in_the_image():

@@ -143,7 +143,7 @@ def _noise_of(
 
 
 def _bracketed(rows: pl.DataFrame) -> pl.DataFrame:
-    """Rows of one length of window whose intervals are told."""
+    """Rows of one length of window whose intervals are stated."""
     told = _ABOUT_DEPTH if "consistent_sigma" in _by_quantity(rows) else ("residual_core",)
     return rows.filter(pl.col("quantity").is_in(told))
 

@@ -393,8 +393,12 @@ def in_comment(line: str) -> str:
 def makes_right(noise: Noise) -> str:
     """Write which numbers are used, with intervals, and what they make right."""
     if noise.purpose is None:
-        parts = {"first position": noise.model.first, "each frame": noise.model.white, "walk": noise.model.walk}
-        return "components of the model: " + ", ".join(f"{name} {_px(one.sigma)}" for name, one in parts.items())
+        written = dict.fromkeys(_floored(noise.about, noise), f", written as {LEAST_PX:g} px")
+        parts = [
+            f"{phrase} {_px(getattr(noise.model, name).sigma)}{written.get(name, '')}"
+            for name, phrase in {"first": "first position", "white": "each frame", "walk": "walk"}.items()
+        ]
+        return f"components of the model: {', '.join(parts)}"
     bound = "" if noise.model.truth.is_usable else "; errors of the truth are in it: the tracker alone has less"
     return f"{in_words(noise.advice())}{bound}"
 
@@ -423,7 +427,7 @@ _GATED: Mapping[Gate, str] = {Gate.TRACK: "tracks", Gate.OBSERVATION: "observati
 def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
     """Sentences on what the export does not express, and on what the model knows of that."""
     cannot = [f"Cannot be expressed: {'; '.join(about.cannot)}."] if about.cannot else []
-    return (*cannot, *about.without_effect, *_of_model(noise), *_of_zeros(about, noise))
+    return (*cannot, *about.without_effect, *_of_model(noise), *_of_floors(about, noise))
 
 
 def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
@@ -463,14 +467,33 @@ def _of_advice(advice: Advice) -> Iterator[str]:
         )
 
 
-def _of_zeros(about: Estimator, noise: Noise) -> Iterator[str]:
-    """What is written for components that are zero, where the templates name them."""
-    templates = " ".join((*about.files.values(), about.patch or ""))
-    named = {"first": "a first position", "white": "a single frame"}
-    for name, phrase in named.items():
-        is_written = f"noise.{name}" in templates or _TRACK in templates
-        if is_written and not getattr(noise.model, name).covariance.any():
+def _of_floors(about: Estimator, noise: Noise) -> Iterator[str]:
+    """What is written for components that are too small, where the templates name them."""
+    for name in _floored(about, noise):
+        component, phrase = getattr(noise.model, name), _FLOORED[name]
+        if component.covariance.any():
+            yield (
+                f"The model has {component.sigma.value:.3g} px noise of {phrase}. In directions with less than "
+                f"{LEAST_PX:g} px, {LEAST_PX:g} px are written instead."
+            )
+        else:
             yield f"The model has no noise of {phrase}: {LEAST_PX:g} px are written instead of zero."
+
+
+_FLOORED = {"first": "a first position", "white": "a single frame"}
+
+
+def _floored(about: Estimator, noise: Noise) -> list[str]:
+    """Components in place of which the templates write `LEAST_PX`, at least in one direction."""
+    templates = " ".join((*about.files.values(), about.patch or ""))
+
+    def is_floored(name: str) -> bool:
+        found = getattr(noise.model, name)
+        if _TRACK in templates:
+            return bool(np.linalg.eigvalsh(found.covariance)[0] < LEAST_PX**2)
+        return f"noise.{name}" in templates and found.sigma.value < LEAST_PX
+
+    return [name for name in _FLOORED if is_floored(name)]
 
 
 def _px(interval: Interval) -> str:

@@ -165,7 +165,19 @@ def test_what_is_written_instead_of_zero_is_stated():
         assert white not in made(name).text
     assert white in made("rovio", model=lucas_kanade(white=component(0.0))).text
     for name in ("kimera", "json"):
-        assert "instead of zero" not in made(name).text
+        assert "written instead" not in made(name).text
+
+
+def test_what_is_written_instead_of_less_is_stated():
+    """The first line of the file says what the model has, and what stands below it."""
+    small = lucas_kanade(white=component(0.004), first=component(0.1))
+    found = made("rovio", model=small)
+    assert "each frame 0.004 px (0.0036 to 0.0044), written as 0.01 px" in found.files["rovio_noise.info"]
+    assert "0.004 px noise of a single frame. In directions with less than 0.01 px, 0.01 px are written" in found.text
+    assert "first position 0.1 px (0.09 to 0.11), each frame" in found.text
+    narrow = lucas_kanade(white=component(0.015, 4.0), first=component(0.1))
+    assert "0.015 px noise of a single frame" in made("openvins", model=narrow).text
+    assert "single frame" not in made("rovio", model=narrow).text
 
 
 def test_sigma_and_knee_of_a_loss_are_those_that_were_tried():

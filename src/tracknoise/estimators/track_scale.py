@@ -395,6 +395,7 @@ def _exponential(value: float, low: float, high: float, least: float, most: floa
     """
     if not np.log(least) + _AT_LIMIT < value < np.log(most) - _AT_LIMIT:
         return Interval(value=float(np.exp(value)))
-    ends = [None if np.isnan(end) else float(np.exp(end)) for end in (min(low, value), max(high, value))]
+    beyond = np.log(most) + 1.0  # of a larger end the exponential may be infinite
+    ends = [None if np.isnan(end) else float(np.exp(min(end, beyond))) for end in (min(low, value), max(high, value))]
     lower, upper = (None if end is None else min(max(end, least), most) for end in ends)
     return Interval(value=float(np.exp(value)), low=lower, high=upper)

@@ -98,6 +98,7 @@ def test_a_run_gives_a_covariance_for_each_observation(tracknoise, tmp_path):
         (("--to", "csv"), "no observations, expected tracks"),
         (("--to", "csv", "--tracks", "nowhere.csv"), "nowhere.csv"),
         (("--to", "openvins", "--purpose", "newest"), "unknown value of --purpose 'newest'"),
+        (("--to", "openvins", "--tracks", "runs/demo"), "found --to openvins, expected the option with --to csv alone"),
         ((), "no --to, expected a noise model and an estimator"),
     ],
 )

@@ -180,6 +180,10 @@ def test_commands_refuse_what_they_cannot_do(planted_run: Path, tmp_path: Path, 
     assert (code, "no such file" in error) == (1, True)
     code, _, error = tracknoise("noise", "check", "--on", planted_run, "--own", "cov", "--tracker", "oracle")
     assert (code, "found no column quality_cov_uu of oracle" in error) == (1, True)
+    for option in (("--tracker", "oracle"), ("--speed", "2")):
+        code, out, error = tracknoise("noise", "check", tmp_path / "none.json", "--on", planted_run, *option)
+        assert (code, out) == (1, "")
+        assert f"{option[0]}: found a noise model, which has its own, expected the option with --own alone" in error
 
 
 def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.NoiseModel) -> None:

@@ -48,7 +48,9 @@ def check(
         typer.Option("--own", help="Check the covariances of columns quality_NAME_uu, _uv, _vv, not a model."),
     ] = None,
     tracker: Annotated[str | None, typer.Option("--tracker", help="Tracker of the run, with --own.")] = None,
-    speed: Annotated[int, typer.Option("--speed", min=1, help="Speed of the run, with --own.")] = 1,
+    speed: Annotated[
+        int | None, typer.Option("--speed", min=1, help="Speed of the run, with --own (default: 1).")
+    ] = None,
     figure: Annotated[
         Path | None, typer.Option("--figure", help="Write the reliability plot to this file: .svg or .png.")
     ] = None,
@@ -97,7 +99,12 @@ def _draw(found: "Calibration", what: str, path: Path, kind: str) -> None:
 
 
 def _found(
-    file: Path | None, on: Path | None, scenes: list[str] | None, own: str | None, tracker: str | None, speed: int
+    file: Path | None,
+    on: Path | None,
+    scenes: list[str] | None,
+    own: str | None,
+    tracker: str | None,
+    speed: int | None,
 ) -> "Calibration":
     from tracknoise.estimators.calibration import check_model, check_own
     from tracknoise.estimators.noise_model import NoiseModel
@@ -109,9 +116,12 @@ def _found(
     if own is not None:
         if tracker is None or file is not None:
             raise SettingsError("--own NAME: found no --tracker or a model as well, expected --tracker alone")
-        return check_own(RunFolder(on), tracker=tracker, speed=speed, name=own, scenes=scenes)
+        return check_own(RunFolder(on), tracker=tracker, speed=speed or 1, name=own, scenes=scenes)
     if file is None:
         raise SettingsError("no FILE, expected a noise model, or --own NAME")
+    if tracker is not None or speed is not None:
+        option = "--speed" if tracker is None else "--tracker"
+        raise SettingsError(f"{option}: found a noise model, which has its own, expected the option with --own alone")
     return check_model(NoiseModel.read(file), RunFolder(on), scenes=scenes)
 
 
@@ -148,7 +158,7 @@ def export_command(
     Example: `tracknoise noise export lk.noise.json --to openvins --focal 458.6 --rate 20 -o config`
     """
     from tracknoise.cli.output_files import require_outputs
-    from tracknoise.estimators.exports import estimator_name
+    from tracknoise.estimators.exports import estimator_name, estimators
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.exceptions import SettingsError
     from tracknoise.tables.files import write_atomically
@@ -160,6 +170,8 @@ def export_command(
         raise SettingsError(f"no {'FILE' if file is None else '--to'}, expected a noise model and an estimator")
     target = _target(focal, rate, window, {"purpose": purpose, "allow-focal": allow_focal, "allow-rate": allow_rate})
     name = estimator_name(to)
+    if tracks is not None and "observations" not in estimators()[name].needs:
+        raise SettingsError(f"--tracks {tracks}: found --to {to}, expected the option with --to csv alone")
     model = NoiseModel.read(file)
     require_truth(model.truth, str(file), accepted=accept_truth)
     files = _files(name, _export(model, file, name, target, tracks))

@@ -189,6 +189,9 @@ def advise(
     track, what its sigma is to make right, and the length of its window; `kernel`, `knee`: its robust loss, None if it
     has none; and the knee in sigmas where the estimator fixes it; `gates`: its chi-square tests.
     """
+    if not any(one.covariance.any() for one in (model.first, model.white, model.walk, model.drift)):
+        tracker = model.training.tracker
+        raise SettingsError(f"no noise of {tracker} was measured: found components of 0 px only, expected one above 0")
     if landmark is Landmark.KNOWN:
         return _of_known_point(model, window, kernel, knee, gates)
     found = _positive(model, landmark, purpose, window)
@@ -306,8 +309,6 @@ def _of_known_point(
     ages = np.arange(1.0, window + 1.0)
     squares = [_half_trace(part) for part in (model.first, model.white, model.walk, model.drift)]
     plain = math.sqrt(squares[0] + squares[1] + squares[2] * ages.mean() + squares[3] * np.square(ages).mean())
-    if plain <= 0.0:
-        raise SettingsError("sigma of known points is 0 px, expected a number above 0")
     sigma, knee_px = plain, None
     if kernel is not None:
         sigma, knee_px = _independent(model.tails, plain, kernel, knee)

@@ -494,6 +494,14 @@ def test_a_sigma_of_zero_is_refused():
     assert made("json", model=exact).files
 
 
+def test_without_errors_the_reason_is_that_no_noise_was_measured():
+    none = dict.fromkeys(("first", "white", "walk", "drift"), component(0.0))
+    exact = lucas_kanade(**none, equivalents=equivalents(0.0, 0.5))
+    for name in ("openvins", "gtsam", "pnp"):
+        with pytest.raises(SettingsError, match="no noise of lucas-kanade was measured: found components of 0 px only"):
+            advised(name, exact)
+
+
 def test_a_reason_needs_a_number():
     with pytest.raises(SettingsError, match="no focal length"):
         Target(focal_change=FocalChange.LENS)

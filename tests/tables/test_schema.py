@@ -117,15 +117,23 @@ def test_an_enumeration_that_was_extended_since_a_table_was_written_is_read() ->
     now, before, unknown = pl.Enum(["a", "b", "c"]), pl.Enum(["b", "a"]), pl.Enum(["b", "z"])
     expected = {"name": now, "n": pl.Int64}
     old = pl.DataFrame({"name": ["b", None], "n": [1, 2]}, schema={"name": before, "n": pl.Int64})
-    read = schema.with_new_categories(old, expected)
+    read = schema.of_this_version(old, expected)
     assert check(read, expected, "old").rows() == old.rows()
-    assert schema.with_new_categories(old.cast({"name": unknown}), expected).schema["name"] == unknown
-    assert schema.with_new_categories(read, {"name": before, "n": pl.Int64}).schema == read.schema
+    assert schema.of_this_version(old.cast({"name": unknown}), expected).schema["name"] == unknown
+    assert schema.of_this_version(read, {"name": before, "n": pl.Int64}).schema == read.schema
+
+
+def test_last_columns_that_earlier_versions_did_not_write_are_null() -> None:
+    now = {"core_u_px": pl.Float64, "near_px": pl.Float64}
+    read = schema.of_this_version(pl.DataFrame({"core_u_px": [0.5]}), now)
+    assert check(read, now, "old").rows() == [(0.5, None)]
+    with pytest.raises(SchemaError, match="expected other"):
+        check(schema.of_this_version(read, {**now, "other": pl.Float64}), {**now, "other": pl.Float64}, "old")
 
 
 def test_names_that_were_strings_are_read() -> None:
     old = pl.DataFrame({"name": ["lk", None]})
     assert (
-        check(schema.with_new_categories(old, {"name": pl.Categorical()}), {"name": pl.Categorical()}, "old").rows()
+        check(schema.of_this_version(old, {"name": pl.Categorical()}), {"name": pl.Categorical()}, "old").rows()
         == old.rows()
     )

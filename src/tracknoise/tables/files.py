@@ -138,7 +138,7 @@ def read_stacked(
     try:
         sources: list[IO[bytes]] = [io.BytesIO(content) for content in (every[:1] if are_equal else every)]
         scanned = pl.scan_parquet(sources) if only is None else pl.scan_parquet(sources).select(list(wanted))
-        table = schema.with_new_categories(scanned.collect(), wanted)
+        table = schema.of_this_version(scanned.collect(), wanted)
         stacked = pl.concat([table] * len(every)) if are_equal else table
         return schema.check_stored(stacked, wanted, "tables")
     except (OSError, SchemaError, *_DAMAGE) as error:
@@ -156,7 +156,7 @@ def _parsed(path: Path, content: bytes, columns: schema.Schema) -> pl.DataFrame:
     except (OSError, *_DAMAGE) as error:
         raise_if_interruption(error)
         raise StoreError(f"{path}: damaged ({error}), expected a Parquet table; {REMEDY}") from error
-    return schema.check_stored(schema.with_new_categories(table, columns), columns, str(path))
+    return schema.check_stored(schema.of_this_version(table, columns), columns, str(path))
 
 
 def is_intact(path: Path, sha256: str) -> bool:

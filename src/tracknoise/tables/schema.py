@@ -938,14 +938,20 @@ def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame
     return table
 
 
-def with_new_categories(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+_LATER_COLUMNS = ("near_px",)
+"""Last columns of tables that earlier versions did not write."""
+
+
+def of_this_version(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     """A table of an earlier version, whose enumerations lack later categories, or whose names are strings.
 
-    Enumerations are extended only if those of `schema` have all of their categories.
+    Enumerations are extended only if those of `schema` have all of their categories. Last columns that are not in it
+    are null.
     """
     found = table.schema  # made anew whenever it is asked for
-    expected = {name: kind for name, kind in dict(schema).items() if name in found}
-    changed = [pl.col(name).cast(kind) for name, kind in expected.items() if _continues(kind, found[name])]
+    kinds = dict(schema).items()
+    changed = [pl.col(name).cast(kind) for name, kind in kinds if name in found and _continues(kind, found[name])]
+    changed += [pl.lit(None, kind).alias(name) for name, kind in kinds if name in _LATER_COLUMNS and name not in found]
     return table.with_columns(changed) if changed else table
 
 

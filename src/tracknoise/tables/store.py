@@ -493,7 +493,7 @@ class RunFolder:
             table = self.scan(name, key).filter(*chosen).collect()
         except pl.exceptions.PolarsError:
             table = self.sequence_table(name, key).filter(*chosen)  # says what is wrong, if it is the file
-        return schema.check(schema.with_new_categories(table, columns), columns, name)
+        return schema.check(schema.of_this_version(table, columns), columns, name)
 
     def sequence_tables(self, name: str) -> Iterator[pl.DataFrame]:
         """One table of each measured sequence, in the order of their keys."""

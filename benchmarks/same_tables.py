@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from tracknoise.tables.result_views import VIEWS, view
 from tracknoise.tables.results import RESULTS as RESULTS_SCHEMA
-from tracknoise.tables.schema import ASPECT, with_new_categories
+from tracknoise.tables.schema import ASPECT, of_this_version
 
 DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
 RUNS = ("demo", "sevenscenes", "kitti", "dtu")
@@ -98,7 +98,7 @@ def _table(run: Path, name: Path) -> pl.DataFrame | None:
     if (run / name).exists():
         return with_typed_aspects(pl.read_parquet(run / name))
     if name.stem in VIEWS and (run / RESULTS).exists():
-        return view(with_new_categories(pl.read_parquet(run / RESULTS), RESULTS_SCHEMA), name.stem)
+        return view(of_this_version(pl.read_parquet(run / RESULTS), RESULTS_SCHEMA), name.stem)
     return None
 
 

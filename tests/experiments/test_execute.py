@@ -125,8 +125,8 @@ def test_observations_lie_on_the_frames_their_speed_sees_and_start_without_error
 def test_errors_are_observed_minus_true_and_null_where_truth_is_unknown(finished):
     rows = pl.concat(finished.sequence_tables("observations"))
     known = rows.filter(pl.col("u_true_px").is_not_null())
-    assert (known["u_px"] - known["u_true_px"]).equals(known["du_px"].rename("u_px"))
-    assert (known["v_px"] - known["v_true_px"]).equals(known["dv_px"].rename("v_px"))
+    for axis in "uv":  # smaller differences are rounding, and 0
+        assert (known[f"{axis}_px"] - known[f"{axis}_true_px"] - known[f"d{axis}_px"]).abs().max() < 1e-9
     unknown = rows.filter(pl.col("truth").is_in(["no_depth", "edge", "behind_camera"]))
     assert unknown["du_px"].null_count() == len(unknown)
     assert not rows["du_px"].is_nan().any()

@@ -139,7 +139,7 @@ def test_the_store_keeps_quality_and_trimming_does_too(tmp_path):
     assert read_parquet(tmp_path / "observations.parquet", OBSERVATIONS, sha256).equals(measured.observations)
 
 
-@pytest.mark.parametrize(("size_px", "are_errors"), [(1e-9, False), (1e-5, True)])
+@pytest.mark.parametrize(("size_px", "are_errors"), [(1e-11, False), (1e-7, True)])
 def test_differences_of_rounding_are_no_errors(size_px, are_errors):
     sequence = open_sequence("simulated", motions=("sideways",), frames=4, width=160, height=120, supersampling=1)
     tracker = tracknoise.Oracle(n_features=30, bias_px=(size_px, -size_px), covariance_px2=((0.0, 0.0), (0.0, 0.0)))

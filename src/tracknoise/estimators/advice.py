@@ -29,6 +29,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from scipy.special import gammaincinv
 
+from tracknoise.checks import require_whole
 from tracknoise.estimators.bundle import Loss, expected_nees
 from tracknoise.estimators.bundle import LossKind as BundleLoss
 from tracknoise.estimators.model import (
@@ -127,6 +128,8 @@ class Gate(StrEnum):
     """One observation of a feature in the state, or of a point that is known."""
 
 
+SHORTEST_WINDOW = 2
+"""Frames."""
 POSE_SHARE = 1.0 / 3.0
 """Share of the claimed variance of innovations that errors of predicted poses are taken to have, p of (advice.gate)."""
 GOOD = 0.8
@@ -189,6 +192,7 @@ def advise(
     track, what its sigma is to make right, and the length of its window; `kernel`, `knee`: its robust loss, None if it
     has none; and the knee in sigmas where the estimator fixes it; `gates`: its chi-square tests.
     """
+    require_whole("window", window, SHORTEST_WINDOW)
     if not any(one.covariance.any() for one in (model.first, model.white, model.walk, model.drift)):
         tracker = model.training.tracker
         raise SettingsError(f"no noise of {tracker} was measured: found components of 0 px only, expected one above 0")

@@ -23,12 +23,9 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter
 
 from tracknoise.checks import require_whole
-from tracknoise.estimators.advice import Advice, ExportedModel, Gate, advise, observation_gate
+from tracknoise.estimators.advice import SHORTEST_WINDOW, Advice, ExportedModel, Gate, advise, observation_gate
 from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark, LossKind, Purpose
 from tracknoise.exceptions import SettingsError, UnknownNameError
-
-SHORTEST_WINDOW = 2
-"""Frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,9 +15,9 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from scipy import linalg
 
 from tracknoise.checks import path_of, require_list, require_whole
-from tracknoise.estimators.advice import Advice
+from tracknoise.estimators.advice import SHORTEST_WINDOW, Advice
 from tracknoise.estimators.export_render import export
-from tracknoise.estimators.exports import SHORTEST_WINDOW, Export, Target
+from tracknoise.estimators.exports import Export, Target
 from tracknoise.estimators.exports import estimator as estimator_of
 from tracknoise.estimators.fit import fitted_fields
 from tracknoise.estimators.model import (

@@ -51,8 +51,8 @@ def setup_tables(
     )
 
 
-ROUNDING_PX = 1e-6
-"""Smaller differences between positions are those of rounding, and no errors."""
+ROUNDING_PX = 1e-9
+"""Smaller differences between positions are rounding, and no errors."""
 
 
 def _observations(recording: Recording, positions: TruePositions) -> dict[str, pl.Series]:

@@ -142,7 +142,7 @@ def _quick_limits(run: RunFolder) -> str:
     longest = max(max((stop - start for start, stop in entry.parts), default=entry.n_frames) for entry in entries)
     return (
         f"Quick: {measured} of {of_all}. Tracks end after {longest} frames, and intervals are wide. "
-        f"Without --quick: all frames and speeds, and the report."
+        "Without --quick: all frames and speeds, and the report."
     )
 
 

@@ -231,7 +231,7 @@ def _whole(name: str, values: ArrayLike, length: int | None = None) -> NDArray[n
     most = np.inf if given.dtype.kind in "iu" else LARGEST_EXACT
     bad = np.flatnonzero((found != np.rint(found)) | (np.abs(found) > most))
     if len(bad):
-        expected = "a whole number" if found[bad[0]] <= LARGEST_EXACT else "integers where numbers are so large"
+        expected = "a whole number" if abs(found[bad[0]]) <= LARGEST_EXACT else "integers where numbers are so large"
         raise SettingsError(f"imported arrays: {name}[{bad[0]}] is {found[bad[0]]}, expected {expected}")
     return given.astype(np.int64)
 

@@ -113,4 +113,4 @@ def test_the_figure_is_absent_without_a_model(run: RunFolder, tmp_path: Path) ->
 def test_models_do_not_depend_on_the_number_of_processes_that_fit(fitted_run: RunFolder) -> None:
     (tables,) = all_training_tables(fitted_run, [("oracle", 1)])
     alone = run_models(fitted_run).models["oracle"]
-    assert [one.text for one in _fits([tables] * 2, 2)] == [alone.text] * 2
+    assert [one.text for one in _fits([tables] * 2, 2, partial)] == [alone.text] * 2

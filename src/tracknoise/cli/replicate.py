@@ -1,8 +1,7 @@
 """``tracknoise replicate``: the paper's experiments for which there are data, and pages that compare them."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from functools import partial
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -118,7 +117,8 @@ class _Runs:
         if run is None:
             yield
             return
-        with beside(write_report, run) if self._workers > 1 else nullcontext(partial(write_report, run)) as written:
+        with beside(is_wanted=self._workers > 1) as begin:
+            written = begin(write_report, run)
             yield
 
             def finish() -> int:

@@ -1,8 +1,9 @@
 """The noise models of a run at its lowest speed, which its analysis fits once."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import polars as pl
@@ -53,7 +54,13 @@ class RunModels:
 
 
 def fitted_models(
-    run: RunFolder, trackers: Sequence[str], speed: int, truth: RunTruth, *, workers: int = 1
+    run: RunFolder,
+    trackers: Sequence[str],
+    speed: int,
+    truth: RunTruth,
+    *,
+    workers: int = 1,
+    begin: Callable[..., Callable[[], Any]] = partial,
 ) -> RunModels:
     """Fit a model to each tracker.
 
@@ -67,6 +74,8 @@ def fitted_models(
         What is known of the truth of the run.
     workers
         Processes that fit, where there are more trackers. To start them takes as long as a fit.
+    begin
+        Where there are fewer, begins a call that fits half of them, and returns what waits for its result.
 
     Returns
     -------
@@ -83,18 +92,27 @@ def fitted_models(
         return RunModels()
     tables = all_training_tables(run, [(tracker, speed) for tracker in measured], truth=truth)
     names = identifiers(measured)
-    found = dict(zip(measured, _fits(tables, workers), strict=True))
+    found = dict(zip(measured, _fits(tables, workers, begin), strict=True))
     models = {tracker: one for tracker, one in found.items() if isinstance(one, NoiseModel)}
     missing = {tracker: one for tracker, one in found.items() if isinstance(one, str)}
     paths = {tracker: f"{_FOLDER}noise/{names[tracker]}@{speed}.noise.json" for tracker in models}
     return RunModels(speed, models, missing, paths)
 
 
-def _fits(tables: Sequence[TrainingTables], workers: int) -> list[NoiseModel | str]:
-    if not 1 < workers < len(tables):
-        return [_fit(own) for own in tables]
-    with process_pool(workers, ONE_THREAD) as pool:
-        return list(pool.map(_fit, tables))
+def _fits(
+    tables: Sequence[TrainingTables], workers: int, begin: Callable[..., Callable[[], Any]]
+) -> list[NoiseModel | str]:
+    if 1 < workers < len(tables):
+        with process_pool(workers, ONE_THREAD) as pool:
+            return list(pool.map(_fit, tables))
+    half = len(tables) // 2
+    others = begin(_fit_all, tables[:half])
+    last = _fit_all(tables[half:])
+    return [*others(), *last]
+
+
+def _fit_all(tables: Sequence[TrainingTables]) -> list[NoiseModel | str]:
+    return [_fit(own) for own in tables]
 
 
 def _fit(tables: TrainingTables) -> NoiseModel | str:

@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from ctypes import Array, c_char
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias
 from weakref import WeakSet
 
 from tracknoise import processes
@@ -30,8 +31,6 @@ _PATH_BYTES = 4096
 _NOT_DATA = (".py", ".pyc", ".so")
 _LIBRARIES = (sys.prefix, sys.base_prefix, "/proc/", "/sys/")
 _PATIENCE_S = 5.0
-
-_Result = TypeVar("_Result")
 
 _started: "WeakSet[SpawnProcess]" = WeakSet()
 _program: Connection | None = None
@@ -119,15 +118,37 @@ class Worker:
         self.connection.close()
 
 
+Call: TypeAlias = Callable[..., Callable[[], Any]]
+"""Begins a call of a function with arguments, and returns what waits for its result."""
+
+
 @contextmanager
-def beside(function: Callable[..., _Result], *arguments: object) -> Iterator[Callable[[], _Result]]:
-    """Call a function in another process while the block runs. Yields what waits for its result."""
-    worker = Worker({})
-    try:
+def beside(*, is_wanted: bool = True) -> Iterator[Call]:
+    """Call functions in another process while the block runs, one after the other.
+
+    Unless it is wanted, and where it dies, they are called in this process when their results are asked for.
+    """
+    worker: Worker | None = None
+    with suppress(OSError):  # too many processes
+        worker = Worker(ENVIRONMENT) if is_wanted else None
+
+    def begin(function: Callable[..., Any], *arguments: object) -> Callable[[], Any]:
+        if worker is None:
+            return partial(function, *arguments)
         worker.call(function, *arguments)
-        yield worker.result
+        return partial(result, worker, function, *arguments)
+
+    def result(worker: Worker, function: Callable[..., Any], *arguments: object) -> Any:
+        try:
+            return worker.result()
+        except WorkerDiedError:
+            return function(*arguments)
+
+    try:
+        yield begin
     finally:
-        worker.close()
+        if worker is not None:
+            worker.close()
 
 
 def notify(*values: object) -> None:

@@ -38,6 +38,7 @@ from tracknoise.estimators.lookup_table import USED, noise_lookup
 from tracknoise.estimators.run_models import RunModels, advice_table, fitted_models
 from tracknoise.estimators.training import RunTruth
 from tracknoise.estimators.window_noise import window_sigmas
+from tracknoise.experiments.local_workers import Call, beside
 from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
 from tracknoise.experiments.run_statistics import reference_condition
 from tracknoise.experiments.run_truth import run_audit, trust_table
@@ -71,6 +72,8 @@ from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
 
 _OF = "population"
+_MANY_FRAMES = 150
+"""From so many on, it takes longer to audit their truth than to start a process."""
 
 
 def has_errors(population: str) -> pl.Expr:
@@ -227,7 +230,7 @@ def compute_findings(
     statistics
         What `tracknoise.experiments.run_statistics.compute_statistics` made of it.
     workers
-        Processes that may fit noise models.
+        Processes that may take part.
 
     Raises
     ------
@@ -237,10 +240,13 @@ def compute_findings(
     keep_freed_memory()
     manifest = run.manifest()
     reference = reference_condition(manifest, experiment, statistics["outliers"])
-    tables = _tables(run, manifest, experiment, statistics, reference) | run_audit(run, manifest, experiment)
-    tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
-    tables["own_covariances"] = allowing_for_truth(tables["own_covariances"], tables["trust"])
-    models = _models(run, experiment, tables, reference, workers)
+    frames = sum(entry.n_frames for entry in manifest.sequences.values())
+    with beside(is_wanted=workers > 1 and frames >= _MANY_FRAMES) as begin:
+        audited = begin(run_audit, run, manifest, experiment)
+        tables = _tables(run, manifest, experiment, statistics, reference) | audited()
+        tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
+        tables["own_covariances"] = allowing_for_truth(tables["own_covariances"], tables["trust"])
+        models = _models(run, experiment, tables, reference, workers, begin)
     tables["advice"] = advice_table(models, experiment.estimator.name, experiment.estimator.window, _place(reference))
     _write_findings(run, manifest, experiment, {**statistics, **tables}, reference, models)
 
@@ -251,11 +257,12 @@ def _models(
     tables: Mapping[str, pl.DataFrame],
     reference: ReferenceCondition,
     workers: int,
+    begin: Call,
 ) -> RunModels:
     """Noise models of the trackers, at the lowest speed."""
     trackers = [tracker.label for tracker in experiment.trackers]
     truth = RunTruth(TruthVerdict.of(tables["trust"]), tables["audit_curves"])
-    return fitted_models(run, trackers, reference.speed, truth, workers=workers)
+    return fitted_models(run, trackers, reference.speed, truth, workers=workers, begin=begin)
 
 
 def _place(reference: ReferenceCondition) -> dict[str, Any]:

@@ -1,8 +1,11 @@
 """The sections of an experiment file, and their checks."""
 
+import ast
 import hashlib
+import inspect
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -17,7 +20,9 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import ErrorDetails
+from pydantic_core.core_schema import ModelSchema
 
 from tracknoise.checks import likeliest_problem
 from tracknoise.exceptions import SettingsError, UnknownNameError
@@ -44,7 +49,7 @@ Keep = Literal["observations", "statistics"]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 def _frames_of_text(given: object) -> object:
@@ -501,6 +506,28 @@ def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield key, value
 
 
+class _Described(GenerateJsonSchema):
+    """Settings are described by the texts below them in this file. Pydantic would read it whenever it is imported."""
+
+    def model_schema(self, schema: ModelSchema) -> dict[str, Any]:
+        made = super().model_schema(schema)
+        for name, text in _texts_below(schema["cls"]).items():
+            made["properties"][name]["description"] = text
+        return made
+
+
+def _texts_below(model: type) -> dict[str, str]:
+    """The text below each setting of a section, by name."""
+    (section,) = ast.parse(inspect.getsource(model)).body
+    assert isinstance(section, ast.ClassDef)
+    return {
+        setting.target.id: inspect.cleandoc(str(below.value.value))
+        for setting, below in pairwise(section.body)
+        if isinstance(setting, ast.AnnAssign) and isinstance(setting.target, ast.Name)
+        if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+    }
+
+
 def experiment_schema() -> str:
     """JSON Schema of experiment files, as text; editors check and complete with it.
 
@@ -509,7 +536,7 @@ def experiment_schema() -> str:
     from tracknoise.sequences.reader_registry import READERS
     from tracknoise.trackers.tracker_registry import TRACKERS
 
-    schema = Experiment.model_json_schema()
+    schema = Experiment.model_json_schema(schema_generator=_Described)
     _add_options(schema["$defs"], "DatasetSettings", "reader", READERS)
     _add_options(schema["$defs"], "TrackerChoice", "kind", TRACKERS)
     _offer_presets(schema["$defs"]["TrackerChoice"])

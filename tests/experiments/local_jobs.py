@@ -39,3 +39,10 @@ def announce(count: int) -> int:
 def status_of(number: int) -> object:
     """A job that tells how its process handles a signal."""
     return signal.getsignal(number), number in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def survive_in(process: int) -> int:
+    """A job that ends every process but one, and returns which this is."""
+    if os.getpid() != process:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return process

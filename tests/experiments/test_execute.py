@@ -11,7 +11,9 @@ import polars as pl
 import pytest
 from tests.lean import with_findings, with_models
 
+from tracknoise.experiments import run_findings
 from tracknoise.experiments.execute import execute
+from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.enumerations import TrimAmong
 from tracknoise.tables.store import (
@@ -104,6 +106,15 @@ def test_a_second_run_is_identical_to_the_byte_with_other_counts_of_threads(fini
     options = ["--workers", "1", "--no-report", "--quiet"]
     subprocess.run([*command, *options], check=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "3"})
     assert tables(RunFolder(tmp_path / "run")) == tables(finished)
+
+
+def test_findings_are_the_same_if_another_process_takes_part(finished, experiment, tmp_path, monkeypatch):
+    monkeypatch.setattr(run_findings, "_MANY_FRAMES", 1)
+    run = RunFolder(shutil.copytree(finished.path, tmp_path / "run"))
+    with with_models():
+        run_findings.compute_findings(run, experiment, compute_statistics(run, experiment), workers=2)
+    assert tables(run) == tables(finished)
+    assert run.manifest().statistics == finished.manifest().statistics
 
 
 def test_every_condition_has_every_table(finished):

@@ -7,17 +7,18 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
 import pytest
-from tests.experiments.local_jobs import allocate, announce, crash, refuse, status_of
+from tests.experiments.local_jobs import allocate, announce, crash, refuse, status_of, survive_in
 
 from tracknoise import processes as signals
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.experiments import local_workers
 from tracknoise.experiments.execute import execute
-from tracknoise.experiments.local_workers import Worker, WorkerDiedError, measure_locally
+from tracknoise.experiments.local_workers import Worker, WorkerDiedError, beside, measure_locally
 from tracknoise.tables.store import RunFolder
 
 pytestmark = pytest.mark.usefixtures("pipes_are_files")
@@ -43,6 +44,17 @@ def test_a_crash_names_the_signal_and_the_file(tmp_path):
     assert failure.cause == (
         f"the worker crashed (SIGSEGV) while measuring it; the last file it opened is {tmp_path / 'damaged.mat'}"
     )
+
+
+def test_calls_run_beside_the_program_one_after_the_other_and_in_it_if_their_process_dies():
+    here = os.getpid()
+    with beside() as begin:
+        first, second = begin(os.getpid), begin(os.getpid)
+        assert first() == second() != here
+        assert begin(survive_in, here)() == here
+        assert begin(abs, -1)() == 1
+    with beside(is_wanted=False) as begin:
+        assert begin(os.getpid)() == here
 
 
 def test_a_worker_that_exceeds_its_share_of_the_memory_is_ended(monkeypatch):
@@ -212,7 +224,10 @@ def listening(processes: list[psutil.Process]) -> list[str]:
 
 def sockets(process: psutil.Process) -> set[str]:
     """Inodes of the sockets of a process."""
-    links = [str(link.readlink()) for link in Path(f"/proc/{process.pid}/fd").iterdir() if link.is_symlink()]
+    links = []
+    for link in Path(f"/proc/{process.pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # closed in the meantime
+            links.append(str(link.readlink()))
     return {link[len("socket:[") : -1] for link in links if link.startswith("socket:")}
 
 

@@ -109,11 +109,11 @@ def certainty(data: RunData) -> Judgement:
 
 
 def holds(data: RunData) -> str:
-    """On how much a run was measured, and what its intervals hold for."""
+    """On how much a run was measured, and what its results hold for."""
     entries, row = list(data.sequences.values()), _interval_kind(data)
     names = listing(sorted({entry.sequence.dataset for entry in entries}))
     scenes = count(len({entry.sequence.scene for entry in entries}), "scene")
-    hold = _NO_INTERVALS if row is None else f"Intervals {_hold(row)}"
+    hold = _NO_INTERVALS if row is None else f"Results {_hold(row)}"
     return f"Measured on {scenes} ({names}).{_missing(data)}{without_truth(data)} {hold}" if entries else measured(data)
 
 

@@ -234,7 +234,7 @@ def _strip(seen: Mapping[str, Any], tracker: str, worst: str) -> Strip | None:
     marks = tuple(_marked(side, path.get(frames[place])) for place in chosen)
     size = float(np.hypot(*track["error"]))
     frames_on = track["frame"] - track["anchor_frame"]
-    caption = f"{worst} track: {px(size)} off after {counted(frames_on, 'frame')}. Circle, line: truth."
+    caption = f"{worst} track: {px(size)} off after {counted(frames_on, 'frame')}. Cross: track. Circle, line: truth."
     written = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))).save(written, "png")
     return Strip(written.getvalue(), marks, caption)

@@ -16,8 +16,9 @@ the actual ones are linear in A, W, Q and D. What makes a purpose right is there
 
     s^2 = sum_j kappa_j a_j    (equivalents)
 
-with half the trace a_j of each component, and kappa_j from the linear benchmark with one component of 1 px^2 alone. It
-is the mean over windows of the recordings, with their motions, depths and track lengths. A is in tracks that begin in
+with half the trace a_j of each component, and kappa_j from the linear benchmark with that component alone, of the same
+shape and half a trace of 1 px^2: an error across the motion of the image counts otherwise than one along it. It is the
+mean over windows of the recordings, with their motions, depths and track lengths. A is in tracks that begin in
 the window; those that began before it have W in their first observation there. If the first direction is a state with
 the prior A, the claimed covariances are not in proportion to s^2; s is then found by trying. Its interval is
 as wide, relative to it, as that for a free landmark.
@@ -32,7 +33,6 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from tracknoise.estimators.components import NAMES
 from tracknoise.estimators.linear_window import (
     EXACT,
     Covariances,
@@ -172,7 +172,8 @@ def equivalents(
     gates: Gates,
 ) -> list[Equivalent]:
     """Standard deviations for all kinds of landmarks and purposes, for windows of one length."""
-    alone = [[true_covariances(window, noise) for noise in _units_of_noise(speed)] for window in windows]
+    units = _units_of_noise(fitted, speed)
+    alone = [[true_covariances(window, noise) for noise in units] for window in windows]
     free, exact = (_linear(fitted, windows, alone, first) for first in (None, EXACT))
     state = _state(fitted, windows, alone, speed, free)
     prior = fitted.components["first"].sigma.value
@@ -219,10 +220,14 @@ def _linear(
     return dict(zip(Purpose, fitted.combined(kappa), strict=True))
 
 
-def _units_of_noise(speed: int) -> list[TrackNoise]:
-    """Noise of one component of 1 px^2 alone; walk and drift are per frame of the recording."""
-    scales = (1.0, 1.0, speed**0.5, float(speed))
-    return [TrackNoise.isotropic(**{name: scale}) for name, scale in zip(NAMES, scales, strict=True)]
+def _units_of_noise(fitted: "FittedComponents", speed: int) -> list[TrackNoise]:
+    """One component alone of the shape that was fitted, with half a trace of 1 px^2; isotropic where there is none."""
+    units = []
+    for name, component in fitted.components.items():
+        half = np.trace(component.covariance) / 2.0
+        shape = component.covariance / half if half > 0.0 else np.eye(2)
+        units.append(TrackNoise(**{name: shape}).per_frames(speed))
+    return units
 
 
 def _ratios(

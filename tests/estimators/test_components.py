@@ -138,6 +138,8 @@ def test_few_scenes_without_blocks_are_left_out_themselves(seed: int) -> None:
         component = fitted.components[name]
         assert "interval of its variance" not in component.why_dropped
         assert (component.sigma.low, component.sigma.high) == (None, None)
+    every = [fitted.components["white"].sigma, *fitted.combined(np.eye(4) + 1.0)]
+    assert {(one.low, one.high) for one in every} == {(None, None)}
 
 
 def test_too_few_errors_are_refused() -> None:

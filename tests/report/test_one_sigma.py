@@ -22,7 +22,7 @@ SPACES = str.maketrans({"\N{NO-BREAK SPACE}": " ", "\n": " "})
 
 def set_px(text: str) -> set[str]:
     """What a text says to set, px."""
-    return set(re.findall(r"[Ss]et (?:sigma )?([0-9.]+) px", text.translate(SPACES)))
+    return set(re.findall(r"[Ss]et (?:sigma )?(?:at most )?([0-9.]+) px", text.translate(SPACES)))
 
 
 def stated(summary: Summary) -> set[str]:

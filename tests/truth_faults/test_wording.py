@@ -1,14 +1,19 @@
 """Sentences of a check and of others about one thing, and about numbers of 100 and more."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from tests.estimators.models import made as made_model
 
+from tracknoise.estimators.model import Purpose
 from tracknoise.geometry.cameras import Camera
 from tracknoise.report.noise_cells import model_sentences
 from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.recording_checks import counts, pose_jumps, timestamps
 
 
@@ -59,3 +64,14 @@ def test_an_interval_that_is_no_number_of_seconds_is_written_out():
 def test_all_are_100_percent():
     said = " ".join(model_sentences(made_model(0.1, 0.2, outlier_share=1.0), "filter"))
     assert "100 % of the observations are outliers" in said
+
+
+@pytest.mark.parametrize(
+    ("verdict", "most"),
+    [(Trust.trusted, ""), (Trust.limited, ""), (Trust.not_trusted, "at most "), (Trust.unknown, "at most ")],
+)
+def test_sigma_is_an_upper_bound_where_the_truth_is_not_usable(verdict, most):
+    equivalents = made_model().equivalents
+    innovations = replace(equivalents[0], purpose=Purpose.INNOVATIONS)
+    model = made_model(0.1, 0.2, equivalents=(*equivalents, innovations), truth=TruthVerdict(verdict))
+    assert f"set sigma {most}0.3 px (0.2 to 0.4)" in " ".join(model_sentences(model, "filter"))

@@ -516,7 +516,7 @@ class FittedComponents:
         value = found.value.copy()
         for more, weight in self._uncertain.items():
             value += weight * (self.sums.combined(more, coefficients, level=self.level).value - found.value)
-        low, high = np.fmin(found.low, value), np.fmax(found.high, value)
+        low, high = np.minimum(found.low, value), np.maximum(found.high, value)  # NaN where there is no interval
         return [_root_interval(*bounds) for bounds in zip(value, low, high, strict=True)]
 
     @cached_property

@@ -400,17 +400,19 @@ def makes_right(noise: Noise) -> str:
     return f"{in_words(noise.advice())}{bound}"
 
 
-def in_words(advice: Advice) -> str:
-    """Write what to set, and what it makes right, in one line."""
-    found = f"{_numbers(advice)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+def in_words(advice: Advice, *, is_bound: bool = False) -> str:
+    """Write what to set, and what it makes right, in one line. `is_bound`: whether sigma is at most this."""
+    most = "at most " if is_bound else ""
+    found = f"{_numbers(advice, most)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
     if advice.state is None:
         return found
-    return f"{found}; features in the state: {_numbers(advice.state)}, in windows of {advice.state.window} frames"
+    state = _numbers(advice.state, most)
+    return f"{found}; features in the state: {state}, in windows of {advice.state.window} frames"
 
 
-def _numbers(advice: Advice) -> str:
+def _numbers(advice: Advice, most: str) -> str:
     """Sigma, loss and gates."""
-    parts = [f"sigma {_px(advice.sigma)}"]
+    parts = [f"sigma {most}{_px(advice.sigma)}"]
     if advice.kernel is not None and advice.knee is not None:
         untried = " (not tried)" if advice.is_without_trial else ""
         parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma{untried}")

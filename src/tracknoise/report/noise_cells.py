@@ -97,7 +97,8 @@ def _advice(model: NoiseModel, name: str) -> list[str]:
     except SettingsError as error:
         return [f"What to set in {about.title} is unknown: {error}."]
     innovations = innovations_of(model, found)
-    return [f"In {about.title}, set {in_words(found)}.", f"Innovations look like {number(innovations.value)} px."]
+    to_set = in_words(found, is_bound=not model.truth.is_usable)
+    return [f"In {about.title}, set {to_set}.", f"Innovations look like {number(innovations.value)} px."]
 
 
 def _range(interval: Interval) -> str:

@@ -253,12 +253,20 @@ def _with_kernel(
         knee_px = UNTRIED_KNEES[kernel] * residuals if knee is None else knee * plain.sigma.value
         return plain.sigma, knee_px, 0
     if knee is None:
-        least = min(one.error_ratio.value for one in tried)
-        best = max((one for one in tried if one.error_ratio.value <= _ALIKE * least), key=lambda one: one.knee_px)
+        best = _best(tried)
         return _product(plain.sigma, best.sigma_ratio), best.knee_px, best.windows
     ratio = _at_fixed_knee(tried, knee * plain.sigma.value)
     sigma = _product(plain.sigma, ratio)
     return sigma, knee * sigma.value, tried[0].windows
+
+
+def _best(tried: Sequence[Kernel]) -> Kernel:
+    """The mildest of the best ones. A gain over least squares that is not established is chance: then the mildest."""
+    sure = [one for one in tried if one.error_ratio.high is None or one.error_ratio.high < 1.0] or [
+        max(tried, key=lambda one: one.knee_px)
+    ]
+    least = min(one.error_ratio.value for one in sure)
+    return max((one for one in sure if one.error_ratio.value <= _ALIKE * least), key=lambda one: one.knee_px)
 
 
 def _at_fixed_knee(tried: Sequence[Kernel], knee_px: float) -> Interval:

@@ -21,7 +21,7 @@ from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
 from tracknoise.tables.enumerations import Product, Trust, Verdict
 from tracknoise.text import counted, significant
-from tracknoise.words import DASH, count, number, percent, ratio, thousandths
+from tracknoise.words import DASH, number, percent, ratio, thousandths
 
 _COMPONENTS = {
     "first": ("first position (A)", "px"),
@@ -163,13 +163,7 @@ def _common(model: NoiseModel) -> list[str]:
     if share is None:
         return []
     bounds = "" if share.low is None or share.high is None else f" ({_percent(share.low)} to {_percent(share.high)})"
-    text = f"All features of a frame have {_percent(share.value)} of the variance in common{bounds}."
-    if not share.low:
-        return [text]
-    return [
-        text,
-        f"A pose therefore gains little from more than {count(round(1.0 / share.value), 'feature')} in a frame.",
-    ]
+    return [f"All features of a frame have {_percent(share.value)} of the variance in common{bounds}."]
 
 
 def _floor(model: NoiseModel) -> list[str]:

@@ -127,6 +127,7 @@ def test_timestamps_beyond_the_last_image_are_left_out(tmp_path: Path) -> None:
         ("0.1\n0.2\n", "2 timestamps, expected one for each of the 3 poses"),
         ("0.1\n0.2\n0.2\n", "timestamps that do not increase"),
         ("0.1\n0.2\ninf\n", "timestamps that do not increase"),
+        ("1e18\n2e18\n3e18\n", "frame 0: a timestamp of 1e+18, expected seconds, up to 1e+11"),
         ("0.1\n0.2\nnoon\n", "timestamps.txt:3: 'noon', expected a number (timestamp_s)"),
         ("0.1 0.2 0.3\n", "timestamps.txt:1: 3 fields, expected 1 (timestamp_s)"),
         (None, "a rolling shutter without timestamps, expected the time of each frame, seconds"),

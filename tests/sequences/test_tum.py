@@ -135,6 +135,78 @@ def test_depth_is_the_nearest_within_the_gap(scene):
     assert open_sequence("tum", scene, depth_unit_m=0.001).depth(0).depth_m[0, 0] == 5.0
 
 
+def write_pairs(scene: Path, depth_of: dict[int, int], *, depth_first: bool = False, further: str = "") -> Path:
+    """Depth maps of 1, 2, 3 and 4 m, 5 ms after the images, and a list of which of them belongs to which image."""
+    times_s = np.round(1305031241.0 + np.arange(4) / 30, 6)
+    write_list(scene, "depth", times_s + 0.005, [np.full((48, 64), 5000 * (i + 1), np.uint16) for i in range(4)])
+    rows = []
+    for image, depth in depth_of.items():
+        names = [(stamp(times_s[image]), "rgb"), (stamp(times_s[depth] + 0.005), "depth")]
+        fields = [f"{time} {kind}/{time}.png" for time, kind in (reversed(names) if depth_first else names)]
+        rows.append(" ".join(fields) + further)
+    path = scene / "associations.txt"
+    path.write_text("# pairs\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def depths_m(read) -> list[float | None]:
+    return [None if depth is None else float(depth.depth_m[0, 0]) for depth in map(read.depth, range(len(read)))]
+
+
+@pytest.mark.parametrize("layout", [{}, {"depth_first": True}, {"further": " 1305031241.0 1 2 3 0 0 0 1"}])
+@pytest.mark.parametrize("listed", [True, False])
+def test_depth_is_the_one_that_a_list_of_pairs_names(scene, layout, listed):
+    """Not the nearest in time, and however far; the list says so where images are listed elsewhere too."""
+    path = write_pairs(scene, {0: 1, 1: 0, 2: 3, 3: 3}, **layout)
+    if not listed:
+        (scene / "rgb.txt").unlink()
+        (scene / "depth.txt").unlink()
+    read = open_sequence("tum", scene)
+    assert depths_m(read) == [2.0, 1.0, 4.0, 4.0]
+    np.testing.assert_array_equal(read.image(3), images(4)[3])
+    note = f"the depth of an image is the one that {path} names: 33.3 ms from it in the median, 38.3 ms at most"
+    assert note in read.notes
+    assert not any("repeat" in note or "nearest" in note for note in read.notes)
+
+
+def test_an_image_that_no_pair_names_has_no_depth(scene):
+    write_pairs(scene, {1: 0, 3: 2})
+    read = open_sequence("tum", scene)
+    assert depths_m(read) == [None, 1.0, None, 3.0]
+    assert "2 of 4 frames have no depth" in read.notes
+
+
+@pytest.mark.parametrize("text", ["# none\n", "1305031241.0 rgb/1305031241.000000.png 1305031241.0 1 2 3 0 0 0 1\n"])
+def test_a_list_of_the_same_name_without_pairs_changes_nothing(scene, text):
+    write_pairs(scene, {0: 1}).write_text(text)
+    assert depths_m(open_sequence("tum", scene)) == [1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1305031241.1 rgb/1305031241.100000.png", "2 fields, expected 4"),
+        ("1305031241.1 rgb/1305031241.100000.png later depth/a.png", "'later', expected a timestamp, seconds"),
+        ("1305031241.1 rgb/1305031241.100000.png 1305031241100000000 depth/a.png", "a timestamp of 1.30503e.18"),
+        ("1305031241.1 rgb/1305031241.100000.png 1305031241.1 0.5", "0.5 as a filename"),
+        ("1305031241.1 depth/a.png 1305031241.1 rgb/1305031241.100000.png", "image and depth map in another order"),
+        ("1305031241.0 rgb/1305031241.000000.png 1305031241.1 depth/a.png", "another depth map of rgb/1305031241.0"),
+    ],
+)
+def test_a_wrong_pair_is_refused_with_its_line(scene, row, message):
+    path = write_pairs(scene, {0: 1, 1: 0})
+    path.write_text(f"{path.read_text()}{row}\n")
+    with pytest.raises(DataError, match=f"{re.escape(str(path))}:4: {message}"):
+        open_sequence("tum", scene)
+
+
+def test_pairs_of_other_images_are_refused(scene):
+    path = write_pairs(scene, {0: 1})
+    path.write_text("1.0 rgb/other.png 1.0 depth/other.png\n")
+    with pytest.raises(DataError, match=r"associations\.txt: no pair of an image of the recording"):
+        open_sequence("tum", scene)
+
+
 def test_without_depth_there_is_no_truth_at_birth(scene):
     (scene / "depth.txt").unlink()
     read = open_sequence("tum", scene)
@@ -335,7 +407,10 @@ def test_a_row_of_numbers_may_have_coefficients_of_distortion(scene, fy, p1):
     assert (camera.fx, camera.fy, camera.distortion) == (60.0, 61.0, (-0.1, 0.01, p1, 0.003))
 
 
-@given(st.sampled_from(["rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"]), st.binary(max_size=200))
+@given(
+    st.sampled_from(["rgb.txt", "depth.txt", "associations.txt", "groundtruth.txt", "calibration.txt"]),
+    st.binary(max_size=200),
+)
 def test_any_bytes_give_one_clear_line(tmp_path_factory, file, content):
     folder = tmp_path_factory.mktemp("fuzz") / "mine"
     write_tum(folder, images(2), poses(2), depths=[np.ones((48, 64))] * 2)

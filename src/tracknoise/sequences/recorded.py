@@ -16,6 +16,7 @@ from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
+from tracknoise.sequences.timed_poses import require_seconds
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.text import counted, counted_of, html_card, one_line
 
@@ -71,8 +72,8 @@ class RecordedSequence:
     ------
     DataError
         If there is no frame, fewer than two of several frames have a pose, the counts of images, depths, timestamps or
-        cameras differ from that of the poses, the timestamps do not increase, there is a shutter without timestamps, or
-        the cameras have different sizes.
+        cameras differ from that of the poses, the timestamps do not increase or cannot be seconds, there is a shutter
+        without timestamps, or the cameras have different sizes.
     """
 
     id: SequenceId
@@ -105,6 +106,8 @@ class RecordedSequence:
         require_some_poses(self.world_from_camera, place)
         if self.timestamps_s is not None and (found := _out_of_order(self.timestamps_s)):
             raise DataError(place, f"timestamps that do not increase ({found})", "increasing timestamps")
+        if self.timestamps_s is not None:
+            require_seconds(self.timestamps_s, [f"{place}: frame {index}" for index in range(len(self))])
         if self.shutter is not None and self.timestamps_s is None:
             raise DataError(place, "a rolling shutter without timestamps", "the time of each frame, seconds")
         if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:

@@ -12,6 +12,7 @@ Bonn RGB-D dynamic: the data set's page; its poses are those of markers on the c
 
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from functools import partial
@@ -127,9 +128,13 @@ def find_recording(names: list[str]) -> Recording | None:
 
 COLOUR, DEPTH = "rgb.txt", "depth.txt"
 PAIRS = ("associations.txt", "associated.txt", "association.txt")
-"""Names that lists of pairs have. They are read only where there is no `COLOUR`."""
+"""Names that lists of pairs have."""
 SEPARATOR = ","
 """What the tools of the benchmark take between fields, besides white space."""
+
+_PAIR = "timestamp filename timestamp filename"
+_POSE_FIELDS = (7, 8)
+"""How many fields of a pose may follow a pair: without its time, and with it."""
 
 Rows = list[tuple[str, list[str]]]
 
@@ -146,13 +151,23 @@ class FileList:
 NO_FILES = FileList(np.empty(0), ())
 
 
-def read_lists(folder: Path) -> tuple[FileList, FileList]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairs:
+    """Which depth map belongs to which image, as a file states."""
+
+    path: Path
+    depths: dict[Path, tuple[float, Path]]  # by image: time, seconds, and file of its depth map
+
+
+def read_lists(folder: Path) -> tuple[FileList, FileList | Pairs]:
     """Read which images and depth maps a recording has."""
-    if not (folder / COLOUR).exists():
-        pairs = next((folder / name for name in PAIRS if (folder / name).exists()), folder / COLOUR)
-        return _read_pairs(pairs)
-    depth = folder / DEPTH
-    return _read_list(folder / COLOUR), _read_list(depth) if depth.exists() else NO_FILES
+    colour, depth = folder / COLOUR, folder / DEPTH
+    pairs = next((folder / name for name in PAIRS if (folder / name).exists()), None)
+    if not colour.exists():
+        return (_read_list(colour), NO_FILES) if pairs is None else _read_pairs(pairs)
+    if pairs is not None and _names_pairs(pairs):
+        return _read_list(colour), _read_pairs(pairs)[1]
+    return _read_list(colour), _read_list(depth) if depth.exists() else NO_FILES
 
 
 def _read_list(path: Path) -> FileList:
@@ -160,27 +175,65 @@ def _read_list(path: Path) -> FileList:
     return _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows])
 
 
-def _read_pairs(path: Path) -> tuple[FileList, FileList]:
+def _names_pairs(path: Path) -> bool:
+    """Whether a list has rows, and not those of images and poses, which lists of the same names may hold."""
+    first = next(_fields(path, _PAIR), None)
+    return first is not None and not any(map(_is_number, first[1][1:4:2]))
+
+
+def _read_pairs(path: Path) -> tuple[FileList, Pairs]:
     """The benchmark's script writes colour first, ICL-NUIM depth first: the names of the folders decide."""
-    rows = _rows(path, "timestamp filename timestamp filename")
-    depth_first = bool(rows) and Path(rows[0][1][1]).parts[0] == "depth"
-    first = _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows])
-    second = _file_list(path, [(place, fields[2], fields[3]) for place, fields in rows])
-    return (second, first) if depth_first else (first, second)
+    rows = _rows(path, _PAIR, further=_POSE_FIELDS)
+    images: list[tuple[str, str, str]] = []
+    depths: dict[Path, tuple[float, Path]] = {}
+    for place, fields in rows:
+        if number := next(filter(_is_number, fields[1:4:2]), None):
+            raise DataError(place, f"{number} as a filename", _PAIR)
+        if _depth_first(fields) != _depth_first(rows[0][1]):
+            raise DataError(place, "image and depth map in another order", "that of the first row")
+        pair = (fields[:2], fields[2:4])
+        (image_stamp, image), (depth_stamp, depth) = reversed(pair) if _depth_first(fields) else pair
+        images.append((place, image_stamp, image))
+        times_s = np.array([_seconds(place, depth_stamp)])
+        require_seconds(times_s, [place])
+        stated = (float(times_s[0]), _file(path, depth))
+        if depths.setdefault(_file(path, image), stated)[1] != stated[1]:
+            raise DataError(place, f"another depth map of {image}", "one for each image")
+    return _file_list(path, images), Pairs(path, depths)
 
 
-def _rows(path: Path, columns: str) -> Rows:
-    """Fields of each row with its place. Blank lines and ``#`` comments are skipped."""
+def _depth_first(fields: list[str]) -> bool:
+    return "depth" in Path(fields[1].replace("\\", "/")).parts[:1]
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True
+
+
+def _rows(path: Path, columns: str, further: tuple[int, ...] = ()) -> Rows:
+    """Fields of each row with its place; `further`: how many more than the columns there may be."""
     rows, expected = [], len(columns.split())
+    for place, fields in _fields(path, columns):
+        if len(fields) - expected not in (0, *further):
+            raise DataError(place, counted(len(fields), "field"), f"{expected} ({columns})")
+        rows.append((place, fields))
+    return rows
+
+
+def _fields(path: Path, columns: str) -> Iterator[tuple[str, list[str]]]:
+    """Place and fields of each row. Blank lines and ``#`` comments are skipped."""
     for number, line in enumerate(read_text(path, f"rows of {columns}").splitlines(), start=1):
         fields = line.replace(SEPARATOR, " ").split()
-        if not fields or fields[0].startswith("#"):
-            continue
-        if len(fields) != expected:
-            found = counted(len(fields), "field")
-            raise DataError(f"{path}:{number}", found, f"{expected} ({columns})")
-        rows.append((f"{path}:{number}", fields))
-    return rows
+        if fields and not fields[0].startswith("#"):
+            yield f"{path}:{number}", fields
+
+
+def _file(path: Path, name: str) -> Path:
+    return path.parent / name.replace("\\", "/")
 
 
 def _file_list(path: Path, rows: list[tuple[str, str, str]]) -> FileList:
@@ -189,7 +242,7 @@ def _file_list(path: Path, rows: list[tuple[str, str, str]]) -> FileList:
     times_s = np.array([_seconds(place, stamp) for place, stamp, _ in rows])
     require_seconds(times_s, [place for place, _, _ in rows])
     order = in_order(times_s)
-    files = tuple(path.parent / rows[index][2].replace("\\", "/") for index in order)
+    files = tuple(_file(path, rows[index][2]) for index in order)
     return FileList(times_s[order], files, order_notes(path, times_s))
 
 
@@ -389,7 +442,7 @@ class Tum(SceneReader):
     depth_unit_m
         Depth of the integer 1, metres; by default what the camera file states, else 1/5000.
     max_gap_s
-        Largest time between an image and its depth map, seconds.
+        Largest time between an image and its depth map, seconds, where no list of pairs states which it is.
     max_pose_gap_s
         Longest time between two poses that are interpolated, seconds. Images in longer gaps have no pose.
     time_shift_s
@@ -469,9 +522,11 @@ def _timestamps(images: FileList) -> tuple[NDArray[np.float64] | None, tuple[str
 
 
 def _depths_of(
-    images: FileList, depths: FileList, *, max_gap_s: float
+    images: FileList, depths: FileList | Pairs, *, max_gap_s: float
 ) -> tuple[tuple[Path | None, ...], tuple[str, ...]]:
     """The depth map of each image, and sentences on how far apart in time they are."""
+    if isinstance(depths, Pairs):
+        return _stated_depths(images, depths)
     index = nearest(images.times_s, depths.times_s, max_gap_s=max_gap_s)
     paths = tuple(depths.files[depth] if depth >= 0 else None for depth in index)
     if not depths.files:
@@ -480,9 +535,21 @@ def _depths_of(
     if not len(used):
         found = f"depth maps: {len(depths.files)}, but none within {max_gap_s:g} s of an image"
         raise DataError(depths.files[0].parent, found, "depth maps at the times of images, or a larger max_gap_s")
-    apart_ms = 1e3 * np.abs(depths.times_s[index[used]] - images.times_s[used])
-    apart = (
-        f"the depth of an image is the nearest in time: {np.median(apart_ms):.1f} ms from it in the median, "
-        f"{apart_ms.max():.1f} ms at most"
-    )
-    return paths, (*depths.notes, apart, *depth_notes(paths))
+    apart = _apart(depths.times_s[index[used]] - images.times_s[used])
+    return paths, (*depths.notes, f"the depth of an image is the nearest in time: {apart}", *depth_notes(paths))
+
+
+def _stated_depths(images: FileList, pairs: Pairs) -> tuple[tuple[Path | None, ...], tuple[str, ...]]:
+    """The depth map that a list of pairs names for each image, however far in time; None for an image without one."""
+    stated = [pairs.depths.get(image) for image in images.files]
+    apart_s = [depth[0] - time_s for depth, time_s in zip(stated, images.times_s, strict=True) if depth is not None]
+    if not apart_s:
+        raise DataError(pairs.path, "no pair of an image of the recording", f"images that {COLOUR} lists")
+    paths = tuple(None if depth is None else depth[1] for depth in stated)
+    note = f"the depth of an image is the one that {pairs.path} names: {_apart(np.array(apart_s))}"
+    return paths, (note, *depth_notes(paths))
+
+
+def _apart(apart_s: NDArray[np.float64]) -> str:
+    apart_ms = 1e3 * np.abs(apart_s)
+    return f"{np.median(apart_ms):.1f} ms from it in the median, {apart_ms.max():.1f} ms at most"

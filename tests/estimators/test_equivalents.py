@@ -12,7 +12,7 @@ from tests.estimators.simulated_tracks import units
 from tracknoise.estimators.components import fit_components
 from tracknoise.estimators.equivalents import Gates, equivalents, gates
 from tracknoise.estimators.fit import equivalents_of
-from tracknoise.estimators.linear_window import LinearTracks, TrackGates, true_covariances
+from tracknoise.estimators.linear_window import LinearTracks, TrackGates, outcome, scalar_variances, true_covariances
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
 from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.training import training_tables, windows
@@ -35,6 +35,28 @@ def test_the_state_takes_the_noise_of_the_first_position_from_all_others(length:
     for purpose in (Purpose.INNOVATIONS, Purpose.ALL_POSES):
         assert found[purpose].value == pytest.approx(white, rel=0.03)
         assert found[purpose].low < white < found[purpose].high
+
+
+@pytest.mark.parametrize("is_across", [False, True])
+def test_sigma_for_poses_allows_for_noise_across_the_motion_and_is_not_below_that_of_isotropic_noise(
+    *, is_across: bool
+) -> None:
+    """The camera moves sideways in one window: errors in u then move points in depth, those in v turn poses."""
+    fitted = fit_components(units(0, scenes=8, white=0.3), level=0.95)
+    shape = np.diag([0.2, 1.8] if is_across else [1.8, 0.2])
+    parts = {name: replace(part, covariance=part.sigma.value**2 * shape) for name, part in fitted.components.items()}
+    (some, *_) = windows([], speed=1, length=10, lifetimes=np.full(50, 12))
+    limits = Gates(TrackGates.of(some, fitted.noise), (1.0, 1.0, 1.0))
+    found = equivalents(replace(fitted, components=parts), [some], length=10, speed=1, gates=limits)
+    sigma = {one.purpose: one.sigma.value for one in found if one.landmark is Landmark.FREE}
+
+    def right(noise: TrackNoise) -> float:
+        actual = true_covariances(some, noise)
+        return float(outcome(some, actual, scalar_variances(some, 1.0)).nees_newest ** 0.5)
+
+    shaped, isotropic = right(TrackNoise(white=0.09 * shape)), right(TrackNoise.isotropic(white=0.3))
+    assert (shaped > 1.1 * isotropic) == is_across
+    assert sigma[Purpose.NEWEST_POSE] == pytest.approx(max(shaped, isotropic), rel=0.03)
 
 
 def test_gates_of_a_walk_do_not_depend_on_the_speed(planted_run: Path) -> None:

@@ -453,12 +453,10 @@ def _of_advice(advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
     if advice.kernel is not None and advice.windows:
         of_newest = advice.purpose is Purpose.NEWEST_POSE
-        right = (
-            "make the claimed covariance right there" if of_newest else "make the newest claimed covariance right there"
-        )
         yield (
-            f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and "
-            f"{right}. Sigma is larger without the loss."
+            f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and make "
+            f"the claimed covariance{'' if of_newest else ' of the newest pose'} right there. "
+            "Sigma is larger without the loss."
         )
         if not of_newest:
             yield "For all poses this loss was not tried: their claimed covariances may be too small."

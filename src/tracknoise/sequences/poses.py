@@ -164,12 +164,12 @@ def numbers(fields: list[str], columns: str, place: str) -> list[float]:
         raise DataError(place, counted(len(fields), "field"), f"{expected} ({columns})")
     plain = ["nan" if _UNKNOWN.fullmatch(field) else field for field in fields]
     for field in plain:
-        if not _is_number(field):
+        if not is_number(field):
             raise DataError(place, repr(field), f"a number ({columns})")
     return [float(field) for field in plain]
 
 
-def _is_number(field: str) -> bool:
+def is_number(field: str) -> bool:
     """Whether a field is a decimal number. Python also accepts underscores between digits; here they are refused."""
     try:
         float(field)

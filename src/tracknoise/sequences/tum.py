@@ -30,7 +30,7 @@ from tracknoise.geometry.pose import PosePath, nearest, nearest_rigid
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
-from tracknoise.sequences.poses import read_rows
+from tracknoise.sequences.poses import is_number, read_rows
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
 from tracknoise.sequences.timed_poses import (
@@ -178,7 +178,7 @@ def _read_list(path: Path) -> FileList:
 def _names_pairs(path: Path) -> bool:
     """Whether a list has rows, and not those of images and poses, which lists of the same names may hold."""
     first = next(_fields(path, _PAIR), None)
-    return first is not None and not any(map(_is_number, first[1][1:4:2]))
+    return first is not None and not any(map(is_number, first[1][1:4:2]))
 
 
 def _read_pairs(path: Path) -> tuple[FileList, Pairs]:
@@ -187,7 +187,7 @@ def _read_pairs(path: Path) -> tuple[FileList, Pairs]:
     images: list[tuple[str, str, str]] = []
     depths: dict[Path, tuple[float, Path]] = {}
     for place, fields in rows:
-        if number := next(filter(_is_number, fields[1:4:2]), None):
+        if number := next(filter(is_number, fields[1:4:2]), None):
             raise DataError(place, f"{number} as a filename", _PAIR)
         if _depth_first(fields) != _depth_first(rows[0][1]):
             raise DataError(place, "image and depth map in another order", "that of the first row")
@@ -204,14 +204,6 @@ def _read_pairs(path: Path) -> tuple[FileList, Pairs]:
 
 def _depth_first(fields: list[str]) -> bool:
     return "depth" in Path(fields[1].replace("\\", "/")).parts[:1]
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
 
 
 def _rows(path: Path, columns: str, further: tuple[int, ...] = ()) -> Rows:

@@ -11,7 +11,7 @@ from benchmarks.harness import Row, elapsed_ms, write_scene
 from tracknoise.experiments.inputs import InputCheck
 from tracknoise.experiments.plan import plan
 from tracknoise.experiments.settings import parse_experiment
-from tracknoise.experiments.task import run_batch
+from tracknoise.experiments.task import attempt
 from tracknoise.opened_files import noting, read_noted
 from tracknoise.tables.store import RunFolder
 
@@ -38,7 +38,7 @@ def _rows(reader: str, root: Path) -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
         run = RunFolder(Path(name))
         entries = []
-        measuring_ms = elapsed_ms(lambda: entries.extend(run_batch([task], run)))
+        measuring_ms = elapsed_ms(lambda: entries.extend(attempt([task], run, debug=True)))
         table = run.inputs(task.key)
         assert table is not None
         files = [root.resolve() / os.fsdecode(path) for path in table.filter(kind="file", in_data=True)["path"]]

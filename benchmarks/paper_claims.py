@@ -14,9 +14,10 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tracknoise.cli.measuring import measure
+from tracknoise.cli.progress import RunProgress
+from tracknoise.cli.shared_options import processes
 from tracknoise.cli.terminal import Terminal
-from tracknoise.experiments.execute import remake
+from tracknoise.experiments.execute import execute, remake
 from tracknoise.experiments.load import load_experiment, resolve
 from tracknoise.experiments.settings import Experiment
 from tracknoise.paper.claim_verdicts import Agreement
@@ -41,7 +42,8 @@ def reduced(preset: str, *, scenes: int, frames: int, width: int) -> Experiment:
 def replicated(experiment: Experiment, out: Path) -> Replicated:
     """Measure an experiment, and make its run again under the other readings of trimming."""
     run = RunFolder(out / experiment.name)
-    measure(Terminal(), experiment, run.path, None, fresh=False)
+    with RunProgress(Terminal()) as shown:
+        execute(experiment, run, listener=shown, workers=processes(None))
     others = {
         reading: RunFolder(out / "readings" / f"{experiment.name}-{reading}")
         for reading in (Reading.none, Reading.followed)

@@ -11,6 +11,9 @@ import sys
 import threading
 import time
 import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from types import FrameType, TracebackType
 from typing import Self
 
@@ -98,6 +101,10 @@ _INTERRUPTED = 130
 """What typer returns if a command raised KeyboardInterrupt."""
 
 
+class _UsageError(Exception):
+    """The parser of the command line has no command for the arguments. Without a message, it printed the help."""
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     if arguments is None:
@@ -105,7 +112,14 @@ def main(arguments: list[str] | None = None) -> None:
     with Interruption() as interruption:
         terminal = Terminal()
         try:
-            status = _reported(terminal, arguments, interruption)
+            try:
+                command = _loaded(terminal, arguments)
+                with _parsing():
+                    status = command()
+                if status == _INTERRUPTED:
+                    raise KeyboardInterrupt
+            except BaseException as error:  # a panic of Polars is no Exception
+                status = _status_after(error, terminal, interruption)
             interruption.end()
         except KeyboardInterrupt:
             interruption.record()
@@ -119,22 +133,51 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(status)
 
 
-def _reported(terminal: Terminal, arguments: list[str] | None, interruption: Interruption) -> int:
-    """Run a command and report its error. What fails because of an interruption is not reported."""
+def _loaded(terminal: Terminal, arguments: list[str] | None) -> Callable[[], int]:
+    """What parses the arguments and runs a command. Modules are loaded here: signals have their effect already."""
+    import typer
+
+    from tracknoise.cli.commands import app
+    from tracknoise.cli.shared_options import require_values
+
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # one unprintable character must not hide the rest
+    require_values(sys.argv[1:] if arguments is None else arguments)
+    parser = typer.main.get_command(app)
+    return partial(parser.main, args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal)
+
+
+@contextmanager
+def _parsing() -> Iterator[None]:
+    """Tell errors of the parser from those of a command."""
+    import typer
+
     try:
-        return _status(terminal, arguments)
-    except BaseException as error:  # a panic of Polars is no Exception
-        processes.raise_if_interruption(error)
-        if interruption:
-            return interruption.status
-        if isinstance(error, SystemExit) and _is_of_parser(error):
-            raise  # completion of the shell
-        if terminal.debug and isinstance(error, SystemExit):
-            raise RuntimeError(_text(error)) from error  # of a plug-in, whose status would be that of the program
-        if terminal.debug:
-            raise
-        terminal.error(_text(error))
+        yield
+    except typer.TyperException as error:
+        raise _UsageError(error.format_message()) from error
+    except typer.Abort as error:
+        raise KeyboardInterrupt from error
+
+
+def _status_after(error: BaseException, terminal: Terminal, interruption: Interruption) -> int:
+    """Report the error of a command. What fails because of an interruption is not reported."""
+    processes.raise_if_interruption(error)
+    if interruption:
+        return interruption.status
+    if isinstance(error, _UsageError):
+        if message := str(error):
+            terminal.error(message)
         return 1
+    if isinstance(error, SystemExit) and _is_of_parser(error):
+        raise error  # completion of the shell
+    if terminal.debug and isinstance(error, SystemExit):
+        raise RuntimeError(_text(error)) from error  # of a plug-in, whose status would be that of the program
+    if terminal.debug:
+        raise error
+    terminal.error(_text(error))
+    return 1
 
 
 def _is_of_parser(error: BaseException) -> bool:
@@ -150,32 +193,6 @@ def _finished(terminal: Terminal, status: int) -> int:
     except TracknoiseError as error:
         terminal.error(str(error))
         return status or 1
-    return status
-
-
-def _status(terminal: Terminal, arguments: list[str] | None) -> int:
-    """Run a command. Its modules are loaded here, where signals have their effect already."""
-    import typer
-
-    from tracknoise.cli.commands import app
-    from tracknoise.cli.shared_options import require_values
-
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # one unprintable character must not hide the rest
-    require_values(sys.argv[1:] if arguments is None else arguments)
-    try:
-        status: int = typer.main.get_command(app).main(
-            args=arguments, prog_name="tracknoise", standalone_mode=False, obj=terminal
-        )
-    except typer.TyperException as error:
-        if message := error.format_message():  # empty if the help was printed instead
-            terminal.error(message)
-        return 1
-    except typer.Abort as error:
-        raise KeyboardInterrupt from error
-    if status == _INTERRUPTED:
-        raise KeyboardInterrupt
     return status
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption, WorkersOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption, WorkersOption, processes
 
 
 def demo(
@@ -22,9 +22,13 @@ def demo(
 
     Example: `tracknoise demo`
     """
-    from tracknoise.cli.measuring import measure
+    from tracknoise.cli.progress import RunProgress
     from tracknoise.cli.run_summary import print_outcome
+    from tracknoise.experiments.execute import execute
     from tracknoise.experiments.load import load_experiment
+    from tracknoise.tables.store import RunFolder
 
-    outcome = measure(context.obj, load_experiment("demo"), out, workers, fresh=True)
+    with RunProgress(context.obj) as shown:
+        demo, asked = load_experiment("demo"), processes(workers)
+        outcome = execute(demo, RunFolder(out), listener=shown, workers=asked, fresh=True, debug=debug)
     return print_outcome(context.obj, out, outcome, report=True, table=table)

@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.measuring import processes
-from tracknoise.cli.shared_options import DebugOption, FreshOption, QuietOption, WorkersOption, parse_names
+from tracknoise.cli.shared_options import DebugOption, FreshOption, QuietOption, WorkersOption, parse_names, processes
 
 
 def effects(

@@ -19,6 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from tracknoise import processes
 from tracknoise.cli.terminal import Terminal
 from tracknoise.phrases.sentences import together
 from tracknoise.tables.identity import readable
@@ -158,6 +159,7 @@ class RunProgress:
         self._of_frames = FramePace(clock)
 
     def __enter__(self) -> Self:
+        processes.end_system_calls()
         self._bars.start()
         if self._bars.disable:
             self.heartbeat.start()

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.measuring import measure, processes
 from tracknoise.cli.shared_options import (
     DebugOption,
     FramesOption,
@@ -17,6 +16,7 @@ from tracknoise.cli.shared_options import (
     ScenesOption,
     WorkersOption,
     parse_frames,
+    processes,
 )
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
@@ -81,17 +81,27 @@ class _Runs:
 
     def run(self, name: str, load: Callable[[], "Experiment"]) -> "RunFolder | None":
         """Run an experiment. Returns its folder, or None if nothing was measured."""
+        from tracknoise.cli.progress import RunProgress
         from tracknoise.cli.run_summary import print_outcome
+        from tracknoise.experiments.execute import execute
         from tracknoise.tables.store import RunFolder
 
         folder = self._out / name
         self._terminal.say(f"{name}:")
 
-        def execute() -> int:
-            outcome = measure(self._terminal, load(), folder, self._workers, fresh=self._fresh)
+        def measure() -> int:
+            with RunProgress(self._terminal) as shown:
+                outcome = execute(
+                    load(),
+                    RunFolder(folder),
+                    listener=shown,
+                    workers=self._workers,
+                    fresh=self._fresh,
+                    debug=self._terminal.debug,
+                )
             return print_outcome(self._terminal, folder, outcome, report=False, table=True)
 
-        return None if self._survive(name, execute) == 1 else RunFolder(folder)
+        return None if self._survive(name, measure) == 1 else RunFolder(folder)
 
     def remake(self, name: str, run: "RunFolder", reading: "Reading") -> "RunFolder | None":
         """Make a run again under a reading of the paper's trimming. Returns its folder, or None if that failed."""

@@ -19,6 +19,7 @@ from tracknoise.cli.shared_options import (
     WorkersOption,
     parse_frames,
     parse_names,
+    processes,
 )
 from tracknoise.cli.terminal import write_result
 from tracknoise.sequences.frame_range import parse_numbers
@@ -77,8 +78,9 @@ def run(
     Examples: `tracknoise run examples/sevenscenes.toml --data /data/7scenes --out runs/7scenes`,
     `tracknoise run recording.toml --quick`
     """
-    from tracknoise.cli.measuring import measure
+    from tracknoise.cli.progress import RunProgress
     from tracknoise.cli.run_summary import print_outcome
+    from tracknoise.experiments.execute import execute
     from tracknoise.experiments.load import load_experiment
     from tracknoise.experiments.plan import plan
     from tracknoise.tables.store import RunFolder
@@ -98,7 +100,18 @@ def run(
     if quick:
         loaded = loaded.quick(len({task.sequence.scene for task in plan(loaded)}))
     out = out or Path("runs") / loaded.name
-    outcome = measure(context.obj, loaded, out, workers, scheduler=scheduler, fresh=fresh, verify=verify)
+    folder = RunFolder(out)
+    with RunProgress(context.obj) as shown:
+        outcome = execute(
+            loaded,
+            folder,
+            listener=shown,
+            workers=processes(workers),
+            scheduler=scheduler,
+            fresh=fresh,
+            verify=verify,
+            debug=debug,
+        )
     if checked is not None and outcome.measured:
-        RunFolder(out).write_statistics({}, documents={CHECK_JSON: checked})
+        folder.write_statistics({}, documents={CHECK_JSON: checked})
     return print_outcome(context.obj, out, outcome, report=report and not quick, table=table, quick=quick)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.measuring import processes
-from tracknoise.cli.shared_options import DebugOption, QuietOption, WorkersOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption, WorkersOption, processes
 from tracknoise.text import counted
 
 if TYPE_CHECKING:

@@ -1,5 +1,6 @@
 """Options that several commands share, so that they have the same name and help everywhere."""
 
+import os
 from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
@@ -40,6 +41,11 @@ def require_truth(truth: "TruthVerdict", whose: str, *, accepted: bool) -> None:
     if not (truth.is_usable or accepted):
         expected = "Expected a trusted or limited truth, or --accept-truth to use the numbers"
         raise SettingsError(f"{whose}: {truth.sentence} {expected}")
+
+
+def processes(workers: int | None) -> int:
+    """Number of worker processes: as requested, otherwise one per core."""
+    return workers or os.cpu_count() or 1
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:

@@ -15,6 +15,7 @@ from tracknoise.cli.shared_options import (
     WorkersOption,
     parse_frames,
     parse_names,
+    processes,
 )
 
 
@@ -40,10 +41,11 @@ def tournament(
 
     Examples: `tracknoise tournament`, `tracknoise tournament mine.toml --data /data/mine --trackers mine,openvins,svo`
     """
-    from tracknoise.cli.measuring import measure
+    from tracknoise.cli.progress import RunProgress
     from tracknoise.cli.run_summary import print_outcome
     from tracknoise.exceptions import TracknoiseError
     from tracknoise.experiments.entrants import entrants, step_costs
+    from tracknoise.experiments.execute import execute
     from tracknoise.experiments.load import load_experiment
     from tracknoise.tables.costs import write_costs
     from tracknoise.tables.store import RunFolder
@@ -54,11 +56,13 @@ def tournament(
         experiment, root=data, scenes=scenes, frames=parse_frames(frames), speeds=[min(own.speeds)], trackers=named
     )
     out = out or Path("runs") / (loaded.name if loaded.name == "tournament" else f"{loaded.name}-tournament")
-    outcome = measure(context.obj, loaded, out, workers, fresh=fresh)
+    run = RunFolder(out)
+    with RunProgress(context.obj) as shown:
+        outcome = execute(loaded, run, listener=shown, workers=processes(workers), fresh=fresh, debug=debug)
     if outcome.measured:
         context.obj.say("measuring the time of a step")
         try:
-            write_costs(RunFolder(out), step_costs(loaded, RunFolder(out).manifest().sequences))
+            write_costs(run, step_costs(loaded, run.manifest().sequences))
         except TracknoiseError as error:
             context.obj.say(f"note: no times of steps: {error}")
     return print_outcome(context.obj, out, outcome, report=True, table=False, ranked=True)

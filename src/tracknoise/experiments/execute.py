@@ -156,19 +156,14 @@ def execute(
         if todo:
             run.discard_unfinished()  # files of workers that died while they wrote
         if manifest.sequences:
-            _replace_results(run, experiment, workers)
+            outdated = not manifest.statistics.keys() >= {*STORED}
+            statistics = compute_statistics(run, experiment)
+            if outdated:  # earlier results stay in the folder until the new ones can be written
+                run.discard_documents()
+            compute_findings(run, experiment, statistics, workers=workers)
         else:
             run.discard_results()
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))
-
-
-def _replace_results(run: RunFolder, experiment: Experiment, workers: int) -> None:
-    """Compute the statistics and findings. Earlier results stay in the folder until the new ones can be written."""
-    outdated = not run.manifest().statistics.keys() >= {*STORED}
-    statistics = compute_statistics(run, experiment)
-    if outdated:
-        run.discard_documents()
-    compute_findings(run, experiment, statistics, workers=workers)
 
 
 def _crew(

@@ -38,7 +38,7 @@ from tracknoise.estimators.lookup_table import USED, noise_lookup
 from tracknoise.estimators.run_models import RunModels, advice_table, fitted_models
 from tracknoise.estimators.training import RunTruth
 from tracknoise.estimators.window_noise import window_sigmas
-from tracknoise.experiments.local_workers import Call, beside
+from tracknoise.experiments.local_workers import beside
 from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
 from tracknoise.experiments.run_statistics import reference_condition
 from tracknoise.experiments.run_truth import run_audit, trust_table
@@ -246,23 +246,11 @@ def compute_findings(
         tables = _tables(run, manifest, experiment, statistics, reference) | audited()
         tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
         tables["own_covariances"] = allowing_for_truth(tables["own_covariances"], tables["trust"])
-        models = _models(run, experiment, tables, reference, workers, begin)
+        truth = RunTruth(TruthVerdict.of(tables["trust"]), tables["audit_curves"])
+        trackers = [tracker.label for tracker in experiment.trackers]
+        models = fitted_models(run, trackers, reference.speed, truth, workers=workers, begin=begin)
     tables["advice"] = advice_table(models, experiment.estimator.name, experiment.estimator.window, _place(reference))
     _write_findings(run, manifest, experiment, {**statistics, **tables}, reference, models)
-
-
-def _models(
-    run: RunFolder,
-    experiment: Experiment,
-    tables: Mapping[str, pl.DataFrame],
-    reference: ReferenceCondition,
-    workers: int,
-    begin: Call,
-) -> RunModels:
-    """Noise models of the trackers, at the lowest speed."""
-    trackers = [tracker.label for tracker in experiment.trackers]
-    truth = RunTruth(TruthVerdict.of(tables["trust"]), tables["audit_curves"])
-    return fitted_models(run, trackers, reference.speed, truth, workers=workers, begin=begin)
 
 
 def _place(reference: ReferenceCondition) -> dict[str, Any]:

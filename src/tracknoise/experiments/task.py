@@ -58,39 +58,28 @@ def attempt(
     debug: bool = False,
     verify: bool = False,
 ) -> Result:
-    """As `run_batch`, but return a failure instead of raising it, unless `debug` is set. Interruptions are raised."""
+    """Measure the sequences of a batch, or a part of one, or join its parts, and write the tables into the run folder.
+
+    `batch`: sequences of one experiment that read the same files; `run`: where to write; `claim`: proof that the run
+    holds the lock of the folder, checked before anything is written. Not needed by default; `progress`: called after
+    each frame; `debug`: raise a failure instead of returning it, as interruptions are; `verify`: compare parts that an
+    earlier start measured with their files by content. Returns entries for the manifest, one per task. A sequence
+    counts as measured once the manifest contains its entry. Or the parts in which a sequence is to be measured, which
+    is too long for one piece.
+    """
+    task = batch[0]
     try:
-        return run_batch(batch, run, claim=claim, progress=progress, verify=verify)
+        keep_freed_memory()
+        if not task.parts:
+            return _measure_batch(batch, run, claim=claim, progress=progress)
+        if task.part is None:
+            return [_joined(task, run, claim)]
+        return [_measure_part(task, run, claim=claim, progress=progress, verify=verify)]
     except BaseException as error:  # a panic of Polars is no Exception, nor is what `sys.exit` raises in a plug-in
         raise_if_interruption(error)
         if debug:
             raise
         return diagnose(error)
-
-
-def run_batch(
-    batch: list[Task],
-    run: RunFolder,
-    *,
-    claim: Claim | None = None,
-    progress: Progress | None = None,
-    verify: bool = False,
-) -> list[SequenceEntry] | InParts:
-    """Measure the sequences of a batch, or a part of one, or join its parts, and write the tables into the run folder.
-
-    `batch`: sequences of one experiment that read the same files; `run`: where to write; `claim`: proof that the run
-    holds the lock of the folder, checked before anything is written. Not needed by default; `progress`: called after
-    each frame; `verify`: compare parts that an earlier start measured with their files by content. Returns entries for
-    the manifest, one per task. A sequence counts as measured once the manifest contains its entry. Or the parts in
-    which a sequence is to be measured, which is too long for one piece.
-    """
-    keep_freed_memory()
-    task = batch[0]
-    if not task.parts:
-        return _measure_batch(batch, run, claim=claim, progress=progress)
-    if task.part is None:
-        return [_joined(task, run, claim)]
-    return [_measure_part(task, run, claim=claim, progress=progress, verify=verify)]
 
 
 def _measure_part(
@@ -318,7 +307,7 @@ class Job:
     versions: dict[str, str]  # versions at the start of the run of the libraries that affect results
     debug: bool  # raise failures instead of recording them
     one_thread: bool = True  # use one thread in OpenCV, because other workers use the other cores
-    verify: bool = False  # see `run_batch`
+    verify: bool = False  # see `attempt`
 
     def __call__(self, batch: Batch) -> Result:
         """Measure a batch in a worker."""

@@ -85,23 +85,13 @@ def run_trackers(
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """One tracker setup on one sequence: what it reports is recorded, and shown to its truth session."""
+    """One tracker setup on one sequence."""
 
     speed: int
     tracker: Tracker
     recorder: Recorder
     truth: TruthSession
     second: TruthSession | None
-
-    def step(self, frame: Frame) -> None:
-        """Show a frame to the tracker, if it sees this frame."""
-        if frame.index % self.speed:
-            return
-        step = self.tracker.step(frame)
-        tracks = self.recorder.add(frame.index, step, gradient_rad=partial(dominant_gradient, frame))
-        self.truth.observe(frame.index, tracks, step.uv, step.born)
-        if self.second is not None:
-            self.second.observe(frame.index, tracks, step.uv, step.born)
 
 
 class _Pass:
@@ -138,10 +128,16 @@ class _Pass:
         self._free_bytes = kept_bytes
 
     def step(self, index: int) -> None:
-        """Read a frame and show it to every tracker that sees it."""
+        """Read a frame and show it to every tracker that sees it. What it reports is shown to its truth session."""
         frame = Frame(index, self._sequence.image(index))
         for run in self._runs:
-            run.step(frame)
+            if index % run.speed:
+                continue
+            step = run.tracker.step(frame)
+            tracks = run.recorder.add(index, step, gradient_rad=partial(dominant_gradient, frame))
+            run.truth.observe(index, tracks, step.uv, step.born)
+            if run.second is not None:
+                run.second.observe(index, tracks, step.uv, step.born)
         if index == self._snapshot_frame:
             self._snapshot = frame.image
         if frame.image.nbytes <= self._free_bytes:

@@ -9,20 +9,19 @@ import polars as pl
 import pytest
 
 from tracknoise.estimators.run_models import RunModels, fitted_models
-from tracknoise.experiments import execute, run_findings
+from tracknoise.experiments import execute, run_findings, run_statistics
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import RunFolder
-from tracknoise.truth_faults.audit_tables import not_audited
-
-replace_results = execute._replace_results
+from tracknoise.truth_faults.audit_tables import tables_of
 
 
 @contextmanager
 def measured_only() -> Iterator[None]:
     """Runs keep what they measured, and no statistics and findings are made of it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(execute, "_replace_results", lambda *_: None)
+        patch.setattr(execute, "compute_statistics", lambda *_: {})
+        patch.setattr(execute, "compute_findings", lambda *_, **__: None)
         yield
 
 
@@ -34,7 +33,7 @@ def without_findings() -> Iterator[None]:
         run.write_statistics(statistics)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(execute, "_replace_results", replace_results)
+        patch.setattr(execute, "compute_statistics", run_statistics.compute_statistics)
         patch.setattr(execute, "compute_findings", written)
         yield
 
@@ -43,7 +42,7 @@ def without_findings() -> Iterator[None]:
 def with_findings() -> Iterator[None]:
     """Runs are finished as in a program, with findings."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(execute, "_replace_results", replace_results)
+        patch.setattr(execute, "compute_statistics", run_statistics.compute_statistics)
         patch.setattr(execute, "compute_findings", run_findings.compute_findings)
         yield
 
@@ -78,7 +77,7 @@ def without_audit() -> Iterator[None]:
     """Findings are made as if the truth could not be audited, which takes half the time of the findings of a scene."""
 
     def audited(run: RunFolder, *_: object) -> dict[str, pl.DataFrame]:
-        found = not_audited("it is not asked for", next(iter(run.manifest().sequences.values())).sequence.dataset)
+        found = tables_of("it is not asked for", next(iter(run.manifest().sequences.values())).sequence.dataset)
         return {"audit": found.audit, "audit_curves": found.audit_curves}
 
     with pytest.MonkeyPatch.context() as patch:

@@ -22,7 +22,7 @@ from tracknoise.experiments.geometry_tables import audit_samples, cameras_table,
 from tracknoise.experiments.measure import measure_together
 from tracknoise.inference.units import NO_GROUPS
 from tracknoise.trackers.tracker_registry import make_tracker
-from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
+from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
 from tracknoise.truth_faults.fault_parameters import Family
 
 Options = dict[str, Any]
@@ -88,7 +88,7 @@ def _together(base: Options, scene: str, options: Mapping[str, Options]) -> Iter
 
 def report(fault: str, tables: list[AuditedTables]) -> str:
     """The lines about a fault."""
-    audit = audit_tables(tables, NO_GROUPS, dataset="simulated").audit
+    audit = tables_of(read_samples(tables, NO_GROUPS), "simulated").audit
     named = audit.filter(pl.col("rank").is_not_null(), family=str(Family.alone)).sort("rank", maintain_order=True)
     lines = [
         f"    {row['parameter']} {row['component']}: {row['value']:.4g} ({row['low']:.4g} to {row['high']:.4g})"
@@ -100,7 +100,7 @@ def report(fault: str, tables: list[AuditedTables]) -> str:
 
 def one_by_one(scenes: list[AuditedTables]) -> str:
     """How often intervals of single scenes hold the truth, and how many faults are named, where there is none."""
-    audits = [audit_tables([scene], NO_GROUPS, dataset="simulated").audit for scene in scenes]
+    audits = [tables_of(read_samples([scene], NO_GROUPS), "simulated").audit for scene in scenes]
     beside = pl.concat(audits).filter(family=str(Family.beside_bias))
     held = beside.filter(pl.col("stated").is_between(pl.col("low"), pl.col("high"))).height
     named = sum(audit["rank"].drop_nulls().n_unique() for audit in audits)

@@ -59,7 +59,7 @@ from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_summary import usual_mistakes
-from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, audit_tables
+from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, read_samples, tables_of
 from tracknoise.truth_faults.fault_parameters import FAULTS as PARAMETERS
 from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.truth_faults.pose_accuracy import pose_share
@@ -395,7 +395,7 @@ def evidence(measured: Measurement, trackers: Sequence[str]) -> Raw:
     samples = audit_samples(sequence, prepared, "birth").filter(pl.col("tracker").is_in(trackers))
     repeats = depth_repeats_table(sequence, prepared)
     tables = AuditedTables(samples, cameras_table(sequence, n), poses_table(sequence, n), depth_repeats=repeats)
-    found = audit_tables([tables], NO_GROUPS, dataset="simulated")
+    found = tables_of(read_samples([tables], NO_GROUPS), "simulated")
     shares = pose_share([rigid.filter(pl.col("tracker").is_in(trackers))])
     if len(trackers) == 1:
         shares = shares.filter(fitted_to="own")

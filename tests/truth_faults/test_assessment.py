@@ -14,7 +14,7 @@ from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, POSE_SHARE
 from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_selection import available
-from tracknoise.truth_faults.audit_tables import not_audited
+from tracknoise.truth_faults.audit_tables import tables_of
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.explained import explained, moved
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter
@@ -255,7 +255,7 @@ def test_a_stated_accuracy_does_not_hide_what_the_tracks_show() -> None:
 
 
 def test_too_few_tracks_leave_what_is_stated() -> None:
-    few = not_audited("only 20 observations can be used", "d").audit
+    few = tables_of("only 20 observations can be used", "d").audit
     assert verdict(audit=few).verdict == Trust.unknown
     assert "only 20 observations" in verdict(audit=few).text
     for stated, expected in ((0.0, Trust.trusted), (0.2, Trust.limited), (0.45, Trust.unknown)):
@@ -265,7 +265,7 @@ def test_too_few_tracks_leave_what_is_stated() -> None:
 @pytest.mark.parametrize(
     ("given", "expected"),
     [({}, "limited"), ({"audit": audit(depths=(0.7, 0.6, 0.8))}, "unknown"),
-     ({"audit": not_audited("3 observations", "d").audit}, "unknown"),
+     ({"audit": tables_of("3 observations", "d").audit}, "unknown"),
      ({"pose_shares": poses(lk=((0.3, 0.0, 0.9), None))}, "unknown")],
 )  # fmt: skip
 def test_noise_of_depths_that_takes_the_truth_from_features_is_named_with_what_helps(

@@ -9,8 +9,9 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.inference.robust_fits import jackknife
 from tracknoise.tables.findings_schema import AuditVerdict
-from tracknoise.truth_faults.audit_fit import Start, fit
+from tracknoise.truth_faults.audit_fit import fit
 from tracknoise.truth_faults.audit_selection import Basis, assess, judge, select
+from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, Parameter
 
 WORLD = World(per_scene=100, n_frames=60)
@@ -117,7 +118,7 @@ def test_a_tracker_that_was_in_one_scene_only_has_no_say() -> None:
     world = replace(WORLD, noise_px=(0.3, 1.5), bias_px=((0.0, 0.0), (0.5, 0.5)))
     every = samples(world, seed=1, focal_length=-0.008)
     some = every.chosen(np.flatnonzero((every.tracker == 0) | (every.cluster == 0)))
-    basis = Basis.of(some, (), Start.at(some, np.zeros(COUNT)), with_bias=True)
+    basis = Basis.of(some, (), predict(some, np.zeros(COUNT)), with_bias=True)
     found = assess(some, basis, Parameter.focal_length)
     assert found.explains
     assert found.shares == []
@@ -126,12 +127,12 @@ def test_a_tracker_that_was_in_one_scene_only_has_no_say() -> None:
 
 def test_one_step_of_the_jackknife_is_close_to_a_new_fit() -> None:
     every = samples(seed=6, focal_length=0.02)
-    start = Start.at(every, np.zeros(COUNT))
+    start = predict(every, np.zeros(COUNT))
     whole = fit(every, [Parameter.focal_length], start)
     moves = jackknife(whole.equations)
     for cluster in (0, 5):
         rest = every.chosen(np.flatnonzero(every.cluster != cluster))
-        again = fit(rest, [Parameter.focal_length], Start.at(rest, np.zeros(COUNT)))
+        again = fit(rest, [Parameter.focal_length], predict(rest, np.zeros(COUNT)))
         move = again.estimate[0] - whole.estimate[0]
         assert abs(move - moves.moves[cluster, 0]) < 0.3 * moves.standard_errors[0]
 
@@ -140,7 +141,7 @@ def test_what_nothing_determines_stays_where_it_was() -> None:
     """Without turns, the translation between camera and poses changes nothing."""
     still = replace(WORLD, wobble=(0.0, 0.02))
     some = samples(still)
-    found = fit(some, [Parameter.mounting_translation], Start.at(some, np.zeros(COUNT)))
+    found = fit(some, [Parameter.mounting_translation], predict(some, np.zeros(COUNT)))
     assert np.abs(found.estimate).max() < 1e-3
     verdicts = {one.parameter: one.verdict for one in judge(select(some))}
     assert verdicts[Parameter.mounting_translation] == AuditVerdict.undetermined
@@ -167,8 +168,8 @@ def test_of_faults_that_explain_as_much_the_one_with_the_fewest_numbers_is_named
 
 def test_the_basis_of_no_parameter_costs_no_position() -> None:
     some = samples()
-    start = Start.at(some, np.zeros(COUNT))
+    start = predict(some, np.zeros(COUNT))
     basis = Basis.of(some, (), start, with_bias=False)
     assert basis.fitted.free.size == 0
-    np.testing.assert_array_equal(basis.fitted.residual, some.observed - start.predicted.uv)
+    np.testing.assert_array_equal(basis.fitted.residual, some.observed - start.uv)
     assert sum(fault.count for fault in FAULTS.values()) == COUNT

@@ -21,7 +21,7 @@ from tracknoise.truth_faults.audit_summary import (
     other_text,
     recorded_step,
 )
-from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables, read_samples, tables_of
+from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
 from tracknoise.truth_faults.explained import NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import Family, Parameter, shown
 from tracknoise.words import SPACE
@@ -141,7 +141,7 @@ def test_tables_are_shown_as_text(faulty) -> None:
 
 def test_without_samples_the_reason_is_the_only_row() -> None:
     tables = AuditedTables(empty(AUDIT_SAMPLES), empty(CAMERAS), empty(POSES))
-    found = audit_tables([tables], NO_GROUPS, dataset="x")
+    found = tables_of(read_samples([tables], NO_GROUPS), "x")
     assert audit_sentences(found.audit) == [
         "The truth was not audited: it is fitted to the tracks, or none was followed."
     ]
@@ -150,7 +150,7 @@ def test_without_samples_the_reason_is_the_only_row() -> None:
 
 
 def test_runs_without_an_upright_view_are_not_taken_for_fitted_ones() -> None:
-    found = audit_tables([], NO_GROUPS, dataset="x")
+    found = tables_of(read_samples([], NO_GROUPS), "x")
     assert audit_sentences(found.audit) == ["The truth was not audited: no sequence was measured upright and forward."]
 
 

@@ -16,7 +16,7 @@ from tracknoise.tables.schema import RIGID, VIEW, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_summary import usual_mistakes
-from tracknoise.truth_faults.audit_tables import AuditedTables, audit_tables
+from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
 from tracknoise.truth_faults.pose_accuracy import scene_shares
 
 
@@ -26,12 +26,10 @@ def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dic
     One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
     """
     tables = [_audited(run, key, manifest.sequences[key]) for key in audited_keys(manifest, experiment)]
-    found = audit_tables(
-        tables,
-        groups_of_scenes(manifest.sequences, experiment.dataset.groups),
-        dataset=next(iter(manifest.sequences.values())).sequence.dataset,
-        without=[tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC],
-    )
+    groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
+    synthetic = [tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC]
+    samples = read_samples(tables, groups, without=synthetic)
+    found = tables_of(samples, next(iter(manifest.sequences.values())).sequence.dataset)
     return {"audit": found.audit, "audit_curves": found.audit_curves}
 
 

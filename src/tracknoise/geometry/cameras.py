@@ -244,27 +244,17 @@ Coefficients = tuple[float, ...]
 """k1, k2, p1, p2, then k3, then k4, k5, k6, in OpenCV's order; those that are missing are 0."""
 
 
+_Symmetric = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Entries xx, xy and yy of symmetric matrices."""
+
+
 def distort(xy: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
     """Where a lens shows the points of the plane at depth 1.
 
     Shapes: xy (..., 2); returns (..., 2). NaN where the model is not one-to-one between the point and the axis: such a
     point has no image.
     """
-    p1, p2 = coefficients[2:4]
-    x, y = xy[..., 0], xy[..., 1]
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        r2 = x * x + y * y
-        radial, _ = _radial(r2, coefficients)
-        distorted = np.stack(
-            [
-                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-            ],
-            axis=-1,
-        )
-        xx, xy_, yy = _jacobian(xy, coefficients)
-        one_to_one = (r2 < _turning_r2(coefficients)) & (xx + yy > 0.0) & (xx * yy > xy_ * xy_)
-    return np.where(one_to_one[..., None], distorted, np.nan)
+    return _distorted(xy, coefficients)[0]
 
 
 def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDArray[np.float64]:
@@ -276,13 +266,16 @@ def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDA
     left = distorted.reshape(-1, 2)
     found, place = np.full_like(left, np.nan), np.arange(len(left))
     xy, residual, share = np.zeros_like(left), left, np.ones(len(left))
+    _, jacobian = _distorted(xy, coefficients)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(_STEPS):
-            trial = xy + share[:, None] * _newton_step(_jacobian(xy, coefficients), residual)
-            remains = left - distort(trial, coefficients)
+            trial = xy + share[:, None] * _newton_step(jacobian, residual)
+            shown, there = _distorted(trial, coefficients)
+            remains = left - shown
             closer = _size(remains) < _size(residual)
             xy = np.where(closer[:, None], trial, xy)
             residual = np.where(closer[:, None], remains, residual)
+            jacobian = _chosen(closer, there, jacobian)
             share = np.where(closer, np.minimum(2.0 * share, 1.0), 0.5 * share)
             solved = _size(residual) <= _SOLVED
             found[place[solved]] = xy[solved]
@@ -290,43 +283,42 @@ def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDA
             if not active.all():  # a few that have no solution take many steps more than all others
                 place, left, share = place[active], left[active], share[active]
                 xy, residual = xy[active], residual[active]
+                xx, xy_, yy = jacobian
+                jacobian = xx[active], xy_[active], yy[active]
             if not len(place):
                 break
     return found.reshape(distorted.shape)
 
 
-_Symmetric = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-
-
-def _jacobian(xy: NDArray[np.float64], coefficients: Coefficients) -> _Symmetric:
-    """Derivative of the model, entries xx, xy and yy: it is symmetric."""
-    p1, p2 = coefficients[2:4]
+def _distorted(xy: NDArray[np.float64], coefficients: Coefficients) -> tuple[NDArray[np.float64], _Symmetric]:
+    """`distort`, and the derivative of the model."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, 0.0, 0.0, 0.0, 0.0)[:8]
     x, y = xy[..., 0], xy[..., 1]
-    radial, slope = _radial(x * x + y * y, coefficients)
-    return (
-        radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
-        x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y,
-        radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
-    )
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))  # N / D, and twice its derivative by the squared radius
+        slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+        if k4 or k5 or k6:
+            below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+            below_slope = 2.0 * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6))
+            radial, slope = radial / below, (slope - radial / below * below_slope) / below
+        shown = np.stack(
+            [
+                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            ],
+            axis=-1,
+        )
+        xx = radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
+        xy_ = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
+        yy = radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
+        one_to_one = (r2 < _turning_r2(coefficients)) & (xx + yy > 0.0) & (xx * yy > xy_ * xy_)
+    return np.where(one_to_one[..., None], shown, np.nan), (xx, xy_, yy)
 
 
-def _radial(r2: NDArray[np.float64], coefficients: Coefficients) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """N / D at squared radii, and twice its derivative with respect to them."""
-    (k1, k2, k3), (k4, k5, k6) = _numerator_and_denominator(coefficients)
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))
-    if not (k4 or k5 or k6):
-        return radial, slope
-    below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    below_slope = 2.0 * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6))
-    return radial / below, (slope - radial / below * below_slope) / below
-
-
-def _numerator_and_denominator(
-    coefficients: Coefficients,
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    k1, k2, _, _, k3, k4, k5, k6 = (*coefficients, 0.0, 0.0, 0.0, 0.0)[:8]
-    return (k1, k2, k3), (k4, k5, k6)
+def _chosen(which: NDArray[np.bool_], one: _Symmetric, other: _Symmetric) -> _Symmetric:
+    xx, xy, yy = (np.where(which, *both) for both in zip(one, other, strict=True))
+    return xx, xy, yy
 
 
 def _newton_step(jacobian: _Symmetric, residual: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -345,7 +337,8 @@ def _turning_r2(coefficients: Coefficients) -> float:
 
     With s = r^2, the numerator of its derivative is (N + 2 s N') D - 2 s N D'.
     """
-    above, below = (np.array([1.0, *terms]) for terms in _numerator_and_denominator(coefficients))
+    k1, k2, _, _, k3, k4, k5, k6 = (*coefficients, 0.0, 0.0, 0.0, 0.0)[:8]
+    above, below = np.array([1.0, k1, k2, k3]), np.array([1.0, k4, k5, k6])
     power = 2.0 * np.arange(4)
     with np.errstate(over="ignore", invalid="ignore"):
         growth = np.convolve((1.0 + power) * above, below) - np.convolve(above, power * below)

@@ -42,19 +42,6 @@ _FURTHEST_BIAS_PX = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Start:
-    """Where fits begin: numbers of all parameters (COUNT,), and what they predict."""
-
-    theta: NDArray[np.float64]
-    predicted: Predicted
-
-    @classmethod
-    def at(cls, samples: AuditSamples, theta: NDArray[np.float64], near: "Start | None" = None) -> "Start":
-        """Begin at these numbers, which may be near those of another start."""
-        return cls(theta, predict(samples, theta, None if near is None else near.predicted))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _State:
     """Where a fit stands."""
 
@@ -72,22 +59,25 @@ class _State:
         return _State(theta, self.beta + step[len(free) :], error, self.residual - self.design @ step, self.design)
 
 
-def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *, with_bias: bool = True) -> Fit:
+def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Predicted, *, with_bias: bool = True) -> Fit:
     """Fit some parameters, all others held where the fit begins: (audit.fit). `parameters`: may be empty."""
     free, limit = columns_of(parameters), furthest(parameters)
     biases = _bias_columns(samples, with_bias=with_bias)
     ridge = 1.0 / np.concatenate([limit, np.full(biases.shape[2], _FURTHEST_BIAS_PX)]) ** 2
-    there = start
-    state = _state(samples, there, np.zeros(biases.shape[2]), parameters, biases)
-    for _ in range(_STEPS):
+    there, beta = start, np.zeros(biases.shape[2])
+    for steps in range(_STEPS + 1):
+        error = samples.observed - there.uv
+        design = np.concatenate([there.by(parameters), biases], axis=2)
+        state = _State(there.theta, beta, error, error - biases @ beta, design)
+        if steps == _STEPS:
+            break
         step, information = _solved(samples, state, ridge)
         if _is_small(step[: len(free)], information):
             state = state.moved(step, free)
             break
         theta = state.theta.copy()
         theta[free] = np.clip(theta[free] + step[: len(free)], -limit, limit)
-        there = Start.at(samples, theta, there)
-        state = _state(samples, there, state.beta + step[len(free) :], parameters, biases)
+        there, beta = predict(samples, theta, there), state.beta + step[len(free) :]
     scale = scales(samples.group, state.residual)
     equations = normal_equations(samples.tracker, samples.cluster, state.design, state.residual, scale, ridge)
     slopes = state.design[:, :, : len(free)].copy()
@@ -100,18 +90,6 @@ def design_of(samples: AuditSamples, fitted: Fit) -> NDArray[np.float64]:
     It is made where it is needed: of many trackers, those of all fits of a selection would fill the memory.
     """
     return np.concatenate([fitted.slopes, _bias_columns(samples, with_bias=fitted.with_bias)], axis=2)
-
-
-def _state(
-    samples: AuditSamples,
-    there: Start,
-    beta: NDArray[np.float64],
-    parameters: Sequence[Parameter],
-    biases: NDArray[np.float64],
-) -> _State:
-    error = samples.observed - there.predicted.uv
-    design = np.concatenate([there.predicted.by(parameters), biases], axis=2)
-    return _State(there.theta, beta, error, error - biases @ beta, design)
 
 
 def _bias_columns(samples: AuditSamples, *, with_bias: bool) -> NDArray[np.float64]:

@@ -116,16 +116,8 @@ class Paths:
         """Time of frames, (n,), after the middle of the poses of their sequence, in units of `longest_half`."""
         return np.asarray((self.times[frame] - self.posed[frame].mean(axis=1)) / self.longest_half)
 
-    def moving(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
-        """As `at`; where no time is after its frame, as `still`."""
-        return self.at(frame, delay) if np.any(delay) else self.still(frame)
-
-    def still(self, frame: NDArray[np.intp]) -> Moving:
-        """Poses of frames, (n,), with their velocities: the mean of those before and after the frame."""
-        return Moving(self.rotation[frame], self.position[frame], self.mean_turning[frame], self.mean_velocity[frame])
-
     def at(self, frame: NDArray[np.intp], delay: NDArray[np.float64]) -> Moving:
-        """Poses some time after frames.
+        """Poses some time after frames. Where no time is after its frame, velocities are the mean before and after it.
 
         Parameters
         ----------
@@ -134,6 +126,9 @@ class Paths:
         delay : (n,) float64
             Time after each; negative before it. Beyond the ends of a sequence the last velocity goes on.
         """
+        if not np.any(delay):
+            turning, velocity = self.mean_turning[frame], self.mean_velocity[frame]
+            return Moving(self.rotation[frame], self.position[frame], turning, velocity)
         start = self._segment(frame, delay)
         elapsed = self.times[frame] + delay - self.times[start]
         turned = Rotation.from_rotvec(np.nan_to_num(elapsed[:, None] * self.turning[start])).as_matrix()

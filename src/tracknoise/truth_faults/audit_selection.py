@@ -31,9 +31,9 @@ from scipy import special
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.robust_fits import condition_number, jackknife, scales
 from tracknoise.tables.findings_schema import AuditVerdict
-from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, Start, design_of, fit, gain, losses
+from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, design_of, fit, gain, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
-from tracknoise.truth_faults.corrected_positions import has_k1
+from tracknoise.truth_faults.corrected_positions import Predicted, has_k1, predict
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, Fit, Parameter
 
 _LEAST_COUNT, _LEAST_CLUSTERS = 50, 2
@@ -116,15 +116,17 @@ class Basis:
     """
 
     resampled: ResampledFit
-    start: Start
+    start: Predicted
     scale: NDArray[np.float64]
 
     @classmethod
-    def of(cls, samples: AuditSamples, parameters: Sequence[Parameter], start: Start, *, with_bias: bool) -> "Basis":
+    def of(
+        cls, samples: AuditSamples, parameters: Sequence[Parameter], start: Predicted, *, with_bias: bool
+    ) -> "Basis":
         """Fit what has been named so far."""
         fitted = fit(samples, parameters, start, with_bias=with_bias)
         resampled = ResampledFit.of(samples, fitted)
-        there = Start.at(samples, fitted.theta) if parameters else start
+        there = predict(samples, fitted.theta) if parameters else start
         return cls(resampled, there, scales(samples.group, resampled.residual))
 
     @property
@@ -348,10 +350,10 @@ def available(samples: AuditSamples) -> tuple[Parameter, ...]:
 
 def select(samples: AuditSamples) -> Selection:
     """Name faults one after the other, until none is left that passes."""
-    start, every = Start.at(samples, np.zeros(COUNT)), available(samples)
+    start, every = predict(samples, np.zeros(COUNT)), available(samples)
     stages = [_stage(samples, Basis.of(samples, (), start, with_bias=True), every)]
     while (best := stages[-1].best) is not None and len(stages) <= MOST_NAMED:
-        there = Start.at(samples, best.fitted.theta)
+        there = predict(samples, best.fitted.theta)
         stages.append(_stage(samples, Basis.of(samples, best.fitted.parameters, there, with_bias=True), every))
     alone = _stage(samples, Basis.of(samples, (), start, with_bias=False), every)
     final = _final(samples, stages[-1].basis)
@@ -379,7 +381,7 @@ def _rivals(samples: AuditSamples, stage: Stage, best: Assessment, *, with_bias:
     found = {}
     for name, other in stage.assessed.items():
         if name is not best.parameter and stage.passes(name) and best.gain_beyond(other).low <= 0.0:
-            there = Start.at(samples, other.fitted.theta)
+            there = predict(samples, other.fitted.theta)
             basis = Basis.of(samples, other.fitted.parameters, there, with_bias=with_bias)
             beside = assess(samples, basis, best.parameter)
             if beside.gain.value < MARGIN:
@@ -391,7 +393,7 @@ def _reported_fit(samples: AuditSamples, best: Assessment, *, with_bias: bool) -
     """The fit that sentences tell of."""
     if with_bias:
         return best.resampled
-    start = Start.at(samples, best.fitted.theta)
+    start = predict(samples, best.fitted.theta)
     return ResampledFit.of(samples, fit(samples, best.fitted.parameters, start, with_bias=False))
 
 

@@ -97,7 +97,11 @@ class AuditedTables:
 def read_samples(
     tables: Sequence[AuditedTables], groups: SceneGroups, *, without: Collection[str] = ()
 ) -> AuditSamples | str:
-    """Samples of several sequences."""
+    """Samples of several sequences, or why there are none.
+
+    `tables`: of one view of each scene and camera. `groups`: scenes that are not independent of each other. `without`:
+    trackers that take no part unless there are no others, such as those that were made from the truth.
+    """
     if not tables:
         return "no sequence was measured upright and forward"
     used = [one for one in tables if one.has_known_lens and not one.samples.is_empty()]
@@ -268,50 +272,28 @@ class AuditTables:
     audit_curves: pl.DataFrame
 
 
-def audit_tables(
-    tables: Sequence[AuditedTables], groups: SceneGroups, *, dataset: str, without: Collection[str] = ()
-) -> AuditTables:
-    """Audit the truth of a run.
-
-    Parameters
-    ----------
-    tables
-        Of one view of each scene and camera.
-    groups
-        Scenes that are not independent of each other.
-    dataset
-        Its name.
-    without
-        Trackers that take no part unless there are no others, such as those that were made from the truth.
-    """
-    samples = read_samples(tables, groups, without=without)
-    return not_audited(samples, dataset) if isinstance(samples, str) else tables_of(samples, dataset)
-
-
-def not_audited(why: str, dataset: str) -> AuditTables:
+def _not_audited(why: str, dataset: str) -> AuditTables:
     """Tables of a run that could not be audited: one row, with the reason."""
     text = f"The truth was not audited: {why}."
     row = {"dataset": dataset, "verdict": AuditVerdict.undetermined, "text": text}
     return AuditTables(pl.DataFrame([row], schema=dict(AUDIT)), empty(AUDIT_CURVES))
 
 
-def tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
-    """Tables of the audit of some observations; of none where their numbers are too unlike, see `_EXTREME`."""
-    try:
-        with np.errstate(all="ignore"):
-            return _tables_of(samples, dataset)
-    except np.linalg.LinAlgError:
-        return not_audited(_EXTREME, dataset)
-
-
 _EXTREME = "numbers of its poses, depths or camera are too large or too small beside the others"
 
 
-def _tables_of(samples: AuditSamples, dataset: str) -> AuditTables:
-    selection = select(samples)
-    curve = curves(samples, _corrected_errors(samples, selection), dataset)
-    shares = [*_named_shares(samples, selection), *_bounds(samples)]
-    rows = [*_single_rows(samples, selection, curve), *_named_rows(selection), *shares]
+def tables_of(samples: AuditSamples | str, dataset: str) -> AuditTables:
+    """Audit the truth of a dataset by some observations; without rows but the reason where that is not possible."""
+    if isinstance(samples, str):
+        return _not_audited(samples, dataset)
+    try:
+        with np.errstate(all="ignore"):
+            selection = select(samples)
+            curve = curves(samples, _corrected_errors(samples, selection), dataset)
+            shares = [*_named_shares(samples, selection), *_bounds(samples)]
+            rows = [*_single_rows(samples, selection, curve), *_named_rows(selection), *shares]
+    except np.linalg.LinAlgError:
+        return _not_audited(_EXTREME, dataset)
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
     return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
 

@@ -19,7 +19,7 @@ from tracknoise.truth.uncertainty import AnchoredPoints, TrueErrors, TruthDeriva
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.audit_summary import usual_mistakes
-from tracknoise.truth_faults.audit_tables import not_audited, tables_of
+from tracknoise.truth_faults.audit_tables import tables_of
 from tracknoise.truth_faults.check_evidence import NAME, Followed, check_rigid, check_samples
 from tracknoise.truth_faults.check_report import CAUTIONS, Item, Severity
 from tracknoise.truth_faults.image_evidence import Evidence
@@ -44,10 +44,11 @@ def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[
     followed = "its images were not read" if evidence is None else Followed.of(evidence, sequence)
     samples = followed if isinstance(followed, str) else check_samples(followed)
     dataset = sequence.id.dataset
+    tables = tables_of(samples, dataset)
     if isinstance(followed, str) or isinstance(samples, str):
-        tables, shares, sizes = not_audited(str(samples), dataset), pose_share([]), {}
+        shares, sizes = pose_share([]), {}
     else:
-        tables, shares = tables_of(samples, dataset), pose_share([check_rigid(followed)])
+        shares = pose_share([check_rigid(followed)])
         sizes = {NAME: _size(sequence, followed, samples)}
     found = TruthEvidence(
         audit=tables.audit,

@@ -6,9 +6,7 @@ units of half of the longest one. l_i = Log(R(t')^T R(t' + d_i))_i for the delay
 the smoothing, and R'' and p'' are the second differences of the stated path at t'.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, wraps
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,98 +64,69 @@ def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.f
     return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
 
 
-_OfRows = Callable[["CorrectedMotion"], NDArray[np.float64]]
-
-
-def _once_a_frame(compute: _OfRows) -> _OfRows:
-    """Compute what rows of a frame have in common once for each frame, where they have no times of their own."""
-
-    @wraps(compute)
-    def found(motion: "CorrectedMotion") -> NDArray[np.float64]:
-        if motion._by_frame is None:
-            return compute(motion)
-        by_frame, row = motion._by_frame
-        return compute(by_frame)[row]
-
-    return found
-
-
-@dataclass(frozen=True, eq=False)
 class CorrectedMotion:
     """Corrected poses of n rows, and their derivatives where they are asked for.
 
-    Attributes
-    ----------
-    paths, corrections
-        Stated poses, and what is changed in them.
-    frame : (n,) intp
-        Frame of each row.
-    row_delay : (n,) float64
-        Time of each row after that of its frame.
+    What rows of a frame have in common is computed once for each frame, where they have no times of their own.
     """
 
-    paths: Paths
-    corrections: Corrections
-    frame: NDArray[np.intp]
-    row_delay: NDArray[np.float64]
+    def __init__(
+        self, paths: Paths, corrections: Corrections, frame: NDArray[np.intp], row_delay: NDArray[np.float64]
+    ) -> None:
+        """Correct stated poses: `frame` (n,), of each row; `row_delay` (n,), time of each after that of its frame."""
+        self._paths = paths
+        self._frame, self._row = _once_each(frame, row_delay, len(paths.times))
+        self._delays = corrections.of(Parameter.rotation_delay)
+        self._smoothing = corrections.number(Parameter.smoothing)
+        self._is_stated = not self._delays.any() and self._smoothing == 0.0  # whether the shape of the path is
+        offset, drift = (corrections.number(one) for one in (Parameter.clock_offset, Parameter.clock_drift))
+        self._from_middle = paths.from_middle(self._frame)
+        delay = offset + (row_delay if self._row is None else np.zeros(len(self._frame)))
+        self._clock = delay + drift * self._from_middle if drift else delay  # time of each pose after its frame
+        self._stated = paths.at(self._frame, self._clock)
 
     @cached_property
-    @_once_a_frame
     def rotation(self) -> NDArray[np.float64]:
         """Corrected rotations, (n, 3, 3)."""
         stated = self._stated.rotation
-        return stated if self._is_stated else stated @ self._turned
+        return self._of_rows(stated if self._is_stated else stated @ self._turned)
 
     @cached_property
-    @_once_a_frame
     def position(self) -> NDArray[np.float64]:
         """Corrected positions, (n, 3), metres."""
         stated = self._stated.position
-        return stated if self._is_stated else np.asarray(stated - self._smoothing * self._bend[0][:, 1])
+        return self._of_rows(stated if self._is_stated else stated - self._smoothing * self._bend[0][:, 1])
 
     @cached_property
-    @_once_a_frame
     def turning(self) -> NDArray[np.float64]:
         """Angular velocities, (n, 3), see `Moving`."""
         stated = self._stated.turning
         if self._is_stated:
-            return stated
+            return self._of_rows(stated)
         faster = self._delayed_by_time - self._smoothing * self._bend[1][:, 0]
-        return np.asarray(np.einsum("nji,nj->ni", self._turned, stated) + _turned(self._turn, faster))
+        return self._of_rows(np.einsum("nji,nj->ni", self._turned, stated) + _turned(self._turn, faster))
 
     @cached_property
-    @_once_a_frame
     def velocity(self) -> NDArray[np.float64]:
         """Velocities, (n, 3), see `Moving`."""
         stated = self._stated.velocity
-        return stated if self._is_stated else np.asarray(stated - self._smoothing * self._bend[1][:, 1])
+        return self._of_rows(stated if self._is_stated else stated - self._smoothing * self._bend[1][:, 1])
 
     def by_times(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives of the times by clock offset, clock drift and readout, (n, 3). `phase` : (n,), of each row."""
-        return np.stack([np.ones(len(phase)), self._from_middle, phase], axis=1)
+        return np.stack([np.ones(len(phase)), self._of_rows(self._from_middle), phase], axis=1)
 
     def by_path(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Turns in the own frame, and moves in the world, for delays of the rotation and smoothing, both (n, 3, 4)."""
-        if self._by_frame is not None:
-            motion, row = self._by_frame
-            turns, moves = motion.by_path()
-            return turns[row], moves[row]
         bend, _ = self._bend
-        turns, moves = np.zeros((2, len(self.frame), 3, 4))
+        turns, moves = np.zeros((2, len(self._frame), 3, 4))
         turns[:, range(3), range(3)], turns[:, :, 3] = self._delayed_by_delay, -bend[:, 0]
         moves[:, :, 3] = -bend[:, 1]
-        return (right_jacobian(self._turn) @ turns if self._turn.any() else turns), moves
+        turned = right_jacobian(self._turn) @ turns if self._turn.any() else turns
+        return self._of_rows(turned), self._of_rows(moves)
 
-    @cached_property
-    def _by_frame(self) -> "tuple[CorrectedMotion, NDArray[np.intp]] | None":
-        """The motion of each frame once, and where rows are in it; None where rows have times of their own."""
-        if self.row_delay.any():
-            return None
-        used = np.bincount(self.frame, minlength=len(self.paths.times)) > 0
-        frames, row = np.flatnonzero(used), (np.cumsum(used) - 1)[self.frame]
-        if len(frames) == len(self.frame):
-            return None
-        return CorrectedMotion(self.paths, self.corrections, frames, np.zeros(len(frames))), row
+    def _of_rows(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return values if self._row is None else values[self._row]
 
     @cached_property
     def _turn(self) -> NDArray[np.float64]:
@@ -175,58 +144,37 @@ class CorrectedMotion:
     def _delayed(self) -> list[tuple[Moving, NDArray[np.float64]]]:
         """Stated poses after the delay about each axis, and the rotation vectors to them, (n, 3), in the own frame."""
         stated = self._stated
-        if not self._has_delay:
-            return [(stated, np.zeros((len(self.frame), 3)))] * 3
-        later = [self.paths.moving(self.frame, self._clock + one) for one in self._delays]
+        if not self._delays.any():
+            return [(stated, np.zeros((len(self._frame), 3)))] * 3
+        later = [self._paths.at(self._frame, self._clock + one) for one in self._delays]
         return [(one, steps(stated.rotation, one.rotation)) for one in later]
 
     @cached_property
     def _delayed_by_delay(self) -> NDArray[np.float64]:
         """How the turn about each axis changes with its delay, (n, 3)."""
-        if not self._has_delay:
+        if not self._delays.any():
             return self._stated.turning
         return _of_axes([_undone(turn, later.turning) for later, turn in self._delayed])
 
     @cached_property
     def _delayed_by_time(self) -> NDArray[np.float64]:
         """How it changes with time, (n, 3)."""
-        if not self._has_delay:
-            return np.zeros((len(self.frame), 3))
+        if not self._delays.any():
+            return np.zeros((len(self._frame), 3))
         before = _of_axes([_undone(-turn, self._stated.turning) for _, turn in self._delayed])
         return np.asarray(self._delayed_by_delay - before)
 
-    @property
-    def _delays(self) -> NDArray[np.float64]:
-        return self.corrections.of(Parameter.rotation_delay)
-
-    @property
-    def _is_stated(self) -> bool:
-        """Whether the shape of the path is the stated one."""
-        return not self._has_delay and self._smoothing == 0.0
-
-    @property
-    def _has_delay(self) -> bool:
-        return bool(self._delays.any())
-
-    @property
-    def _smoothing(self) -> float:
-        return self.corrections.number(Parameter.smoothing)
-
-    @cached_property
-    def _from_middle(self) -> NDArray[np.float64]:
-        return self.paths.from_middle(self.frame)
-
-    @cached_property
-    def _clock(self) -> NDArray[np.float64]:
-        """Time of each corrected pose after that of its frame, (n,)."""
-        offset = self.corrections.number(Parameter.clock_offset) + self.row_delay
-        drift = self.corrections.number(Parameter.clock_drift)
-        return np.asarray(offset + drift * self._from_middle if drift else offset)
-
-    @cached_property
-    def _stated(self) -> Moving:
-        return self.paths.moving(self.frame, self._clock)
-
     @cached_property
     def _bend(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return self.paths.bend_at(self.frame, self._clock)
+        return self._paths.bend_at(self._frame, self._clock)
+
+
+def _once_each(
+    frame: NDArray[np.intp], row_delay: NDArray[np.float64], n_frames: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp] | None]:
+    """Each frame once, and where rows are among these; all frames and None where rows have times of their own."""
+    if row_delay.any():
+        return frame, None
+    used = np.bincount(frame, minlength=n_frames) > 0
+    frames = np.flatnonzero(used)
+    return (frame, None) if len(frames) == len(frame) else (frames, (np.cumsum(used) - 1)[frame])

@@ -15,7 +15,7 @@ they are asked for: most fits need few of them.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,27 +72,7 @@ class Optics:
         units = np.array([1.0 + theta[SLICES[Parameter.focal_length]][0], 1.0, 1.0, 1.0])
         return cls(tuple(corrected(camera, theta) for camera in stated), which, units)
 
-    def rays(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rays through pixels (n, 2), scaled to depth 1, (n, 3); NaN where a pixel has none."""
-        return self._each((3,), lambda camera, pixels: camera.bearings(pixels), uv)
-
-    def rays_by_optics(self, ray: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives of the rays of fixed pixels by the numbers of the optics, (n, 3, 4)."""
-        return self._each((3, INTRINSIC), _rays_by_optics, ray) / self.units
-
-    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions of points (n, 3) of the camera frame, (n, 2), px; NaN where a point has no image."""
-        return self._each((2,), lambda camera, some: camera.project(some), points)
-
-    def by_point(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives of positions by the points, (n, 2, 3), px per metre."""
-        return self._each((2, 3), projection_jacobian, points)
-
-    def by_optics(self, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives of the positions uv (n, 2) of fixed points by the numbers of the optics, (n, 2, 4)."""
-        return self._each((2, INTRINSIC), _by_optics, points, uv) / self.units
-
-    def _each(
+    def each(
         self, shape: tuple[int, ...], function: Callable[..., NDArray[np.float64]], *arrays: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """What a function of a camera and of rows of arrays gives for all observations, (n, *shape)."""
@@ -179,42 +159,50 @@ class Sight:
         return np.asarray(self.share[:, :, None] * ray_by_optics - shrinks)
 
 
-@dataclass(frozen=True, eq=False)
 class WorldPoints:
     """T(t0) M w g(Z) pi^-1(x0) of (audit.prediction), and its derivatives where they are asked for.
 
     Attributes
     ----------
-    samples, corrections
-        Observations, and what is changed in their truth.
-    optics
-        Corrected cameras of the first frames.
+    points : (n, 3) float64
+        World points, metres.
     """
 
-    samples: AuditSamples
-    corrections: Corrections
-    optics: "Optics"
-
-    @cached_property
-    def points(self) -> NDArray[np.float64]:
-        """World points, (n, 3), metres."""
-        return np.asarray(np.einsum("nij,nj->ni", self._motion.rotation, self._on_sensor) + self._motion.position)
+    def __init__(self, samples: AuditSamples, corrections: Corrections, optics: Optics) -> None:
+        """Locate the points of samples; `optics`: corrected cameras of their first frames."""
+        self._samples, self._corrections, self._optics = samples, corrections, optics
+        kept = samples.rays
+        if optics.cameras not in kept:
+            kept.clear()
+            kept[optics.cameras] = optics.each((3,), Intrinsics.bearings, samples.uv_at_birth)
+        self._sight = Sight.along(kept[optics.cameras], corrections.number(Parameter.ray_depth))
+        scale = 1.0 + corrections.number(Parameter.depth_scale)
+        self._in_line = scale * samples.depth + corrections.number(Parameter.depth_offset)  # s Z + o, (n,), metres
+        bend = 1.0 + corrections.number(Parameter.inverse_depth_offset) * self._in_line
+        self._depth = self._in_line / np.where(bend > 0.0, bend, np.nan)  # g(Z), (n,), metres
+        self._in_camera = self._depth[:, None] * self._sight.point
+        turned = self._in_camera @ corrections.mounting.T
+        self._on_sensor = turned + corrections.of(Parameter.mounting_translation)  # where the poses belong to, (n, 3)
+        row_delay = (samples.readout + corrections.of(Parameter.readout)) * samples.phase_at_birth
+        self._motion = CorrectedMotion(samples.paths, corrections, samples.birth, row_delay)
+        turned_on = np.einsum("nij,nj->ni", self._motion.rotation, self._on_sensor)
+        self.points: NDArray[np.float64] = turned_on + self._motion.position
 
     def by(self, part: Part) -> NDArray[np.float64]:
         """Derivatives of the points by the numbers of a part, (n, 3, numbers)."""
         match part:
             case Part.optics:
-                rays = self.optics.rays_by_optics(self._sight.ray)
+                rays = self._optics.each((3, INTRINSIC), _rays_by_optics, self._sight.ray) / self._optics.units
                 return self._to_world @ (self._depth[:, None, None] * self._sight.by_optics(rays))
             case Part.depth:
                 return self._by_depth()
             case Part.rotation:
-                turned = right_jacobian(self.corrections.of(Parameter.mounting_rotation)[None])
+                turned = right_jacobian(self._corrections.of(Parameter.mounting_rotation)[None])
                 return -self._to_world @ cross_matrices(self._in_camera) @ turned
             case Part.translation:
                 return self._motion.rotation
             case Part.time:
-                factors = self._motion.by_times(self.samples.phase_at_birth)
+                factors = self._motion.by_times(self._samples.phase_at_birth)
                 return np.asarray(self._pace[:, :, None] * factors[:, None, :])
             case Part.path:
                 turns, moves = self._motion.by_path()
@@ -223,7 +211,7 @@ class WorldPoints:
     def _by_depth(self) -> NDArray[np.float64]:
         steep = (self._depth / self._in_line)[:, None] ** 2 * self._sight.point
         bent = -(self._depth[:, None] ** 2) * self._sight.point
-        moves = (self.samples.depth[:, None] * steep, steep, bent, self._depth[:, None] * self._sight.by_kind)
+        moves = (self._samples.depth[:, None] * steep, steep, bent, self._depth[:, None] * self._sight.by_kind)
         return np.asarray(self._to_world @ np.stack(moves, axis=2))
 
     @property
@@ -234,136 +222,82 @@ class WorldPoints:
         return np.asarray(turned + motion.velocity)
 
     @cached_property
-    def _sight(self) -> Sight:
-        kept, cameras = self.samples.rays, self.optics.cameras
-        if cameras not in kept:
-            kept.clear()
-            kept[cameras] = self.optics.rays(self.samples.uv_at_birth)
-        return Sight.along(kept[cameras], self.corrections.number(Parameter.ray_depth))
-
-    @cached_property
-    def _in_line(self) -> NDArray[np.float64]:
-        """Depths with their factor and offset: s Z + o, (n,), metres."""
-        scale = 1.0 + self.corrections.number(Parameter.depth_scale)
-        return np.asarray(scale * self.samples.depth + self.corrections.number(Parameter.depth_offset))
-
-    @cached_property
-    def _depth(self) -> NDArray[np.float64]:
-        """g(Z), (n,), metres; NaN where the inverse is not positive."""
-        bend = 1.0 + self.corrections.number(Parameter.inverse_depth_offset) * self._in_line
-        return np.asarray(self._in_line / np.where(bend > 0.0, bend, np.nan))
-
-    @cached_property
-    def _in_camera(self) -> NDArray[np.float64]:
-        return np.asarray(self._depth[:, None] * self._sight.point)
-
-    @cached_property
-    def _on_sensor(self) -> NDArray[np.float64]:
-        """Points in the frame of the sensor that the poses belong to, (n, 3)."""
-        turned = self._in_camera @ self.corrections.mounting.T
-        return np.asarray(turned + self.corrections.of(Parameter.mounting_translation))
-
-    @cached_property
-    def _motion(self) -> CorrectedMotion:
-        samples = self.samples
-        readout = samples.readout + self.corrections.of(Parameter.readout)
-        return CorrectedMotion(samples.paths, self.corrections, samples.birth, readout * samples.phase_at_birth)
-
-    @cached_property
     def _to_world(self) -> NDArray[np.float64]:
         """Rotations from the camera to the world, (n, 3, 3)."""
-        return _times(self._motion.rotation, self.corrections.mounting)
+        return _times(self._motion.rotation, self._corrections.mounting)
 
 
-@dataclass(frozen=True, eq=False)
 class LaterPositions:
     """pi(M^-1 T(t)^-1 X) of (audit.prediction), and its derivatives where they are asked for.
 
     Attributes
     ----------
-    samples, corrections
-        Observations, and what is changed in their truth.
-    optics
-        Corrected cameras of the later frames.
-    points : (n, 3) float64
-        X, metres.
-    row_delay : (n,) float64
-        Time of each row after that of its frame.
+    samples
+        Observations.
+    uv : (n, 2) float64
+        Positions, px; NaN where there is none.
     """
 
-    samples: AuditSamples
-    corrections: Corrections
-    optics: "Optics"
-    points: NDArray[np.float64]
-    row_delay: NDArray[np.float64]
+    def __init__(
+        self,
+        samples: AuditSamples,
+        corrections: Corrections,
+        optics: Optics,
+        points: NDArray[np.float64],
+        row_delay: NDArray[np.float64],
+    ) -> None:
+        """See X, `points` (n, 3), metres, at the time of each row after that of its frame, `row_delay` (n,).
 
-    @cached_property
-    def uv(self) -> NDArray[np.float64]:
-        """Positions, (n, 2), px; NaN where there is none."""
-        return self.optics.project(self._in_camera)
+        `optics`: corrected cameras of the later frames.
+        """
+        self.samples, self._corrections, self._optics = samples, corrections, optics
+        self._motion = CorrectedMotion(samples.paths, corrections, samples.now, row_delay)
+        self._from_world = np.swapaxes(self._motion.rotation, 1, 2)
+        # in the frame of the sensor that the poses belong to, and from the camera in the axes of the sensor, (n, 3)
+        self._on_sensor = np.einsum("nij,nj->ni", self._from_world, points - self._motion.position)
+        self._from_mounting = self._on_sensor - corrections.of(Parameter.mounting_translation)
+        self._in_camera = self._from_mounting @ corrections.mounting
+        self.uv = optics.each((2,), Intrinsics.project, self._in_camera)
 
     @cached_property
     def pace(self) -> NDArray[np.float64]:
         """How positions change with the time of their rows, (n, 2), px per unit of time."""
         carried = np.einsum("nij,nj->ni", self._from_world, self._motion.velocity)
         back = np.cross(self._motion.turning, self._on_sensor) + carried
-        return np.asarray(-np.einsum("nij,nj->ni", self._by_sensor, back))
+        return np.asarray(-np.einsum("nij,nj->ni", self._by_points[0], back))
 
     def by(self, part: Part, points_by: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives by the numbers of a part at fixed times of the rows, (n, 2, numbers).
 
         Shapes: points_by (n, 3, numbers).
         """
-        of_points = self._by_world @ points_by
+        by_sensor, by_world = self._by_points
+        of_points = by_world @ points_by
         match part:
             case Part.optics:
-                return of_points + self.optics.by_optics(self._in_camera, self.uv)
+                changes = self._optics.each((2, INTRINSIC), _by_optics, self._in_camera, self.uv)
+                return of_points + changes / self._optics.units
             case Part.depth:
                 return of_points
             case Part.rotation:
-                turned = right_jacobian(-self.corrections.of(Parameter.mounting_rotation)[None])
-                return of_points + self._by_sensor @ cross_matrices(self._from_mounting) @ turned
+                turned = right_jacobian(-self._corrections.of(Parameter.mounting_rotation)[None])
+                return of_points + by_sensor @ cross_matrices(self._from_mounting) @ turned
             case Part.translation:
-                return of_points - self._by_sensor
+                return of_points - by_sensor
             case Part.time:
                 phase = self.samples.phase(self.samples.along_shutter(self.uv))
                 return of_points + self.pace[:, :, None] * self._motion.by_times(phase)[:, None, :]
             case Part.path:
                 turns, moves = self._motion.by_path()
                 back = cross_matrices(self._on_sensor) @ turns - self._from_world @ moves
-                return of_points + self._by_sensor @ back
+                return of_points + by_sensor @ back
 
     @cached_property
-    def _motion(self) -> CorrectedMotion:
-        return CorrectedMotion(self.samples.paths, self.corrections, self.samples.now, self.row_delay)
-
-    @cached_property
-    def _from_world(self) -> NDArray[np.float64]:
-        return np.swapaxes(self._motion.rotation, 1, 2)
-
-    @cached_property
-    def _on_sensor(self) -> NDArray[np.float64]:
-        """Points in the frame of the sensor that the poses belong to, (n, 3)."""
-        return np.asarray(np.einsum("nij,nj->ni", self._from_world, self.points - self._motion.position))
-
-    @cached_property
-    def _from_mounting(self) -> NDArray[np.float64]:
-        """From the camera to the points, in the axes of the sensor, (n, 3)."""
-        return np.asarray(self._on_sensor - self.corrections.of(Parameter.mounting_translation))
-
-    @cached_property
-    def _in_camera(self) -> NDArray[np.float64]:
-        return np.asarray(self._from_mounting @ self.corrections.mounting)
-
-    @cached_property
-    def _by_sensor(self) -> NDArray[np.float64]:
-        """Derivatives of positions by points in the frame of the sensor, (n, 2, 3)."""
-        return _times(self.optics.by_point(self._in_camera), self.corrections.mounting.T)
-
-    @cached_property
-    def _by_world(self) -> NDArray[np.float64]:
-        """Derivatives of positions by world points, (n, 2, 3)."""
-        return np.asarray(self._by_sensor @ self._from_world)
+    def _by_points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives of positions by points in the frame of the sensor, and of the world, both (n, 2, 3)."""
+        by_camera = self._optics.each((2, 3), projection_jacobian, self._in_camera)
+        by_sensor = _times(by_camera, self._corrections.mounting.T)
+        return by_sensor, by_sensor @ self._from_world
 
 
 def _times(matrices: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -378,8 +312,15 @@ _ROWS_SOLVED = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """Corrected true positions, and their derivatives, which are computed when they are first asked for."""
+    """Corrected true positions, and their derivatives, which are computed when they are first asked for.
 
+    Attributes
+    ----------
+    theta : (COUNT,) float64
+        Numbers of all parameters.
+    """
+
+    theta: NDArray[np.float64]
     _world: WorldPoints
     _later: LaterPositions
     _readout: NDArray[np.float64]
@@ -393,14 +334,12 @@ class Predicted:
     def by(self, parameters: Iterable[Parameter]) -> NDArray[np.float64]:
         """Derivatives by the numbers of some parameters, in the order given, (n, 2, numbers)."""
         places = [PLACES[one] for one in parameters]
-        columns = [self._by(part)[:, :, columns] for part, columns in places]
+        for part, _ in places:
+            if part not in self._by_part:
+                at_fixed_times = self._later.by(part, self._world.by(part))
+                self._by_part[part] = _with_rows(self._later, at_fixed_times, self._readout)
+        columns = [self._by_part[part][:, :, columns] for part, columns in places]
         return np.concatenate([np.empty((*self.uv.shape, 0)), *columns], axis=2)
-
-    def _by(self, part: Part) -> NDArray[np.float64]:
-        if part not in self._by_part:
-            at_fixed_times = self._later.by(part, self._world.by(part))
-            self._by_part[part] = _with_rows(self._later, at_fixed_times, self._readout)
-        return self._by_part[part]
 
 
 def predict(samples: AuditSamples, theta: NDArray[np.float64], near: Predicted | None = None) -> Predicted:
@@ -412,16 +351,13 @@ def predict(samples: AuditSamples, theta: NDArray[np.float64], near: Predicted |
     readout = samples.readout + corrections.of(Parameter.readout)
     at_birth, now = (Optics.of(samples.cameras, samples.camera[frame], theta) for frame in (samples.birth, samples.now))
     world = WorldPoints(samples, corrections, at_birth)
-
-    def at(row_delay: NDArray[np.float64]) -> LaterPositions:
-        return LaterPositions(samples, corrections, now, world.points, row_delay)
-
-    row_delay = _row_delay(at, samples, readout, near) if readout.any() else np.zeros(len(samples.age))
-    return Predicted(world, at(row_delay), readout)
+    later = partial(LaterPositions, samples, corrections, now, world.points)
+    row_delay = _row_delay(later, samples, readout, near) if readout.any() else np.zeros(len(samples.age))
+    return Predicted(theta, world, later(row_delay), readout)
 
 
 def _row_delay(
-    at: Callable[[NDArray[np.float64]], LaterPositions],
+    later: Callable[[NDArray[np.float64]], LaterPositions],
     samples: AuditSamples,
     readout: NDArray[np.float64],
     near: Predicted | None,
@@ -432,7 +368,7 @@ def _row_delay(
         of_near = samples.along_shutter(near.uv)
         row = np.where(np.isfinite(of_near), of_near, row)
     for _ in range(_ROWS_STEPS):
-        found = at(readout * samples.phase(row))
+        found = later(readout * samples.phase(row))
         wrong = samples.along_shutter(found.uv) - row
         is_last = np.nanmax(np.abs(wrong), initial=0.0) < _ROWS_SOLVED
         if slope is None or not is_last:

@@ -144,18 +144,18 @@ def statistics(sums: Sums, weights: np.ndarray) -> Iterator[tuple[str, Statistic
     names = tuple(f"{unit:03}" for unit in range(units))
     every = Units(errors, pl.DataFrame({"run": range(errors.shape[1])}), names, np.arange(units), Resampled.scenes)
     for name, row, scale in (("mean", 0, "linear"), ("second moment", SECOND, "log")):
-        pooled = Sample.of(errors, weights).map(lambda total, row=row: curve_statistics(total)[[row]])
+        pooled = Sample.of(errors, weights, lambda total, row=row: curve_statistics(total)[[row]])
         by = {weighting: (every, weighting) for weighting in Weighting} if row == SECOND else {}
         yield name, Statistic(pooled, scale, errors[:, None, :, 0], by.get(Weighting.features))
         counted = np.stack([np.nan_to_num(own[row]), ~np.isnan(own[row])]).transpose(2, 1, 0)
-        alike = Sample.of(counted, weights).map(_ratio)
+        alike = Sample.of(counted, weights, _ratio)
         yield f"{name}, scenes", Statistic(alike, scale, counted[:, None, :, 1], by.get(Weighting.scenes))
-    ratio = Sample.of(outliers[..., ::-1], weights).map(_ratio)
+    ratio = Sample.of(outliers[..., ::-1], weights, _ratio)
     yield "outlier ratio", Statistic(ratio, "logit", outliers[:, None, :, 0])
     runs = errors.shape[1]
     ends = sums.ends.reshape(units, runs, FRAMES, 2).swapaxes(1, 2).reshape(units, FRAMES * runs, 2)
     tracks = sums.ends.sum(axis=(1, 2)).reshape(units, 1, runs)
-    yield "survival", Statistic(Sample.of(ends, weights).map(partial(_survival, runs=runs)), "logit", tracks)
+    yield "survival", Statistic(Sample.of(ends, weights, partial(_survival, runs=runs)), "logit", tracks)
 
 
 def _ratio(total: np.ndarray) -> np.ndarray:

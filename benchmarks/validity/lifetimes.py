@@ -107,7 +107,7 @@ def coverage(rng: np.random.Generator, n_scenes: int, spread: float, runs: int) 
     true, found = truth(spread), np.zeros((5, 3))
     for _ in range(batches := -(-runs // BATCH)):
         counts = simulate(rng, n_scenes, BATCH, spread)
-        sample = Sample.of(counts, np.empty((0, n_scenes))).map(_by_run)
+        sample = Sample.of(counts, np.empty((0, n_scenes)), _by_run)
         sizes = counts.sum(axis=2).reshape(n_scenes, FRAMES, BATCH).sum(axis=1)
         for row, scale in enumerate(NAMES.values()):
             without = np.moveaxis(sample.without[row], -1, 0)

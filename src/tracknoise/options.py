@@ -199,7 +199,8 @@ def _changed(
         return [_changed(hint, item, change, from_data) for item in value]
     if isinstance(value, Mapping):
         nested = _settings_in(hint)
-        return value if nested is None else change_paths(nested, value, change, from_data=from_data)
+        hints = {} if nested is None else get_type_hints(nested, include_extras=True)
+        return {name: _changed(hints.get(name), item, change, from_data) for name, item in value.items()}
     if isinstance(value, str | Path) and _FROM_DATA in parts:
         return from_data(Path(value))
     if isinstance(value, str | Path) and PathTemplate in parts:

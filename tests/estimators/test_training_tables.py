@@ -10,6 +10,7 @@ from polars.testing import assert_frame_equal
 from tests.lean import measured_by_command, without_findings
 
 from tracknoise.estimators.calibration import check_model
+from tracknoise.estimators.fit import fitted_fields
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.training import all_training_tables, chosen_conditions
 from tracknoise.exceptions import SettingsError, UnknownNameError
@@ -63,7 +64,7 @@ def test_one_view_of_each_scene_is_read(tmp_path: Path, tracknoise: Callable[...
         assert [entries[key].sequence.direction for key in tables.keys] == [direction] * 2
         assert tables.scenes == ("sideways-00", "sideways-01")
         assert tables["noise_sums"].height
-    model = NoiseModel.fitted_to(read[0])
+    model = NoiseModel(**fitted_fields(read[0]))
     compared = check_model(model, RunFolder(run))
     ages = pl.col("at").is_between(*model.training.ages)
     assert compared.n + compared.outlier_share * compared.n == pytest.approx(read[0]["samples"].filter(ages).height)

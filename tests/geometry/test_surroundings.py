@@ -8,6 +8,7 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.surroundings import (
     REACH_PX,
     Surroundings,
+    around,
     find_surroundings,
     joined_surroundings,
     unknown_surroundings,
@@ -17,7 +18,8 @@ CAMERA = Camera(640, 480, 500.0, 480.0, 319.5, 239.5)
 
 
 def look(uv, depth, known=lambda uv: np.ones(len(uv), bool), accuracy=EXACT_DEPTH) -> Surroundings:
-    return find_surroundings(CAMERA, np.asarray(uv, float), lambda at: (depth(at), known(at)), accuracy)
+    uv = np.asarray(uv, float)
+    return find_surroundings(CAMERA, uv, depth(around(uv)), known(around(uv)), accuracy)
 
 
 def step(angle_deg: float, *, near_m: float = 2.0, far_m: float = 3.0, at=(320.0, 240.0)):

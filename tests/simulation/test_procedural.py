@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tracknoise.geometry.cameras import Camera
-from tracknoise.simulation.built_worlds import PLACES, procedural_world
+from tracknoise.simulation.built_worlds import PLACES, plaza
 from tracknoise.simulation.motion import MOTIONS
 from tracknoise.simulation.ray_casting import Raycaster, depth_map
 from tracknoise.simulation.world import World
@@ -12,7 +12,7 @@ SEEDS = [0, 1]
 
 @pytest.fixture(scope="module", params=SEEDS)
 def world(request: pytest.FixtureRequest) -> World:
-    return procedural_world(np.random.default_rng(request.param))
+    return plaza(np.random.default_rng(request.param)).world
 
 
 @pytest.fixture(scope="module")
@@ -22,10 +22,10 @@ def raycaster(world: World) -> Raycaster:
 
 def test_the_generator_decides(world: World, request: pytest.FixtureRequest) -> None:
     seed = request.node.callspec.params["world"]
-    again = procedural_world(np.random.default_rng(seed))
+    again = plaza(np.random.default_rng(seed)).world
     np.testing.assert_array_equal(again.vertices, world.vertices)
     np.testing.assert_array_equal(again.textures[0], world.textures[0])
-    other = procedural_world(np.random.default_rng(seed + 1))
+    other = plaza(np.random.default_rng(seed + 1)).world
     assert other.vertices.shape != world.vertices.shape or np.abs(other.vertices - world.vertices).max() > 0.1
 
 

@@ -345,14 +345,10 @@ def _independent(tails: Tails, plain: float, kernel: LossKind, knee: float | Non
     core = tails.core_ratio * plain
     kind = BundleLoss(kernel)
 
-    def sigma_with(knee_px: float) -> float:
-        return math.sqrt(expected_nees(Loss(kind, knee_px / core), nu=tails.nu)) * core
-
-    if knee is None:
-        usual = math.sqrt(tails.nu) if math.isfinite(tails.nu) else _GAUSSIAN_KNEE
-        knee_px = min(usual, _GAUSSIAN_KNEE) * core
-        return sigma_with(knee_px), knee_px
+    usual = math.sqrt(tails.nu) if math.isfinite(tails.nu) else _GAUSSIAN_KNEE
+    knee_px = min(usual, _GAUSSIAN_KNEE) * core if knee is None else knee * core
     sigma = core
-    for _ in range(30):  # the knee follows sigma
-        sigma = sigma_with(knee * sigma)
-    return sigma, knee * sigma
+    for _ in range(1 if knee is None else 30):  # a fixed knee follows sigma
+        sigma = math.sqrt(expected_nees(Loss(kind, knee_px / core), nu=tails.nu)) * core
+        knee_px = knee_px if knee is None else knee * sigma
+    return sigma, knee_px

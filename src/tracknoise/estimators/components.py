@@ -46,7 +46,7 @@ its alternatives.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from itertools import combinations
 
 import numpy as np
@@ -318,18 +318,26 @@ class WeightedSums:
         """Of the units of a condition."""
         return cls(units, weights, LeftOut.of(units.points, independent_sums(units)))
 
-    def half_traces(self, active: Sequence[int], *, scale: str, level: float) -> Bounded:
-        """Half traces of the active components, with Student's intervals from the jackknife on a scale."""
-        return self._estimates(active, np.asarray, scale, level)
+    def half_traces(
+        self, active: Sequence[int], *, scale: str, level: float, of: Callable[[Array], Array] = np.asarray
+    ) -> Bounded:
+        """Half traces of the active components, or what is computed of them.
 
-    def combined(self, active: Sequence[int], coefficients: Array, *, level: float) -> Bounded:
-        """Linear combinations (n, 4) of half traces, none of which counts as negative."""
+        Intervals are those of Student from the jackknife on a scale.
+        """
 
-        def combinations(half_traces: Array) -> Array:
-            kept = coefficients[:, list(active)]
-            return np.asarray(np.einsum("na,a...->n...", kept, np.maximum(half_traces, 0.0)))
+        def statistics(sums: Array) -> Array:
+            return of(Equations.of(sums).half_traces(self.weights, active))[:, None]
 
-        return self._estimates(active, combinations, "log", level)
+        found = pooled(
+            self.units,
+            np.zeros((0, len(self.units.sums))),
+            statistics,
+            Method(IntervalKind.student, level),
+            scales=[scale] * len(statistics(self.units.sums.sum(axis=0).T)),
+            sizes=self.units.sums[..., 0].sum(axis=1)[None],
+        )
+        return Bounded(found.value[:, 0], found.low[:, 0], found.high[:, 0])
 
     def gains(self, active: Sequence[int]) -> Array:
         """What each active component gains in log likelihood on what was left out, nat per error; NaN with one."""
@@ -350,24 +358,6 @@ class WeightedSums:
         if chosen not in self._scores:
             self._scores[chosen] = self.left_out.score(self.weights, chosen)
         return self._scores[chosen]
-
-    def _estimates(self, active: Sequence[int], of: Callable[[Array], Array], scale: str, level: float) -> Bounded:
-        def statistics(sums: Array) -> Array:
-            return of(self._solved(sums, active))[:, None]
-
-        found = pooled(
-            self.units,
-            np.zeros((0, len(self.units.sums))),
-            statistics,
-            Method(IntervalKind.student, level),
-            scales=[scale] * len(statistics(self.units.sums.sum(axis=0).T)),
-            sizes=self.units.sums[..., 0].sum(axis=1)[None],
-        )
-        return Bounded(found.value[:, 0], found.low[:, 0], found.high[:, 0])
-
-    def _solved(self, sums: Array, active: Sequence[int]) -> Array:
-        """Half traces of the active components, from sums (columns, equations, ...)."""
-        return Equations.of(sums).half_traces(self.weights, active)
 
 
 _ONE_SIGMA = 0.683
@@ -392,11 +382,6 @@ class Selection:
     active: tuple[int, ...]
     alternatives: tuple[tuple[int, ...], ...]
     dropped: dict[int, Dropped]
-
-
-def choose(sums: "WeightedSums", *, level: float) -> tuple[int, ...]:
-    """Numbers of the components that `select` keeps, with its parameters."""
-    return _chosen(sums, _strict(level))[0]
 
 
 def select(sums: "WeightedSums", *, level: float) -> Selection:
@@ -512,10 +497,16 @@ class FittedComponents:
         Shapes: coefficients (n, 4).
         """
         models = (self.selection.active, *self.selection.alternatives)
-        found = reduce(Bounded.hull, [self.sums.combined(one, coefficients, level=self.level) for one in models])
+        each = {
+            active: self.sums.half_traces(
+                active, scale="log", level=self.level, of=partial(_combined, coefficients[:, list(active)])
+            )
+            for active in (*models, *self._uncertain)
+        }
+        found = reduce(Bounded.hull, [each[one] for one in models])
         value = found.value.copy()
         for more, weight in self._uncertain.items():
-            value += weight * (self.sums.combined(more, coefficients, level=self.level).value - found.value)
+            value += weight * (each[more].value - found.value)
         low, high = np.minimum(found.low, value), np.maximum(found.high, value)  # NaN where there is no interval
         return [_root_interval(*bounds) for bounds in zip(value, low, high, strict=True)]
 
@@ -531,6 +522,11 @@ class FittedComponents:
                 if size.value[-1] > error:
                     found[more] = float(1.0 - (error / size.value[-1]) ** 2)
         return found
+
+
+def _combined(coefficients: Array, half_traces: Array) -> Array:
+    """Linear combinations (n, ...) of half traces (active, ...), none of which counts as negative."""
+    return np.asarray(np.einsum("na,a...->n...", coefficients, np.maximum(half_traces, 0.0)))
 
 
 def sums_of_units(sums: pl.DataFrame, groups: SceneGroups) -> Units:
@@ -552,7 +548,7 @@ def fit_components(units: Units, *, level: float) -> FittedComponents:
 def fit_noise(units: Units, *, level: float) -> TrackNoise:
     """The covariances that `fit_components` returns. Without intervals and alternatives it takes half the time."""
     equations, sums = _weighted(units)
-    active = choose(sums, level=level)
+    active, *_ = _chosen(sums, _strict(level))
     covariances = equations.bounded(sums.weights, active)
     return TrackNoise(**{NAMES[number]: matrix(entries) for number, entries in zip(active, covariances, strict=True)})
 

@@ -187,7 +187,11 @@ def learned_noise(
     for part in _parts(sorted(seen | {*sums["scene"]}), sums, windows, groups):
         tried = [scene for scene in part if scene in seen.intersection(scenes)]
         if tried and seen.difference(part):
-            yield tried, _learned(sums, windows, part, groups)
+            others = ~pl.col("scene").is_in(part)
+            together = windows.filter(others).with_columns(scene=pl.lit(""))
+            by_trimming = together.partition_by("trimming", as_dict=True).items()
+            sigmas = [scene_quantities(own).with_columns(trimming=pl.lit(str(name))) for (name,), own in by_trimming]
+            yield tried, LearnedNoise(pl.concat(sigmas), _components(sums.filter(others), groups))
 
 
 def _parts(scenes: list[str], sums: pl.DataFrame, windows: pl.DataFrame, groups: SceneGroups) -> list[list[str]]:
@@ -197,14 +201,6 @@ def _parts(scenes: list[str], sums: pl.DataFrame, windows: pl.DataFrame, groups:
     (dataset,) = {*sums["dataset"], *windows["dataset"]}
     part = groups.of(dataset, scenes) % FOLDS
     return [[scene for scene, own in zip(scenes, part, strict=True) if own == one] for one in np.unique(part)]
-
-
-def _learned(sums: pl.DataFrame, windows: pl.DataFrame, left_out: Collection[str], groups: SceneGroups) -> LearnedNoise:
-    others = ~pl.col("scene").is_in(list(left_out))
-    together = windows.filter(others).with_columns(scene=pl.lit(""))
-    by_trimming = together.partition_by("trimming", as_dict=True).items()
-    sigmas = [scene_quantities(own).with_columns(trimming=pl.lit(str(name))) for (name,), own in by_trimming]
-    return LearnedNoise(pl.concat(sigmas), _components(sums.filter(others), groups))
 
 
 def _components(sums: pl.DataFrame, groups: SceneGroups) -> TrackNoise | None:

@@ -290,7 +290,7 @@ def export(
     """
     about, wanted = estimator(name), target or Target()
     at = converted(model, wanted)
-    noise = Noise(at.model, about, wanted.window or about.window, _purpose(about, wanted))
+    noise = Noise.of(at.model, about, window=wanted.window, purpose=wanted.purpose)
     camera = at.model.camera
     known = {"focal length": camera.focal_px, "rate": camera.rate_hz, "observations": observations}
     _require_known(about, known)
@@ -305,10 +305,6 @@ def export(
         patch=None if about.patch is None else _filled(about.patch, values),
         caveats=caveats,
     )
-
-
-def _purpose(about: Estimator, wanted: Target) -> Purpose | None:
-    return about.purpose and (wanted.purpose or about.purpose)
 
 
 def _require_known(about: Estimator, known: Mapping[str, object]) -> None:

@@ -100,20 +100,36 @@ class Noise:
     about: "Estimator"  # the estimator
     window: int  # length of its window, frames
     purpose: Purpose | None  # what its sigma makes right; None if it takes the components themselves
+    set_to: Advice | None  # what to set; None if it takes the components
 
+    @classmethod
+    def of(cls, model: ExportedModel, about: "Estimator", *, window: int | None, purpose: Purpose | None) -> "Noise":
+        """The noise of a model for an estimator; by default with its window and purpose.
+
+        Raises
+        ------
+        SettingsError
+            If the model has no such sigma.
+        """
+        wanted = about.purpose and (purpose or about.purpose)
+        found = None if wanted is None else about.advise(model, window=window, purpose=wanted)
+        return cls(model, about, window or about.window, wanted, found)
+
+    @property
     def advice(self) -> Advice:
         """What to set."""
-        return self.about.advise(self.model, window=self.window, purpose=self.purpose)
+        assert self.set_to is not None, f"{self.about.title} takes the components"
+        return self.set_to
 
     @property
     def sigma(self) -> float:
         """Standard deviation, px; with a robust loss, the one that belongs to it."""
-        return self.advice().sigma.value
+        return self.advice.sigma.value
 
     @property
     def state(self) -> Advice:
         """What to set for features in the state."""
-        found = self.advice().state
+        found = self.advice.state
         assert found is not None, f"{self.about.title} has one sigma for all features"
         return found
 
@@ -125,12 +141,12 @@ class Noise:
     @property
     def gate(self) -> float:
         """Factor on the chi-square gate of a track at .95, with `sigma`."""
-        return self.advice().gates[Gate.TRACK]
+        return self.advice.gates[Gate.TRACK]
 
     @property
     def observation_gate(self) -> float:
         """Factor on the chi-square gate of one observation at .95, with `sigma`."""
-        return self.advice().gates[Gate.OBSERVATION]
+        return self.advice.gates[Gate.OBSERVATION]
 
     def observation_gate_with(self, sigma: float, level: float) -> float:
         """The same with another standard deviation, px, at another level."""
@@ -185,7 +201,7 @@ class Noise:
     @property
     def knee_px(self) -> float:
         """Knee of the robust loss, px."""
-        knee = self.advice().knee_px
+        knee = self.advice.knee_px
         assert knee is not None, f"{self.about.title} has no robust loss"
         return knee
 
@@ -397,7 +413,7 @@ def makes_right(noise: Noise) -> str:
         ]
         return f"components of the model: {', '.join(parts)}"
     bound = "" if noise.model.truth.is_usable else "; errors of the truth are in it: the tracker alone has less"
-    return f"{in_words(noise.advice())}{bound}"
+    return f"{in_words(noise.advice)}{bound}"
 
 
 def in_words(advice: Advice, *, is_bound: bool = False) -> str:
@@ -443,7 +459,7 @@ def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
 
 def _of_model(noise: Noise) -> Iterator[str]:
     if noise.purpose is not None:
-        yield from _of_advice(noise.advice())
+        yield from _of_advice(noise.advice)
     yield noise.model.truth.sentence
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."

@@ -45,7 +45,7 @@ from tracknoise.estimators.track_noise import (
     error_covariances,
     track_covariance,
 )
-from tracknoise.estimators.training import TrainingTables, training_tables
+from tracknoise.estimators.training import training_tables
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.tables.files import write_atomically
@@ -201,25 +201,7 @@ class NoiseModel:
         if scenes is not None:
             require_list("scenes", scenes, "names")
         folder = RunFolder(path_of("run", run))
-        return cls.fitted_to(training_tables(folder, tracker=tracker, speed=speed, scenes=scenes))
-
-    @classmethod
-    def fitted_to(cls, tables: TrainingTables) -> "NoiseModel":
-        """Fit a model to tables that were read before.
-
-        Parameters
-        ----------
-        tables
-            Of one tracker and speed (`tracknoise.estimators.training.training_tables`).
-
-        Raises
-        ------
-        SettingsError
-            If there are too few errors.
-        StoreError, SchemaError
-            If a table of a sequence is missing or damaged.
-        """
-        return cls(**fitted_fields(tables))
+        return cls(**fitted_fields(training_tables(folder, tracker=tracker, speed=speed, scenes=scenes)))
 
     def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
         """The standard deviation for a kind of estimator and a purpose, of the window that is nearest in length.

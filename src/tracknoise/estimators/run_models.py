@@ -10,6 +10,7 @@ import polars as pl
 
 from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.exports import estimator
+from tracknoise.estimators.fit import fitted_fields
 from tracknoise.estimators.model import Interval
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.training import RunTruth, TrainingTables, all_training_tables, conditions
@@ -92,35 +93,29 @@ def fitted_models(
         return RunModels()
     tables = all_training_tables(run, [(tracker, speed) for tracker in measured], truth=truth)
     names = identifiers(measured)
-    found = dict(zip(measured, _fits(tables, workers, begin), strict=True))
+    if 1 < workers < len(tables):
+        with process_pool(workers, ONE_THREAD) as pool:
+            fits = [one for own in pool.map(_fits, [[own] for own in tables]) for one in own]
+    else:
+        others = begin(_fits, tables[: len(tables) // 2])
+        last = _fits(tables[len(tables) // 2 :])
+        fits = [*others(), *last]
+    found = dict(zip(measured, fits, strict=True))
     models = {tracker: one for tracker, one in found.items() if isinstance(one, NoiseModel)}
     missing = {tracker: one for tracker, one in found.items() if isinstance(one, str)}
     paths = {tracker: f"{_FOLDER}noise/{names[tracker]}@{speed}.noise.json" for tracker in models}
     return RunModels(speed, models, missing, paths)
 
 
-def _fits(
-    tables: Sequence[TrainingTables], workers: int, begin: Callable[..., Callable[[], Any]]
-) -> list[NoiseModel | str]:
-    if 1 < workers < len(tables):
-        with process_pool(workers, ONE_THREAD) as pool:
-            return list(pool.map(_fit, tables))
-    half = len(tables) // 2
-    others = begin(_fit_all, tables[:half])
-    last = _fit_all(tables[half:])
-    return [*others(), *last]
-
-
-def _fit_all(tables: Sequence[TrainingTables]) -> list[NoiseModel | str]:
-    return [_fit(own) for own in tables]
-
-
-def _fit(tables: TrainingTables) -> NoiseModel | str:
-    """A model, or why there is none."""
-    try:
-        return NoiseModel.fitted_to(tables)
-    except SettingsError as error:
-        return str(error)
+def _fits(tables: Sequence[TrainingTables]) -> list[NoiseModel | str]:
+    """Models, or why there is none."""
+    found: list[NoiseModel | str] = []
+    for own in tables:
+        try:
+            found.append(NoiseModel(**fitted_fields(own)))
+        except SettingsError as error:
+            found.append(str(error))
+    return found
 
 
 def advice_table(models: RunModels, name: str, window: int | None, condition: Mapping[str, Any]) -> pl.DataFrame:

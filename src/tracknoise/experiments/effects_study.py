@@ -15,7 +15,7 @@ import tomllib
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import asdict, dataclass, field
-from functools import cache, partial
+from functools import cache
 from hashlib import blake2b
 from importlib import resources
 from itertools import repeat
@@ -244,7 +244,7 @@ def measure_scene(study: Study, scene: str, size: Size) -> pl.DataFrame:
 def _sequences(study: Study, scene: str, size: Size) -> dict[str, Sequence]:
     """Sequences by effect, in one world."""
     readers = {CLEAN: study.reader, **{effect.name: study.changed(effect, size) for effect in study.effects}}
-    world = SharedWorld(partial(study.reader.build, scene))
+    world = SharedWorld(study.reader.scenery_of(scene))
     name = next(item for item in study.reader.sequences() if item.scene == scene)
     return {effect: reader.open_in(world, name) for effect, reader in readers.items()}
 

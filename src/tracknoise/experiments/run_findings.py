@@ -243,7 +243,10 @@ def compute_findings(
     frames = sum(entry.n_frames for entry in manifest.sequences.values())
     with beside(is_wanted=workers > 1 and frames >= _MANY_FRAMES) as begin:
         audited = begin(run_audit, run, manifest, experiment)
-        tables = _tables(run, manifest, experiment, statistics, reference) | audited()
+        groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
+        sampling = Sampling(experiment.findings.intervals, experiment.findings.level, groups)
+        tables = _of_sequences(run, sampling) | _tables(run, manifest, experiment, statistics, reference, sampling)
+        tables |= audited()
         tables["trust"] = trust_table(run, manifest, experiment, {**statistics, **tables}, reference)
         tables["own_covariances"] = allowing_for_truth(tables["own_covariances"], tables["trust"])
         truth = RunTruth(TruthVerdict.of(tables["trust"]), tables["audit_curves"])
@@ -300,16 +303,16 @@ def _tables(
     experiment: Experiment,
     statistics: Mapping[str, pl.DataFrame],
     reference: ReferenceCondition,
+    sampling: Sampling,
 ) -> dict[str, pl.DataFrame]:
     population, least = experiment.truth.population, experiment.statistics.min_features
     pairs: list[pl.DataFrame] = []  # of changes
     lived: list[pl.DataFrame] = []
-    groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
+    groups = sampling.groups
     every = sorted(manifest.sequences)
     read = FindingInputs.read(run, manifest, population, reference, groups)
     pooled = _pooled_curves(run, every, least, read.few, pairs)
     asked, zeros = experiment.findings, reference.key_frames
-    sampling = Sampling(asked.intervals, asked.level, groups)
     options: _CurveOptions = {
         "key_frames": zeros,
         "min_features": least,
@@ -326,7 +329,6 @@ def _tables(
         **pooled,
         "intervals": widened(intervals, spread, horizons=horizon),
         "seed_spread": spread,
-        **_of_sequences(run, sampling),
         "incidence": incidence_table(read.ends, sampling),
         "zero_mean": zero_mean(
             read.moments, statistics["curves"], groups=groups, key_frames=zeros, population=population

@@ -162,8 +162,11 @@ class Intrinsics(ABC):
             raise ValueError(f"sizes and focal lengths must be positive: {self}")
 
     @abstractmethod
-    def _seen_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(..., 2): image positions in units of the focal length, from the principal point; NaN without an image."""
+    def _seen_at(self, points: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., 2): image positions in units of the focal length, from the principal point; NaN without an image.
+
+        `depth`: of the points, `ahead`.
+        """
 
     @abstractmethod
     def _looking_along(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -193,7 +196,7 @@ class Intrinsics(ABC):
         NaN for points that have no image: those with z <= 0, and those so far from the axis that the distortion would
         fold them back.
         """
-        return self._seen_at(points) * (self.fx, self.fy) + (self.cx, self.cy)
+        return self._seen_at(points, ahead(points)) * (self.fx, self.fy) + (self.cx, self.cy)
 
     def bearings(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rays (..., 3) through pixels (..., 2): see `CameraModel.bearings`, and `is_invertible`."""
@@ -391,8 +394,8 @@ class Camera(Intrinsics):
             expected = "0, 4, 5 or 8"
             raise ValueError(f"distortion must have {expected} coefficients, not {len(self.distortion)}")
 
-    def _seen_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        xy = points[..., :2] / ahead(points)[..., None]
+    def _seen_at(self, points: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        xy = points[..., :2] / depth[..., None]
         return distort(xy, self.distortion) if self.distortion else xy
 
     def _looking_along(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -443,8 +446,7 @@ class EquidistantCamera(Intrinsics):
         if len(self.distortion) != _COEFFICIENTS:
             raise ValueError(f"distortion must have {_COEFFICIENTS} coefficients, not {len(self.distortion)}")
 
-    def _seen_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        depth = ahead(points)
+    def _seen_at(self, points: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
         aside = np.hypot(points[..., 0], points[..., 1])
         theta = np.arctan2(aside, depth)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -538,8 +540,7 @@ class DoubleSphereCamera(Intrinsics):
         if not 0.0 <= self.alpha <= 1.0:
             raise ValueError(f"alpha must be 0 to 1, not {self.alpha}")
 
-    def _seen_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        depth = ahead(points)
+    def _seen_at(self, points: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
         aside = np.hypot(points[..., 0], points[..., 1])
         with np.errstate(invalid="ignore", over="ignore"):
             first = np.hypot(aside, depth)

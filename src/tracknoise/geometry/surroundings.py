@@ -20,7 +20,7 @@ The angle of incidence is that of a plane, fitted to the inverse depths that lie
 first edge of their line.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,9 +55,6 @@ _READ = (_RADII - _RADII[:, 1:2] <= REACH_PX) & _ONCE
 _PLACE = np.where(_READ, np.cumsum(_READ).reshape(_READ.shape) - 1, 0)
 """Which depth that was read stands at a position, (lines, 1 + reach + 1): that of the point where none was."""
 
-ReadDepth = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.bool_]]]
-"""Takes pixels (n, 2); returns their depth (n,), metres, infinite where a ray hits nothing, and whether it is known."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
@@ -81,8 +78,17 @@ def joined_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
     return Surroundings(np.concatenate([np.empty(0), *edges]), np.concatenate([np.empty(0), *angles]))
 
 
+def around(uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(m, 2) px: where `find_surroundings` needs the depth for image points (n, 2), px."""
+    return np.asarray((uv[:, None] + _OFFSETS[_READ]).reshape(-1, 2))
+
+
 def find_surroundings(
-    camera: CameraModel, uv: NDArray[np.float64], read_depth: ReadDepth, accuracy: DepthAccuracy
+    camera: CameraModel,
+    uv: NDArray[np.float64],
+    depth_m: NDArray[np.float64],
+    read: NDArray[np.bool_],
+    accuracy: DepthAccuracy,
 ) -> Surroundings:
     """Nearest depth edge and angle of incidence of image points.
 
@@ -92,15 +98,16 @@ def find_surroundings(
         Of the image.
     uv
         (n, 2) float64, px.
-    read_depth
-        Reads dense depth.
+    depth_m
+        (m,) float64, metres: depth at the pixels of `around`, infinite where a ray hits nothing.
+    read
+        (m,) bool: whether it is known.
     accuracy
         Uncertainty of these depths.
     """
-    read_m, read = read_depth((uv[:, None] + _OFFSETS[_READ]).reshape(-1, 2))
-    inverse = 1.0 / np.minimum(np.where(read, read_m, 1.0), _FARTHEST_M)
+    inverse = 1.0 / np.minimum(np.where(read, depth_m, 1.0), _FARTHEST_M)
     place = np.arange(len(uv))[:, None, None] * np.count_nonzero(_READ) + _PLACE
-    known, hit, inverse = read[place], (read & np.isfinite(read_m))[place], inverse[place]
+    known, hit, inverse = read[place], (read & np.isfinite(depth_m))[place], inverse[place]
     edges = _first_edges(inverse, known, accuracy)
     nearest = np.take_along_axis(edges, np.abs(edges).argmin(axis=1)[:, None], axis=1)[:, 0]
     inside = (np.abs(edges)[..., None] > _RADII) & _IN_PLANE

@@ -84,8 +84,7 @@ class LabelledEstimates:
 class Sample:
     """The same numbers of all units, of every draw, and of all units but one.
 
-    `whole` is (rows, points), `drawn` (rows, points, draws), `without` (rows, points, units); the rows are columns of
-    sums at first, and statistics once these are computed.
+    `whole` is (statistics, points), `drawn` (statistics, points, draws), `without` (statistics, points, units).
     """
 
     whole: NDArray[np.float64]
@@ -94,18 +93,22 @@ class Sample:
 
     @classmethod
     def of(
-        cls, sums: NDArray[np.float64], weights: NDArray[np.float64], joined: NDArray[np.float64] | None = None
+        cls,
+        sums: NDArray[np.float64],
+        weights: NDArray[np.float64],
+        statistics: Statistics,
+        joined: NDArray[np.float64] | None = None,
     ) -> "Sample":
-        """Sums (units, points, columns) under weights (draws, units).
+        """Statistics of sums (units, points, columns) under weights (draws, units).
 
         `joined` are the sums of what is left out in turn, (groups, points, columns), by default each unit.
         """
         drawn, without = resample(sums, weights), leave_one_out(sums if joined is None else joined)
-        return cls(sums.sum(axis=0).T, np.transpose(drawn, (2, 1, 0)), np.transpose(without, (2, 1, 0)))
-
-    def map(self, statistics: Statistics) -> "Sample":
-        """Statistics of these sums."""
-        return Sample(statistics(self.whole), statistics(self.drawn), statistics(self.without))
+        return cls(
+            statistics(sums.sum(axis=0).T),
+            statistics(np.transpose(drawn, (2, 1, 0))),
+            statistics(np.transpose(without, (2, 1, 0))),
+        )
 
 
 def pooled(
@@ -135,7 +138,8 @@ def pooled(
         How much a unit holds of what a statistic divides by, by default its first column, a count; units of size 0 take
         no part.
     """
-    return pooled_by([method], units, weights, statistics, scales=scales, sizes=sizes)[0]
+    sample = Sample.of(units.sums, weights, statistics, units.joined(units.sums))
+    return _bounded(sample, units, units.sums[..., 0].T if sizes is None else sizes, method, scales)
 
 
 def pooled_by(
@@ -158,7 +162,7 @@ def pooled_by(
     scales
         As in `pooled`, or one name for all.
     """
-    sample = Sample.of(units.sums, weights, units.joined(units.sums)).map(statistics)
+    sample = Sample.of(units.sums, weights, statistics, units.joined(units.sums))
     held = units.sums[..., 0].T if sizes is None else sizes
     each = [scales] * len(sample.whole) if isinstance(scales, str) else scales
     return [_bounded(sample, units, held, method, each) for method in methods]
@@ -187,7 +191,7 @@ def averaged(
         return _bounded(_mean_of_scenes(units, weights, statistics), units, held, method, scales)
     own = _own(units, statistics)
     sums, defined = np.transpose(own, (2, 1, 0)), own[len(own) // 2 :]
-    return _bounded(Sample.of(sums, weights, units.joined(sums)).map(_mean), units, defined, method, scales)
+    return _bounded(Sample.of(sums, weights, _mean, units.joined(sums)), units, defined, method, scales)
 
 
 def geometric(
@@ -252,7 +256,7 @@ def _mean(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 def _mean_of_scenes(units: Units, weights: NDArray[np.float64], statistics: Statistics) -> Sample:
     """Mean over scenes, where blocks are resampled within each: leaving out a block changes its scene's value alone."""
     blocks = [units.scene == place for place in range(len(units.scenes))]
-    parts = [Sample.of(units.sums[chosen], weights[:, chosen]).map(statistics) for chosen in blocks]
+    parts = [Sample.of(units.sums[chosen], weights[:, chosen], statistics) for chosen in blocks]
     without = [_mean_of([part.without if part is left else part.whole[..., None] for part in parts]) for left in parts]
     whole, drawn = _mean_of([part.whole for part in parts]), _mean_of([part.drawn for part in parts])
     return Sample(whole, drawn, np.concatenate(without, axis=-1))
@@ -272,12 +276,13 @@ def _bounded(
     """Intervals where enough is resampled; `sizes` is (points, units) or (statistics, points, units)."""
     present = sizes > 0
     n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(present))
+    n = np.broadcast_to(_resampled(units, present), sample.whole.shape)
     held = units.joined(np.moveaxis(sizes.reshape(-1, *sizes.shape[-2:]), -1, 0))
     if method.kind == IntervalKind.student:
         named = scales or ["linear"] * len(sample.whole)
-        low, high = _by_jackknife(sample, named, units, present, held, method.level)
+        low, high = _by_jackknife(sample, named, units, n, held, method.level)
     else:
-        low, high = _by_bootstrap(sample, units, present, method)
+        low, high = _by_bootstrap(sample, units, present, n, method)
     effective = np.broadcast_to(_effective(held), sample.whole.shape)
     return EstimateArray(sample.whole, low, high, n_units, n_scenes, method.kind, method.level, effective)
 
@@ -303,12 +308,12 @@ def _by_bootstrap(
     sample: Sample,
     units: Units,
     present: NDArray[np.bool_],
+    n: NDArray[np.intp],
     method: Method,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Bounds of statistics from their draws."""
+    """Bounds of statistics from their draws; `n` is what `_resampled` counts."""
     drawn, without = np.moveaxis(sample.drawn, -1, 0), np.moveaxis(sample.without, -1, 0)
     grows = acceleration(without, units.strata) if method.kind == IntervalKind.bca else 0.0
-    n = np.broadcast_to(_resampled(units, present), sample.whole.shape)
     if units.resampled == Resampled.within:
         freedom = np.maximum(n - units.groups_present(present), 1)
         drawn, n = _stretched(sample.whole, drawn, n, freedom, method.level), np.where(n > 0, _MANY, 0)
@@ -335,13 +340,15 @@ def _by_jackknife(
     sample: Sample,
     scales: Sequence[str],
     units: Units,
-    present: NDArray[np.bool_],
+    n_units: NDArray[np.intp],
     sizes: NDArray[np.float64],
     level: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Bounds of statistics, each on its scale; `sizes` is (units, statistics or 1, points)."""
+    """Bounds of statistics, each on its scale.
+
+    `n_units` is what `_resampled` counts, `sizes` is (units, statistics or 1, points).
+    """
     low, high = np.empty_like(sample.whole), np.empty_like(sample.whole)
-    n_units = np.broadcast_to(_resampled(units, present), sample.whole.shape)
     within = units.resampled == Resampled.within
     for scale in sorted(set(scales)):
         rows = np.array([name == scale for name in scales])

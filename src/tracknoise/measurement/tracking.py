@@ -77,7 +77,15 @@ def run_trackers(
     ]
     for index in range(n_frames):
         for one in passes:
-            one.step(index)
+            frame = Frame(index, one.sequence.image(index))
+            one.keep(frame)
+            for run in one.runs:
+                if index % run.speed:
+                    continue
+                step = run.tracker.step(frame)
+                tracks = run.recorder.add(index, step, gradient_rad=partial(dominant_gradient, frame))
+                for truth in run.truths:
+                    truth.observe(index, tracks, step.uv, step.born)
         if progress is not None:
             progress(index + 1, n_frames)
     return [one.finish() for one in passes]
@@ -90,8 +98,7 @@ class _Run:
     speed: int
     tracker: Tracker
     recorder: Recorder
-    truth: TruthSession
-    second: TruthSession | None
+    truths: list[TruthSession]  # the second one last, if there is one
 
 
 class _Pass:
@@ -109,50 +116,39 @@ class _Pass:
         seed: int,
         kept_bytes: int,
     ) -> None:
-        self._sequence = sequence
+        self.sequence = sequence
         known = truth if isinstance(truth, OracleTruth) else None
-        self._runs = [
+        self.runs = [
             _Run(
                 condition.speed,
                 start_tracker(condition, sequence, known, seed, n_frames),
                 Recorder(),
-                truth.start(),
-                None if second is None else second.start(),
+                [one.start() for one in (truth, second) if one is not None],
             )
             for condition in conditions
         ]
-        self._notes = _notes(conditions, [run.tracker for run in self._runs])
+        self._notes = _notes(conditions, [run.tracker for run in self.runs])
         self._snapshot_frame = snapshot_frame
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
         self._images: dict[int, NDArray[np.uint8]] = {}
         self._free_bytes = kept_bytes
 
-    def step(self, index: int) -> None:
-        """Read a frame and show it to every tracker that sees it. What it reports is shown to its truth session."""
-        frame = Frame(index, self._sequence.image(index))
-        for run in self._runs:
-            if index % run.speed:
-                continue
-            step = run.tracker.step(frame)
-            tracks = run.recorder.add(index, step, gradient_rad=partial(dominant_gradient, frame))
-            run.truth.observe(index, tracks, step.uv, step.born)
-            if run.second is not None:
-                run.second.observe(index, tracks, step.uv, step.born)
-        if index == self._snapshot_frame:
+    def keep(self, frame: Frame) -> None:
+        """Keep the image of a frame where it is wanted."""
+        if frame.index == self._snapshot_frame:
             self._snapshot = frame.image
         if frame.image.nbytes <= self._free_bytes:
-            self._images[index] = frame.image
+            self._images[frame.index] = frame.image
             self._free_bytes -= frame.image.nbytes
 
     def finish(self) -> TrackingResult:
         """What was recorded, and the true positions. What each tracker setup collected is released at once."""
         recordings, positions, second = [], [], []
-        while self._runs:
-            run = self._runs.pop(0)
+        while self.runs:
+            run = self.runs.pop(0)
             recordings.append(run.recorder.finish())
-            positions.append(run.truth.resolve())
-            if run.second is not None:
-                second.append(run.second.resolve())
+            positions.append(run.truths[0].resolve())
+            second += [one.resolve() for one in run.truths[1:]]
         return TrackingResult(
             recordings, positions, self._snapshot_frame, self._snapshot, self._notes, second or None, self._images
         )

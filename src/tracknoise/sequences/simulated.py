@@ -1,7 +1,7 @@
 """Sequences of rendered images, with exact poses, depth and surface."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from tracknoise.simulation.built_worlds import PLACES
 from tracknoise.simulation.imaging import NO_EFFECTS, CameraPath, Imaging, Sensor, Stream, generator
 from tracknoise.simulation.light import LIGHTINGS
 from tracknoise.simulation.motion import MOTIONS
+from tracknoise.simulation.ray_casting import surface_points
 from tracknoise.simulation.render import Optics, Quality, RenderedWorld
 from tracknoise.simulation.sdf_files import model_names
 from tracknoise.simulation.sdf_worlds import load_world
@@ -144,7 +145,7 @@ class SimulatedSequence:
         Shapes: uv (n, 2) px; returns points_world (n, 3) m in the world frame, hit (n,). `points_world`: the camera's
         position where nothing is hit.
         """
-        return self.world.cast(self.camera, self._path.of_pixels(index, self.camera, uv), uv)
+        return surface_points(self.world.raycaster, self.camera, self._path.of_pixels(index, self.camera, uv), uv)
 
     def _second_image(self, index: int) -> NDArray[np.uint8]:
         shots = map(self._beside, self._path.during_exposure(index, self.camera))
@@ -352,7 +353,15 @@ class Simulated:
 
     def world_of(self, scene: str) -> RenderedWorld:
         """The world of a scene, for `open_in`. It is built when it is first used."""
-        return RenderedWorld(partial(self.build, scene))
+        return RenderedWorld(self.scenery_of(scene))
+
+    def scenery_of(self, scene: str) -> Callable[[], Scenery]:
+        """What makes or reads the world of a scene. It raises DataError if a world file or a model cannot be used."""
+        if self.world_file is not None:
+            return partial(load_world, self.world_file, models=self.models)
+        if self.models is None:
+            return partial(_kept, self.world, self.seed, scene)
+        return partial(_built, self.world, self.seed, scene, self.models)
 
     def open_in(self, world: RenderedWorld, sequence: SequenceId) -> Sequence:
         """As `open`, in a world that several sequences share: those of one scene with other imaging or faults."""
@@ -372,20 +381,6 @@ class Simulated:
                 raise UnknownNameError("lighting", sequence.lighting, known)
             raise UnknownNameError("scene", sequence.scene, {item.scene for item in listed})
 
-    def build(self, scene: str) -> Scenery:
-        """Make or read the world of a scene.
-
-        Raises
-        ------
-        DataError
-            If a world file or a model cannot be used.
-        """
-        if self.world_file is not None:
-            return load_world(self.world_file, models=self.models)
-        if self.models is None:
-            return _kept(self.world, self.seed, scene)
-        return _built(self.world, self.seed, scene, self.models)
-
     def _world_from_motion(self) -> NDArray[np.float64]:
         """(4, 4) float64: from the frame of the motion to that of the world file."""
         pose = np.eye(4)
@@ -394,12 +389,14 @@ class Simulated:
         return pose
 
 
-def _built(place: str, seed: int, scene: str, models: Path | None = None) -> Scenery:
+def _built(place: str, seed: int, scene: str, models: Path) -> Scenery:
     return PLACES[place].build(generator(seed, Stream.world, scene), models)
 
 
-_kept = lru_cache(maxsize=2)(_built)
-"""Worlds that depend on no file, for further sequences of their scene: the textures of one take a second to make."""
+@lru_cache(maxsize=2)
+def _kept(place: str, seed: int, scene: str) -> Scenery:
+    """A world that depends on no file, for further sequences of its scene: its textures take a second to make."""
+    return PLACES[place].build(generator(seed, Stream.world, scene), None)
 
 
 def _names(kind: str, names: tuple[str, ...], known: Collection[str]) -> tuple[str, ...]:

@@ -95,12 +95,12 @@ _ORBIT_CLEARANCE_M, _LANE_CLEARANCE_M = 1.5, 2.0
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def procedural_world(rng: np.random.Generator) -> World:
-    """Build a world."""
+def plaza(rng: np.random.Generator, models: Path | None = None) -> Scenery:
+    """A plaza with a lane, made from a seed; `models` are not used."""
     textures = paint_textures(rng)
     slabs = ground(rng, (_WEST - 14.0, _EAST + 14.0), (_SOUTH - 14.0, _NORTH + 14.0))
     quads = [*sky(), *slabs, *_fence(rng), *_street(rng), *_centre(rng), *_surroundings(rng)]
-    return assemble(quads, textures)
+    return Scenery(assemble(quads, textures))
 
 
 def _fence(rng: np.random.Generator) -> Iterator[Quad]:
@@ -329,15 +329,11 @@ class Place:
     takes_models: bool  # whether it can contain Gazebo models
 
 
-def _plaza(rng: np.random.Generator, models: Path | None) -> Scenery:
-    return Scenery(procedural_world(rng))
-
-
 _PAST_OBJECTS = ("sideways", "sideways-left", "linear", "linear-straight", "arvr")
 
 PLACES: Mapping[str, Place] = MappingProxyType(
     {
-        "plaza": Place(_plaza, ("sideways", "sideways-left", "fixating", "forward", "arvr"), takes_models=False),
+        "plaza": Place(plaza, ("sideways", "sideways-left", "fixating", "forward", "arvr"), takes_models=False),
         "objects": Place(objects_world, _PAST_OBJECTS, takes_models=True),
         "objects-plain": Place(plain_world, _PAST_OBJECTS, takes_models=True),
     }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.simulation.light import Lighting
-from tracknoise.simulation.ray_casting import MISS, Raycaster, Rays, depth_map, image_rays, surface_points
+from tracknoise.simulation.ray_casting import MISS, Raycaster, Rays, depth_map, image_rays
 from tracknoise.simulation.textures import Atlas
 from tracknoise.simulation.world import Scenery, World, texture_gradients
 
@@ -324,34 +324,26 @@ class RenderedWorld:
 
     def irradiance(self, optics: Optics, exposures: Iterable[Poses]) -> NDArray[np.float32]:
         """(height, width) float32: the mean of the images from one or several poses; see `Renderer.image`."""
-        images = [self._renderer(optics).image(poses) for poses in exposures]
-        return images[0] if len(images) == 1 else np.mean(images, axis=0, dtype=np.float32)
-
-    def depth(self, camera: CameraModel, poses: Poses) -> DepthMap:
-        """Exact depth at the pixel centres, float64."""
-        return depth_map(self._raycaster, camera, poses)
-
-    def cast(
-        self, camera: CameraModel, poses: NDArray[np.float64], uv: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """First surface points on the rays through pixels: see `surface_points`."""
-        return surface_points(self._raycaster, camera, poses, uv)
-
-    def _renderer(self, optics: Optics) -> Renderer:
         if optics not in self._renderers:
             self._renderers[optics] = Renderer(
                 self._scenery.world,
-                self._raycaster,
+                self.raycaster,
                 camera=optics.camera,
                 lighting=optics.lighting,
                 quality=optics.quality,
             )
-        return self._renderers[optics]
+        images = [self._renderers[optics].image(poses) for poses in exposures]
+        return images[0] if len(images) == 1 else np.mean(images, axis=0, dtype=np.float32)
+
+    def depth(self, camera: CameraModel, poses: Poses) -> DepthMap:
+        """Exact depth at the pixel centres, float64."""
+        return depth_map(self.raycaster, camera, poses)
 
     @cached_property
     def _scenery(self) -> Scenery:
         return self._build()
 
     @cached_property
-    def _raycaster(self) -> Raycaster:
+    def raycaster(self) -> Raycaster:
+        """Of the exact surface."""
         return Raycaster(self._scenery.world)

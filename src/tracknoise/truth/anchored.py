@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +116,7 @@ class AnchoredTruth:
     should come together, as only the depth of the latest frame is kept. `surround`: None where there is no dense depth.
     """
 
-    __slots__ = ("_anchor", "_geometry", "_surface", "_surround", "kind")
+    __slots__ = ("_anchor", "_geometry", "_surface", "kind", "surround")
 
     def __init__(
         self,
@@ -126,7 +127,7 @@ class AnchoredTruth:
         surround: Surround | None = None,
     ) -> None:
         self.kind = kind
-        self._surround = surround
+        self.surround = surround
         self._geometry = geometry
         self._anchor = anchor
         self._surface = surface
@@ -146,12 +147,6 @@ class AnchoredTruth:
             return np.full((len(uv), 3), np.nan), np.full(len(uv), TruthStatus.no_pose, np.int8)
         return self._anchor(index, uv)
 
-    def surroundings(self, index: int, uv: NDArray[np.float64]) -> Surroundings:
-        """What lies around pixels (n, 2) of a frame: see `tracknoise.geometry.surroundings`."""
-        if self._surround is None or not len(uv):
-            return unknown_surroundings(len(uv))
-        return self._surround(index, uv)
-
     def project(self, index: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions of (n, 3) world points in a frame, (n, 2) px: see `SequenceGeometry.project`."""
         return self._geometry.project(index, points_world)
@@ -168,7 +163,7 @@ class AnchoredTruth:
 
     def tracks(self) -> AnchoredTracks:
         """No tracks yet; their positions will be those of this truth."""
-        return AnchoredTracks(self._geometry, self.locate)
+        return AnchoredTracks(self._geometry, partial(locate, self._geometry, self._surface))
 
 
 class BirthSession:
@@ -184,7 +179,9 @@ class BirthSession:
     def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
         """Anchor new tracks and locate all: see `tracknoise.truth.truth.TruthSession.observe`."""
         self._tracks.begin(index, *self._truth.anchor(index, uv[born]))
-        self._surroundings.append(self._truth.surroundings(index, uv[born]))
+        new, surround = uv[born], self._truth.surround
+        known = unknown_surroundings(len(new)) if surround is None or not len(new) else surround(index, new)
+        self._surroundings.append(known)
         self._tracks.locate(index, tracks, np.where(born[:, np.newaxis], uv, np.nan))
 
     def resolve(self) -> TruePositions:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.depth import at_pixels, sample
-from tracknoise.geometry.surroundings import Surroundings, find_surroundings, unknown_surroundings
+from tracknoise.geometry.surroundings import Surroundings, around, find_surroundings, unknown_surroundings
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
@@ -38,7 +38,7 @@ def _mapped_surroundings(geometry: SequenceGeometry, index: int, uv: NDArray[np.
     depth = geometry.depth(index)
     if depth is None or depth.radius_px is not None:
         return unknown_surroundings(len(uv))
-    return find_surroundings(geometry.camera_at(index), uv, partial(at_pixels, depth), depth.accuracy)
+    return find_surroundings(geometry.camera_at(index), uv, *at_pixels(depth, around(uv)), depth.accuracy)
 
 
 def _birth_depth(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import EXACT_DEPTH
-from tracknoise.geometry.surroundings import Surroundings, find_surroundings
+from tracknoise.geometry.surroundings import Surroundings, around, find_surroundings
 from tracknoise.sequences.sequence import Sequence, Surface, TruthKind
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
@@ -64,10 +64,6 @@ class ExactSurface:
 
     def surroundings(self, index: int, uv: NDArray[np.float64]) -> Surroundings:
         """Surroundings of features by the depth of the exact surface around them, infinite where a ray hits nothing."""
-
-        def read_depth(around: NDArray[np.float64]) -> Depths:
-            depth_m, hit = self.depths(index, around)
-            return np.where(hit, depth_m, np.inf), camera.contains(around)
-
-        camera = self._geometry.camera_at(index)
-        return find_surroundings(camera, uv, read_depth, EXACT_DEPTH)
+        camera, pixels = self._geometry.camera_at(index), around(uv)
+        depth_m, hit = self.depths(index, pixels)
+        return find_surroundings(camera, uv, np.where(hit, depth_m, np.inf), camera.contains(pixels), EXACT_DEPTH)

@@ -9,9 +9,10 @@ import shutil
 import signal
 import stat
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
+from pkgutil import resolve_name
 from types import SimpleNamespace
 
 import numpy as np
@@ -125,10 +126,12 @@ def kept_worlds(made_once: Callable[[str, Callable[[Path], object]], Path]) -> I
     Each is made once for all processes, whose memory holds the arrays of its file once.
     """
 
+    built = simulated._kept.__wrapped__
+
     def written(folder: Path, *about: object) -> None:
         folder.mkdir()
         buffers: list[pickle.PickleBuffer] = []
-        (folder / "world").write_bytes(pickle.dumps(simulated._built(*about), 5, buffer_callback=buffers.append))
+        (folder / "world").write_bytes(pickle.dumps(built(*about), 5, buffer_callback=buffers.append))
         for place, buffer in enumerate(buffers):
             (folder / str(place)).write_bytes(buffer.raw())
 
@@ -140,8 +143,15 @@ def kept_worlds(made_once: Callable[[str, Callable[[Path], object]], Path]) -> I
         return pickle.loads((folder / "world").read_bytes(), buffers=arrays)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulated, "_kept", kept)
+        patch.setattr(simulated, "_kept", _Pickled(kept))
         yield
+
+
+class _Pickled(partial[Scenery]):
+    """Stands for `simulated._kept`, also where it is pickled: another process has no such patch."""
+
+    def __reduce__(self) -> tuple[Callable[[str], object], tuple[str]]:
+        return resolve_name, (f"{simulated.__name__}:_kept",)
 
 
 _PIPES = """

@@ -57,7 +57,7 @@ FAULTS = (
     # named in the issue or the plan of the self-test
     fault("half a pixel in the projection", (CAMERA, "+ (self.cx, self.cy)", "+ (self.cx + 0.5, self.cy + 0.5)")),
     fault(
-        "focal length 5 % too long in the projection", (CAMERA, "(points) * (self.fx,", "(points) * (1.05 * self.fx,")
+        "focal length 5 % too long in the projection", (CAMERA, "(points)) * (self.fx,", "(points)) * (1.05 * self.fx,")
     ),
     fault(
         "poses inverted",

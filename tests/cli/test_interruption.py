@@ -202,7 +202,7 @@ def test_another_panic_is_an_internal_error_of_one_line(monkeypatch, tracknoise)
 def test_a_sequence_that_panics_because_of_an_interruption_has_not_failed(monkeypatch):
     monkeypatch.setattr(task, "_measure_batch", lambda *_, **__: panicked(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
-        task.attempt([], None)
+        task.attempt([SimpleNamespace(parts=())], None)
 
 
 @pytest.mark.parametrize("number", processes.ENDING)

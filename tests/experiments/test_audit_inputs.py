@@ -18,11 +18,11 @@ from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import Scan
 from tracknoise.sequences.views import View, chosen_frames, turned
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, AUDIT_SAMPLES, CAMERAS, PATH
-from tracknoise.tables.schema import check, empty
+from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, PATH
+from tracknoise.tables.schema import check
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
-from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, read_samples
+from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT
 
@@ -180,11 +180,11 @@ def test_a_readout_in_seconds_is_not_audited_where_only_some_recordings_have_tim
 def test_the_audit_of_a_run_reads_the_poses_between_its_frames(shuttered, sequence, tmp_path, monkeypatch) -> None:
     given = []
 
-    def audited_once(tables, *_, **__):
+    def read_once(tables, *_, **__):
         given.extend(tables)
-        return AuditTables(empty(AUDIT), empty(AUDIT_CURVES))
+        return "it is not asked for"
 
-    monkeypatch.setattr(run_truth, "audit_tables", audited_once)
+    monkeypatch.setattr(run_truth, "read_samples", read_once)
     for name, source, has_path in (("some", chosen_frames(shuttered, (0, 12, 2)), True), ("all", sequence, False)):
         folder = RunFolder(tmp_path / name)
         entry = write_measurement(folder, EXPERIMENT, measure(source, {"oracle": ORACLE}))

@@ -247,15 +247,16 @@ def _with_kernel(
     model: ExportedModel, plain: Equivalent, kernel: LossKind, knee: float | None
 ) -> tuple[Interval, float, int]:
     """Sigma, knee in px, and on how many windows they were tried, in place of the sigma of least squares."""
-    tried = [one for one in model.kernels if one.kind is kernel]
+    ratios = {one: ratio for one in model.kernels if one.kind is kernel and (ratio := one.ratio(plain.purpose))}
+    tried = list(ratios)
     if not tried:
         residuals = _positive(model, plain.landmark, Purpose.INNOVATIONS, plain.window).sigma.value
         knee_px = UNTRIED_KNEES[kernel] * residuals if knee is None else knee * plain.sigma.value
         return plain.sigma, knee_px, 0
     if knee is None:
         best = _best(tried)
-        return _product(plain.sigma, best.sigma_ratio), best.knee_px, best.windows
-    ratio = _at_fixed_knee(tried, knee * plain.sigma.value)
+        return _product(plain.sigma, ratios[best]), best.knee_px, best.windows
+    ratio = _at_fixed_knee(ratios, knee * plain.sigma.value)
     sigma = _product(plain.sigma, ratio)
     return sigma, knee * sigma.value, tried[0].windows
 
@@ -269,13 +270,13 @@ def _best(tried: Sequence[Kernel]) -> Kernel:
     return max((one for one in sure if one.error_ratio.value <= _ALIKE * least), key=lambda one: one.knee_px)
 
 
-def _at_fixed_knee(tried: Sequence[Kernel], knee_px: float) -> Interval:
+def _at_fixed_knee(ratios: Mapping[Kernel, Interval], knee_px: float) -> Interval:
     """Sigma ratio r with a knee of r times a number of px, between the knees that were tried, or of the nearest."""
-    ordered = sorted(tried, key=lambda one: one.knee_px)
-    ratios = np.array([one.sigma_ratio.value for one in ordered])
-    excess = np.array([np.log(one.knee_px) for one in ordered]) - np.log(knee_px * ratios)
-    value = float(np.exp(np.interp(0.0, excess, np.log(ratios))))
-    nearest = ordered[int(np.argmin(np.abs(excess)))].sigma_ratio
+    ordered = sorted(ratios, key=lambda one: one.knee_px)
+    values = np.array([ratios[one].value for one in ordered])
+    excess = np.array([np.log(one.knee_px) for one in ordered]) - np.log(knee_px * values)
+    value = float(np.exp(np.interp(0.0, excess, np.log(values))))
+    nearest = ratios[ordered[int(np.argmin(np.abs(excess)))]]
     return _product(nearest, Interval(value=value / nearest.value))
 
 

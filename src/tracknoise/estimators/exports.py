@@ -468,14 +468,10 @@ def _of_model(noise: Noise) -> Iterator[str]:
 def _of_advice(advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
     if advice.kernel is not None and advice.windows:
-        of_newest = advice.purpose is Purpose.NEWEST_POSE
         yield (
             f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and make "
-            f"the claimed covariance{'' if of_newest else ' of the newest pose'} right there. "
-            "Sigma is larger without the loss."
+            f"{PURPOSES[advice.purpose]} right there. Sigma is larger without the loss."
         )
-        if not of_newest:
-            yield "For all poses this loss was not tried: their claimed covariances may be too small."
     elif advice.is_without_trial:
         yield "The loss was not tried: that takes enough tracks of a scene at the lowest speed of a run."
         yield "Sigma is that without a loss. With one, a smaller sigma is right most often."

@@ -371,6 +371,7 @@ def _kernels(
         some,
         innovations=of_window[Purpose.INNOVATIONS],
         newest=of_window[Purpose.NEWEST_POSE],
+        every=of_window[Purpose.ALL_POSES],
         most_px=_limit_px(read["noise_outliers"]),
         groups=read.groups,
         level=level,

@@ -1,9 +1,10 @@
 """Robust losses that were tried on tracks of the run, and the sigma that belongs to each.
 
 A knee in px decides on the poses that a bundle adjustment finds. Sigma scales only what it claims of them: with the
-knee kept in px, claimed covariances are in proportion to sigma^2. So each knee has one sigma that makes them right,
+knee kept in px, claimed covariances are in proportion to sigma^2. So each knee has one sigma that makes those of the
+newest pose right, and one for all poses,
 
-    sigma^2 = mean over windows of the NEES of the newest pose that 1 px has with this knee    (kernels.sigma)
+    sigma^2 = mean over windows of the NEES that 1 px has with this knee    (kernels.sigma)
 
 No formula for independent errors gives it: a robust loss down-weights whole bad tracks, and what remains is alike from
 frame to frame. So the errors of sampled tracks of a scene, as they are, are drawn onto the tracks of windows with the
@@ -40,6 +41,9 @@ _ENOUGH = 24
 """Windows with drawn errors: few scenes have more of each."""
 _LEAST_TRACKS, _LEAST_WINDOWS = 50, 8
 _ROUNDS = 5
+_COLUMNS = ("nees", "nees_all", "log_ratio")
+"""Of one loss: NEES of the newest pose and of all with 1 px, and how the mean logarithm of the newest one's errors
+changes by the loss."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +92,7 @@ def tried_kernels(
     *,
     innovations: Equivalent,
     newest: Equivalent,
+    every: Equivalent,
     most_px: float,
     groups: SceneGroups,
     level: float,
@@ -95,36 +100,37 @@ def tried_kernels(
     """Each loss with each knee; none where there are too few tracks, or no errors.
 
     `tracks`: schema `NOISE_TRACKS`, of one tracker, speed and view. `windows`: of `LENGTH` frames. `innovations`,
-    `newest`: sigmas for a free landmark in such windows. Errors beyond `most_px` are left out, as an estimator's test
-    for outliers would do. Intervals are over scenes, or groups of them.
+    `newest`, `every`: sigmas for a free landmark in such windows. Errors beyond `most_px` are left out, as an
+    estimator's test for outliers would do. Intervals are over scenes, or groups of them.
     """
-    if innovations.sigma.value <= 0.0 or newest.sigma.value <= 0.0:
+    if min(one.sigma.value for one in (innovations, newest, every)) <= 0.0:
         return ()
     drawn = list(_windows(tracks, windows, most_px))
     if len(drawn) < _LEAST_WINDOWS:
         return ()
     knees = [knee * innovations.sigma.value for knee in KNEES]
     tried = [(kind, knee) for kind in LossKind for knee in knees]
-    each = np.empty((len(drawn), len(tried), 2))
+    each = np.empty((len(drawn), len(tried), len(_COLUMNS)))
     for places in _of_same_tracks(drawn):
         errors = [np.stack(own) for own in zip(*(drawn[place].errors for place in places), strict=True)]
         each[places] = _compared(drawn[places[0]].tracks, errors, knees)
     rows = [
-        {"scene": one.scene, "number": number, "n": 1.0, "nees": nees, "log_ratio": log_ratio}
+        {"scene": one.scene, "number": number, "n": 1.0, **dict(zip(_COLUMNS, values, strict=True))}
         for one, own in zip(drawn, each.tolist(), strict=True)
-        for number, (nees, log_ratio) in enumerate(own)
+        for number, values in enumerate(own)
     ]
     table = pl.DataFrame(rows).with_columns(dataset=pl.lit(tracks["dataset"][0]))
-    sums = table.group_by("dataset", "scene", "number").agg(pl.col("n", "nees", "log_ratio").sum())
-    units = units_of(sums, points=["number"], columns=["n", "nees", "log_ratio"], groups=groups)
+    sums = table.group_by("dataset", "scene", "number").agg(pl.col("n", *_COLUMNS).sum())
+    units = units_of(sums, points=["number"], columns=["n", *_COLUMNS], groups=groups)
     method = Method(IntervalKind.student, level)
-    found = pooled(units, np.empty((0, len(units.sums))), column_means, method, scales=["log", "linear"])
+    found = pooled(units, np.empty((0, len(units.sums))), column_means, method, scales=["log", "log", "linear"])
     return tuple(
         Kernel(
             kind=kind,
             knee_px=knee_px,
             sigma_ratio=_changed(found, (0, place), lambda square: square**0.5 / newest.sigma.value),
-            error_ratio=_changed(found, (1, place), lambda log: float(np.exp(log))),
+            all_poses_ratio=_changed(found, (1, place), lambda square: square**0.5 / every.sigma.value),
+            error_ratio=_changed(found, (2, place), lambda log: float(np.exp(log))),
             windows=len(drawn),
         )
         for place, (kind, knee_px) in enumerate(tried)
@@ -166,9 +172,9 @@ def _of_same_tracks(drawn: Sequence[_Drawn]) -> list[list[int]]:
 
 
 def _compared(window: Sequence[LinearTracks], errors: Sequence[Array], knees: Sequence[float]) -> Array:
-    """For each draw of errors and each loss: NEES of the newest pose with 1 px, and how its errors change by the loss.
+    """For each draw of errors and each loss what `_COLUMNS` says.
 
-    The change is that of the mean logarithm. Shapes: errors (draws, tracks, 2 n); returns (draws, losses, 2).
+    Shapes: errors (draws, tracks, 2 n); returns (draws, losses, columns).
     """
     _, plain, _ = _step(window, errors, [np.ones_like(own) for own in errors])
     found = []
@@ -179,23 +185,27 @@ def _compared(window: Sequence[LinearTracks], errors: Sequence[Array], knees: Se
             for _ in range(_ROUNDS):
                 weights = [loss.weights(own.reshape(-1, own.shape[2])).reshape(own.shape) for own in residuals]
                 residuals, error, claimed = _step(window, errors, weights)
-            nees = [normalised(*both) for both in zip(error, claimed, strict=True)]
-            found.append(np.stack([nees, _log_errors(error) - _log_errors(plain)], axis=1))
+            newest = [
+                normalised(*both) for both in zip(error[:, -NEWEST:], claimed[:, -NEWEST:, -NEWEST:], strict=True)
+            ]
+            every = [normalised(*both) for both in zip(error, claimed, strict=True)]
+            found.append(np.stack([newest, every, _log_errors(error) - _log_errors(plain)], axis=1))
     return np.stack(found, axis=1)
 
 
 def _log_errors(error: Array) -> Array:
-    """Mean logarithm of the errors of rotation and position, (draws,)."""
-    turned, moved = (np.log(np.linalg.norm(part, axis=1)) for part in (error[:, :-2], error[:, -2:]))
+    """Mean logarithm of the errors of rotation and position of the newest pose, (draws,)."""
+    turned, moved = (np.log(np.linalg.norm(part, axis=1)) for part in (error[:, -NEWEST:-2], error[:, -2:]))
     return np.asarray(0.5 * (turned + moved))
 
 
 def _step(
     window: Sequence[LinearTracks], errors: Sequence[Array], weights: Sequence[Array]
 ) -> tuple[list[Array], Array, Array]:
-    """Residuals by weighted least squares, and error and claimed covariance of the newest pose, for 1 px.
+    """Residuals by weighted least squares, and error and claimed covariance of the p numbers of all poses, for 1 px.
 
-    Shapes: errors, weights, residuals (draws, tracks, 2 n), error (draws, 5), covariance (draws, 5, 5).
+    Shapes: errors, weights, residuals (draws, tracks, 2 n), error (draws, p), covariance (draws, p, p); the newest
+    pose is last.
     """
     size, draws = window[0].by_pose.shape[2], len(errors[0])
     information, gradient = np.zeros((draws, size, size)), np.zeros((draws, size, 1))
@@ -218,7 +228,7 @@ def _step(
     for tracks, own, (normal, across, of_error) in zip(window, errors, solved, strict=True):
         point = normal @ (of_error - across @ pose)
         residuals.append(own - (tracks.by_pose @ pose + tracks.by_point @ point)[..., 0])
-    return residuals, pose[:, 0, -NEWEST:, 0], claimed[:, -NEWEST:, -NEWEST:]
+    return residuals, pose[:, 0, :, 0], claimed
 
 
 def _changed(found: EstimateArray, place: tuple[int, int], change: Callable[[float], float]) -> Interval:

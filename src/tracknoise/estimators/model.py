@@ -169,8 +169,9 @@ class Kernel:
         Its knee, px.
     sigma_ratio
         The sigma with which the newest pose has a NEES of 1 under this loss, over that of `Equivalent` for the same
-        window, a free landmark and the newest pose. It is taken to be the same for other windows, landmarks and
-        purposes.
+        window, a free landmark and the newest pose. It is taken to be the same for other windows and landmarks.
+    all_poses_ratio
+        The same for all poses; None in models of earlier versions.
     error_ratio
         Errors of the newest pose over those of least squares, geometric mean over windows, position and rotation.
     windows
@@ -182,6 +183,11 @@ class Kernel:
     sigma_ratio: Interval
     error_ratio: Interval
     windows: int
+    all_poses_ratio: Interval | None = None
+
+    def ratio(self, purpose: Purpose) -> Interval | None:
+        """That of a purpose; None if it is not known."""
+        return self.all_poses_ratio if purpose is Purpose.ALL_POSES else self.sigma_ratio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

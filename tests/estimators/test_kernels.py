@@ -52,6 +52,7 @@ def tried(table: pl.DataFrame, most_px: float = np.inf) -> dict[tuple[str, float
         WINDOWS,
         innovations=sigma(Purpose.INNOVATIONS),
         newest=sigma(Purpose.NEWEST_POSE),
+        every=sigma(Purpose.ALL_POSES),
         most_px=most_px,
         groups=NO_GROUPS,
         level=0.95,
@@ -72,6 +73,7 @@ def test_gaussian_noise_needs_the_sigma_that_theory_says() -> None:
             expected = expected_nees(Loss(LossKind(kind), knee)) ** 0.5
             assert one.sigma_ratio.value == pytest.approx(expected, rel=0.15)
             assert one.sigma_ratio.low < one.sigma_ratio.value < one.sigma_ratio.high
+            assert one.all_poses_ratio.value == pytest.approx(expected, rel=0.15)
     assert found["huber", 3.0].error_ratio.value == pytest.approx(1.0, abs=0.02)
     assert found["cauchy", 0.3].error_ratio.value > 1.05
 

@@ -84,6 +84,10 @@ class ExportedModel(Protocol):
         """Student's distribution of single errors."""
 
     @property
+    def common_share(self) -> Interval | None:
+        """Share of the variance that all features of a frame have in common; None where it is not known."""
+
+    @property
     def outlier_share(self) -> float:
         """Share of the observations that are outliers."""
 

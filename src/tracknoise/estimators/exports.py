@@ -26,6 +26,7 @@ from tracknoise.checks import require_whole
 from tracknoise.estimators.advice import SHORTEST_WINDOW, Advice, ExportedModel, Gate, advise, observation_gate
 from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark, LossKind, Purpose
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.text import significant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -461,8 +462,21 @@ def _of_model(noise: Noise) -> Iterator[str]:
     if noise.purpose is not None:
         yield from _of_advice(noise.advice)
     yield noise.model.truth.sentence
+    yield from of_common(noise.model.common_share)
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."
+
+
+def of_common(share: Interval | None) -> Iterator[str]:
+    """Sentences on what does not average out over the features of a frame: a share of the variance."""
+    if share is None:
+        return
+    known = (share.value, share.low, share.high)
+    value, *bounds = (significant(100.0 * one, 2) for one in known if one is not None)
+    interval = f" ({' to '.join(bounds)})" if len(bounds) == 2 else ""
+    yield f"All features of a frame have {value} %{interval} of the variance in common."
+    if share.low:
+        yield "With many features, claimed covariances are too small."
 
 
 def _of_advice(advice: Advice) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Any
 from tracknoise.analysis.covariance_verdicts import are_right
 from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.calibration import Calibration
-from tracknoise.estimators.exports import estimator, in_words
+from tracknoise.estimators.exports import estimator, in_words, of_common
 from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
 from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
@@ -50,7 +50,7 @@ def model_sentences(model: NoiseModel, name: str) -> list[str]:
         _model_bias(model),
         *_conditions(model),
         *_track_scale(model),
-        *_common(model),
+        *of_common(model.common_share),
         *_floor(model),
         f"Fitted to {counted(len(training.scenes), 'scene')}, {counted(training.n_tracks, 'track')}, "
         f"ages {training.ages[0]} to {training.ages[1]} frames.",
@@ -155,15 +155,6 @@ def _freedom(nu: Interval) -> str:
 
 
 _BULK = (("first", "A", "px"), ("white", "W", "px"), ("walk", "Q", "px per sqrt(frame)"))
-
-
-def _common(model: NoiseModel) -> list[str]:
-    """How much of the noise does not average out over the features of a frame."""
-    share = model.common_share
-    if share is None:
-        return []
-    bounds = "" if share.low is None or share.high is None else f" ({_percent(share.low)} to {_percent(share.high)})"
-    return [f"All features of a frame have {_percent(share.value)} of the variance in common{bounds}."]
 
 
 def _floor(model: NoiseModel) -> list[str]:

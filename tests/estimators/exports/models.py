@@ -68,6 +68,7 @@ def kernels(innovations: float) -> tuple[Kernel, ...]:
             kind=kind,
             knee_px=knee * innovations,
             sigma_ratio=interval(0.5 * knee**0.25),
+            all_poses_ratio=interval(0.6 * knee**0.25),
             error_ratio=interval(ratio),
             windows=24,
         )

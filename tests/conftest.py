@@ -9,7 +9,7 @@ import shutil
 import signal
 import stat
 from collections.abc import Callable, Iterator
-from functools import lru_cache, partial
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from pkgutil import resolve_name
@@ -147,8 +147,14 @@ def kept_worlds(made_once: Callable[[str, Callable[[Path], object]], Path]) -> I
         yield
 
 
-class _Pickled(partial[Scenery]):
+class _Pickled:
     """Stands for `simulated._kept`, also where it is pickled: another process has no such patch."""
+
+    def __init__(self, kept: Callable[..., Scenery]) -> None:
+        self._kept = kept
+
+    def __call__(self, *about: object) -> Scenery:
+        return self._kept(*about)
 
     def __reduce__(self) -> tuple[Callable[[str], object], tuple[str]]:
         return resolve_name, (f"{simulated.__name__}:_kept",)

@@ -48,7 +48,8 @@ class Rows:
     def place(self, row: int) -> str:
         """Where a row is, for an error."""
         if self.line is None:
-            return str(self.path)
+            frame = "" if self.frame is None else f", frame {self.frame[row]}"
+            return f"{self.path}: track {self.track[row]}{frame}"
         return f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
 
     def chosen(self, kept: NDArray[np.intp], frame: NDArray[np.intp], uv: NDArray[np.float64]) -> "Rows":
@@ -65,11 +66,11 @@ class Rows:
         )
 
     def refuse(self, bad: NDArray[np.bool_], name: str, values: NDArray[np.generic], expected: str) -> None:
-        """Raise an error that shows the first bad value."""
+        """Raise an error that shows the first bad value; values (n,) or (n, k)."""
         rows = np.flatnonzero(bad)
         if len(rows):
             row = int(rows[0])
-            raise DataError(self.place(row), f"{name} {values[row].item()!r}", expected)
+            raise DataError(self.place(row), f"{name} {values[row].tolist()!r}", expected)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,6 +198,17 @@ def _are_normalised(uv: NDArray[np.float64], image: tuple[int, int]) -> bool:
 def inside(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
     """Whether positions (n, 2) lie in an image of (width, height) px; NaN does not."""
     return np.asarray(((uv >= -0.5) & (uv <= np.array(image) - 0.5)).all(axis=1))
+
+
+def are_far(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
+    """Whether positions (n, 2) are farther from an image of (width, height) px than its diagonal; NaN is not."""
+    last = np.array(image) - 0.5
+    return np.asarray(np.linalg.norm(uv - np.clip(uv, -0.5, last), axis=1) > np.hypot(*image))
+
+
+def expected_near(image: tuple[int, int]) -> str:
+    """What is expected of a position that `are_far` refuses."""
+    return f"at most {np.hypot(*image):.0f} px, the diagonal, from the image of {image[0]} x {image[1]} px"
 
 
 _INSIDE_IF_PIXELS, _NORMALISED_INSIDE_IF_SWAPPED, _NORMALISED_INSIDE_AS_STATED = 0.9, 0.99, 0.9
@@ -385,8 +397,10 @@ class Assignment:
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
         """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
         self.raster.check(rows, context)
+        _require_covariances(rows)
         framed, left_out = self._framed(rows, context)
         framed, unseen = self._in_pixels(framed, context)
+        _require_near(framed, context.size)
         frame, uv, quality = _frames(framed), framed.uv, framed.quality
         _require_steps(framed, frame, context.speed)
         order = np.lexsort([framed.track, frame])
@@ -478,6 +492,22 @@ def _require_steps(rows: Rows, frame: NDArray[np.int64], speed: int) -> None:
         found = f"rows in one of {step} frames only: {', '.join(map(str, present[:3]))}, ..."
         expected = f"rows in consecutive frames that are seen at speed {speed}; for such tracks set speeds = [{step}]"
         raise DataError(rows.path, found, expected)
+
+
+def _require_near(rows: Rows, image: tuple[int, int]) -> None:
+    """Refuse positions that no feature has: one of them would decide every second moment."""
+    rows.refuse(are_far(rows.uv, image), "position", rows.uv, f"{expected_near(image)}; leave out what was not seen")
+
+
+def _require_covariances(rows: Rows) -> None:
+    for names in covariances(rows.quality):
+        uu, uv, vv = entries = np.array([rows.quality[name] for name in names], dtype=np.float64)
+        impossible = (uu < 0.0) | (vv < 0.0) | (uv * uv > _LARGEST_SQUARED_CORRELATION * uu * vv)
+        rows.refuse(impossible, ", ".join(names), entries.T, "no negative eigenvalue; NaN where there is no covariance")
+
+
+_LARGEST_SQUARED_CORRELATION = 1.01
+"""Above 1, for entries that were rounded when they were written."""
 
 
 def _require_one_row_each_frame(rows: Rows, frame: NDArray[np.int64], order: NDArray[np.intp]) -> None:

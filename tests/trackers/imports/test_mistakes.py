@@ -86,6 +86,25 @@ def test_positions_that_are_all_outside_the_image_are_refused(tmp_path):
         start(tmp_path, rows)
 
 
+@pytest.mark.parametrize("u", [1e9, -420.0])
+def test_a_position_that_no_feature_has_is_refused_with_its_row(u, tmp_path):
+    rows = table(30).with_columns(u_px=pl.when(pl.int_range(pl.len()) == 7).then(u).otherwise("u_px"))
+    with pytest.raises(DataError, match=r"tracks.csv:9: position \[.*\], expected at most 400 px, the diagonal, from"):
+        start(tmp_path, rows)
+
+
+@pytest.mark.parametrize(("uu", "uv"), [(-1.0, 0.0), (1.0, 2.0)])
+def test_covariances_with_negative_eigenvalues_are_refused(uu, uv, tmp_path):
+    rows = table().with_columns(cov_uu=pl.lit(uu), cov_uv=pl.lit(uv), cov_vv=pl.lit(1.0))
+    with pytest.raises(DataError, match=rf"csv:2: cov_uu, cov_uv, cov_vv \[{uu}, {uv}, 1.0\], expected no neg"):
+        start(tmp_path, rows)
+
+
+def test_where_there_is_no_covariance_a_cell_can_be_nan(tmp_path):
+    rows = table().with_columns(cov_uu=pl.lit(np.nan), cov_uv=pl.lit(0.0), cov_vv=pl.lit(1.0))
+    assert np.isnan(start(tmp_path, rows).step(Frame(0, np.zeros(SIZE[::-1], np.uint8))).quality["cov_uu"]).all()
+
+
 def test_frames_that_are_skipped_are_named_unless_the_speed_is_theirs(tmp_path):
     rows = table().filter(pl.col("frame") % 3 == 0)
     with pytest.raises(DataError, match=r"rows in one of 3 frames only: 0, 3, 6, .* set speeds = \[3\]"):

@@ -13,6 +13,7 @@ import tracknoise as tn
 from tracknoise.cli.noise import _stems
 from tracknoise.estimators.cpp_header import cpp_header
 from tracknoise.estimators.equivalents import LENGTHS
+from tracknoise.estimators.exports import in_words
 from tracknoise.estimators.model import BiasKind, Landmark, Purpose
 from tracknoise.estimators.training import training_tables
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
@@ -211,3 +212,11 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
     expected = [factor, covariance[0, 0], covariance[0, 1], change[1, 1], 1.0, 0.0, 0.2 * factor**0.5, 0.2]
     assert printed == pytest.approx(expected)
     assert len(cpp_header(model).splitlines()) <= 45
+
+
+def test_windows_that_no_recording_is_long_enough_for_are_said_to_be_simulated(model: tn.NoiseModel) -> None:
+    """Recordings of 14 frames."""
+    assert {one.window for one in model.equivalents if one.simulated} == {20, 30}
+    said = {window: in_words(model.advise("filter", window=window)) for window in (11, 20)}
+    assert "in windows of 11 frames" in said[11]
+    assert "in simulated windows of 20 frames" in said[20]

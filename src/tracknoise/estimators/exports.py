@@ -403,11 +403,15 @@ def makes_right(noise: Noise) -> str:
 def in_words(advice: Advice, *, is_bound: bool = False) -> str:
     """Write what to set, and what it makes right, in one line. `is_bound`: whether sigma is at most this."""
     most = "at most " if is_bound else ""
-    found = f"{_numbers(advice, most)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+    found = f"{_numbers(advice, most)}: right for {PURPOSES[advice.purpose]}, in {_windows(advice)}"
     if advice.state is None:
         return found
     state = _numbers(advice.state, most)
-    return f"{found}; features in the state: {state}, in windows of {advice.state.window} frames"
+    return f"{found}; features in the state: {state}, in {_windows(advice.state)}"
+
+
+def _windows(advice: Advice) -> str:
+    return f"{'simulated ' if advice.simulated else ''}windows of {advice.window} frames"
 
 
 def _numbers(advice: Advice, most: str) -> str:
@@ -451,10 +455,12 @@ def _of_model(noise: Noise) -> Iterator[str]:
 
 def _of_advice(advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
+    if advice.simulated:
+        yield f"Windows are simulated: no recording has {advice.window} frames that move."
     if advice.kernel is not None and advice.windows:
         of_newest = advice.purpose is Purpose.NEWEST_POSE
         yield (
-            f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and make "
+            f"Sigma and loss belong together. They were tried on {advice.windows} windows, and make "
             f"the claimed covariance{'' if of_newest else ' of the newest pose'} right there. "
             "Sigma is larger without the loss."
         )

@@ -136,6 +136,8 @@ class Equivalent:
     gate_95, gate_99, gate_80
         What to multiply a chi-square gate at .95, .99 or .80 by, so that it lets through that share of good tracks at
         true poses. That of .80 is missing in files of earlier versions.
+    simulated
+        Whether the windows are simulated, sideways and forward: no recording has so many frames that move.
     """
 
     landmark: Landmark
@@ -145,6 +147,7 @@ class Equivalent:
     gate_95: float
     gate_99: float
     gate_80: float | None = None
+    simulated: bool = False
 
 
 class LossKind(StrEnum):

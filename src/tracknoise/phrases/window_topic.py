@@ -41,11 +41,15 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
         conditions.trackers,
         lambda tracker: _advised(conditions.of(rows, tracker), tables["trust"], tracker),
         opening=f"Noise to set in {estimator(first['estimator']).title}, {where}.",
-        closing=f"Sigma makes {PURPOSES[Purpose(first['purpose'])]} right.{_between_scenes(rows)}",
+        closing=f"Sigma makes {PURPOSES[Purpose(first['purpose'])]} right.{_simulated(first)}{_between_scenes(rows)}",
         topic="estimator",
         figure="estimator",
         table="advice",
     )
+
+
+def _simulated(row: Mapping[str, Any]) -> str:
+    return "" if row["why"] is None else f" Windows are simulated: {row['why']}."
 
 
 def _between_scenes(rows: pl.DataFrame) -> str:

@@ -85,7 +85,8 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
         for one in some
     ]
     headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .95", "gate .99"]
-    caption = f"One sigma for all observations, windows of {lengths[0] if lengths else window} frames"
+    simulated = "simulated " if any(one.simulated for one in some) else ""
+    caption = f"One sigma for all observations, {simulated}windows of {lengths[0] if lengths else window} frames"
     return Cells(caption, headings, rows, (False, False, True, True, True, True, True))
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
-from tracknoise.cli.run_answer import answer_lines, sentences_to_set, wrapped
-from tracknoise.cli.terminal import Terminal
+from tracknoise.cli.run_answer import answer_lines, sentences_to_set
+from tracknoise.cli.terminal import Terminal, wrapped
 from tracknoise.cli.text_table import aligned, show
 from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.sentences import by_statement, together

@@ -276,7 +276,9 @@ class Estimator:
         """
         wanted = purpose or self.purpose
         if wanted is None:
-            raise SettingsError(f"{self.title} takes the components of a model, expected an estimator with one sigma")
+            name = next(name for name, about in estimators().items() if about.title == self.title)
+            instead = f"`tracknoise noise export MODEL --to {name}`, which writes the components"
+            raise SettingsError(f"{self.title} takes no single sigma, expected {instead}")
         of_purpose = partial(advise, model, landmark=self.landmark, purpose=wanted, kernel=self.kernel, knee=self.knee)
         found = of_purpose(window=self.window if window is None else window, gates=self.gates)
         if self.state_window is None:

@@ -79,20 +79,23 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
             _LANDMARKS[one.landmark],
             _PURPOSES[one.purpose],
             *interval_cells(one.sigma),
+            DASH if one.gate_80 is None else number(one.gate_80),
             number(one.gate_95),
             number(one.gate_99),
         ]
         for one in some
     ]
-    headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .95", "gate .99"]
+    headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .80", "gate .95", "gate .99"]
     simulated = "simulated " if any(one.simulated for one in some) else ""
     caption = f"One sigma for all observations, {simulated}windows of {lengths[0] if lengths else window} frames"
-    return Cells(caption, headings, rows, (False, False, True, True, True, True, True))
+    return Cells(caption, headings, rows, (False, False, *[True] * 6))
 
 
 def _advice(model: NoiseModel, name: str) -> list[str]:
     """What to set, and what residuals will look like."""
     about = estimator(name)
+    if about.purpose is None:
+        return [f"{about.title} takes the components, which `tracknoise noise export` writes."]
     try:
         found = about.advise(model)
     except SettingsError as error:

@@ -7,7 +7,7 @@ from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunT
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.words import SPACE, format_as, px
+from tracknoise.words import SPACE, format_as
 
 _CLAIMED = 0.95
 """Share of the true depths that the intervals claim to hold."""
@@ -53,7 +53,6 @@ def _depths_of(own: pl.DataFrame, tracker: str) -> Part | None:
     if _CONSISTENT in found:
         held = found[_CONSISTENT]
         sentences.append(f"With the sigma for depths they hold {_share(held)}.")
-        sentences.append(f"That sigma is {px(rows[_CONSISTENT]['sigma_px'])}.")
         sentences += [f"They are still too narrow for 95{SPACE}%."] if held.below(_CLAIMED) else []
     if _WHOLE in found:
         sentences.append(f"With the covariance of whole tracks they hold {_share(found[_WHOLE])}.")

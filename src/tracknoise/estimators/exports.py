@@ -354,7 +354,7 @@ def _plain(name: str) -> str:
 
 
 PURPOSES: Mapping[Purpose, str] = {
-    Purpose.INNOVATIONS: "the size of residuals and innovations",
+    Purpose.INNOVATIONS: "the size of innovations",
     Purpose.ALL_POSES: "the covariance of all poses on average",
     Purpose.NEWEST_POSE: "the covariance of the newest pose",
 }

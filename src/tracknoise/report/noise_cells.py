@@ -92,7 +92,7 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
 
 
 def _advice(model: NoiseModel, name: str) -> list[str]:
-    """What to set, and what residuals will look like."""
+    """What to set, and what innovations will look like."""
     about = estimator(name)
     if about.purpose is None:
         return [f"{about.title} takes the components, which `tracknoise noise export` writes."]

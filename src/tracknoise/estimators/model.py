@@ -331,7 +331,8 @@ class TrackScale:
 
     The covariance of a track is S / g, with a gamma variable g of mean 1 and shape nu / 2: its errors together have
     Student's distribution. S is made of `first`, `white` and `walk` as covariances of second moments are. It describes
-    the bulk of the tracks. The second moment is S nu / (nu - 2), which the worst tracks decide.
+    the bulk of the tracks. The second moment is S nu / (nu - 2), which the worst tracks decide. It is better than a
+    Gaussian for heavy tails in each frame, too: this does not show that scales are of tracks.
 
     Parameters
     ----------

@@ -146,10 +146,10 @@ def _track_scale(model: NoiseModel) -> list[str]:
     qualities = " and ".join(one.of for one in scale.conditions)
     by_quality = f"; W and Q depend on {qualities}" if qualities else ""
     if scale.nu is None:
-        return [f"By the likelihood of whole tracks, all have one scale: {parts}{by_quality}. {gain}"]
+        return [f"By the likelihood of whole tracks, tails are Gaussian: {parts}{by_quality}. {gain}"]
     return [
-        f"Each track has a scale of its own: whole tracks have Student's distribution with {_freedom(scale.nu)} "
-        f"degrees of freedom. The bulk has {parts}{by_quality}. {gain}"
+        f"Tails of whole tracks are those of Student's t with {_freedom(scale.nu)} degrees of freedom, as of a scale "
+        f"for each track, or of heavy tails in each frame. The bulk has {parts}{by_quality}. {gain}"
     ]
 
 

@@ -176,7 +176,8 @@ def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> Non
         found = (
             f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
         )
-        raise DataError(rows.path, found, "u to the right and v down: the columns are swapped")
+        expected = "u to the right and v down: the columns are swapped, or width and height of the camera"
+        raise DataError(rows.path, found, expected)
     if stated == 0:
         found = f"no position inside images of {image[0]} x {image[1]} px"
         raise DataError(
@@ -352,15 +353,28 @@ def _require_any(rows: Rows, used: NDArray[np.intp], frames_s: NDArray[np.float6
     if len(used):
         return
     time_s = _times(rows)
-    offset_s = float(frames_s[0] - time_s.min())
-    advice = (
-        "if the clocks differ, set time_offset_s, which is added: "
-        f"{offset_s:.9f} would put the first row into the first frame"
-        if abs(offset_s) <= LARGEST_OFFSET_S
-        else "these are no seconds: divide nanoseconds by 1e9"
-    )
-    expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; {advice}"
+    expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; {_time_advice(time_s, frames_s)}"
     raise DataError(rows.path, f"times from {time_s.min():.9g} to {time_s.max():.9g} s", expected)
+
+
+def _time_advice(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str:
+    if (unit := _likely_unit(time_s, frames_s)) is not None:
+        return f"these look like {unit}"
+    offset_s = float(frames_s[0] - time_s.min())
+    if abs(offset_s) > LARGEST_OFFSET_S:
+        return "these are no seconds: divide nanoseconds by 1e9"
+    advice = "if the clocks differ, set time_offset_s, which is added"
+    return f"{advice}: {offset_s:.9f} would put the first row into the first frame"
+
+
+_SIZES_S: Mapping[float, str] = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds", 1e3: "microseconds"}
+"""Units that are taken for seconds, by their size; and one that whole numbers of many digits hide as nanoseconds."""
+
+
+def _likely_unit(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str | None:
+    """The unit in which times would last about as long as the frames; None where that is seconds, or no unit."""
+    ratio = np.ptp(time_s) / max(np.ptp(frames_s), 1e-9)
+    return next((unit for size, unit in _SIZES_S.items() if 0.5 <= ratio * size <= 2.0), None)
 
 
 def _require_one_row_each_time(
@@ -526,9 +540,10 @@ def _notes(rows: Rows, tracks: Tracks, left_out: int, context: SequenceContext, 
     outside = share_outside(tracks.uv, context.size)
     if outside >= NOTED_OUTSIDE:
         yield f"{outside:.1%} of imported positions are outside the image"
-    if left_out:
-        share = left_out / len(rows.track)
-        yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out"
+    if left_out and context.timestamps_s is not None:
+        share, unit = left_out / len(rows.track), _likely_unit(_times(in_seconds(rows, 0.0)), context.timestamps_s)
+        looks = "" if unit is None else f"; their times look like {unit}"
+        yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out{looks}"
     if len(tracks.track) > 1 and len(np.unique(tracks.track)) == len(tracks.track):
         yield "each imported track has one row alone, so that no error is seen: does its column name tracks, or rows?"
     if counted and tracks.frame.min() == 1:

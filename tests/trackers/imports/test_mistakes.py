@@ -70,7 +70,7 @@ def test_tracks_of_resized_images_are_scaled(tmp_path):
 
 def test_swapped_columns_are_named(tmp_path):
     rows = table().rename({"u_px": "v_px", "v_px": "u_px"})
-    with pytest.raises(DataError, match=r"\d\d% of positions inside .*: the columns are swapped$"):
+    with pytest.raises(DataError, match=r"\d\d% of positions inside .*: the columns are swapped, or width and height"):
         start(tmp_path, rows)
 
 
@@ -143,6 +143,23 @@ def test_times_belong_to_the_nearest_frame_and_far_ones_are_left_out_and_counted
     np.testing.assert_array_equal(positions(tracker, 4), table().filter(frame=4)[["u_px", "v_px"]].to_numpy())
     (note,) = start(tmp_path, timed(0.2), context(times=TIMES)).notes
     assert note == "20.0% of imported rows are too far in time from every frame, and were left out"
+
+
+@pytest.mark.parametrize(("per_s", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_times_in_another_unit_are_named(per_s, unit, tmp_path):
+    rows = timed().with_columns(pl.col("time_s") * per_s)
+    with pytest.raises(DataError, match=rf"times of the frames, from 100 to 100.9 s; these look like {unit}$"):
+        start(tmp_path, rows, context(times=TIMES))
+    since_start = rows.with_columns(pl.col("time_s") - 100.0 * per_s)
+    assert f"left out; their times look like {unit}" in " ".join(
+        start(tmp_path, since_start, context(times=TIMES - 100.0)).notes
+    )
+
+
+def test_microseconds_that_look_like_nanoseconds_are_named(tmp_path):
+    rows = table().with_columns(timestamp=1_700_000_000_000_000 + 100_000 * pl.col("frame")).drop("frame")
+    with pytest.raises(DataError, match=r"these look like microseconds$"):
+        start(tmp_path, rows, context(times=1.7e9 + 0.1 * np.arange(N_FRAMES)))
 
 
 def test_of_several_rows_near_a_frame_the_nearest_counts(tmp_path):

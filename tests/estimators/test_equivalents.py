@@ -22,7 +22,7 @@ from tracknoise.tables.store import RunFolder
 
 def of_state(length: int, **planted: float) -> dict[Purpose, Interval]:
     fitted = fit_components(units(0, scenes=8, **planted), level=0.95)
-    some = windows([], speed=1, length=length, lifetimes=np.full(50, 12))
+    some = windows([], speed=1, length=length, lifetimes=np.full(50, 12)).each
     limits = Gates(TrackGates.of(some[0], fitted.noise), (1.0, 1.0, 1.0))
     found = equivalents(fitted, some, length=length, speed=1, gates=limits)
     return {one.purpose: one.sigma for one in found if one.landmark is Landmark.STATE}
@@ -45,7 +45,7 @@ def test_sigma_for_poses_allows_for_noise_across_the_motion_and_is_not_below_tha
     fitted = fit_components(units(0, scenes=8, white=0.3), level=0.95)
     shape = np.diag([0.2, 1.8] if is_across else [1.8, 0.2])
     parts = {name: replace(part, covariance=part.sigma.value**2 * shape) for name, part in fitted.components.items()}
-    (some, *_) = windows([], speed=1, length=10, lifetimes=np.full(50, 12))
+    (some, *_) = windows([], speed=1, length=10, lifetimes=np.full(50, 12)).each
     limits = Gates(TrackGates.of(some, fitted.noise), (1.0, 1.0, 1.0))
     found = equivalents(replace(fitted, components=parts), [some], length=10, speed=1, gates=limits)
     sigma = {one.purpose: one.sigma.value for one in found if one.landmark is Landmark.FREE}
@@ -77,7 +77,7 @@ def test_noise_of_first_positions_alone_has_gates(measured: tuple[float, ...] | 
     """Most tracks of a window were born before it, and have no innovations then: there is nothing to scale gates by."""
     fitted = fit_components(units(0, scenes=8, first=0.3, white=0.0), level=0.95)
     alone = replace(fitted.noise, white=np.zeros((2, 2)), walk=np.zeros((2, 2)), drift=np.zeros((2, 2)))
-    some = windows([], speed=1, length=5, lifetimes=np.full(50, 40))
+    some = windows([], speed=1, length=5, lifetimes=np.full(50, 40)).each
     limits = Gates(TrackGates.of(some[0], alone), measured)
     assert 0.0 in limits.modelled.factors((0.8,), sigma=1.0)
     for first in (None, 0.0001, 0.3):
@@ -107,7 +107,7 @@ def passing(window: Sequence[LinearTracks], noise: TrackNoise, one: Equivalent) 
 @pytest.mark.parametrize("planted", [{"first": 0.3, "white": 0.1}, {"white": 0.2, "walk": 0.1}])
 def test_gates_let_good_tracks_pass_however_the_first_observation_is_used(planted: dict[str, float]) -> None:
     fitted = fit_components(units(1, scenes=8, **planted), level=0.95)
-    some = windows([], speed=1, length=5, lifetimes=np.full(50, 12))
+    some = windows([], speed=1, length=5, lifetimes=np.full(50, 12)).each
     limits = gates(empty(WINDOW_NOISE), 5, limit_px=9.0, window=some[0], noise=fitted.noise)
     found = equivalents(fitted, some, length=5, speed=1, gates=limits)
     for one in found:

@@ -11,11 +11,14 @@ from tests.estimators.models import made
 
 import tracknoise as tn
 from tracknoise.cli.noise import _stems
+from tracknoise.cli.terminal import WIDTH
 from tracknoise.estimators.cpp_header import cpp_header
 from tracknoise.estimators.equivalents import LENGTHS
+from tracknoise.estimators.exports import in_words
 from tracknoise.estimators.model import BiasKind, Landmark, Purpose
 from tracknoise.estimators.training import training_tables
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
+from tracknoise.report.noise_cells import model_sentences
 from tracknoise.tables.store import RunFolder
 
 MIDDLE = ((0.09 + 0.04) / 2) ** 0.5
@@ -132,6 +135,8 @@ def test_commands(planted_run: Path, tmp_path: Path, tracknoise) -> None:
     code, shown, _ = tracknoise("noise", "show", file)
     assert code == 0
     assert shown.strip() in out
+    assert max(map(len, shown.splitlines())) <= WIDTH
+    assert "gate .80  gate .95  gate .99" in shown
     code, out, _ = tracknoise("noise", "check", file, "--on", planted_run)
     assert code == 0
     assert "agrees with the covariance" in out
@@ -211,3 +216,17 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
     expected = [factor, covariance[0, 0], covariance[0, 1], change[1, 1], 1.0, 0.0, 0.2 * factor**0.5, 0.2]
     assert printed == pytest.approx(expected)
     assert len(cpp_header(model).splitlines()) <= 45
+
+
+def test_windows_that_no_recording_is_long_enough_for_are_said_to_be_simulated(model: tn.NoiseModel) -> None:
+    """Recordings of 14 frames."""
+    assert {one.window for one in model.equivalents if one.simulated} == {20, 30}
+    said = {window: in_words(model.advise("filter", window=window)) for window in (11, 20)}
+    assert "in windows of 11 frames" in said[11]
+    assert "in simulated windows of 20 frames" in said[20]
+
+
+def test_an_estimator_without_one_sigma_is_said_to_take_the_components(model: tn.NoiseModel) -> None:
+    with pytest.raises(SettingsError, match=r"ROVIO takes no single sigma, .* noise export MODEL --to rovio`"):
+        model.advise("rovio")
+    assert model_sentences(model, "rovio")[1] == "ROVIO takes the components, which `tracknoise noise export` writes."

@@ -14,7 +14,7 @@ from tracknoise.inference.units import NO_GROUPS
 from tracknoise.tables.schema import NOISE_TRACKS
 
 SIGMA = 0.3
-WINDOWS = windows([], speed=1, length=LENGTH, lifetimes=np.full(50, 12))
+WINDOWS = windows([], speed=1, length=LENGTH, lifetimes=np.full(50, 12)).each
 
 
 def tracks(scales: np.ndarray, *, scenes: int = 12, walk: float = 0.0, seed: int = 0) -> pl.DataFrame:

@@ -59,11 +59,23 @@ def test_a_planted_scale_of_each_track_comes_back() -> None:
     assert_components_are_planted(found)
 
 
+def test_heavy_tails_in_each_frame_are_not_called_a_scale_of_each_track() -> None:
+    random = np.random.default_rng(0)
+    tracks = [error_tracks(random, white=0.3, factor=3.0 / random.chisquare(3.0, (150, 20))) for _ in range(6)]
+    errors = pl.concat([errors_of(f"{number}", one) for number, one in enumerate(tracks)])
+    sums = pl.concat([sums_of(f"{number}", one) for number, one in enumerate(tracks)])
+    found = fit_track_scale(errors, sums, (), groups=NO_GROUPS, level=0.95)
+    assert found is not None
+    assert found.nu is not None
+    said = " ".join(model_sentences(made(0.3, track_scale=found), "filter"))
+    assert "as of a scale for each track, or of heavy tails in each frame" in said
+
+
 def test_fewer_degrees_of_freedom_than_are_fitted_have_no_interval() -> None:
     found = world(nu=1.0)
     assert found.nu == Interval(value=pytest.approx(LEAST_NU))
     said = " ".join(model_sentences(made(0.3, track_scale=found), "filter"))
-    assert "Student's distribution with at most 2.05 degrees of freedom" in said
+    assert "Student's t with at most 2.05 degrees of freedom" in said
 
 
 def test_a_planted_quality_comes_back_and_another_one_does_not() -> None:
@@ -171,13 +183,16 @@ def test_files_of_the_earlier_format_have_no_scale_of_tracks() -> None:
 
 def test_models_say_what_a_scale_of_each_track_gains() -> None:
     said = " ".join(model_sentences(made(0.3, track_scale=scale(conditions=(TEXTURE,))), "filter"))
-    assert "Student's distribution with 3.00 (2.50 to 4.00) degrees of freedom" in said
+    assert (
+        "Student's t with 3.00 (2.50 to 4.00) degrees of freedom, as of a scale for each track, or of heavy tails in"
+        in said
+    )
     assert (
         "Q 0.0800 px per sqrt(frame); W and Q depend on min_eigenvalue. On what was left out, this gains 1.00" in said
     )
     said = " ".join(model_sentences(made(0.3, track_scale=scale(nu=None)), "filter"))
-    assert "all have one scale: A 0.200 px" in said
-    assert "Student's distribution" not in said
+    assert "tails are Gaussian: A 0.200 px" in said
+    assert "Tails of whole tracks" not in said
     said = " ".join(model_sentences(made(0.3, track_scale=scale(why_refused="scenes do not agree")), "filter"))
     assert "The likelihood of whole tracks is not used: scenes do not agree." in said
 

@@ -33,7 +33,7 @@ def test_few_or_short_tracks_do_not_determine_poses():
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("lifetime", [2, 3, 4])
 def test_windows_of_short_tracks_have_enough_of_them(length, lifetime):
-    found = windows([], speed=1, length=length, lifetimes=np.full(20, lifetime))
+    found = windows([], speed=1, length=length, lifetimes=np.full(20, lifetime)).each
     assert len(found) == len(Motion)
     assert all(determines_poses(window) for window in found)
 

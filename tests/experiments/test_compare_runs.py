@@ -225,7 +225,7 @@ def test_the_sigma_to_set_can_be_better_where_residuals_are_worse(make, tmp_path
         assert (found[name].of.tracker, found[name].n_scenes) == ("lk", 8)
     assert [ESTIMANDS[name].title for name in ("consistent_sigma", "residual_sigma")] == [
         "sigma for depths",
-        "residual sigma",
+        "residual core",
     ]
     outcomes = {row.statistic: row.outcome for row in comparison.gate.rows}
     assert outcomes == {"consistent_sigma": "pass", "residual_sigma": "worse"}

@@ -40,10 +40,9 @@ def test_a_sentence_says_how_many_depths_each_noise_holds() -> None:
     found = headline(shares())
     assert found is not None
     assert text(shares()) == (
-        "95 % depth intervals at speed 1, from untrimmed errors. Windows have 15 frames. lk: with the sigma of "
-        "residuals they hold 62 % (57 to 66) of the true depths. With the sigma for depths they hold 94 % (89 to 98). "
-        "That sigma is 0.200 px. With the covariance of whole tracks they hold 95 % (90 to 99). The noise was "
-        "learned from other "
+        "95 % depth intervals at speed 1, from untrimmed errors. Windows have 15 frames. lk: with the "
+        "residual core they hold 62 % (57 to 66) of the true depths. With the sigma for depths they hold 94 % "
+        "(89 to 98). With the covariance of whole tracks they hold 95 % (90 to 99). The noise was learned from other "
         "scenes than it was tried on. In brackets: 95 % intervals over 8 scenes."
     )
     assert (found.topic, found.figure, found.table) == ("depth", "estimator", "depth_intervals")

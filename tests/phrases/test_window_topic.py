@@ -68,7 +68,7 @@ def test_a_tracker_that_drifts_has_depths_less_certain_than_its_residuals_say() 
         "Noise for the depths of points at speed 1, from untrimmed errors. Windows have 15 frames. lk: depths are "
         "right with"
     )
-    assert "0.200 px (0.170 to 0.230). Residuals will look like 0.040 px. Tuned to them, depths are 5.0 times" in found
+    assert "0.200 px (0.170 to 0.230). The residual core is 0.040 px. Tuned to it, depths are 5.0 times" in found
     assert "5.0 times (4.6 to 5.6) less certain than claimed." in found
     assert found.endswith("In brackets: 95 % intervals over 8 scenes.")
     estimate = headline(windows(DRIFTING)).estimate
@@ -118,7 +118,7 @@ def test_all_trackers_are_described_by_windows_of_one_length() -> None:
 
 def test_without_depth_only_residuals_are_known() -> None:
     rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)})
-    assert "lk: residuals look like 0.040 px (0.035 to 0.045)." in text(rare)
+    assert "lk: the residual core is 0.040 px (0.035 to 0.045)." in text(rare)
     assert "is unknown, because few windows show the depth of a point." in text(rare)
     fitted = ReportedConditions(ReferenceCondition("l"), ("lk",), fitted=True)
     without = windows({"residual_core": DRIFTING["residual_core"], "depth_share": (0.0, 0.0, 0.0)})

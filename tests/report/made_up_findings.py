@@ -240,7 +240,7 @@ def advice(curves: pl.DataFrame) -> pl.DataFrame:
 
 
 def depth_intervals(curves: pl.DataFrame) -> pl.DataFrame:
-    """Intervals that hold too few depths with the sigma of residuals, and the right share with other noise."""
+    """Intervals that hold too few depths with the residual core, and the right share with other noise."""
     held = {"1 px": 1.2, "residual sigma": 0.7, "consistent sigma": 0.98, "whole tracks": 1.0}
     assumed = pl.DataFrame({"covariance": list(held), "sigma_px": [1.0, 0.1, 0.25, None], "share": list(held.values())})
     levels = {"coverage_50": 0.5, "coverage_90": 0.8, "coverage_95": 0.82, "coverage_99": 0.83}

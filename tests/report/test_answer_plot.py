@@ -1,4 +1,4 @@
-"""The picture of the first screen says what residuals look like and what to set, and shows the worst track."""
+"""The picture of the first screen says what innovations look like and what to set, and shows the worst track."""
 
 import re
 
@@ -30,9 +30,9 @@ def to_set(sigma, innovations, *, tracker="oracle", is_bound=False):
 @pytest.mark.parametrize(
     ("one", "title"),
     [
-        (to_set(0.16, 0.069), "Your residuals say 0.069 px. Set 0.160 px."),
-        (to_set(0.16, 0.069, is_bound=True), "Your residuals say 0.069 px. Set 0.160 px, an upper bound."),
-        (to_set(0.5, 0.49), "Your residuals are right: set 0.500 px."),
+        (to_set(0.16, 0.069), "Your innovations say 0.069 px. Set 0.160 px."),
+        (to_set(0.16, 0.069, is_bound=True), "Your innovations say 0.069 px. Set 0.160 px, an upper bound."),
+        (to_set(0.5, 0.49), "Your innovations are right: set 0.500 px."),
     ],
 )
 def test_the_title_is_the_answer(model, one, title):
@@ -44,7 +44,7 @@ def test_it_is_about_the_tracker_that_residuals_mislead_most(model):
     settings = [to_set(0.5, 0.4, tracker="a"), to_set(0.5, 0.1, tracker="b"), to_set(0.5, 0.2, tracker="c")]
     found = answer_plot(dict.fromkeys("abc", model), "filter", settings, NOTHING)
     assert found.subject == "b; windows of 11 frames"
-    assert found.heading.startswith("With b, residuals say")
+    assert found.heading.startswith("With b, innovations say")
     assert [curve.tracker for curve in found.curves] == ["b", "a", "c"]
 
 

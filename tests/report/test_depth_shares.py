@@ -13,7 +13,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
 SENTENCE = (
-    "lucas-kanade: with the sigma of residuals, a 95 % depth interval holds 57 % of true depths; with the sigma for "
+    "lucas-kanade: with the residual core, a 95 % depth interval holds 57 % of true depths; with the sigma for "
     "depths, 80 %."
 )
 
@@ -60,11 +60,11 @@ def test_the_figure_says_what_each_noise_holds(data: ReportData) -> None:
     (figure,) = noise_models.depth_interval_figures(data)
     assert isinstance(figure, Figure)
     assert (
-        "For lucas-kanade, 95 % intervals hold 57 % with the residual sigma, 80 % with the consistent sigma, 82 % with "
+        "For lucas-kanade, 95 % intervals hold 57 % with the residual core, 80 % with the consistent sigma, 82 % with "
         "the covariance of whole tracks." in plain(figure.look_for)
     )
     assert "Windows of 15 observations." in figure.shows
-    assert plain(figure.message).startswith("With the sigma of residuals, 95 % depth intervals of ")
+    assert plain(figure.message).startswith("With the residual core, 95 % depth intervals of ")
     assert plain(figure.message).endswith(" hold 57 %")
 
 

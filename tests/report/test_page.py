@@ -123,7 +123,7 @@ def test_the_picture_to_share_says_what_to_set(fitted_run: RunFolder) -> None:
     image = cv2.imread(str(index.parent / "share.png"))
     assert image.shape == (630, 1200, 3)
     text = index.read_text(encoding="utf-8")
-    (title,) = re.findall(r"<h2>(Your residuals [^<]*)</h2>", text)
+    (title,) = re.findall(r"<h2>(Your innovations [^<]*)</h2>", text)
     settings = json.loads((index.parent / "summary.json").read_text(encoding="utf-8"))["settings"]
     assert any(one["sigma"]["text"] in title for one in settings)
 

@@ -15,7 +15,7 @@ from tracknoise.tables.trust import TruthVerdict
 
 def _table(run: RunFolder) -> list[str]:
     """The lines between the verdict on the truth and what the columns are."""
-    return summary_text(run).split("\n\n", 1)[1].split("core: of")[0].splitlines()
+    return summary_text(run).split("\n\n", 1)[1].split("mean: over")[0].splitlines()
 
 
 def test_the_verdict_on_the_truth_comes_first(make_run: Callable[..., RunFolder]) -> None:
@@ -60,3 +60,14 @@ def test_the_noise_to_set_in_an_estimator_stands_below_the_table(make_run: Calla
     row = {"rank": 1, "topic": "estimator", "text": "Set 0.2 px.", "figure": "findings", "table": "window_sigmas"}
     run.write_statistics({"findings": pl.DataFrame([row], schema=dict(FINDINGS))})
     assert summary_text(run).splitlines()[-1] == "Set 0.2 px."
+
+
+def test_means_are_those_of_the_finding_on_bias(run: RunFolder) -> None:
+    """Scenes weigh equally, however many features they have."""
+    data = ReportData.of(run)
+    means = data.zero_mean.filter(trimming=data.trimming, axis=data.axis.name)
+    shown = data.in_order(data.summary).join(means, on=["tracker", "speed", "at"], how="left", maintain_order="left")
+    assert shown["mean_u_px"].to_list() != shown[f"{data.trimming}_nu_u_px"].to_list()
+    assert [line.split()[5:8] for line in _table(run)[3:]] == [
+        [str(row["at"]), f"{row['mean_u_px']:+.3f}", f"{row['mean_v_px']:+.3f}"] for row in shown.to_dicts()
+    ]

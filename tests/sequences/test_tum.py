@@ -207,6 +207,12 @@ def test_pairs_of_other_images_are_refused(scene):
         open_sequence("tum", scene)
 
 
+def test_pairs_of_images_that_are_not_listed_are_counted(scene):
+    path = write_pairs(scene, {0: 1})
+    path.write_text(f"{path.read_text()}1305031249.0 rgb/other.png 1305031249.0 depth/other.png\n")
+    assert f"{path}: 1 pair of images that rgb.txt does not list, left out" in open_sequence("tum", scene).notes
+
+
 def test_without_depth_there_is_no_truth_at_birth(scene):
     (scene / "depth.txt").unlink()
     read = open_sequence("tum", scene)

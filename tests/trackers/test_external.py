@@ -115,6 +115,7 @@ def test_what_is_not_seen_ends_and_begins_anew(program, started):
         ("write(['1,2'] * 5 + ['here'])", r"found 'here' in output_1.txt:6, expected x,y or 0$"),
         ("write(['1,2'] * 5 + ['nan,3'])", r"found 'nan,3' in output_1.txt:6, expected x,y or 0$"),
         ("write(['1,2'] * 5 + ['1,2,3'])", r"found '1,2,3' in output_1.txt:6, expected x,y or 0$"),
+        ("write(['1,2'] * 5 + ['1e9,3'])", r"found \[1000000000.0, 3.0\] in output_1.txt:6, expected at most"),
         ("Path('output_1.txt').write_bytes(b'\\xff\\xfe')", r"output_1.txt cannot be read \(.*\), expected text$"),
     ],
 )

@@ -52,6 +52,13 @@ def test_next_to_nothing_is_removed_of_white_noise():
         assert left / error == pytest.approx(1.05, abs=0.05)  # a correction adds the noise of its fit
 
 
+def test_independent_noise_has_no_share_on_average():
+    """The halves of the tracks have nothing in common, weights included."""
+    seen = [[observed(EXACT, np.random.default_rng(seed), features=60)] for seed in range(20)]
+    error, _, rigid = np.sum([totals(tables(one, EXACT)["rigid"]) for one in seen], axis=0)
+    assert abs(rigid / error) < 0.002
+
+
 def test_a_jump_of_the_poses_and_lost_tracks_do_no_harm():
     seen = both(noise_px=0.3)
     jumped = EXACT.copy()

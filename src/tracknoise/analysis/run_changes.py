@@ -124,9 +124,8 @@ ESTIMANDS: Mapping[str, Estimand] = {
         "enough scenes of both runs have: geometric mean over scenes.",
     ),
     "residual_sigma": Estimand(
-        "residual sigma",
-        "Residual core of windows of observations, what residuals look like: geometric mean over scenes and lengths of "
-        "windows.",
+        "residual core",
+        "Residual core of windows of observations: geometric mean over scenes and lengths of windows.",
     ),
     "overconfidence": Estimand(
         "overconfidence",

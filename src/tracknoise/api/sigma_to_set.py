@@ -26,8 +26,9 @@ class SigmaToSet:
         Their names.
     sigma_px, low_px, high_px
         Standard deviation of each coordinate, and its interval, px; the bounds are None where unknown.
-    window, makes_right
-        Length of the window that sigma is for, frames, and what it makes right.
+    window, simulated, makes_right
+        Length of the windows that sigma is for, frames; whether they are simulated, because no recording has so many
+        frames that move; and what sigma makes right.
     innovations_px
         What innovations will look like: their standard deviation, px.
     state_sigma_px
@@ -47,6 +48,7 @@ class SigmaToSet:
     low_px: float | None
     high_px: float | None
     window: int
+    simulated: bool
     makes_right: str
     innovations_px: float
     state_sigma_px: float | None
@@ -58,6 +60,7 @@ class SigmaToSet:
 
     def _repr_html_(self) -> str:
         bounds = "" if self.low_px is None else f" ({pixels(self.low_px)} to {pixels(self.high_px)})"
+        simulated = "simulated " if self.simulated else ""
         facts = {
             "sigma": f"{px(self.sigma_px)}{bounds}",
             "innovations look like": px(self.innovations_px),
@@ -65,7 +68,7 @@ class SigmaToSet:
             "gate of tracks": self.track_gate and f"times {number(self.track_gate)}",
             "gate of observations": self.observation_gate and f"times {number(self.observation_gate)}",
             "robust loss": self.kernel and f"{self.kernel}, knee at {number(self.knee)} sigma",
-            "makes right": f"{self.makes_right}, in windows of {self.window} frames",
+            "makes right": f"{self.makes_right}, in {simulated}windows of {self.window} frames",
             "truth": self.caveat,
         }
         return html_card(f"{self.tracker} in {self.estimator}", {name: one for name, one in facts.items() if one})
@@ -121,6 +124,7 @@ def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | Non
         low_px=found.sigma.low,
         high_px=found.sigma.high,
         window=found.window,
+        simulated=found.simulated,
         makes_right=PURPOSES[found.purpose],
         innovations_px=innovations.value,
         state_sigma_px=None if found.state is None else found.state.sigma.value,

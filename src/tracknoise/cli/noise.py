@@ -22,6 +22,7 @@ from tracknoise.cli.shared_options import (
     require_truth,
     write_json,
 )
+from tracknoise.cli.terminal import wrapped
 
 if TYPE_CHECKING:
     from tracknoise.estimators.calibration import Calibration
@@ -68,7 +69,7 @@ def check(
     kind = None if figure is None else _kind(figure)
     require_outputs([("--figure", figure)], inputs=[file, on])
     found = _found(file, on, scene, own, tracker, speed)
-    context.obj.result("\n".join(calibration_sentences(found)))
+    _tell(context, calibration_sentences(found))
     for cells in (calibration_cells(found), reliability_cells(found)):
         context.obj.result("")
         show(context.obj.result, cells)
@@ -270,7 +271,7 @@ def _print(context: typer.Context, found: "NoiseTable") -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report.noise_cells import gain_cells, noise_table_cells, noise_table_sentences
 
-    context.obj.result("\n".join(noise_table_sentences(found)))
+    _tell(context, noise_table_sentences(found))
     for cells in (noise_table_cells(found), gain_cells(found)):
         context.obj.result("")
         show(context.obj.result, cells)
@@ -331,7 +332,7 @@ def fit(
             context.obj.warn(f"{label} at speed {played} has no model: {error}")
             continue
         model.write(path)
-        context.obj.result("\n".join(model_sentences(model, about)))
+        _tell(context, model_sentences(model, about))
         _show(context, model, window)
         context.obj.result(f"written: {path}\n")
     if len(failed) == len(wanted):
@@ -370,7 +371,7 @@ def show_model(
     if header:
         context.obj.result(cpp_header(model))
         return 0
-    context.obj.result("\n".join(model_sentences(model, about)))
+    _tell(context, model_sentences(model, about))
     _show(context, model, window)
     return 0
 
@@ -381,6 +382,11 @@ def _stems(wanted: list[tuple[str, int]]) -> dict[str, str]:
 
     plain = identifiers(sorted({name for name, _ in wanted}))
     return {name: name if re.fullmatch(r"\w[\w .+()-]*", name) else plain[name] for name in plain}
+
+
+def _tell(context: typer.Context, sentences: list[str]) -> None:
+    """Print sentences, each from the beginning of a line."""
+    context.obj.result("\n".join(line for sentence in sentences for line in wrapped(sentence)))
 
 
 def _show(context: typer.Context, model: "NoiseModel", window: int) -> None:

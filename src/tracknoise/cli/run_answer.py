@@ -1,9 +1,8 @@
 """The answer of a run in a few sentences: what to set, which tracker is better, and whether the truth is trusted."""
 
-import textwrap
 from collections.abc import Iterable, Sequence
 
-from tracknoise.cli.terminal import WIDTH
+from tracknoise.cli.terminal import wrapped
 from tracknoise.phrases.factor_topic import changes
 from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.measures import Subject, shown_size
@@ -58,11 +57,6 @@ def _fitting(told: Sequence[Sequence[str]], room: int) -> int:
 
 def _flat(told: Iterable[Iterable[str]]) -> list[str]:
     return [line for lines in told for line in lines]
-
-
-def wrapped(text: str) -> list[str]:
-    """A text as lines of at most `WIDTH` columns; names are not broken."""
-    return textwrap.wrap(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def sentences_to_set(data: ReportData) -> list[str]:

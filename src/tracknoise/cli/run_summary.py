@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
-from tracknoise.cli.run_answer import answer_lines, sentences_to_set, wrapped
-from tracknoise.cli.terminal import Terminal
+from tracknoise.cli.run_answer import answer_lines, sentences_to_set
+from tracknoise.cli.terminal import Terminal, wrapped
 from tracknoise.cli.text_table import aligned, show
 from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.sentences import by_statement, together
@@ -39,7 +39,7 @@ _TRACKS = (
 _FITTED_TOPICS = ("truth", "noise")
 _AT = ("at\n{axis}", "at", "{}")
 _ERRORS = (
-    ("mean {axis}\npx", "nu", "{:+.3f}"),
+    ("mean {axis}\npx", "mean", "{:+.3f}"),
     ("core {axis}\npx", "core", "{:.3f}"),
     ("rms {axis}\n{tracks}", "rms", "{:.3f}"),
 )
@@ -155,7 +155,7 @@ def summary_text(run: RunFolder) -> str:
     If there are too many conditions, only those that the report's figures show have a row.
     """
     data = ReportData.of(run)
-    table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else data.summary))
+    table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else _with_means(data)))
     shown = [*((name, name, "{}") for name in data.condition_columns), *_TRACKS, *_errors(data)]
     headings = [heading.format(axis=data.axis.name).split("\n") for heading, _, _ in shown]
     rows = [[parts[0] if len(parts) > 1 else "" for parts in headings], [parts[-1] for parts in headings]]
@@ -202,6 +202,15 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
     ]
 
 
+def _with_means(data: ReportData) -> pl.DataFrame:
+    """The summary with the mean errors of the finding on bias, in which scenes weigh equally, px."""
+    key = [*POOLED, "at"]
+    means = data.zero_mean.filter(pl.col("at").is_not_null(), trimming=data.trimming, axis=data.axis.name).select(
+        *key, *(pl.col(f"mean_{axis}_px").alias(f"{data.trimming}_mean_{axis}_px") for axis in "uv")
+    )
+    return data.summary.join(means, on=key, how="left", nulls_equal=True, maintain_order="left")
+
+
 def _with_noise(data: ReportData) -> pl.DataFrame:
     """The summary with columns of `_NOISE`: noise of one coordinate of tracks of any length, px."""
     of_all = data.triangulated_noise.filter(
@@ -226,7 +235,7 @@ def _sizes(data: ReportData) -> list[str]:
     if data.truth_is_fitted:
         return []
     kept = "" if data.percentile is None else f", or {rms_of_tracks(Trimming.trimmed)}"
-    return [f"core: of a typical scene. rms: {rms_of_tracks(Trimming.untrimmed)}{kept}."]
+    return [f"mean: over scenes. core: of a typical scene. rms: {rms_of_tracks(Trimming.untrimmed)}{kept}."]
 
 
 def _more_accurate(data: ReportData) -> list[str]:

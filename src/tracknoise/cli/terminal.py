@@ -6,6 +6,7 @@
 
 import os
 import sys
+import textwrap
 from collections.abc import Mapping
 
 from tracknoise.exceptions import TracknoiseError
@@ -72,6 +73,11 @@ class Terminal:
     def _line(self, text: str) -> None:
         sys.stderr.write(f"{printable(text, keep=_LAYOUT)}\n")
         sys.stderr.flush()
+
+
+def wrapped(text: str) -> list[str]:
+    """A text as lines of at most `WIDTH` columns; names are not broken."""
+    return textwrap.wrap(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def listing(descriptions: Mapping[str, str]) -> str:

@@ -160,6 +160,7 @@ class Advice:
     # kernel, knee_px: the robust loss, and its knee in px; None where the estimator has none
     kernel: LossKind | None = None
     knee_px: float | None = None
+    simulated: bool = False  # whether its windows are
     windows: int = 0  # on how many windows of the recordings the loss was tried; 0 where it was not
     gates: Mapping[Gate, float]  # what to multiply a chi-square gate at .95 by, with `sigma`
     state: "Advice | None" = None  # of features in the state, where these have a sigma of their own
@@ -211,6 +212,7 @@ def advise(
         landmark=landmark,
         purpose=purpose,
         window=found.window,
+        simulated=found.simulated,
         sigma=sigma,
         kernel=kernel,
         knee_px=knee_px,

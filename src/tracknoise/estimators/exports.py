@@ -293,7 +293,9 @@ class Estimator:
         """
         wanted = purpose or self.purpose
         if wanted is None:
-            raise SettingsError(f"{self.title} takes the components of a model, expected an estimator with one sigma")
+            name = next(name for name, about in estimators().items() if about.title == self.title)
+            instead = f"`tracknoise noise export MODEL --to {name}`, which writes the components"
+            raise SettingsError(f"{self.title} takes no single sigma, expected {instead}")
         of_purpose = partial(advise, model, landmark=self.landmark, purpose=wanted, kernel=self.kernel, knee=self.knee)
         found = of_purpose(window=self.window if window is None else window, gates=self.gates)
         if self.state_window is None:
@@ -369,7 +371,7 @@ def _plain(name: str) -> str:
 
 
 PURPOSES: Mapping[Purpose, str] = {
-    Purpose.INNOVATIONS: "the size of residuals and innovations",
+    Purpose.INNOVATIONS: "the size of innovations",
     Purpose.ALL_POSES: "the covariance of all poses on average",
     Purpose.NEWEST_POSE: "the covariance of the newest pose",
 }
@@ -420,11 +422,15 @@ def makes_right(noise: Noise) -> str:
 def in_words(advice: Advice, *, is_bound: bool = False) -> str:
     """Write what to set, and what it makes right, in one line. `is_bound`: whether sigma is at most this."""
     most = "at most " if is_bound else ""
-    found = f"{_numbers(advice, most)}: right for {PURPOSES[advice.purpose]}, in windows of {advice.window} frames"
+    found = f"{_numbers(advice, most)}: right for {PURPOSES[advice.purpose]}, in {_windows(advice)}"
     if advice.state is None:
         return found
     state = _numbers(advice.state, most)
-    return f"{found}; features in the state: {state}, in windows of {advice.state.window} frames"
+    return f"{found}; features in the state: {state}, in {_windows(advice.state)}"
+
+
+def _windows(advice: Advice) -> str:
+    return f"{'simulated ' if advice.simulated else ''}windows of {advice.window} frames"
 
 
 def _numbers(advice: Advice, most: str) -> str:
@@ -481,9 +487,11 @@ def of_common(share: Interval | None) -> Iterator[str]:
 
 def _of_advice(advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
+    if advice.simulated:
+        yield f"Windows are simulated: no recording has {advice.window} frames that move."
     if advice.kernel is not None and advice.windows:
         yield (
-            f"Sigma and loss belong together. They were tried on {advice.windows} windows of the recordings, and make "
+            f"Sigma and loss belong together. They were tried on {advice.windows} windows, and make "
             f"{PURPOSES[advice.purpose]} right there. Sigma is larger without the loss."
         )
     elif advice.is_without_trial:

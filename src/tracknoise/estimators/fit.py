@@ -26,7 +26,7 @@ The mean of e' p is not changed by noise that is independent from track to track
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,12 +38,11 @@ from tracknoise.analysis.truth_shares import audited_mean
 from tracknoise.estimators.components import FittedComponents, fit_components, group_numbers, matrix, sums_of_units
 from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
 from tracknoise.estimators.kernels import LENGTH, tried_kernels
-from tracknoise.estimators.linear_window import LinearTracks
 from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Kernel, Landmark, Purpose, Tails, Training
 from tracknoise.estimators.run_time_conditions import conditions_of
 from tracknoise.estimators.track_noise import TrackNoise, error_covariances
 from tracknoise.estimators.track_scale import fit_track_scale
-from tracknoise.estimators.training import Recording, TrainingTables, recorded_camera, windows
+from tracknoise.estimators.training import Recording, TrainingTables, Windows, recorded_camera, windows
 from tracknoise.inference.conventions import LEVEL, IntervalKind
 from tracknoise.inference.densities import Student, fit_student, moments, terms
 from tracknoise.inference.intervals import Method, pooled
@@ -341,34 +340,30 @@ def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequ
     return _equivalents(read, fitted, _windows(read, lengths))
 
 
-Window = Sequence[LinearTracks]
-
-
-def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, list[Window]]:
+def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, Windows]:
     """Windows of the sequences of the tables, by length."""
     lifetimes, recordings = lengths_of_tracks(read["ends"], longest=max(*LENGTHS, *lengths)), _recordings(read)
     return {length: windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes) for length in lengths}
 
 
 def _equivalents(
-    read: TrainingTables, fitted: FittedComponents, by_length: Mapping[int, Sequence[Window]]
+    read: TrainingTables, fitted: FittedComponents, by_length: Mapping[int, Windows]
 ) -> tuple[Equivalent, ...]:
     noise = fitted.noise.per_frames(read.speed)
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length, some in by_length.items():
-        limits = gates(read["window_noise"], length, limit_px=limit_px, window=some[0], noise=noise)
-        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
+        limits = gates(read["window_noise"], length, limit_px=limit_px, window=some.each[0], noise=noise)
+        made = equivalents(fitted, some.each, length=length, speed=read.speed, gates=limits)
+        found.extend(replace(one, simulated=some.simulated) for one in made)
     return tuple(found)
 
 
-def _kernels(
-    read: TrainingTables, some: Sequence[Window], sigmas: Sequence[Equivalent], level: float
-) -> tuple[Kernel, ...]:
+def _kernels(read: TrainingTables, some: Windows, sigmas: Sequence[Equivalent], level: float) -> tuple[Kernel, ...]:
     """Robust losses tried on the sampled tracks of a run; none at other speeds than the lowest, which has no sample."""
     of_window = {one.purpose: one for one in sigmas if one.landmark is Landmark.FREE and one.window == LENGTH}
     return tried_kernels(
         read["noise_tracks"],
-        some,
+        some.each,
         innovations=of_window[Purpose.INNOVATIONS],
         newest=of_window[Purpose.NEWEST_POSE],
         every=of_window[Purpose.ALL_POSES],

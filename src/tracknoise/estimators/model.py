@@ -136,6 +136,8 @@ class Equivalent:
     gate_95, gate_99, gate_80
         What to multiply a chi-square gate at .95, .99 or .80 by, so that it lets through that share of good tracks at
         true poses. That of .80 is missing in files of earlier versions.
+    simulated
+        Whether the windows are simulated, sideways and forward: no recording has so many frames that move.
     """
 
     landmark: Landmark
@@ -145,6 +147,7 @@ class Equivalent:
     gate_95: float
     gate_99: float
     gate_80: float | None = None
+    simulated: bool = False
 
 
 class LossKind(StrEnum):
@@ -334,7 +337,8 @@ class TrackScale:
 
     The covariance of a track is S / g, with a gamma variable g of mean 1 and shape nu / 2: its errors together have
     Student's distribution. S is made of `first`, `white` and `walk` as covariances of second moments are. It describes
-    the bulk of the tracks. The second moment is S nu / (nu - 2), which the worst tracks decide.
+    the bulk of the tracks. The second moment is S nu / (nu - 2), which the worst tracks decide. It is better than a
+    Gaussian for heavy tails in each frame, too: this does not show that scales are of tracks.
 
     Parameters
     ----------

@@ -150,12 +150,16 @@ def advice_table(models: RunModels, name: str, window: int | None, condition: Ma
             "purpose": found.purpose,
             "kernel": found.kernel,
             "window": found.window,
+            "why": _SIMULATED if found.simulated else None,
         }
         rows += [
             {**about, "quantity": quantity, "value": one.value, "low": one.low, "high": one.high}
             for quantity, one in numbers.items()
         ]
     return pl.DataFrame(rows, schema=dict(ADVICE))
+
+
+_SIMULATED = "no recording has so many frames that move"
 
 
 def run_models(run: RunFolder) -> RunModels:

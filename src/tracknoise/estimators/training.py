@@ -347,18 +347,25 @@ class Recording:
     sights: NDArray[np.float64]  # (n, 3) float64: u, v (px) and depth (m) of points at first sight
 
 
-def windows(
-    recordings: Sequence[Recording], *, speed: int, length: int, lifetimes: NDArray[np.int64]
-) -> list[Sequence[LinearTracks]]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Windows:
+    """Windows of one length, and whether they are simulated."""
+
+    each: Sequence[Sequence[LinearTracks]]
+    simulated: bool
+
+
+def windows(recordings: Sequence[Recording], *, speed: int, length: int, lifetimes: NDArray[np.int64]) -> Windows:
     """Windows of so many frames, one of each recording that is long enough and moves.
 
-    If there is none, a window of sideways and one of forward motion.
+    If there is none, a simulated window of sideways and one of forward motion.
     """
     found = [*_measured(recordings, speed, length, lifetimes)]
     if found:
-        return found
+        return Windows(found, simulated=False)
     poses = [trajectory(motion, length) for motion in Motion]
-    return [window for each in poses if (window := _linear(CAMERA, each, lifetimes, None))]
+    made = [window for each in poses if (window := _linear(CAMERA, each, lifetimes, None))]
+    return Windows(made, simulated=True)
 
 
 def _measured(

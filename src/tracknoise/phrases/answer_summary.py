@@ -99,7 +99,7 @@ class Card:
     measures
         Error, bias, tails, growth, outlier ratio and median lifetime, as far as they were measured.
     sigma
-        The sentence for estimators: what to set, and what residuals look like. Empty where it is unknown.
+        The sentence for estimators: what to set, and what innovations look like. Empty where it is unknown.
     """
 
     tracker: str
@@ -125,7 +125,7 @@ class NoiseToSet:
     limit
         What belongs to sigma: a factor on chi-square gates, or a robust loss with its knee. Empty where there is none.
     innovations
-        What innovations and residuals look like, px.
+        What innovations look like, px.
     """
 
     tracker: str

@@ -7,7 +7,7 @@ from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunT
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.words import SPACE, format_as, px
+from tracknoise.words import SPACE, format_as
 
 _CLAIMED = 0.95
 """Share of the true depths that the intervals claim to hold."""
@@ -49,11 +49,10 @@ def _depths_of(own: pl.DataFrame, tracker: str) -> Part | None:
         return None
     rows = {row["covariance"]: row for row in own.to_dicts()}
     found = {name: Estimate.of_row(row, "value", "low", "high", "share") for name, row in rows.items()}
-    sentences = [f"{tracker}: with the sigma of residuals they hold {_share(found[_RESIDUAL])} of the true depths."]
+    sentences = [f"{tracker}: with the residual core they hold {_share(found[_RESIDUAL])} of the true depths."]
     if _CONSISTENT in found:
         held = found[_CONSISTENT]
         sentences.append(f"With the sigma for depths they hold {_share(held)}.")
-        sentences.append(f"That sigma is {px(rows[_CONSISTENT]['sigma_px'])}.")
         sentences += [f"They are still too narrow for 95{SPACE}%."] if held.below(_CLAIMED) else []
     if _WHOLE in found:
         sentences.append(f"With the covariance of whole tracks they hold {_share(found[_WHOLE])}.")
@@ -84,13 +83,13 @@ def depth_shares(data: RunData) -> pl.DataFrame:
 
 
 def depth_sentence(data: RunData, tracker: str) -> str:
-    """What 95 % intervals of depths hold with the sigma of residuals and with the consistent one; empty if unknown."""
+    """What 95 % intervals of depths hold with the residual core and with the consistent sigma; empty if unknown."""
     rows = depth_shares(data).filter(tracker=tracker, at=95)
     held = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
     if not {"residual sigma", "consistent sigma"} <= set(held):
         return ""
     residual, consistent = held["residual sigma"], held["consistent sigma"]
     return (
-        f"{tracker}: with the sigma of residuals, a 95{SPACE}% depth interval holds {residual} of true depths; with "
+        f"{tracker}: with the residual core, a 95{SPACE}% depth interval holds {residual} of true depths; with "
         f"the sigma for depths, {consistent}."
     )

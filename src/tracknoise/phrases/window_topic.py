@@ -41,11 +41,15 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
         conditions.trackers,
         lambda tracker: _advised(conditions.of(rows, tracker), tables["trust"], tracker),
         opening=f"Noise to set in {estimator(first['estimator']).title}, {where}.",
-        closing=f"Sigma makes {PURPOSES[Purpose(first['purpose'])]} right.{_between_scenes(rows)}",
+        closing=f"Sigma makes {PURPOSES[Purpose(first['purpose'])]} right.{_simulated(first)}{_between_scenes(rows)}",
         topic="estimator",
         figure="estimator",
         table="advice",
     )
+
+
+def _simulated(row: Mapping[str, Any]) -> str:
+    return "" if row["why"] is None else f" Windows are simulated: {row['why']}."
 
 
 def _between_scenes(rows: pl.DataFrame) -> str:
@@ -175,7 +179,7 @@ def _with_depth(found: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
         found[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
     )
     caveat = _caveat(consistent.value, trust, tracker)
-    residuals = f"Residuals will look like {px(residual.value)}. {_certainty(factor)}."
+    residuals = f"The residual core is {px(residual.value)}. {_certainty(factor)}."
     most = _most(caveat)
     text = joined([f"{tracker}: depths are right with {most}{format_estimate(consistent)}.", caveat, residuals])
     brief = f"{tracker}: depths are right with {most}{short(consistent)}."
@@ -208,20 +212,20 @@ def _certainty(factor: Estimate) -> str:
     """How uncertain depths are beside what an estimator claims that is tuned to its residuals."""
     text = format_as(factor, lambda value: "unknown" if value is None else ratio(value), unit=f"{SPACE}times")
     if factor.above(1 / _ALIKE) and factor.below(_ALIKE):
-        return f"Tuned to them, depths are as certain as claimed: the uncertainty is {text} the claimed one"
+        return f"Tuned to it, depths are as certain as claimed: the uncertainty is {text} the claimed one"
     if factor.above(1.0) or (factor.low is None and (factor.value or 0.0) > 1.0):
-        return f"Tuned to them, depths are {text} less certain than claimed"
-    return f"Tuned to them, the uncertainty of depths is {text} the claimed one"
+        return f"Tuned to it, depths are {text} less certain than claimed"
+    return f"Tuned to it, the uncertainty of depths is {text} the claimed one"
 
 
 def _without_depth(found: Quantities, tracker: str, conditions: ReportedConditions) -> Part:
     residual = found["residual_core"]
     why = "true positions are fitted to the tracks" if conditions.fitted else "few windows show the depth of a point"
     text = (
-        f"{tracker}: residuals look like {format_estimate(residual)}. Whether this makes depths as certain as claimed "
+        f"{tracker}: the residual core is {format_estimate(residual)}. Whether this makes depths as certain as claimed "
         f"is unknown, because {why}."
     )
-    brief = f"Residuals in windows of tracks look like {short(residual)}; how certain depths are is unknown."
+    brief = f"The residual core in windows of tracks is {short(residual)}; how certain depths are is unknown."
     return Part(text, [residual], brief)
 
 
@@ -272,13 +276,13 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
 
 
 def sigma_message(data: RunData) -> str:
-    """Sigma for depths over that of residuals, of the tracker that these mislead most; empty if none is shown to."""
+    """Sigma for depths over the residual core, of the tracker that this misleads most; empty if none is shown to."""
     rows = [_at_window(data, tracker).get("core_overconfidence") for tracker in data.trackers]
     shown = [row for row in rows if row is not None and row["low"] is not None and row["low"] > 1.0]
     if not shown:
         return ""
     row = max(shown, key=lambda one: one["low"])
-    times = f"{ratio(row['value'])} times what residuals of {row['tracker']} look like"
+    times = f"{ratio(row['value'])} times the residual core of {row['tracker']}"
     return f"In windows of {row['window']} frames, depths need {times}"
 
 
@@ -289,10 +293,10 @@ def _certain(found: dict[str, dict[str, Any]]) -> str:
         return ""
     size = f"{number(row['value'])} times ({number(row['low'])} to {number(row['high'])})"
     if row["low"] > 1.0:
-        return f"Tuned to residuals, an estimator claims too certain depths, by {size}."
+        return f"Tuned to the residual core, an estimator claims too certain depths, by {size}."
     if row["high"] < 1.0:
-        return f"Tuned to residuals, an estimator claims too uncertain depths, by {size}."
-    return f"Tuning to residuals is not shown to be wrong: the uncertainty of depths is {size} the claimed one."
+        return f"Tuned to the residual core, an estimator claims too uncertain depths, by {size}."
+    return f"Tuning to the residual core is not shown to be wrong: the uncertainty of depths is {size} the claimed one."
 
 
 def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:

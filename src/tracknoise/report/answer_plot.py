@@ -1,4 +1,4 @@
-"""The picture of the first screen, and ``share.png``: what residuals say, what to set, and the worst track.
+"""The picture of the first screen, and ``share.png``: what innovations say, what to set, and the worst track.
 
 Sigma is that of the noise model, by the number of frames in a window of the estimator: what to set, and what
 innovations look like. Below are frames of the track with the largest error: a cross marks
@@ -37,7 +37,7 @@ _LABEL_GAP = 14.0
 _LONGEST_NAME = 14
 """Characters of a name beside a line."""
 _ALIKE = 1.1
-"""Sigma and residuals that differ by less than this factor are alike."""
+"""Sigma and innovations that differ by less than this factor are alike."""
 _PAGE = {"ink": "var(--ink)", "quiet": "var(--quiet)", "line": "var(--grid)"}
 _PAPER = {"ink": style.INK, "quiet": style.QUIET, "line": style.FAINT}
 
@@ -93,9 +93,9 @@ class AnswerPlot:
     Attributes
     ----------
     title
-        What residuals say, and what to set.
+        What innovations say, and what to set.
     windows
-        In what residuals and sigma are compared: ``windows of 11 frames``.
+        In what innovations and sigma are compared: ``windows of 11 frames``.
     curves
         Of some trackers, that of the title first.
     strip
@@ -111,7 +111,7 @@ class AnswerPlot:
     def label(self) -> str:
         """What is drawn, in a sentence."""
         return (
-            f"{self.title} Sigma to set (solid) and what residuals look like (dashed), by frames in a window, for "
+            f"{self.title} Sigma to set (solid) and what innovations look like (dashed), by frames in a window, for "
             f"{', '.join(curve.tracker for curve in self.curves)}."
         )
 
@@ -136,7 +136,7 @@ class AnswerPlot:
         """What stands under the heading: the windows, and what the lines are where their ends have names."""
         if len(self.curves) < 2:
             return f"{self.subject}."
-        return f"{sentence_case(self.windows)}. Solid: set; dashed: residuals."
+        return f"{sentence_case(self.windows)}. Solid: set; dashed: innovations."
 
     def frames(self) -> Markup:
         """The strip, as a part of a page; empty where there is none."""
@@ -172,11 +172,11 @@ def answer_plot(
 
 
 def _title(one: NoiseToSet) -> str:
-    sigma, residuals = one.sigma.value or 0.0, one.innovations.value or 0.0
+    sigma, innovations = one.sigma.value or 0.0, one.innovations.value or 0.0
     to_set = f"{px(sigma)}{', an upper bound' if one.is_bound else ''}"
-    if _alike(sigma, residuals):
-        return f"Your residuals are right: set {to_set}."
-    return f"Your residuals say {px(residuals)}. Set {to_set}."
+    if _alike(sigma, innovations):
+        return f"Your innovations are right: set {to_set}."
+    return f"Your innovations say {px(innovations)}. Set {to_set}."
 
 
 def _alike(one: float, other: float) -> bool:
@@ -310,7 +310,7 @@ def _apart(places: Sequence[tuple[float, int]]) -> list[int]:
 
 
 def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
-    """Solid: what to set; dashed: what residuals look like."""
+    """Solid: what to set; dashed: what innovations look like."""
     line = Markup(
         '<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2.2" stroke-linejoin="round"{dash}/>'
     )
@@ -332,7 +332,7 @@ def _ends(curve: Curve, every: Sequence[Curve]) -> Iterator[tuple[str, float]]:
     elif _alike(to_set, innovations):
         yield "both alike", to_set
     else:
-        yield from (("set", to_set), ("residuals", innovations))
+        yield from (("set", to_set), ("innovations", innovations))
 
 
 def _dot(x: float, y: float, colour: str) -> Markup:
@@ -407,7 +407,7 @@ def png(shown: AnswerPlot, summary: Summary) -> bytes:
         (48, 84, 48, 700, shown.title),
         (48, 126, 24, 400, shown.subject),
         (860, 380, 20, 400, "solid: sigma to set"),
-        (860, 410, 20, 400, "dashed: what residuals say"),
+        (860, 410, 20, 400, "dashed: what innovations say"),
         *([] if shown.strip is None else [(48, 594, 18, 400, shown.strip.caption)]),
         (860, 594, 18, 400, f"tracknoise: {summary.experiment}"),
     ]

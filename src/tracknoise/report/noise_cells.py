@@ -79,19 +79,23 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
             _LANDMARKS[one.landmark],
             _PURPOSES[one.purpose],
             *interval_cells(one.sigma),
+            DASH if one.gate_80 is None else number(one.gate_80),
             number(one.gate_95),
             number(one.gate_99),
         ]
         for one in some
     ]
-    headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .95", "gate .99"]
-    caption = f"One sigma for all observations, windows of {lengths[0] if lengths else window} frames"
-    return Cells(caption, headings, rows, (False, False, True, True, True, True, True))
+    headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .80", "gate .95", "gate .99"]
+    simulated = "simulated " if any(one.simulated for one in some) else ""
+    caption = f"One sigma for all observations, {simulated}windows of {lengths[0] if lengths else window} frames"
+    return Cells(caption, headings, rows, (False, False, *[True] * 6))
 
 
 def _advice(model: NoiseModel, name: str) -> list[str]:
-    """What to set, and what residuals will look like."""
+    """What to set, and what innovations will look like."""
     about = estimator(name)
+    if about.purpose is None:
+        return [f"{about.title} takes the components, which `tracknoise noise export` writes."]
     try:
         found = about.advise(model)
     except SettingsError as error:
@@ -142,10 +146,10 @@ def _track_scale(model: NoiseModel) -> list[str]:
     qualities = " and ".join(one.of for one in scale.conditions)
     by_quality = f"; W and Q depend on {qualities}" if qualities else ""
     if scale.nu is None:
-        return [f"By the likelihood of whole tracks, all have one scale: {parts}{by_quality}. {gain}"]
+        return [f"By the likelihood of whole tracks, tails are Gaussian: {parts}{by_quality}. {gain}"]
     return [
-        f"Each track has a scale of its own: whole tracks have Student's distribution with {_freedom(scale.nu)} "
-        f"degrees of freedom. The bulk has {parts}{by_quality}. {gain}"
+        f"Tails of whole tracks are those of Student's t with {_freedom(scale.nu)} degrees of freedom, as of a scale "
+        f"for each track, or of heavy tails in each frame. The bulk has {parts}{by_quality}. {gain}"
     ]
 
 

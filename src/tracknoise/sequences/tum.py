@@ -539,7 +539,9 @@ def _stated_depths(images: FileList, pairs: Pairs) -> tuple[tuple[Path | None, .
         raise DataError(pairs.path, "no pair of an image of the recording", f"images that {COLOUR} lists")
     paths = tuple(None if depth is None else depth[1] for depth in stated)
     note = f"the depth of an image is the one that {pairs.path} names: {_apart(np.array(apart_s))}"
-    return paths, (note, *depth_notes(paths))
+    unlisted = len(pairs.depths) - len(apart_s)
+    left_out = f"{pairs.path}: {counted(unlisted, 'pair')} of images that {COLOUR} does not list, left out"
+    return paths, (note, *((left_out,) if unlisted else ()), *depth_notes(paths))
 
 
 def _apart(apart_s: NDArray[np.float64]) -> str:

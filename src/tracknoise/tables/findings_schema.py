@@ -171,12 +171,13 @@ ADVICE: Schema = {
     "value": pl.Float64,
     "low": pl.Float64,
     "high": pl.Float64,
+    "why": pl.String,
 }
 """What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
 
 estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma, state_sigma (of
 features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
-are factors on chi-square quantiles at .95.
+are factors on chi-square quantiles at .95. why says why windows are simulated; it is null where they are not.
 """
 
 NOISE_LOOKUP: Schema = {

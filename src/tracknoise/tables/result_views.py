@@ -611,7 +611,7 @@ def _advice() -> View:
         "observation_gate": ("gate_to_set", {"against": "observation"}),
         "innovations": ("sigma_of_innovations", {}),
     }
-    values = _by_quantity(names, _same("low", "high"), axis="window", against=None)
+    values = _by_quantity(names, _same("low", "high", "why"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
     sort = [*_CONDITION, "estimator", "window", "quantity"]
     keys = {**_CONDITION, "at": "window"}

@@ -22,7 +22,7 @@ from tracknoise.foreign_files import absolute, read_bytes
 from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.imported import ImportedTracker
-from tracknoise.trackers.imported_rows import Tracks
+from tracknoise.trackers.imported_rows import Tracks, are_far, expected_near
 from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.spacing import places_in
 from tracknoise.trackers.tracker import Frame, SequenceContext
@@ -104,7 +104,7 @@ class External:
             offset, uv, response = folder.written(context.images(), self)
             if len(offset):
                 _run(self, folder.path)
-            tracks = folder.read(offset, uv, response, context.speed)
+            tracks = folder.read(offset, uv, response, context)
         return ImportedTracker(tracks, refine=self.refine)
 
 
@@ -136,9 +136,14 @@ class _Folder:
         return offset, uv, response
 
     def read(
-        self, offset: NDArray[np.int64], uv: NDArray[np.float64], response: NDArray[np.float32], speed: int
+        self,
+        offset: NDArray[np.int64],
+        uv: NDArray[np.float64],
+        response: NDArray[np.float32],
+        context: SequenceContext,
     ) -> Tracks:
         """What the command wrote about all queries, in frames of the nominal sequence."""
+        speed = context.speed
         parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
         for number, (first, position) in enumerate(zip(offset.tolist(), uv, strict=True), 1):
             seen = self._output(number)
@@ -151,6 +156,9 @@ class _Folder:
             np.concatenate([empty, *(part[place] for part in parts)])
             for place, empty in enumerate((nothing, nothing, np.empty((0, 2))))
         )
+        for row in np.flatnonzero(are_far(at, context.size))[:1]:
+            place = f"output_{track[row] + 1}.txt:{frame[row] // speed + 1}"
+            raise TrackerError(f"external: found {at[row].tolist()} in {place}, expected {expected_near(context.size)}")
         order = np.lexsort((track, frame))
         first_row = frame == offset[track] * speed
         responses = np.where(first_row, response[track], np.float32(np.nan)).astype(np.float32)

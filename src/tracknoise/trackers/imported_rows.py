@@ -48,7 +48,8 @@ class Rows:
     def place(self, row: int) -> str:
         """Where a row is, for an error."""
         if self.line is None:
-            return str(self.path)
+            frame = "" if self.frame is None else f", frame {self.frame[row]}"
+            return f"{self.path}: track {self.track[row]}{frame}"
         return f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
 
     def chosen(self, kept: NDArray[np.intp], frame: NDArray[np.intp], uv: NDArray[np.float64]) -> "Rows":
@@ -65,11 +66,11 @@ class Rows:
         )
 
     def refuse(self, bad: NDArray[np.bool_], name: str, values: NDArray[np.generic], expected: str) -> None:
-        """Raise an error that shows the first bad value."""
+        """Raise an error that shows the first bad value; values (n,) or (n, k)."""
         rows = np.flatnonzero(bad)
         if len(rows):
             row = int(rows[0])
-            raise DataError(self.place(row), f"{name} {values[row].item()!r}", expected)
+            raise DataError(self.place(row), f"{name} {values[row].tolist()!r}", expected)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +176,8 @@ def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> Non
         found = (
             f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
         )
-        raise DataError(rows.path, found, "u to the right and v down: the columns are swapped")
+        expected = "u to the right and v down: the columns are swapped, or width and height of the camera"
+        raise DataError(rows.path, found, expected)
     if stated == 0:
         found = f"no position inside images of {image[0]} x {image[1]} px"
         raise DataError(
@@ -197,6 +199,17 @@ def _are_normalised(uv: NDArray[np.float64], image: tuple[int, int]) -> bool:
 def inside(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
     """Whether positions (n, 2) lie in an image of (width, height) px; NaN does not."""
     return np.asarray(((uv >= -0.5) & (uv <= np.array(image) - 0.5)).all(axis=1))
+
+
+def are_far(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
+    """Whether positions (n, 2) are farther from an image of (width, height) px than its diagonal; NaN is not."""
+    last = np.array(image) - 0.5
+    return np.asarray(np.linalg.norm(uv - np.clip(uv, -0.5, last), axis=1) > np.hypot(*image))
+
+
+def expected_near(image: tuple[int, int]) -> str:
+    """What is expected of a position that `are_far` refuses."""
+    return f"at most {np.hypot(*image):.0f} px, the diagonal, from the image of {image[0]} x {image[1]} px"
 
 
 _INSIDE_IF_PIXELS, _NORMALISED_INSIDE_IF_SWAPPED, _NORMALISED_INSIDE_AS_STATED = 0.9, 0.99, 0.9
@@ -340,15 +353,28 @@ def _require_any(rows: Rows, used: NDArray[np.intp], frames_s: NDArray[np.float6
     if len(used):
         return
     time_s = _times(rows)
-    offset_s = float(frames_s[0] - time_s.min())
-    advice = (
-        "if the clocks differ, set time_offset_s, which is added: "
-        f"{offset_s:.9f} would put the first row into the first frame"
-        if abs(offset_s) <= LARGEST_OFFSET_S
-        else "these are no seconds: divide nanoseconds by 1e9"
-    )
-    expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; {advice}"
+    expected = f"times of the frames, from {frames_s[0]:.9g} to {frames_s[-1]:.9g} s; {_time_advice(time_s, frames_s)}"
     raise DataError(rows.path, f"times from {time_s.min():.9g} to {time_s.max():.9g} s", expected)
+
+
+def _time_advice(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str:
+    if (unit := _likely_unit(time_s, frames_s)) is not None:
+        return f"these look like {unit}"
+    offset_s = float(frames_s[0] - time_s.min())
+    if abs(offset_s) > LARGEST_OFFSET_S:
+        return "these are no seconds: divide nanoseconds by 1e9"
+    advice = "if the clocks differ, set time_offset_s, which is added"
+    return f"{advice}: {offset_s:.9f} would put the first row into the first frame"
+
+
+_SIZES_S: Mapping[float, str] = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds", 1e3: "microseconds"}
+"""Units that are taken for seconds, by their size; and one that whole numbers of many digits hide as nanoseconds."""
+
+
+def _likely_unit(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str | None:
+    """The unit in which times would last about as long as the frames; None where that is seconds, or no unit."""
+    ratio = np.ptp(time_s) / max(np.ptp(frames_s), 1e-9)
+    return next((unit for size, unit in _SIZES_S.items() if 0.5 <= ratio * size <= 2.0), None)
 
 
 def _require_one_row_each_time(
@@ -385,8 +411,10 @@ class Assignment:
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
         """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
         self.raster.check(rows, context)
+        _require_covariances(rows)
         framed, left_out = self._framed(rows, context)
         framed, unseen = self._in_pixels(framed, context)
+        _require_near(framed, context.size)
         frame, uv, quality = _frames(framed), framed.uv, framed.quality
         _require_steps(framed, frame, context.speed)
         order = np.lexsort([framed.track, frame])
@@ -480,6 +508,22 @@ def _require_steps(rows: Rows, frame: NDArray[np.int64], speed: int) -> None:
         raise DataError(rows.path, found, expected)
 
 
+def _require_near(rows: Rows, image: tuple[int, int]) -> None:
+    """Refuse positions that no feature has: one of them would decide every second moment."""
+    rows.refuse(are_far(rows.uv, image), "position", rows.uv, f"{expected_near(image)}; leave out what was not seen")
+
+
+def _require_covariances(rows: Rows) -> None:
+    for names in covariances(rows.quality):
+        uu, uv, vv = entries = np.array([rows.quality[name] for name in names], dtype=np.float64)
+        impossible = (uu < 0.0) | (vv < 0.0) | (uv * uv > _LARGEST_SQUARED_CORRELATION * uu * vv)
+        rows.refuse(impossible, ", ".join(names), entries.T, "no negative eigenvalue; NaN where there is no covariance")
+
+
+_LARGEST_SQUARED_CORRELATION = 1.01
+"""Above 1, for entries that were rounded when they were written."""
+
+
 def _require_one_row_each_frame(rows: Rows, frame: NDArray[np.int64], order: NDArray[np.intp]) -> None:
     again = (np.diff(frame[order]) == 0) & (np.diff(rows.track[order]) == 0)
     twice = np.zeros(len(order), dtype=np.bool_)
@@ -496,9 +540,10 @@ def _notes(rows: Rows, tracks: Tracks, left_out: int, context: SequenceContext, 
     outside = share_outside(tracks.uv, context.size)
     if outside >= NOTED_OUTSIDE:
         yield f"{outside:.1%} of imported positions are outside the image"
-    if left_out:
-        share = left_out / len(rows.track)
-        yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out"
+    if left_out and context.timestamps_s is not None:
+        share, unit = left_out / len(rows.track), _likely_unit(_times(in_seconds(rows, 0.0)), context.timestamps_s)
+        looks = "" if unit is None else f"; their times look like {unit}"
+        yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out{looks}"
     if len(tracks.track) > 1 and len(np.unique(tracks.track)) == len(tracks.track):
         yield "each imported track has one row alone, so that no error is seen: does its column name tracks, or rows?"
     if counted and tracks.frame.min() == 1:

@@ -190,7 +190,7 @@ class _Observed:
         text = _stripped(column)
         cast = _whole(text) if kind is pl.Int64 else text.cast(kind, strict=False)
         bad = cast.is_null() if kind is pl.Int64 else ~cast.is_finite().fill_null(value=False)
-        self.refuse((bad & column.is_not_null()).to_numpy() if optional else bad.to_numpy(), name, _expected(kind))
+        self.refuse((bad & ~_is_empty(column) if optional else bad).to_numpy(), name, _expected(kind))
         return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
 
     def refuse(self, bad: NDArray[np.bool_], name: str, expected: str) -> None:

@@ -21,8 +21,8 @@ The equations (rigid) of one pair of frames add up to the 6 x 6 matrix S = sum w
 normal equations of all frames are a Laplacian with these matrices as weights, whose band is as wide as the distance of
 the frames. A weak prior, `PRIOR`, fixes the motion that all frames share, and any that the tracks do not determine.
 
-Weights are those of a Cauchy distribution, whose scale is the median residual at the same number of steps. They come
-from all tracks; the two halves are then fitted alone, with the same weights.
+Weights are those of a Cauchy distribution, whose scale is the median residual at the same number of steps. Each half of
+the tracks is fitted alone, with weights from its own residuals: weights from all tracks would make the halves alike.
 
 How the error of the relative pose of two frames grows with their distance, as the tracks measure it.
 
@@ -501,13 +501,13 @@ class PoseWitness:
     def of(
         cls, labels: pl.DataFrame, rows: RigidRows, axes: NDArray[np.float64], *, is_witness: bool = True
     ) -> "PoseWitness":
-        """Weigh the equations of a tracker, with all of its tracks, and add up those of each half."""
-        equations = rows.chosen(rows.again >= 0)
-        weight = robust_weights(equations, axes)
-        halves = [
-            normal_equations(equations.chosen(held), weight[held], axes) for held in (~equations.half, equations.half)
-        ]
-        return cls(labels, is_witness, rows, (halves[0], halves[1]))
+        """Weigh and add up the equations of each half of a tracker's tracks."""
+        first, second = (_half(rows.chosen((rows.again >= 0) & (rows.half == half)), axes) for half in (False, True))
+        return cls(labels, is_witness, rows, (first, second))
+
+
+def _half(equations: RigidRows, axes: NDArray[np.float64]) -> Normal:
+    return normal_equations(equations, robust_weights(equations, axes), axes)
 
 
 def rigid_tables(

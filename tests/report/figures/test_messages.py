@@ -123,7 +123,7 @@ def test_the_sigma_to_set_is_stated_only_where_residuals_are_shown_to_mislead(da
     row = data.nominal(data.window_sigmas).filter(quantity="core_overconfidence", window=15, tracker=data.trackers[0])
     times = ratio(row["value"][0])
     text = message(noise_models.window_sigma_figures(with_low(1.01)), "window-sigmas")
-    assert text == f"In windows of 15 frames, depths need {times} times what residuals of {data.trackers[0]} look like"
+    assert text == f"In windows of 15 frames, depths need {times} times the residual core of {data.trackers[0]}"
     for low in (0.99, None):
         assert message(noise_models.window_sigma_figures(with_low(low)), "window-sigmas") == ""
 

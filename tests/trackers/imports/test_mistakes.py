@@ -70,7 +70,7 @@ def test_tracks_of_resized_images_are_scaled(tmp_path):
 
 def test_swapped_columns_are_named(tmp_path):
     rows = table().rename({"u_px": "v_px", "v_px": "u_px"})
-    with pytest.raises(DataError, match=r"\d\d% of positions inside .*: the columns are swapped$"):
+    with pytest.raises(DataError, match=r"\d\d% of positions inside .*: the columns are swapped, or width and height"):
         start(tmp_path, rows)
 
 
@@ -84,6 +84,25 @@ def test_positions_that_are_all_outside_the_image_are_refused(tmp_path):
     rows = table().with_columns(pl.col("u_px", "v_px") + 400.0)
     with pytest.raises(DataError, match=r"no position inside images of 320 x 240 px, .* raster = \[width, height\]"):
         start(tmp_path, rows)
+
+
+@pytest.mark.parametrize("u", [1e9, -420.0])
+def test_a_position_that_no_feature_has_is_refused_with_its_row(u, tmp_path):
+    rows = table(30).with_columns(u_px=pl.when(pl.int_range(pl.len()) == 7).then(u).otherwise("u_px"))
+    with pytest.raises(DataError, match=r"tracks.csv:9: position \[.*\], expected at most 400 px, the diagonal, from"):
+        start(tmp_path, rows)
+
+
+@pytest.mark.parametrize(("uu", "uv"), [(-1.0, 0.0), (1.0, 2.0)])
+def test_covariances_with_negative_eigenvalues_are_refused(uu, uv, tmp_path):
+    rows = table().with_columns(cov_uu=pl.lit(uu), cov_uv=pl.lit(uv), cov_vv=pl.lit(1.0))
+    with pytest.raises(DataError, match=rf"csv:2: cov_uu, cov_uv, cov_vv \[{uu}, {uv}, 1.0\], expected no neg"):
+        start(tmp_path, rows)
+
+
+def test_where_there_is_no_covariance_a_cell_can_be_nan(tmp_path):
+    rows = table().with_columns(cov_uu=pl.lit(np.nan), cov_uv=pl.lit(0.0), cov_vv=pl.lit(1.0))
+    assert np.isnan(start(tmp_path, rows).step(Frame(0, np.zeros(SIZE[::-1], np.uint8))).quality["cov_uu"]).all()
 
 
 def test_frames_that_are_skipped_are_named_unless_the_speed_is_theirs(tmp_path):
@@ -124,6 +143,23 @@ def test_times_belong_to_the_nearest_frame_and_far_ones_are_left_out_and_counted
     np.testing.assert_array_equal(positions(tracker, 4), table().filter(frame=4)[["u_px", "v_px"]].to_numpy())
     (note,) = start(tmp_path, timed(0.2), context(times=TIMES)).notes
     assert note == "20.0% of imported rows are too far in time from every frame, and were left out"
+
+
+@pytest.mark.parametrize(("per_s", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_times_in_another_unit_are_named(per_s, unit, tmp_path):
+    rows = timed().with_columns(pl.col("time_s") * per_s)
+    with pytest.raises(DataError, match=rf"times of the frames, from 100 to 100.9 s; these look like {unit}$"):
+        start(tmp_path, rows, context(times=TIMES))
+    since_start = rows.with_columns(pl.col("time_s") - 100.0 * per_s)
+    assert f"left out; their times look like {unit}" in " ".join(
+        start(tmp_path, since_start, context(times=TIMES - 100.0)).notes
+    )
+
+
+def test_microseconds_that_look_like_nanoseconds_are_named(tmp_path):
+    rows = table().with_columns(timestamp=1_700_000_000_000_000 + 100_000 * pl.col("frame")).drop("frame")
+    with pytest.raises(DataError, match=r"these look like microseconds$"):
+        start(tmp_path, rows, context(times=1.7e9 + 0.1 * np.arange(N_FRAMES)))
 
 
 def test_of_several_rows_near_a_frame_the_nearest_counts(tmp_path):

@@ -191,10 +191,10 @@ def _points(table: pl.DataFrame, ends: pl.Series) -> alt.Chart:
 
 
 _WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE = "window-sigmas", "Noise for the depths of points, by length of the window"
-_LINES = {"consistent_sigma": "for depths", "residual_core": "what residuals look like"}
+_LINES = {"consistent_sigma": "for depths", "residual_core": "residual core"}
 _WINDOW_SIGMA_COLOURS = dict(zip(_LINES.values(), style.PALETTE[:2], strict=True))
 _WINDOW_SIGMA_ADVICE = (
-    "Where the two lines differ, depths need the upper one: residuals alone look too small where errors of one track "
+    "Where the two lines differ, depths need the upper one: residuals are too small where errors of one track "
     "are alike from frame to frame. If the lines were flat and equal, errors would be independent in every frame."
 )
 
@@ -212,7 +212,7 @@ def window_sigma_figures(data: ReportData) -> Sequence[Figure | Absence]:
     shows = (
         f"Standard deviation of one coordinate at speed {data.slowest}{data.where}, by the number of observations in a "
         "window. The first line is the sigma for which depths of points are as certain as an estimator claims. The "
-        f"second is what its residuals look like, without the tails. {describe_bounds(table, of='the lines')}"
+        f"second is the residual core. {describe_bounds(table, of='the lines')}"
     )
     look_for = " ".join(
         [*filter(None, (estimator_sentence(data, tracker) for tracker in present)), _WINDOW_SIGMA_ADVICE]
@@ -247,8 +247,9 @@ def _window_sigma_panel(table: pl.DataFrame, tracker: str) -> Panel:
 
 
 _DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE = "depth-intervals", "Depths that claimed intervals hold"
+_RESIDUAL = "residual core"
 _DEPTH_INTERVAL_COLOURS = dict(
-    zip(("residual sigma", "consistent sigma", "whole tracks", "1 px"), style.PALETTE[:4], strict=True)
+    zip((_RESIDUAL, "consistent sigma", "whole tracks", "1 px"), style.PALETTE[:4], strict=True)
 )
 _WHY = (
     "It takes true depths, tracks of at least five observations, and two scenes or more. Noise is tried on scenes that "
@@ -262,6 +263,7 @@ def depth_interval_figures(data: ReportData) -> Sequence[Figure | Absence]:
     if rows.is_empty():
         return [Absence(_DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE, _WHY)]
     table = rows.rename({"value": "u", "low": "u_low", "high": "u_high"})
+    table = table.with_columns(pl.col("covariance").replace("residual sigma", _RESIDUAL))
     present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
     shows = (
         f"Share of windows whose true depth is inside the claimed interval, by the level of the interval, at speed "
@@ -284,11 +286,11 @@ def depth_interval_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _depth_interval_message(table: pl.DataFrame) -> str:
     """The tracker whose residuals mislead most; empty where none is shown to mislead."""
-    few = table.filter(pl.col("u_high") < 95.0, covariance="residual sigma", at=95).sort("u")
+    few = table.filter(pl.col("u_high") < 95.0, covariance=_RESIDUAL, at=95).sort("u")
     if few.is_empty():
         return ""
     tracker, share = few.select("tracker", "u").row(0)
-    return f"With the sigma of residuals, 95{SPACE}% depth intervals of {tracker} hold {share:.0f}{SPACE}%"
+    return f"With the residual core, 95{SPACE}% depth intervals of {tracker} hold {share:.0f}{SPACE}%"
 
 
 def _windows(table: pl.DataFrame, trackers: Sequence[str]) -> str:
@@ -307,7 +309,7 @@ def _advice(table: pl.DataFrame, trackers: Sequence[str]) -> str:
         stated = [
             f"{held[name]} with the {name}"
             for name in _DEPTH_INTERVAL_COLOURS
-            if name in held and name.endswith("sigma")
+            if name in held and name in (_RESIDUAL, "consistent sigma")
         ]
         stated += [f"{held['whole tracks']} with the covariance of whole tracks"] if "whole tracks" in held else []
         sentences.append(f"For {tracker}, 95{SPACE}% intervals hold {', '.join(stated)}.")

@@ -115,11 +115,11 @@ async function showSettings(name, ofExperiment) {
     row.innerHTML = firstRows.get(row.dataset.set);
     const [, sigma, limit, innovations] = row.cells;
     if (name !== ofExperiment) {
-      const [value, interval, more, residuals] = found?.set ?? ["", "", found?.why ? "no export" : "no single sigma", ""];
+      const [value, interval, more, expected] = found?.set ?? ["", "", found?.why ? "no export" : "no single sigma", ""];
       const most = row.querySelector(".most");
       sigma.replaceChildren(written("b", value), " ", most && found?.set ? most : written("span", most ? "" : interval, "ends"));
       limit.textContent = more;
-      innovations.textContent = residuals;
+      innovations.textContent = expected;
     }
     const copies = row.querySelector("[data-copy]");
     if (copies) {

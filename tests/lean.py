@@ -9,10 +9,12 @@ import polars as pl
 import pytest
 
 from tracknoise.estimators.run_models import RunModels, fitted_models
-from tracknoise.experiments import execute, run_findings
+from tracknoise.experiments import execute, run_findings, task
+from tracknoise.experiments.geometry_tables import camera_tables
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS
 from tracknoise.tables.schema import empty
-from tracknoise.tables.store import RunFolder
+from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.truth_faults.audit_tables import not_audited
 
 replace_results = execute._replace_results
@@ -91,6 +93,21 @@ def without_depths() -> Iterator[None]:
     """Findings are made as if no tracker had tracks for the intervals of depths, which take a third of their time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_findings, "depth_intervals", lambda *_: empty(DEPTH_INTERVALS))
+        yield
+
+
+_OF_POSES = ("audit_samples", "image_map", "rigid", "pose_growth", "window_noise", "window_blocks")
+
+
+@contextmanager
+def without_geometry() -> Iterator[None]:
+    """Sequences have no tables for which errors are compared with poses: a third of what it takes to measure one."""
+
+    def tables(_: object, sequence: Sequence, __: object, n_frames: int, ___: object) -> dict[str, pl.DataFrame]:
+        return camera_tables(sequence, n_frames) | {name: empty(SEQUENCE_TABLES[name]) for name in _OF_POSES}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(task, "geometry_tables", tables)
         yield
 
 

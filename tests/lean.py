@@ -113,8 +113,9 @@ def without_geometry() -> Iterator[None]:
 
 @contextmanager
 def without_figure_files() -> Iterator[None]:
-    """Reports are pages alone."""
+    """Reports are pages alone, with the figures of one family."""
     page = import_module("tracknoise.report.page")  # of which most tests have no need
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "FAMILIES", [family for family in page.FAMILIES if family.id == "feature-counts"])
         patch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
         yield

@@ -9,7 +9,6 @@ import altair as alt
 import jsonschema
 import pytest
 import vl_convert as vlc
-from altair.utils.schemapi import debug_mode
 from tests.report.synthetic import DEGENERATE
 
 from tracknoise.report.figure_files import render, specification
@@ -61,8 +60,7 @@ def made(request: pytest.FixtureRequest, make_run: Callable[..., RunFolder]) -> 
     """What the families that are affected make of a world."""
     data = ReportData.of(make_run(**WORLDS[request.param]))
     chosen = AFFECTED.get(request.param, [family.id for family in FAMILIES])
-    with debug_mode(False):  # parts of every family are checked where they are small
-        return [item for family in FAMILIES if family.id in chosen for item in family.figures(data)]
+    return [item for family in FAMILIES if family.id in chosen for item in family.figures(data)]
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 from tests.estimators.conftest import TEXT, Silent
-from tests.lean import without_audit, without_depths
 
 import tracknoise as tn
 from tracknoise.experiments.execute import execute
@@ -35,8 +34,7 @@ def claimed(planted_run: Path, made_once: Callable[[str, Callable[[Path], object
         text = TEXT.format(name="claimed", speeds=[1], option="").replace('kind = "oracle"', 'kind = "imported"')
         text = re.sub("\noptions = .*", '\noptions = { path = "{scene}.csv" }', text)
         (path / "x.toml").write_text(text)
-        with without_audit(), without_depths():
-            execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
+        execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
 
     return RunFolder(made_once("claimed-covariances", measure) / "run")
 

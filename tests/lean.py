@@ -4,15 +4,20 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from typing import Any
 
 import polars as pl
 import pytest
 
 from tracknoise.estimators.run_models import RunModels, fitted_models
-from tracknoise.experiments import execute, run_findings, run_statistics
+from tracknoise.experiments import execute, run_findings, run_statistics, task
+from tracknoise.experiments.geometry_tables import camera_tables
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.summarise import statistics_of
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS
 from tracknoise.tables.schema import empty
-from tracknoise.tables.store import RunFolder
+from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.truth_faults.audit_tables import tables_of
 
 
@@ -93,10 +98,39 @@ def without_depths() -> Iterator[None]:
         yield
 
 
+_OF_POSES = ("audit_samples", "image_map", "rigid", "pose_growth", "window_noise", "window_blocks")
+_OF_PLACES = ("aspects", "aspect_blocks", "fitted_noise", "surroundings", "image_speeds", "between_trackers")
+
+
+@contextmanager
+def without_geometry() -> Iterator[None]:
+    """Sequences have the statistics of their errors, and not where errors lie and how they agree with the poses.
+
+    That is half of what it takes to measure one.
+    """
+
+    def of_poses(_: object, sequence: Sequence, __: object, n_frames: int, ___: object) -> dict[str, pl.DataFrame]:
+        return camera_tables(sequence, n_frames) | _empty(_OF_POSES)
+
+    def of_errors(prepared: PreparedSequence, names: list[str], **options: Any) -> dict[str, pl.DataFrame]:
+        few = [name for name in names if name not in _OF_PLACES]
+        return statistics_of(prepared, few, **options) | _empty(_OF_PLACES)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(task, "geometry_tables", of_poses)
+        patch.setattr(task, "statistics_of", of_errors)
+        yield
+
+
+def _empty(names: tuple[str, ...]) -> dict[str, pl.DataFrame]:
+    return {name: empty(SEQUENCE_TABLES[name]) for name in names}
+
+
 @contextmanager
 def without_figure_files() -> Iterator[None]:
-    """Reports are pages alone."""
+    """Reports are pages alone, with the figures of one family."""
     page = import_module("tracknoise.report.page")  # of which most tests have no need
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "FAMILIES", [family for family in page.FAMILIES if family.id == "feature-counts"])
         patch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
         yield

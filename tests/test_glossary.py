@@ -4,17 +4,18 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 import typer
-from tests.report import synthetic
+from tests.report.runs import make_run
 
 from tracknoise.cli.commands import app
 from tracknoise.report.page import write_report
 
+__all__ = ["make_run"]
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "tracknoise"
 GLOSSARY = ROOT / "docs" / "glossary.md"
@@ -28,7 +29,11 @@ class Rule:
     phrase: str
     instead: str
 
-    @property
+    @cached_property
+    def first(self) -> str:
+        return self.phrase.split()[0].lower()
+
+    @cached_property
     def pattern(self) -> re.Pattern[str]:
         words = r"\s+".join(map(re.escape, self.phrase.split()))
         return re.compile(rf"(?<![\w-]){words}(?![\w-])", re.IGNORECASE)
@@ -56,7 +61,7 @@ WORDS, NAMES = table("Words"), {rule.phrase: rule.instead for rule in table("Nam
 def violations(text: Text, rules: list[Rule] = WORDS) -> Iterator[str]:
     """One message for each phrase to avoid that occurs in a text."""
     lower = text.content.lower()
-    for rule in (rule for rule in rules if rule.phrase.split()[0].lower() in lower):
+    for rule in (rule for rule in rules if rule.first in lower):
         for found in rule.pattern.finditer(text.content):
             line = text.line + text.content.count("\n", 0, found.start())
             yield f"{text.place}:{line}: {' '.join(found[0].split())!r}; write: {rule.instead}"
@@ -174,10 +179,8 @@ class Prose(HTMLParser):
             self.parts.append(data)
 
 
-def test_a_report(tmp_path):
-    small = {"scenes": ("one", "two"), "n_frames": 14, "born": 20, "min_features": 20}
-    run = synthetic.write_run(tmp_path / "run", synthetic.World(**{**synthetic.SMALL, **small}))
-    page = write_report(run, figure_formats=())
+def test_a_report(make_run):
+    page = write_report(make_run(), figure_formats=())
     prose = Prose()
     prose.feed(page.read_text())
     assert "error" in " ".join(prose.parts)

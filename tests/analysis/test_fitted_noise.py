@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from benchmarks.validity.triangulated import make_tracks, sideways
-from tests.lean import without_audit
+from tests.lean import without_audit, without_depths
 
 import tracknoise
 from tracknoise.sequences.recorded import RecordedSequence
@@ -48,7 +48,7 @@ def run(tmp_path_factory):
         sequence = sequence_of(f"scene-{number}")
         tracker = tracknoise.Imported(path=track_file(folder / f"{number}.parquet", sequence, number))
         measured.append(tracknoise.measure(sequence, tracker))
-    with without_audit():
+    with without_audit(), without_depths():
         return tracknoise.analyse(measured)
 
 

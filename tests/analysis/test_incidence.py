@@ -93,7 +93,7 @@ def test_bands_hold_the_true_incidence_of_scenes_that_differ() -> None:
     stays = (1 - outlier) * (1 - masked)
     # Of ends by two independent causes in the same frame, the first named counts.
     expected = np.mean(outlier * (1 - stays**6) / (1 - stays))
-    for _ in range(120):
+    for _ in range(60):
         hazards = 0.06 * np.exp(0.4 * rng.normal(size=8))
         parts = [lived(rng, f"s{i}", hazards={"outlier": hazard, "masked": masked}) for i, hazard in enumerate(hazards)]
         row = incidence_table(count_ends(pl.concat(parts))).row(

@@ -4,7 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from tests.lean import without_audit
+from tests.lean import without_audit, without_depths, without_figure_files, without_geometry
 
 import tracknoise as tn
 from tracknoise.cli.app import main
@@ -45,7 +45,7 @@ def run(tmp_path_factory):
         "--quiet",
         "--no-report",
     ]
-    with without_audit(), pytest.raises(SystemExit) as ended:
+    with without_audit(), without_depths(), without_geometry(), pytest.raises(SystemExit) as ended:
         main(command)
     assert not ended.value.code
     return folder / "run"
@@ -65,6 +65,7 @@ def test_metrics_are_means_over_sequences_with_intervals(run):
 
 
 def test_the_report_shows_them_where_they_were_asked_for(run):
-    page = write_report(RunFolder(run), figure_formats=()).read_text()
+    with without_figure_files():
+        page = write_report(RunFolder(run)).read_text()
     assert "Metrics of TAP-Vid (query mode first)" in page
     assert (run / "report" / "tables" / "point-tracking-metrics.csv").exists()

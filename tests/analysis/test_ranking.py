@@ -69,10 +69,10 @@ def test_few_scenes_rank_nothing() -> None:
 
 
 def test_trackers_that_are_alike_are_rarely_said_to_differ() -> None:
-    """Of 60 tournaments of five equal trackers, at most one in twenty may rank any of them."""
+    """Of 20 tournaments of five equal trackers, at most one may rank any of them."""
     alike = dict.fromkeys("abcde", 1.0)
-    wrong = sum(set(ranks(alike, own=0.2, scenes=8, seed=seed).values()) != {(1, 5)} for seed in range(60))
-    assert wrong <= 3
+    wrong = sum(set(ranks(alike, own=0.2, scenes=8, seed=seed).values()) != {(1, 5)} for seed in range(20))
+    assert wrong <= 1
 
 
 def test_the_lowest_speed_is_ranked() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.analysis.test_dependence import asked, moments
-from tests.lean import without_audit, without_depths
+from tests.lean import without_audit, without_depths, without_geometry
 
 from tracknoise.analysis.factor_values import OptionFactor, option_factors
 from tracknoise.experiments.execute import execute
@@ -149,7 +149,7 @@ class Silent:
 
 def test_a_run_compares_detectors_and_descriptors(tmp_path: Path) -> None:
     run = RunFolder(tmp_path / "run")
-    with without_audit(), without_depths():
+    with without_audit(), without_depths(), without_geometry():
         execute(parse_experiment(TEXT, place="detectors"), run, listener=Silent())
     dependence = run.statistics("dependence")
     found = dependence.filter(statistic="Phi").select(

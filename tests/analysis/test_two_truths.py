@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.lean import without_audit
+from tests.lean import without_audit, without_depths, without_geometry
 
 import tracknoise
 from tracknoise.sequences.other_poses import OtherPoses
@@ -38,7 +38,8 @@ def measured(number: int) -> tracknoise.Measurement:
 
 @pytest.fixture(scope="module", autouse=True)
 def unaudited():
-    with without_audit():
+    """Runs have neither an audit nor tables by which errors are compared with the first poses alone."""
+    with without_audit(), without_depths(), without_geometry():
         yield
 
 

@@ -1,15 +1,13 @@
 """``tracknoise replicate``, as a user types it, on experiments cut down to be quick."""
 
 import re
-from functools import partial
 
 import pytest
-from tests.lean import without_audit, without_depths
+from tests.lean import without_audit, without_depths, without_figure_files, without_geometry
 
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.settings import ViewSettings
 from tracknoise.paper import variants
-from tracknoise.report import page
 
 
 @pytest.fixture
@@ -25,8 +23,7 @@ def small(monkeypatch):
         )
 
     monkeypatch.setattr(variants, "load_experiment", load)
-    monkeypatch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
-    with without_audit(), without_depths():
+    with without_audit(), without_depths(), without_geometry(), without_figure_files():
         yield
 
 

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from tests.lean import without_audit, without_depths, without_figure_files
+from tests.lean import without_audit, without_depths, without_figure_files, without_geometry
 
 from tracknoise.experiments.entrants import entrants, step_costs
 from tracknoise.experiments.load import load_experiment
@@ -34,7 +34,7 @@ def experiment(tmp_path):
 @pytest.fixture
 def quick():
     """Runs of which a test looks at the report alone, whether it is there."""
-    with without_audit(), without_depths(), without_figure_files():
+    with without_audit(), without_depths(), without_figure_files(), without_geometry():
         yield
 
 

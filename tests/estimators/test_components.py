@@ -80,10 +80,10 @@ def test_combinations_have_the_interval_of_what_they_are_made_of() -> None:
 
 
 def test_intervals_of_a_walk_alone_contain_it_in_most_seeds() -> None:
-    seeds = range(60)
+    seeds = range(40)
     found = [fit_components(units(seed, scenes=8, n_tracks=60, walk=0.1), level=0.95).components for seed in seeds]
     contained = [one["walk"].sigma.low <= 0.1 <= one["walk"].sigma.high for one in found]
-    assert 54 <= sum(contained) <= 60  # 95 % of 60 seeds are 57
+    assert 36 <= sum(contained) <= 40  # 95 % of 40 seeds are 38
 
 
 @pytest.mark.parametrize(("seed", "kept"), [(3, True), (9, False)])

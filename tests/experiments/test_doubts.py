@@ -22,7 +22,8 @@ KINDS = {"lucas-kanade": "lucas-kanade", "correspondence": "correspondence"}
 SEEN_IN_THE_ERRORS_OF_ALL = ("ray depth", "one frame late")
 """Mistakes that move points by less than the noise of a track in the slow world. The audit of the run names them."""
 SEEN_IN_SLOW_TRACKS = ("inverted", "ned", "wxyz read as xyzw", "poses in mm", "half the size", "two frames late")
-"""One of each kind; the others are planted in a real recording. `tests/truth_faults/test_mistakes.py` plants all."""
+SEEN_IN_A_RECORDING = ("opengl", "depth in mm", "ray depth", "twice the size")
+"""One of each kind. `tests/truth_faults/test_mistakes.py` plants all."""
 FEW_FRAMES = 12
 """Recordings are cut to this length."""
 
@@ -113,7 +114,7 @@ def test_poses_of_the_wrong_frame_are_named_in_a_slow_recording(name, slow):
     assert any(words in sentence for sentence in sentences(found)), found
 
 
-@pytest.mark.parametrize("name", [name for name in MISTAKES if name not in SEEN_IN_SLOW_TRACKS])
+@pytest.mark.parametrize("name", SEEN_IN_A_RECORDING)
 def test_a_mistake_in_a_real_recording_is_named(name, sample):
     plant, _, words = MISTAKES[name]
     found = doubts(measured(plant(open_sequence("tartanair", sample("tartanair_v2"))), most=24), KINDS)
@@ -126,13 +127,16 @@ def recorded(sample, slow):
 
 
 @pytest.mark.parametrize("name", ["tartanair_v1", "sevenscenes", "kitti"])
-def test_the_errors_of_all_tracks_say_nothing_about_real_recordings_that_are_right(name, recorded):
-    assert what_a_run_says(measure(recorded(name), LucasKanade(), max_frames=FEW_FRAMES)) == []
-
-
-@pytest.mark.parametrize("name", ["tartanair_v1", "tartanair_v2", "sevenscenes", "kitti"])
 def test_nothing_is_said_about_recordings_that_are_right(name, recorded):
-    assert doubts(measure(recorded(name), [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES), KINDS) == Doubts()
+    """Neither by single tracks, nor by the errors of all of them."""
+    found = measure(recorded(name), LucasKanade(), max_frames=FEW_FRAMES)
+    assert doubts(found, KINDS) == Doubts()
+    assert what_a_run_says(found) == []
+
+
+def test_nothing_is_said_where_two_trackers_see_a_recording_that_is_right(recorded):
+    found = measure(recorded("tartanair_v2"), [LucasKanade(), Correspondence()], max_frames=FEW_FRAMES)
+    assert doubts(found, KINDS) == Doubts()
 
 
 def test_small_errors_of_poses_on_a_straight_path_without_depth_are_no_mistake(sample):
@@ -149,7 +153,7 @@ def test_errors_of_a_few_poses_are_no_mistake(reader, name, first, count, sample
     assert not any("It looks as if" in sentence for sentence in sentences(found)), found
 
 
-@pytest.mark.parametrize("motion", ["sideways", "fixating", "forward", "arvr"])
+@pytest.mark.parametrize("motion", ["sideways", "fixating", "forward"])
 def test_nothing_is_said_about_simulated_motions(motion):
     made = open_sequence("simulated", motions=(motion,), frames=FEW_FRAMES, width=240, height=180, supersampling=1)
     assert doubts(measured(made), KINDS) == Doubts()

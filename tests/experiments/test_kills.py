@@ -7,19 +7,21 @@ import json
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import pytest
-from tests.lean import with_models
+from tests.lean import with_findings, with_models
 
 from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.execute import execute
+from tracknoise.experiments.load import load_experiment
 from tracknoise.tables.store import RunFolder
 
 KILLER = '''
 """Run an experiment in new folders, killed before its first change on disk, before the ..., until it gets through."""
 import os, shutil, signal, sys
 from pathlib import Path
-from tracknoise.exceptions import SettingsError
+from tracknoise.experiments import execute as execution
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.tables.store import RunFolder
@@ -48,6 +50,8 @@ def in_child(run, before):
 
 experiment, folder, there = load_experiment(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
 step, fresh = int(sys.argv[4]), there.exists()
+if sys.argv[5] == "unfound":
+    execution.compute_findings = lambda run, _, statistics, **others: run.write_statistics(statistics)
 before = 1
 while True:
     run = RunFolder(folder / f"before-{before:03d}")
@@ -63,17 +67,20 @@ while True:
 '''
 
 
-@pytest.mark.usefixtures("found")
-@pytest.mark.parametrize(("over", "scenes", "step"), [("nothing", 2, 225), ("another run", 1, 150)])
+@pytest.mark.parametrize(
+    ("over", "scenes", "step", "kind"), [("nothing", 2, 150, "unfound"), ("another run", 1, 225, "found")]
+)
 def test_killed_before_any_change_on_disk_and_started_again(
-    over, scenes, step, finished, shared_file, tmp_path, told, files
+    over, scenes, step, kind, shared_file, tmp_path, told, files
 ):
-    experiment, whole, there = finished(scenes)[0], RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "there")
-    with with_models():  # as in the processes that are killed
+    """Once without findings, which are written to one folder with the statistics, and once with all that a run has."""
+    file, whole, there = shared_file(scenes), RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "there")
+    experiment = load_experiment(file)
+    with with_findings() if kind == "found" else nullcontext(), with_models():  # as in the processes that are killed
         execute(experiment, whole, listener=told())
     if over == "another run":
         execute(experiment.with_limits(scenes=None, frames=3), there, listener=told())
-    command = [sys.executable, "-c", KILLER, shared_file(scenes), tmp_path / "killed", there.path, str(step)]
+    command = [sys.executable, "-c", KILLER, file, tmp_path / "killed", there.path, str(step), kind]
     ended = subprocess.run(command, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
     runs = [RunFolder(folder) for folder in sorted((tmp_path / "killed").iterdir())]

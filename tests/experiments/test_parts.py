@@ -145,7 +145,7 @@ def test_survival_is_that_of_one_piece_as_far_as_parts_show_it(recording, joined
     from tests.experiments.conftest import Told
 
     whole = RunFolder(tmp_path / "whole")
-    execute(in_parts(recording, frames=100), whole, listener=Told())
+    execute(quickly(recording).model_copy(update={"part_frames": 100}), whole, listener=Told())
     assert not whole.manifest().sequences[KEY].parts
     in_pieces, in_one = (lifetimes(run.sequence_table("tracks", KEY)) for run in (joined, whole))
     both = in_pieces.join(in_one, on=["tracker", "speed", "lifetime"]).filter(tracker="oracle", speed=1)

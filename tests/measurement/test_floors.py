@@ -23,7 +23,7 @@ def world():
 
 @pytest.fixture(scope="module")
 def tracks(world):
-    return exact_tracks(world, per_frame=16)
+    return exact_tracks(world, per_frame=6)
 
 
 @pytest.mark.parametrize("name", [name for name in FAULTS if "small" not in name])

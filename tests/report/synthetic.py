@@ -96,6 +96,7 @@ DEGENERATE: dict[str, dict[str, object]] = {
         "born": 4,
         "min_features": 2,
         "lightings": tuple(f"LR{i}" for i in range(41)),
+        "alike": True,
     },
     "odd names": {"trackers": ('<b>"&\\_%', "$%_<b>"), "scenes": ("a/b c", "<i>"), "speeds": (1,), "n_frames": 8},
 }
@@ -141,6 +142,8 @@ class World:
     """Which experiment of the paper it repeats."""
     patches: bool = False
     """Whether the run has patches of tracks, grey ones."""
+    alike: bool = False
+    """Whether all lightings of a view have the errors of the first, which are quicker to copy than to sum up."""
     told: bool = True
     """Whether findings are put into sentences: a quarter of what it takes to write a run."""
 
@@ -151,16 +154,26 @@ def write_run(path: Path, world: World, *, seed: int = 0) -> RunFolder:
     manifest = Manifest("hash", {"tracknoise": "0.1.0", "python": "3.11"}, {"system": "Linux", "cores": "2"}, seed)
     run.create(_toml(world), manifest)
     rng = np.random.default_rng(seed)
+    first: dict[tuple[Any, ...], dict[str, pl.DataFrame]] = {}
     for scene, lighting, (rotation, direction) in product(world.scenes, world.lightings, world.views):
         origin = [world.dataset, scene, lighting, rotation, direction, ""]
         entry = _entry(origin, world)
-        tables = _sequence(rng, origin, world)
+        view = (scene, rotation, direction)
+        if world.alike and view in first:
+            tables = {name: _lit(table, lighting) for name, table in first[view].items()}
+        else:
+            tables = first[view] = _sequence(rng, origin, world)
         kept = [name for name in tables if name not in OBSERVED or world.keep == "observations"]
         hashes = run.write_sequence(entry.key, {name: tables[name] for name in kept}, _png(world))
         manifest.sequences[entry.key] = replace(entry, sha256=hashes)
     run.write_manifest(manifest)
     _write_statistics(run, world)
     return run
+
+
+def _lit(table: pl.DataFrame, lighting: str) -> pl.DataFrame:
+    """The same under another lighting."""
+    return table.with_columns(pl.lit(lighting).alias("lighting")) if "lighting" in table.columns else table
 
 
 def _toml(world: World) -> str:

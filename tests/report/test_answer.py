@@ -11,6 +11,7 @@ from types import ModuleType
 import jsonschema
 import polars as pl
 import pytest
+from tests.lean import without_figure_files
 from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 from tests.report.test_truth_section import with_floor
@@ -489,7 +490,8 @@ def test_the_file_keeps_to_its_schema(data: ReportData, run: RunFolder) -> None:
     jsonschema.validate(document, summary_schema())
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({**document, "cards": [{"tracker": 1}]}, summary_schema())
-    written = write_report(run, figure_formats=()).parent / "summary.json"
+    with without_figure_files():
+        written = write_report(run).parent / "summary.json"
     assert json.loads(written.read_text(encoding="utf-8")) == document
 
 
@@ -555,7 +557,8 @@ def test_drawings_say_what_they_show(data: ReportData) -> None:
 
 
 def test_odd_names_are_escaped_in_drawings(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:
-    found = write_report(make_run(**synthetic.DEGENERATE["odd names"]), figure_formats=()).read_text(encoding="utf-8")
+    with without_figure_files():
+        found = write_report(make_run(**synthetic.DEGENERATE["odd names"])).read_text(encoding="utf-8")
     first = found.split('<section id="everything">')[0].split("<main>")[1]
     assert "&lt;b&gt;" in first
     assert "<b>&#34;" not in first

@@ -1,7 +1,7 @@
 """What the findings and the report say about trackers that do not report outliers and causes of ends."""
 
 import pytest
-from tests.lean import without_audit
+from tests.lean import without_audit, without_depths
 
 import tracknoise as tn
 from tracknoise.report import measured
@@ -18,7 +18,7 @@ def analysed(request) -> tuple[tn.Run, bool]:
     columns = tn.measure(sequence, native).observations.select("track", "frame", "u_px", "v_px")
     mine = tn.Imported.from_arrays(*columns)
     trackers = {"flow": native, "mine": mine} if request.param else {"mine": mine}
-    with without_audit():
+    with without_audit(), without_depths():
         return tn.analyse(tn.measure(sequence, trackers), min_features=5), request.param
 
 

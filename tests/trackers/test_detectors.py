@@ -77,7 +77,9 @@ def test_tiny_images_do_not_fail(shape, detector, descriptor):
 @pytest.mark.parametrize(("detector", "descriptor"), PAIRS)
 def test_matches_of_every_descriptor_follow_the_image(sideways, detector, descriptor):
     detection = Detection(detector=detector, **FEW.get(detector, {}))
-    before, after = (describe(Frame(frame.index, frame.image), detection, descriptor) for frame in sideways[:2])
+    before, after = (
+        describe(Frame(frame.index, frame.image[:180, :240].copy()), detection, descriptor) for frame in sideways[:2]
+    )
     assert (np.diff(before.response) <= 0).all()
     matches = mutual_nearest(before.descriptors, after.descriptors)
     moved = after.uv[matches.train_rows] - before.uv[matches.query_rows]

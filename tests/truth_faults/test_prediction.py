@@ -36,8 +36,11 @@ def samples(world: World = SMALL, seed: int = 0) -> AuditSamples:
     return make_samples(np.random.default_rng(seed), world, np.zeros(COUNT))
 
 
-@pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: f"{type(camera).__name__}-{len(str(camera))}")
-@pytest.mark.parametrize("readout", [0.0, 0.7, -0.5])
+@pytest.mark.parametrize(
+    ("camera", "readout"),
+    [*((camera, 0.7) for camera in CAMERAS), (CAMERAS[1], 0.0), (CAMERAS[1], -0.5)],
+    ids=lambda one: str(one) if isinstance(one, float) else f"{type(one).__name__}-{len(str(one))}",
+)
 def test_derivatives_are_those_of_differences(camera, readout) -> None:
     some = samples(replace(SMALL, camera=camera, readout=readout))
     theta = np.random.default_rng(1).normal(size=COUNT) * STEP

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 import pytest
-from tests.lean import without_audit, without_depths
+from tests.lean import without_audit, without_depths, without_geometry
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.validation import exact_worlds, scene_pools
@@ -36,7 +36,7 @@ def clean(tmp_path_factory) -> pl.DataFrame:
         patch.setattr(scene_pools, "N_FRAMES", 17)
         patch.setattr(scene_pools, "N_TURNED", 1)
         patch.setattr(selfcheck, "_PARTS", {name: selfcheck._PARTS[name] for name in ("pool", "factors")})
-        with without_audit(), without_depths():  # no check is about them
+        with without_audit(), without_depths(), without_geometry():  # no check is about them
             return pl.concat([exact_part, self_test(folder / "pools", scenes=LEAST_SCENES, seed=SEED)])
 
 

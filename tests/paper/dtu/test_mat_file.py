@@ -90,7 +90,7 @@ def whole(request, tmp_path, calibration):
 def test_a_damaged_calibration_is_read_or_refused_whichever_byte_is_changed(whole):
     """SciPy's reader ends its process at one of a hundred of these."""
     content, rng, refusals = whole.read_bytes(), random.Random(12), []
-    places = [*range(200), *rng.sample(range(len(content)), 200)]
+    places = [*range(0, 200, 3), *rng.sample(range(len(content)), 80)]
     for place in places:
         damaged = bytearray(content)
         damaged[place] = rng.choice([0, 1, 0x7F, 0x80, 0xFF, damaged[place] ^ 1 << rng.randrange(8)])
@@ -106,7 +106,7 @@ def test_a_damaged_calibration_is_read_or_refused_whichever_byte_is_changed(whol
 @pytest.mark.filterwarnings("ignore::tracknoise.exceptions.DataWarning")
 def test_a_calibration_that_is_cut_off_is_refused(whole):
     content = whole.read_bytes()
-    for size in range(0, len(content), len(content) // 150):
+    for size in range(0, len(content), len(content) // 50):
         whole.write_bytes(content[:size])
         with pytest.raises(DataError):
             read_calibration(whole)

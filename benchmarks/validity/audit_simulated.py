@@ -75,7 +75,7 @@ def measured(base: Options, scene: str) -> dict[str, AuditedTables]:
 def _together(base: Options, scene: str, options: Mapping[str, Options]) -> Iterator[tuple[str, AuditedTables]]:
     """Measure a scene under several faults, with one world and one run of each tracker on equal images."""
     reader = simulated_reader(base)
-    world = SharedWorld(partial(reader.build, scene))
+    world = SharedWorld(reader.scenery_of(scene))
     name = next(one for one in reader.sequences() if one.scene == scene)
     sequences = [simulated_reader(one).open_in(world, name) for one in options.values()]
     trackers = {kind: SharedTracker(make_tracker(kind, {})) for kind in TRACKERS}

@@ -11,8 +11,9 @@ depth edges.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import polars as pl
@@ -35,12 +36,16 @@ PROPERTIES = ("side", "occlusion", "parallax")
 class Plain(Simulated):
     """The ground and a wall on it, which fills the rest of the image."""
 
-    def build(self, scene: str) -> Scenery:
-        """The world of a scene."""
-        rng = np.random.default_rng([self.seed, int(scene.rpartition("-")[2])])
-        textures = paint_textures(rng)
-        wall = block(rng, (0.0, 40.0, 39.0), (200.0, 2.0, 80.0), repeat_m=7.0)
-        return Scenery(assemble([*ground(rng, GROUND_X_M, GROUND_Y_M), *wall], textures))
+    def scenery_of(self, scene: str) -> Callable[[], Scenery]:
+        """What makes the world of a scene."""
+        return partial(_plain, [self.seed, int(scene.rpartition("-")[2])])
+
+
+def _plain(seed: list[int]) -> Scenery:
+    rng = np.random.default_rng(seed)
+    textures = paint_textures(rng)
+    wall = block(rng, (0.0, 40.0, 39.0), (200.0, 2.0, 80.0), repeat_m=7.0)
+    return Scenery(assemble([*ground(rng, GROUND_X_M, GROUND_Y_M), *wall], textures))
 
 
 def errors_of(reader: Simulated, direction: Direction, tracker: str) -> pl.DataFrame:

@@ -11,8 +11,9 @@ was carried into a frame: the mean over worlds, and the range.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -34,11 +35,15 @@ REJECTIONS = {
 class Wall(Simulated):
     """One wall that fills the image."""
 
-    def build(self, scene: str) -> Scenery:
-        """The world of a scene."""
-        rng = np.random.default_rng([self.seed, int(scene.rpartition("-")[2])])
-        wall = [*block(rng, (0.0, 8.0, 0.0), (200.0, 2.0, 200.0), repeat_m=7.0)]
-        return Scenery(assemble(wall, paint_textures(rng)))
+    def scenery_of(self, scene: str) -> Callable[[], Scenery]:
+        """What makes the world of a scene."""
+        return partial(_wall, [self.seed, int(scene.rpartition("-")[2])])
+
+
+def _wall(seed: list[int]) -> Scenery:
+    rng = np.random.default_rng(seed)
+    wall = [*block(rng, (0.0, 8.0, 0.0), (200.0, 2.0, 200.0), repeat_m=7.0)]
+    return Scenery(assemble(wall, paint_textures(rng)))
 
 
 def ratios(reader: Simulated) -> Iterator[list[float]]:

@@ -14,6 +14,8 @@ from hashlib import sha256
 from pathlib import Path
 from pkgutil import resolve_name
 from types import SimpleNamespace
+from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from tests import lean
 
 from tracknoise import processes
 from tracknoise.sequences import simulated
+from tracknoise.simulation.render import RenderedWorld
 from tracknoise.simulation.world import Scenery
 
 settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
@@ -29,6 +32,18 @@ settings.load_profile("tracknoise")
 
 # Each of the hundred programs that tests start would compile the package again: see the Makefile.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+_WORLDS: WeakSet[RenderedWorld] = WeakSet()
+_make_world = RenderedWorld.__init__
+
+
+def _make_noted_world(world: RenderedWorld, *about: Any) -> None:
+    _make_world(world, *about)
+    _WORLDS.add(world)
+
+
+RenderedWorld.__init__ = _make_noted_world
 
 
 def pytest_collection_finish() -> None:
@@ -44,6 +59,10 @@ def freed_memory() -> Iterator[None]:
     What is left is not searched again: with all that was imported, that would take a second for each module.
     """
     yield
+    for world in _WORLDS:  # those that other modules look at again are made again
+        world._renderers.clear()
+        for name in ("_scenery", "raycaster"):
+            world.__dict__.pop(name, None)
     gc.collect()
     gc.freeze()
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of the C library of Linux
@@ -163,6 +182,8 @@ class _Pickled:
 _PIPES = """
 import stat
 from types import SimpleNamespace
+from typing import Any
+from weakref import WeakSet
 
 import tracknoise.foreign_files as files
 

@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 fast test coverage: export OPENBLAS_NUM_THREADS = 1
 fast test coverage: export POLARS_MAX_THREADS = 1
 # Memory that Polars frees goes back to the system: a process that runs tests would keep a quarter more.
-fast test coverage: export _RJEM_MALLOC_CONF = dirty_decay_ms:0,muzzy_decay_ms:0
+fast test coverage: export _RJEM_MALLOC_CONF = dirty_decay_ms:500,muzzy_decay_ms:0
 
 STATISTICS := block_moments blocks conditions counts curves grouping histogram increments log_histogram moments \
   outliers places pose_differences populations ratios samples trimming upright windows

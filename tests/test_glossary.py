@@ -79,6 +79,13 @@ def nodes(path: Path) -> tuple[ast.AST, ...]:
     return tuple(ast.walk(ast.parse(path.read_text())))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def forgotten() -> Iterator[None]:
+    """The trees take 200 MiB."""
+    yield
+    nodes.cache_clear()
+
+
 def python_text(path: Path) -> Iterator[Text]:
     """All string literals and docstrings of a module."""
     for node in nodes(path):

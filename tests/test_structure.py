@@ -24,6 +24,13 @@ def trees() -> dict[str, ast.Module]:
     return {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in ROOT.rglob("*.py")}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def forgotten() -> Iterator[None]:
+    """The trees take 200 MiB."""
+    yield
+    trees.cache_clear()
+
+
 def imported(tree: ast.Module) -> Iterator[str]:
     """Modules of the package that a module imports anywhere: in functions, and for types, too."""
     for node in ast.walk(tree):

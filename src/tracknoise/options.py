@@ -173,8 +173,9 @@ def change_paths(
     from_data
         Called for each path of that type; by default, it stays as it is.
     """
-    hints = get_type_hints(settings_type, include_extras=True)
-    return {name: _changed(hints.get(name), value, change, from_data) for name, value in options.items()}
+    changed = _changed(settings_type, options, change, from_data)
+    assert isinstance(changed, dict)
+    return changed
 
 
 def find_paths(
@@ -187,7 +188,7 @@ def find_paths(
         found.append(path)
         return str(path)
 
-    change_paths(settings_type, options, note, from_data=lambda path: note((root or Path()) / path))
+    _changed(settings_type, options, note, lambda path: note((root or Path()) / path))
     return found
 
 

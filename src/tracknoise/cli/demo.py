@@ -28,7 +28,7 @@ def demo(
     from tracknoise.experiments.load import load_experiment
     from tracknoise.tables.store import RunFolder
 
+    experiment, run = load_experiment("demo"), RunFolder(out)
     with RunProgress(context.obj) as shown:
-        demo, asked = load_experiment("demo"), processes(workers)
-        outcome = execute(demo, RunFolder(out), listener=shown, workers=asked, fresh=True, debug=debug)
+        outcome = execute(experiment, run, listener=shown, workers=processes(workers), fresh=True, debug=debug)
     return print_outcome(context.obj, out, outcome, report=True, table=table)

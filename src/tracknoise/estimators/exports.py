@@ -100,8 +100,7 @@ class Noise:
     model: ExportedModel  # in px and frames of the estimator
     about: "Estimator"  # the estimator
     window: int  # length of its window, frames
-    purpose: Purpose | None  # what its sigma makes right; None if it takes the components themselves
-    set_to: Advice | None  # what to set; None if it takes the components
+    set_to: Advice | None  # what to set; None if it takes the components themselves
 
     @classmethod
     def of(cls, model: ExportedModel, about: "Estimator", *, window: int | None, purpose: Purpose | None) -> "Noise":
@@ -114,7 +113,7 @@ class Noise:
         """
         wanted = about.purpose and (purpose or about.purpose)
         found = None if wanted is None else about.advise(model, window=window, purpose=wanted)
-        return cls(model, about, window or about.window, wanted, found)
+        return cls(model, about, window or about.window, found)
 
     @property
     def advice(self) -> Advice:
@@ -137,7 +136,8 @@ class Noise:
     @property
     def plain_sigma(self) -> float:
         """Standard deviation without a robust loss, px."""
-        return replace(self.about, kernel=None).advise(self.model, window=self.window, purpose=self.purpose).sigma.value
+        without = replace(self.about, kernel=None)
+        return without.advise(self.model, window=self.window, purpose=self.advice.purpose).sigma.value
 
     @property
     def gate(self) -> float:
@@ -408,7 +408,7 @@ def in_comment(line: str) -> str:
 
 def makes_right(noise: Noise) -> str:
     """Write which numbers are used, with intervals, and what they make right."""
-    if noise.purpose is None:
+    if noise.set_to is None:
         written = dict.fromkeys(_floored(noise.about, noise), f", written as {LEAST_PX:g} px")
         parts = [
             f"{phrase} {_px(getattr(noise.model, name).sigma)}{written.get(name, '')}"
@@ -465,7 +465,7 @@ def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
 
 
 def _of_model(noise: Noise) -> Iterator[str]:
-    if noise.purpose is not None:
+    if noise.set_to is not None:
         yield from _of_advice(noise.advice)
     yield noise.model.truth.sentence
     yield from of_common(noise.model.common_share)

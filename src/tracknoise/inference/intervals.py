@@ -139,7 +139,7 @@ def pooled(
         no part.
     """
     sample = Sample.of(units.sums, weights, statistics, units.joined(units.sums))
-    return _bounded(sample, units, units.sums[..., 0].T if sizes is None else sizes, method, scales)
+    return _bounded(sample, units, sizes, method, scales)
 
 
 def pooled_by(
@@ -163,9 +163,8 @@ def pooled_by(
         As in `pooled`, or one name for all.
     """
     sample = Sample.of(units.sums, weights, statistics, units.joined(units.sums))
-    held = units.sums[..., 0].T if sizes is None else sizes
     each = [scales] * len(sample.whole) if isinstance(scales, str) else scales
-    return [_bounded(sample, units, held, method, each) for method in methods]
+    return [_bounded(sample, units, sizes, method, each) for method in methods]
 
 
 def averaged(
@@ -187,8 +186,7 @@ def averaged(
         What blocks hold of each statistic, by default their first column.
     """
     if units.resampled == Resampled.blocks:
-        held = units.sums[..., 0].T if sizes is None else sizes
-        return _bounded(_mean_of_scenes(units, weights, statistics), units, held, method, scales)
+        return _bounded(_mean_of_scenes(units, weights, statistics), units, sizes, method, scales)
     own = _own(units, statistics)
     sums, defined = np.transpose(own, (2, 1, 0)), own[len(own) // 2 :]
     return _bounded(Sample.of(sums, weights, _mean, units.joined(sums)), units, defined, method, scales)
@@ -271,9 +269,10 @@ def _mean_of(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 
 def _bounded(
-    sample: Sample, units: Units, sizes: NDArray[np.float64], method: Method, scales: Sequence[str] | None
+    sample: Sample, units: Units, sizes: NDArray[np.float64] | None, method: Method, scales: Sequence[str] | None
 ) -> EstimateArray:
-    """Intervals where enough is resampled; `sizes` is (points, units) or (statistics, points, units)."""
+    """Intervals where enough is resampled; `sizes` is as in `pooled`."""
+    sizes = units.sums[..., 0].T if sizes is None else sizes
     present = sizes > 0
     n_units, n_scenes = (np.broadcast_to(n, sample.whole.shape) for n in units.contributing(present))
     n = np.broadcast_to(_resampled(units, present), sample.whole.shape)

@@ -27,7 +27,10 @@ from tracknoise.sequences import simulated
 from tracknoise.simulation.render import RenderedWorld
 from tracknoise.simulation.world import Scenery
 
-settings.register_profile("tracknoise", deadline=None)  # how long an example takes depends on what else runs
+# How long an example takes depends on what else runs. The same examples each time, so that a change is judged by what
+# it changes; `pytest --hypothesis-profile=explore` draws others.
+settings.register_profile("tracknoise", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, derandomize=False)
 settings.load_profile("tracknoise")
 
 # Each of the hundred programs that tests start would compile the package again: see the Makefile.

@@ -203,8 +203,9 @@ def inside(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]
 
 def are_far(uv: NDArray[np.float64], image: tuple[int, int]) -> NDArray[np.bool_]:
     """Whether positions (n, 2) are farther from an image of (width, height) px than its diagonal; NaN is not."""
-    last = np.array(image) - 0.5
-    return np.asarray(np.linalg.norm(uv - np.clip(uv, -0.5, last), axis=1) > np.hypot(*image))
+    diagonal = np.hypot(*image)
+    beyond = np.minimum(np.abs(uv - np.clip(uv, -0.5, np.array(image) - 0.5)), 2 * diagonal)  # a square may overflow
+    return np.asarray(np.hypot(*beyond.T) > diagonal)
 
 
 def expected_near(image: tuple[int, int]) -> str:
@@ -516,11 +517,12 @@ def _require_near(rows: Rows, image: tuple[int, int]) -> None:
 def _require_covariances(rows: Rows) -> None:
     for names in covariances(rows.quality):
         uu, uv, vv = entries = np.array([rows.quality[name] for name in names], dtype=np.float64)
-        impossible = (uu < 0.0) | (vv < 0.0) | (uv * uv > _LARGEST_SQUARED_CORRELATION * uu * vv)
+        sigma_u, sigma_v = np.sqrt(np.maximum(entries[[0, 2]], 0.0))
+        impossible = (uu < 0.0) | (vv < 0.0) | (np.abs(uv) > _LARGEST_CORRELATION * sigma_u * sigma_v)
         rows.refuse(impossible, ", ".join(names), entries.T, "no negative eigenvalue; NaN where there is no covariance")
 
 
-_LARGEST_SQUARED_CORRELATION = 1.01
+_LARGEST_CORRELATION = 1.005
 """Above 1, for entries that were rounded when they were written."""
 
 

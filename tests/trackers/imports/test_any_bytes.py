@@ -76,10 +76,11 @@ def test_any_bytes(suffix, folder, content):
         ("cells.csv", ",", "track,frame,u_px,v_px\n"),
         ("times.csv", ",", "track,timestamp,u_px,v_px\n"),
         ("seconds.csv", ",", "track,time_s,u_px,v_px,cov_uu\n"),
+        ("covariances.csv", ",", "track,frame,u_px,v_px,cov_uu,cov_uv,cov_vv\n"),
     ],
 )
 @FEW
-@given(rows=st.lists(st.lists(CELLS, min_size=3, max_size=5), max_size=4))
+@given(rows=st.lists(st.lists(CELLS, min_size=3, max_size=7), max_size=4))
 def test_rows_of_any_cells(name, separator, header, folder, rows):
     path = folder / name
     text = header + "\n".join(separator.join(row) for row in rows)

@@ -54,10 +54,10 @@ from tracknoise.estimators.linear_window import (
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.proof_windows import recorded_camera, recorded_poses
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.cameras import Camera
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.tables.schema import FAILURES
 from tracknoise.tables.store import RunFolder
 

@@ -25,7 +25,7 @@ from tracknoise.estimators.linear_window import (
     trajectory,
     true_covariances,
 )
-from tracknoise.estimators.track_noise import Reference, TrackNoise
+from tracknoise.inference.track_noise import Reference, TrackNoise
 
 Window = Sequence[LinearTracks]
 

@@ -19,10 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.planted_windows import noisy
 from tracknoise.estimators.linear_window import PointTracks, of_full_rank, simulated_tracks
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.projection import cross_matrices
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.simulation.inertial import (
     GRAVITY,
     GRAVITY_M_S2,

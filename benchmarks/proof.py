@@ -29,8 +29,8 @@ from tracknoise.estimators.learning import learn
 from tracknoise.estimators.linear_window import Motion, Outcome, PointTracks, linear_tracks, outcome, scalar_variances
 from tracknoise.estimators.proof import sentence, summarise
 from tracknoise.estimators.proof_windows import Problem
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import ALL_ARMS, Beliefs, PlantedNoise, try_arms, whole_tracks
+from tracknoise.inference.track_noise import TrackNoise
 
 _NOISE = TrackNoise.isotropic
 CASES: Mapping[str, PlantedNoise] = {

@@ -19,10 +19,11 @@ import numpy as np
 import polars as pl
 from tests.estimators.simulated_tracks import MOTIONS, error_tracks, errors_of, units
 
-from tracknoise.estimators.components import NAMES, fit_components
+from tracknoise.estimators.components import fit_components
 from tracknoise.estimators.model import Interval
 from tracknoise.estimators.track_likelihood import TrackLaw, with_scales
 from tracknoise.estimators.track_scale import law_intervals, sample_of_tracks
+from tracknoise.inference.track_noise import NAMES
 from tracknoise.inference.units import NO_GROUPS
 
 PLANTED = {

@@ -219,7 +219,12 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     """
     least, most = min(n_scenes), max(n_scenes)
     scenes = count(most, "scene") if least == most else f"{least} to {count(most, 'scene')}"
-    return f"{100 * level:g}{SPACE}% intervals {_RESAMPLED[resampled].format(scenes)}"
+    return f"{intervals_at(level)} {_RESAMPLED[resampled].format(scenes)}"
+
+
+def intervals_at(level: float) -> str:
+    """Name intervals of a level between 0 and 1: ``95 % intervals``."""
+    return f"{100 * level:g}{SPACE}% intervals"
 
 
 def coverage_sentence(opening: str, level: float, coverage: float | None) -> str:

@@ -16,8 +16,8 @@ from tracknoise.estimators.linear_window import (
     true_covariances,
 )
 from tracknoise.estimators.proof_windows import Problem
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import PlantedNoise, perturbed
+from tracknoise.inference.track_noise import TrackNoise
 
 WHITE = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3))
 

@@ -5,7 +5,6 @@ import pytest
 from tests.estimators.simulated_tracks import MOTIONS, units
 
 from tracknoise.estimators.components import (
-    NAMES,
     Equations,
     LeftOut,
     fit_components,
@@ -16,6 +15,7 @@ from tracknoise.estimators.components import (
     without_negative,
 )
 from tracknoise.exceptions import SettingsError
+from tracknoise.inference.track_noise import NAMES
 from tracknoise.inference.units import BLOCKS, Resampled, Units
 
 PLANTED = {

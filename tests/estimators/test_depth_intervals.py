@@ -11,7 +11,7 @@ from tracknoise.analysis.condition_units import Sampling
 from tracknoise.estimators import depth_intervals as learned_noise
 from tracknoise.estimators.components import fit_noise
 from tracknoise.estimators.depth_intervals import LearnedNoise, depth_intervals
-from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.inference.units import SceneGroups, Units
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of
 from tracknoise.statistics.windows import fit_windows

@@ -14,8 +14,8 @@ from tracknoise.estimators.equivalents import Gates, equivalents, gates
 from tracknoise.estimators.fit import equivalents_of
 from tracknoise.estimators.linear_window import LinearTracks, TrackGates, outcome, scalar_variances, true_covariances
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.training import training_tables, windows
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.tables.schema import WINDOW_NOISE, empty
 from tracknoise.tables.store import RunFolder
 

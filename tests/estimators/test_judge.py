@@ -10,8 +10,8 @@ from benchmarks.planted_windows import simulated_problem
 
 from tracknoise.estimators.bundle import Assumption, adjust
 from tracknoise.estimators.linear_window import Motion
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import NEWEST, PlantedNoise, normalised, one_sigma, perturbed, whole_tracks
+from tracknoise.inference.track_noise import TrackNoise
 
 NOISE = TrackNoise.isotropic(first=0.2, white=0.1, walk=0.08)
 

@@ -20,7 +20,7 @@ from tracknoise.estimators.linear_window import (
     true_covariances,
 )
 from tracknoise.estimators.model import Landmark, Purpose
-from tracknoise.estimators.track_noise import Reference, TrackNoise
+from tracknoise.inference.track_noise import Reference, TrackNoise
 
 WHITE = TrackNoise.isotropic(first=0.3, white=0.3)
 WALK = TrackNoise.isotropic(walk=0.1)

@@ -8,7 +8,7 @@ import pytest
 
 from tracknoise.estimators.fit import fit_tails
 from tracknoise.estimators.model import Tails
-from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.inference.track_noise import TrackNoise
 
 
 def samples(nu: float) -> pl.DataFrame:

@@ -22,7 +22,6 @@ from tracknoise.estimators.linear_window import Motion
 from tracknoise.estimators.model import log_factor
 from tracknoise.estimators.proof import Verdict, sentence, summarise, verdict
 from tracknoise.estimators.proof_windows import Problem, errors_of
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import (
     ARMS,
     GATED,
@@ -35,6 +34,7 @@ from tracknoise.estimators.trial import (
     try_arms,
     whole_tracks,
 )
+from tracknoise.inference.track_noise import TrackNoise
 
 WHITE = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3))
 MIXED = PlantedNoise(noise=TrackNoise.isotropic(first=0.1, white=0.2, walk=0.1))

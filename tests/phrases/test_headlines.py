@@ -332,7 +332,7 @@ def test_a_truth_that_is_not_trusted_comes_before_all_else(verdict: str) -> None
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
 AT_TEN = {**OVERALL, "at": 10, "mean_u_px": 0.12, "mean_v_px": -0.04, "share_of_second": 0.062, "sign_flip_p": 0.004}
 AT_TEN |= {"mean_u_low_px": 0.05, "mean_u_high_px": 0.19, "mean_v_low_px": -0.09, "mean_v_high_px": 0.01}
-AT_TEN |= {"effect_px": 0.126, "effect_low_px": 0.06, "effect_high_px": 0.2}
+AT_TEN |= {"effect_px": 0.126, "effect_low_px": 0.06, "effect_high_px": 0.2, "level": 0.95}
 
 
 def test_copies_are_named_before_the_numbers() -> None:

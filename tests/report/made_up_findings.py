@@ -139,6 +139,7 @@ def zero_mean(curves: pl.DataFrame, *, population: str) -> pl.DataFrame:
             ("sign_flip_p_adjusted", 0.024),
             ("sign_flip_p_family", 0.024),
             ("hotelling_p", 0.02),
+            ("level", 0.95),
         )
     }
     verdict = pl.when(enough).then(pl.lit("yes")).otherwise(pl.lit("undecided")).cast(ZERO_MEAN["verdict"])

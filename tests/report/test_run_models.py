@@ -14,9 +14,9 @@ import pytest
 from tracknoise.estimators.calibration import fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import RunModels, _fits, fitted_models, run_models
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.training import RunTruth, all_training_tables
 from tracknoise.exceptions import StoreError
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.processes import ONE_THREAD, process_pool
 from tracknoise.report.figures import noise_models
 from tracknoise.report.figures.figure import Figure

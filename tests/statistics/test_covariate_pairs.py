@@ -6,7 +6,8 @@ from polars.testing import assert_frame_equal
 
 import tracknoise
 from tracknoise.experiments.geometry_tables import frame_geometry
-from tracknoise.statistics.noise_sums import PER_OCTAVE, TERMS, noise_tables
+from tracknoise.statistics.noise_sums import PER_OCTAVE, noise_tables
+from tracknoise.tables.schema import CHANGE_TERMS
 
 
 @pytest.fixture(scope="module")
@@ -26,10 +27,10 @@ def test_pairs_add_up_to_single_covariates(tables: dict[str, pl.DataFrame]) -> N
     assert pairs.select("first", "second").unique().rows() == [("motion_px", "min_eigenvalue")]
     assert pairs["speed"].unique().sort().to_list() == [1, 2]
     ends = {"before": pl.col("second_before"), "now": pl.col("second_now")}
-    of_pairs = pairs.select("speed", "n", *TERMS, **ends)
+    of_pairs = pairs.select("speed", "n", *CHANGE_TERMS, **ends)
     alone = single.filter(covariate="min_eigenvalue").with_columns(pl.col("before", "now") // PER_OCTAVE)
     found, expected = (
-        table.group_by("speed", "before", "now").agg(pl.col("n", *TERMS).sum()).sort("speed", "before", "now")
+        table.group_by("speed", "before", "now").agg(pl.col("n", *CHANGE_TERMS).sum()).sort("speed", "before", "now")
         for table in (of_pairs, alone)
     )
     assert_frame_equal(found, expected, check_column_order=False)

@@ -239,7 +239,9 @@ def _judged(rows: pl.DataFrame) -> pl.DataFrame:
     """Rows with the verdict, and the reason; that of all ages together has one already."""
     p, of_ages, own = (pl.col(name) for name in ("sign_flip_p_family", "sign_flip_p_adjusted", "sign_flip_p"))
     differs = (p <= ALPHA).fill_null(value=False)
-    few = pl.format(f"a test at 5 % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes"))
+    few = pl.format(
+        f"a test at {100 * ALPHA:g} % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes")
+    )
     among = pl.when(of_ages <= ALPHA).then(pl.lit(" in one of the conditions that were asked"))
     others = among.when(own <= ALPHA).then(pl.lit(" at one of the ages that were asked")).otherwise(pl.lit(""))
     why = pl.when(~differs).then(pl.lit(_CHANCE) + others)
@@ -251,7 +253,8 @@ def _judged(rows: pl.DataFrame) -> pl.DataFrame:
         .otherwise(pl.coalesce("why", untested, why) + pl.when(p.is_null()).then(pl.lit("")).otherwise(limits))
     )
     verdict = pl.when(differs).then(pl.lit(Verdict.yes)).otherwise(pl.lit(Verdict.undecided))
-    return rows.with_columns_seq(why=said, verdict=verdict)
+    level = pl.when(pl.col("effect_low_px").is_not_null()).then(pl.lit(1.0 - ALPHA))
+    return rows.with_columns_seq(why=said, verdict=verdict, level=level)
 
 
 def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame:

@@ -45,8 +45,8 @@ from tracknoise.estimators.model import (
     Tails,
     Training,
 )
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import SettingsError
+from tracknoise.inference.track_noise import COMPONENTS, TrackNoise
 from tracknoise.tables.trust import TruthVerdict
 
 
@@ -198,7 +198,7 @@ def advise(
     has none; and the knee in sigmas where the estimator fixes it; `gates`: its chi-square tests.
     """
     require_whole("window", window, SHORTEST_WINDOW)
-    if not any(one.covariance.any() for one in (model.first, model.white, model.walk, model.drift)):
+    if model.components.is_zero:
         tracker = model.training.tracker
         raise SettingsError(f"no noise of {tracker} was measured: found components of 0 px only, expected one above 0")
     if landmark is Landmark.KNOWN:
@@ -326,8 +326,8 @@ def _of_known_point(
 ) -> Advice:
     """For points that are known: in one frame, errors of different points are independent."""
     ages = np.arange(1.0, window + 1.0)
-    squares = [_half_trace(part) for part in (model.first, model.white, model.walk, model.drift)]
-    plain = math.sqrt(squares[0] + squares[1] + squares[2] * ages.mean() + squares[3] * np.square(ages).mean())
+    parts = zip(COMPONENTS, model.components, strict=True)
+    plain = math.sqrt(sum(np.trace(own) / 2.0 * (ages**one.power).mean() for one, own in parts))
     sigma, knee_px = plain, None
     if kernel is not None:
         sigma, knee_px = _independent(model.tails, plain, kernel, knee)
@@ -341,10 +341,6 @@ def _of_known_point(
         knee_px=knee_px,
         gates=limits,
     )
-
-
-def _half_trace(component: Component) -> float:
-    return float(np.trace(component.covariance)) / 2.0
 
 
 def _independent(tails: Tails, plain: float, kernel: LossKind, knee: float | None) -> tuple[float, float]:

@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from tracknoise.analysis.condition_units import groups_of_run, units_of
 from tracknoise.estimators.components import COLUMNS, Equations
 from tracknoise.estimators.model import Interval
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.training import reference_view
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.inference.conventions import LEVEL, IntervalKind
 from tracknoise.inference.intervals import Method, pooled
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, Units
 from tracknoise.statistics.own_covariances import LEVELS, inside, relative
 from tracknoise.tables.enumerations import Product
@@ -80,8 +80,7 @@ def fitted_curve(
     method = Method(IntervalKind.student, level)
     found = pooled(units, np.zeros((0, len(units.sums))), half_traces, method, scales=["log"], sizes=sizes)
     factors = Equations.of(units.sums.sum(axis=0).T).factors
-    components = (noise.first, noise.white, noise.walk, noise.drift)
-    modelled = factors @ np.array([0.5 * np.trace(component) for component in components])
+    modelled = factors @ np.array([0.5 * np.trace(component) for component in noise])
     squares = {"measured": found.value[0], "low": found.low[0], "high": found.high[0], "modelled": modelled}
     return units.points.with_columns(
         pl.Series("n", units.sums[..., 0].sum(axis=0).astype(np.int64)),

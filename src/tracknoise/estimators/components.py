@@ -1,10 +1,4 @@
-"""The components of the noise of one tracker: which are there, and how large they are.
-
-What is independent of each other, and left out as a whole: groups of scenes, or blocks where scenes are few.
-
-With fewer than `LEAST_GROUPS` groups, single scenes are left out. What is found then holds for these groups only.
-
-Equations between second moments of errors and the components of noise, and their solutions.
+"""The components of the noise of one tracker: which are there, how large they are, and how certain that is.
 
 Each product at each age gives one equation, (error_products.expected) divided by its count:
 
@@ -15,33 +9,24 @@ the product is lagged. That is what n Gaussian errors have, and a share for what
 is large, all equations count by their relative error. t counts as at least `_SMALLEST` times the largest one: where all
 but the first position is nearly exact, the weights would otherwise differ by more than the precision of the numbers.
 
-How well components describe scenes, groups of scenes, or blocks of tracks that they were not fitted to.
-
-The measure is the log likelihood of an error given the one before, of Gaussian errors with the mean variance of the two
-coordinates:
+How well components describe what they were not fitted to is measured by the log likelihood of an error given the one
+before, of Gaussian errors with the mean variance of the two coordinates:
 
     log p(e_k | e_(k-1)) = -log v - m / v + constant,  v = V(e_k | e_(k-1)),  m its measured mean square    (held_out)
 
 From r e_(k-1), with moments S_00 = `before`, S_11 = `error` and S_01 = (S_11 + S_00 - `change`) / 2, the best
-prediction is b r e_(k-1) with b = S_01 / S_00, all as the components have it, and v = S_11 - b S_01.
-
-Which components the noise of a tracker has.
+prediction is b r e_(k-1) with b = S_01 / S_00, all as the components have it, and v = S_11 - b S_01. What is left out
+in turn is independent of the rest: groups of scenes, or blocks of tracks where scenes are few. With fewer than
+`LEAST_GROUPS` groups, single scenes are left out; what is found then holds for these groups only.
 
 A component is dropped if the interval of its variance reaches 0, or if what was left out is not described better with
-it: scenes, groups of scenes, or blocks of tracks (`tracknoise.estimators.components`). This is done one at a
-time, the least certain first, and the others are fitted again. As there are four components, these intervals have a
-quarter of the usual error probability. The order may mislead where components are alike. If others, which are no more
-and all certain, describe better what was left out, these are kept.
+it. This is done one at a time, the least certain first, and the others are fitted again. As there are four components,
+these intervals have a quarter of the usual error probability. The order may mislead where components are alike. If
+others, which are no more and all certain, describe better what was left out, these are kept.
 
 Some decisions are close. A component that was kept is doubtful if its interval at `ALMOST_CERTAIN` reaches 0. One that
 was dropped is doubtful if its interval at the level of the model does not. The opposite decision on each gives an
-alternative. What is said of the other components must hold for the alternatives, too.
-
-The components of the noise of one tracker: which are there, how large they are, and how certain that is.
-
-Intervals must not depend on close decisions about which components there are
-(`tracknoise.estimators.components`). They are the smallest ones that contain the intervals of the model and of
-its alternatives.
+alternative. Intervals are the smallest ones that contain those of the model and of its alternatives.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -55,10 +40,10 @@ from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators.model import Component, Interval
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.intervals import Method, pooled
+from tracknoise.inference.track_noise import NAMES, TrackNoise
 from tracknoise.inference.units import Resampled, SceneGroups, Units, by_number
 from tracknoise.tables.enumerations import Product
 
@@ -103,8 +88,6 @@ def _are_enough(number: NDArray[np.intp]) -> bool:
 
 Array = NDArray[np.float64]
 
-NAMES = ("first", "white", "walk", "drift")
-"""Components, in the order of the factors."""
 COLUMNS = ("n", "uu", "uv", "vv", *NAMES)
 """Columns of sums, by product and age."""
 OWN = 0.05
@@ -121,7 +104,7 @@ class Equations:
     """Second moments and what multiplies the components in them."""
 
     second: Array  # (equations, 3, ...): uu, uv and vv, px^2
-    factors: Array  # (equations, 4, ...): of A, W, Q and D
+    factors: Array  # (equations, 4, ...): of the components
 
     @classmethod
     def of(cls, sums: Array) -> "Equations":

@@ -1,8 +1,13 @@
 """A noise model as a C++ header, for front ends that evaluate it while they run."""
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.estimators.component_code import CODE
 from tracknoise.estimators.exports import in_comment
-from tracknoise.estimators.model import Component, Factor
+from tracknoise.estimators.model import Factor
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.inference.track_noise import COMPONENTS, NAMES
 
 _HEAD = """\
 // Noise of {tracker} at speed {speed:g}, by tracknoise. Model {sha256}.
@@ -12,7 +17,7 @@ _HEAD = """\
 #include <cmath>
 namespace tracknoise {{
 struct Covariance {{ double uu, uv, vv; }};  // px^2
-constexpr Covariance first{first}, white{white}, walk{walk}, drift{drift};
+constexpr Covariance {parts};
 inline double factor(double value, const double* knots, const double* logs, int n) {{  // linear in log(value), clamped
   if (std::isnan(value)) return 1.0;  // unknown
   const double x = std::log(std::max(value, 1e-300));
@@ -30,19 +35,19 @@ inline double factor_{name}(double value) {{
 }}
 """
 _TAIL = """\
-inline Covariance sum(double a, double w, double q, double d) {
-  return {a * first.uu + w * white.uu + q * walk.uu + d * drift.uu,
-          a * first.uv + w * white.uv + q * walk.uv + d * drift.uv,
-          a * first.vv + w * white.vv + q * walk.vv + d * drift.vv};
-}
+inline Covariance sum({arguments}) {{
+  return {{{uu},
+          {uv},
+          {vv}}};
+}}
 // About the first position, at an age in frames, 0 at age 0; m = Z_0 / Z_k; f = product of the factors.
-inline Covariance covariance(double age, double m = 1.0, double f = 1.0) {
+inline Covariance covariance(double age, double m = 1.0, double f = 1.0) {{
   const double later = age > 0.0 ? 1.0 : 0.0;
-  return sum(later * m * m, later * f, f * age * (1.0 + m + m * m) / 3.0, age * age);
-}
-inline Covariance change_covariance(double frames = 1.0, double f = 1.0) {
-  return sum(0.0, 2.0 * f, f * frames, frames * frames);
-}
+  return sum({error});
+}}
+inline Covariance change_covariance(double frames = 1.0, double f = 1.0) {{
+  return sum({change});
+}}
 """
 _SIGMA = """// Of one observation: the sigma that is set for all (px), times the root of the factors. NaN is unknown.
 inline double sigma(double set_px{parameters}) {{
@@ -54,7 +59,7 @@ inline double sigma(double set_px{parameters}) {{
 
 def cpp_header(model: NoiseModel) -> str:
     """The header, C++11."""
-    parts = {name: _covariance(getattr(model, name)) for name in ("first", "white", "walk", "drift")}
+    parts = ", ".join(f"{name}{_covariance(own)}" for name, own in zip(NAMES, model.components, strict=True))
     head = _HEAD.format(
         tracker=in_comment(model.training.tracker),
         speed=model.training.speed,
@@ -62,9 +67,22 @@ def cpp_header(model: NoiseModel) -> str:
         width=model.camera.width,
         height=model.camera.height,
         focal="unknown" if model.camera.focal_px is None else f"{model.camera.focal_px:g} px",
-        **parts,
+        parts=parts,
     )
-    return head + "".join(_factor(one) for one in model.conditions) + _TAIL + _sigma(model)
+    return head + "".join(_factor(one) for one in model.conditions) + _tail() + _sigma(model)
+
+
+def _tail() -> str:
+    letters = {one.name: one.letter.lower() for one in COMPONENTS}
+    return _TAIL.format(
+        arguments=", ".join(f"double {letter}" for letter in letters.values()),
+        **{
+            entry: " + ".join(f"{letter} * {name}.{entry}" for name, letter in letters.items())
+            for entry in ("uu", "uv", "vv")
+        },
+        error=", ".join(code.error for code in CODE.values()),
+        change=", ".join(code.change for code in CODE.values()),
+    )
 
 
 def _sigma(model: NoiseModel) -> str:
@@ -73,8 +91,8 @@ def _sigma(model: NoiseModel) -> str:
     return _SIGMA.format(parameters=parameters, factors=" * ".join(f"factor_{name}({name})" for name in names) or "1.0")
 
 
-def _covariance(part: Component) -> str:
-    (uu, uv), (_, vv) = part.covariance
+def _covariance(own: NDArray[np.float64]) -> str:
+    (uu, uv), (_, vv) = own
     return f"{{{uu:.9g}, {uv:.9g}, {vv:.9g}}}"
 
 

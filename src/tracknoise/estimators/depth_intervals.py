@@ -41,12 +41,12 @@ from scipy.special import ndtri
 from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimated, units_of
 from tracknoise.estimators.components import fit_noise, sums_of_units
 from tracknoise.estimators.linear_window import fit_points, of_full_rank
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.window_noise import scene_quantities
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.intervals import Method, pooled
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
@@ -210,7 +210,7 @@ def _components(sums: pl.DataFrame, groups: SceneGroups) -> TrackNoise | None:
         noise = fit_noise(sums_of_units(sums, groups), level=LEVEL)
     except SettingsError:  # too few errors
         return None
-    return noise if (noise.first + noise.white + noise.walk + noise.drift).any() else None
+    return None if noise.is_zero else noise
 
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)

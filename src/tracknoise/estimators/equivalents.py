@@ -27,7 +27,7 @@ as wide, relative to it, as that for a free landmark.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +35,6 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from tracknoise.estimators.components import NAMES
 from tracknoise.estimators.linear_window import (
     EXACT,
     Covariances,
@@ -46,7 +45,7 @@ from tracknoise.estimators.linear_window import (
     true_covariances,
 )
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
-from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.inference.track_noise import NAMES, TrackNoise
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, quantile, share_below
 from tracknoise.tables.enumerations import Trimming
 
@@ -257,7 +256,7 @@ def _state(
     first, noise = fitted.components["first"].sigma.value, fitted.noise.per_frames(speed)
     if first == 0.0:
         return _linear(fitted, windows, alone, EXACT, born_only=True)
-    if not any(part.any() for part in (noise.white, noise.walk, noise.drift)):
+    if replace(noise, first=np.zeros((2, 2))).is_zero:
         return dict.fromkeys(Purpose, Interval(value=0.0))
     pairs = [(window, [true_covariances(window, noise)]) for window in windows]
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from tracknoise.estimators import exports
 from tracknoise.estimators.advice import ExportedModel
+from tracknoise.estimators.component_code import CODE
 from tracknoise.estimators.exports import (
     Estimator,
     Export,
@@ -48,8 +49,8 @@ from tracknoise.estimators.linear_window import (
     true_covariances,
 )
 from tracknoise.estimators.model import TOLERANCE, Component, Equivalent, Interval, Landmark, Purpose
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import SettingsError
+from tracknoise.inference.track_noise import COMPONENTS, TrackNoise
 from tracknoise.text import significant
 
 
@@ -80,7 +81,7 @@ def thinned(model: ExportedModel, n: int) -> tuple[Equivalent, ...]:
     A first direction that is a state counts as exact where the model has no noise of the first position, and as free
     otherwise.
     """
-    if not (model.walk.covariance.any() or model.drift.covariance.any()):
+    if not any(own.any() for one, own in zip(COMPONENTS, model.components, strict=True) if one.power):
         return model.equivalents
     noises = [model.components.per_frames(model.training.speed * steps) for steps in (1, n)]
     is_free = {Landmark.FREE: True, Landmark.EXACT: False, Landmark.STATE: bool(model.first.covariance.any())}
@@ -140,10 +141,9 @@ def converted(model: ExportedModel, target: Target) -> Converted:
     found = replace(
         model,
         camera=camera,
-        first=scaled_component(model.first, scale),
-        white=scaled_component(model.white, scale),
-        walk=scaled_component(model.walk, scale * math.sqrt(steps)),
-        drift=scaled_component(model.drift, scale * steps),
+        **{
+            one.name: scaled_component(getattr(model, one.name), scale * steps ** (one.power / 2)) for one in COMPONENTS
+        },
         equivalents=tuple(scaled_equivalent(one, scale) for one in _equivalents(model, thinning, caveats)),
         kernels=tuple(replace(one, knee_px=scale * one.knee_px) for one in model.kernels),
     )
@@ -331,6 +331,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         finalize=lambda value: number(value) if isinstance(value, float) else value,
     )
+    environment.globals |= {"code": CODE}
     environment.filters |= {"precise": _precise, "rows": _rows, "entries": _entries}
     return environment
 

@@ -26,6 +26,7 @@ from tracknoise.checks import require_whole
 from tracknoise.estimators.advice import SHORTEST_WINDOW, Advice, ExportedModel, Gate, advise, observation_gate
 from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark, LossKind, Purpose
 from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.inference.track_noise import COMPONENTS, NAMES
 from tracknoise.text import significant
 
 
@@ -169,24 +170,10 @@ class Noise:
         return self.model.walk.sigma.value
 
     @property
-    def first_covariance(self) -> NDArray[np.float64]:
-        """(2, 2) float64, px^2, invertible."""
-        return invertible(self.model.first.covariance)
-
-    @property
-    def white_covariance(self) -> NDArray[np.float64]:
-        """(2, 2) float64, px^2, invertible."""
-        return invertible(self.model.white.covariance)
-
-    @property
-    def walk_covariance(self) -> NDArray[np.float64]:
-        """(2, 2) float64, px^2 per frame; may be zero."""
-        return self.model.walk.covariance
-
-    @property
-    def drift_covariance(self) -> NDArray[np.float64]:
-        """(2, 2) float64, px^2 per frame^2; may be zero."""
-        return self.model.drift.covariance
+    def components(self) -> list[tuple[str, NDArray[np.float64]]]:
+        """Names and covariances, (2, 2) float64: those of `_FLOORED` are invertible, others may be zero."""
+        known = zip(NAMES, self.model.components, strict=True)
+        return [(name, invertible(own) if name in _FLOORED else own) for name, own in known]
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -195,8 +182,7 @@ class Noise:
         Its shape is that of an observation in the middle of a window.
         """
         age = (self.window - 1) / 2.0
-        total = self.first_covariance + self.white_covariance + age * self.walk_covariance
-        total = total + age**2 * self.drift_covariance
+        total = sum(age**one.power * own for one, (_, own) in zip(COMPONENTS, self.components, strict=True))
         return np.asarray(self.sigma**2 * total / (np.trace(total) / 2.0))
 
     @property
@@ -411,8 +397,9 @@ def makes_right(noise: Noise) -> str:
     if noise.set_to is None:
         written = dict.fromkeys(_floored(noise.about, noise), f", written as {LEAST_PX:g} px")
         parts = [
-            f"{phrase} {_px(getattr(noise.model, name).sigma)}{written.get(name, '')}"
-            for name, phrase in {"first": "first position", "white": "each frame", "walk": "walk"}.items()
+            f"{one.phrase} {_px(getattr(noise.model, one.name).sigma)}{written.get(one.name, '')}"
+            for one in COMPONENTS
+            if _is_written(noise.about, one.name)
         ]
         return f"components of the model: {', '.join(parts)}"
     bound = "" if noise.model.truth.is_usable else "; errors of the truth are in it: the tracker alone has less"
@@ -522,15 +509,23 @@ _FLOORED = {"first": "a first position", "white": "a single frame"}
 
 def _floored(about: Estimator, noise: Noise) -> list[str]:
     """Components in place of which the templates write `LEAST_PX`, at least in one direction."""
-    templates = " ".join((*about.files.values(), about.patch or ""))
 
     def is_floored(name: str) -> bool:
         found = getattr(noise.model, name)
-        if _TRACK in templates:
+        if _TRACK in _templates(about):
             return bool(np.linalg.eigvalsh(found.covariance)[0] < LEAST_PX**2)
-        return f"noise.{name}" in templates and found.sigma.value < LEAST_PX
+        return f"noise.{name}" in _templates(about) and found.sigma.value < LEAST_PX
 
     return [name for name in _FLOORED if is_floored(name)]
+
+
+def _is_written(about: Estimator, name: str) -> bool:
+    """Whether an export writes a component, or what is made of all of them."""
+    return about.family == "data" or _TRACK in _templates(about) or f"noise.{name}" in _templates(about)
+
+
+def _templates(about: Estimator) -> str:
+    return " ".join((*about.files.values(), about.patch or ""))
 
 
 def _px(interval: Interval) -> str:

@@ -40,7 +40,6 @@ from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
 from tracknoise.estimators.kernels import LENGTH, tried_kernels
 from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Kernel, Landmark, Purpose, Tails, Training
 from tracknoise.estimators.run_time_conditions import conditions_of
-from tracknoise.estimators.track_noise import TrackNoise, error_covariances
 from tracknoise.estimators.track_scale import fit_track_scale
 from tracknoise.estimators.training import Recording, TrainingTables, Windows, recorded_camera, windows
 from tracknoise.inference.conventions import LEVEL, IntervalKind
@@ -48,6 +47,7 @@ from tracknoise.inference.densities import Student, fit_student, moments, terms
 from tracknoise.inference.intervals import Method, pooled
 from tracknoise.inference.jackknife import student_interval
 from tracknoise.inference.survival import kaplan_meier
+from tracknoise.inference.track_noise import TrackNoise, error_covariances
 from tracknoise.inference.units import NO_GROUPS, SceneGroups, by_number
 from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.tables.enumerations import Axis, FittedTo, FloorSource, Product
@@ -257,7 +257,7 @@ def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int, groups
 
 def _is_in_all_directions(noise: TrackNoise) -> bool:
     """Whether errors of an age above 0 have a covariance of full rank."""
-    least, largest = np.linalg.eigvalsh(noise.first + noise.white + noise.walk + noise.drift)
+    least, largest = np.linalg.eigvalsh(sum(noise))
     return bool(least > _ROUNDING * largest)
 
 

@@ -25,10 +25,10 @@ from tracknoise.estimators.proof_windows import (
     scenes_of,
 )
 from tracknoise.estimators.track_likelihood import LEAST_NU, MOST_NU, TrackLaw
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.track_scale import ChosenLaw, Sample, choose_law, sample_of
 from tracknoise.estimators.trial import ADVISED, TUNED_ARMS, Beliefs, Gated, Knee, Law, PlantedNoise, Student, try_arms
 from tracknoise.inference.conventions import LEVEL
+from tracknoise.inference.track_noise import TrackNoise
 
 _MOST_TRACKS = 4000
 """Tracks that laws are fitted to."""

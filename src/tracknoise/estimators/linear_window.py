@@ -34,10 +34,10 @@ from scipy.spatial.transform import Rotation
 from scipy.special import gammaincinv
 
 from tracknoise.estimators.model import Landmark, Purpose
-from tracknoise.estimators.track_noise import Reference, TrackNoise
 from tracknoise.geometry.cameras import Camera, CameraModel
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.projection import image_derivatives
+from tracknoise.inference.track_noise import Reference, TrackNoise
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5)
 """The camera of simulated windows."""

@@ -26,8 +26,8 @@ from pydantic import Field, GetPydanticSchema
 from pydantic_core import CoreSchema, core_schema
 
 from tracknoise.checks import require
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
+from tracknoise.inference.track_noise import TrackNoise
 
 
 def as_covariance() -> GetPydanticSchema:

@@ -38,16 +38,17 @@ from tracknoise.estimators.model import (
     numbers,
     of_one_length,
 )
-from tracknoise.estimators.track_noise import (
+from tracknoise.estimators.training import training_tables
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
+from tracknoise.foreign_files import MIB, read_text
+from tracknoise.inference.track_noise import (
+    NAMES,
     Reference,
     TrackNoise,
     change_covariances,
     error_covariances,
     track_covariance,
 )
-from tracknoise.estimators.training import training_tables
-from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
-from tracknoise.foreign_files import MIB, read_text
 from tracknoise.tables.files import write_atomically
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
@@ -468,9 +469,8 @@ class NoiseModel:
 
     @property
     def components(self) -> TrackNoise:
-        """The covariances of A, W, Q and D."""
-        parts = {name: getattr(self, name).covariance for name in ("first", "white", "walk", "drift")}
-        return TrackNoise(**parts)
+        """The covariances of all components."""
+        return TrackNoise(**{name: getattr(self, name).covariance for name in NAMES})
 
     @property
     def text(self) -> str:

@@ -41,7 +41,6 @@ from tracknoise.estimators.proof_windows import (
     scenes_of,
     with_joined_scenes,
 )
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.estimators.trial import (
     ADVISED,
     ALL_ARMS,
@@ -59,6 +58,7 @@ from tracknoise.estimators.trial import (
 )
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.intervals import Method, column_means, pooled
+from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import significant
 from tracknoise.words import count
@@ -347,7 +347,7 @@ def prove(
     training = model.training
     if any(entry.truth_is_fitted for entry in folder.manifest().sequences.values()):
         raise SettingsError(f"{folder.path}: found true positions that are fitted to the tracks, expected true depths")
-    if not any(part.covariance.any() for part in (model.first, model.white, model.walk, model.drift)):
+    if model.components.is_zero:
         raise SettingsError(f"noise of {training.tracker}: found a model whose components are all 0, expected noise")
     noise = model.components.per_frames(round(training.speed))
     problems = windows_for(folder, model, length=length, per_sequence=per_sequence, most_tracks=most_tracks, seed=seed)

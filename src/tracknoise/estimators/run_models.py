@@ -15,6 +15,7 @@ from tracknoise.estimators.model import Interval
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.training import RunTruth, TrainingTables, all_training_tables, conditions
 from tracknoise.exceptions import DataError, SettingsError, StoreError
+from tracknoise.inference.conventions import LEVEL
 from tracknoise.processes import ONE_THREAD, process_pool
 from tracknoise.tables.findings_schema import ADVICE
 from tracknoise.tables.identity import identifiers
@@ -153,7 +154,14 @@ def advice_table(models: RunModels, name: str, window: int | None, condition: Ma
             "why": _SIMULATED if found.simulated else None,
         }
         rows += [
-            {**about, "quantity": quantity, "value": one.value, "low": one.low, "high": one.high}
+            {
+                **about,
+                "quantity": quantity,
+                "value": one.value,
+                "low": one.low,
+                "high": one.high,
+                "level": None if one.low is None and one.high is None else LEVEL,
+            }
             for quantity, one in numbers.items()
         ]
     return pl.DataFrame(rows, schema=dict(ADVICE))

@@ -1,24 +1,19 @@
 """Whether white noise and walk depend on what a front end knows while it runs.
 
-Factors on white noise and walk by covariates, fitted to sums of changes by the classes of these.
-
-A factor is piecewise linear in the logarithm of its covariate. Factors multiply. They are fitted by the likelihood
+A factor on white noise and walk is piecewise linear in the logarithm of its covariate. Factors multiply. They are
+fitted to changes of errors, by the likelihood
 
     -sum(n log v + S / v),  v = (covariates.expected) / n    (conditions)
 
 with counts n and sums S of half squared lengths by class of the covariates at both ends of changes.
 
-Conditions at run time: whether white noise and walk depend on what a front end knows while it runs.
-
-For each covariate, a factor is fitted to changes of errors (`tracknoise.estimators.run_time_conditions`). What it
-gains over a constant factor is measured on scenes that were left out, those of a group together. Of the covariates
-whose gain exceeds `LEAST_GAIN` nat per change, with an interval that does not reach 0, the best one is kept.
-
+What a factor gains over a constant one is measured on scenes that were left out, those of a group together. Of the
+covariates whose gain exceeds `LEAST_GAIN` nat per change, with an interval that does not reach 0, the best one is kept.
 A second covariate is kept by the same rule, if it gains as much beyond the first one. Both factors are then fitted
 together, to sums by the classes of both covariates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -32,8 +27,10 @@ from scipy.optimize import minimize
 from tracknoise.estimators.components import LEAST_GROUPS, group_numbers
 from tracknoise.estimators.model import Factor, Interval
 from tracknoise.inference.jackknife import student_interval
+from tracknoise.inference.track_noise import COMPONENTS
 from tracknoise.inference.units import NO_GROUPS, SceneGroups
 from tracknoise.statistics.noise_sums import MOTION, PER_OCTAVE, log_centre
+from tracknoise.tables.schema import CHANGE_TERMS
 
 if TYPE_CHECKING:
     from tracknoise.estimators.components import FittedComponents
@@ -61,7 +58,7 @@ TRENDS = {
 }
 """By covariate; that of all others is `Trend.ANY`."""
 _LABELS = ("group", "classes", "before", "now")
-_SUMS = ("count", "squares", "white_before", "walk", "drift")
+_SUMS = ("count", "squares", "now_scaled", "before_scaled", "unscaled")
 _SHARES = (0.05, 0.35, 0.65, 0.95)
 """Shares of the changes below the knots."""
 _NARROWEST = 0.25
@@ -101,20 +98,22 @@ class Cells:
     # before, now: (cells, covariates) float64: natural logarithms of the covariates
     before: Array
     now: Array
-    # count, squares, white_before, walk, drift: (cells,) float64, columns of
-    # `tracknoise.tables.schema.NOISE_COVARIATES`
+    # count, squares: (cells,) float64, columns of `tracknoise.tables.schema.NOISE_COVARIATES`
     count: Array
     squares: Array
-    white_before: Array
-    walk: Array
-    drift: Array
-    sizes: tuple[float, float, float]  # half traces of W, Q and D, px^2
+    # (cells,) float64, px^2: expected squares that the factor at the second end multiplies, that at the first, and none
+    now_scaled: Array
+    before_scaled: Array
+    unscaled: Array
 
     @classmethod
     def of(
-        cls, table: pl.DataFrame, ends: Sequence[tuple[str, str]], per_octave: int, sizes: tuple[float, float, float]
+        cls, table: pl.DataFrame, ends: Sequence[tuple[str, str]], per_octave: int, sizes: Mapping[str, float]
     ) -> "Cells":
-        """From sums with a column group; `ends` are columns of classes, before and now, of each covariate."""
+        """From sums with a column group; `ends` are columns of classes, before and now, of each covariate.
+
+        `sizes`: half traces of the components, px^2.
+        """
         columns = [column for pair in ends for column in pair]
         group, classes = (
             table.select(pl.struct(by).rank("dense")).to_series().to_numpy().astype(np.intp) - 1
@@ -124,10 +123,18 @@ class Cells:
             np.stack([log_centre(table[pair[end]].to_numpy().astype(np.int64), per_octave) for pair in ends], axis=1)
             for end in (0, 1)
         )
-        count, squares, white, walk, drift = (
-            table[name].to_numpy().astype(np.float64) for name in ("n", "squares", "white_before", "walk", "drift")
+        sums = {name: table[name].to_numpy().astype(np.float64) for name in ("n", *CHANGE_TERMS)}
+        own = {one.name: sizes[one.name] * sums[one.name] for one in COMPONENTS if one.name in sums}
+        scaled, unscaled = (
+            sum(
+                (own[one.name] for one in COMPONENTS if one.name in own and one.has_factor is has), np.zeros(len(table))
+            )
+            for has in (True, False)
         )
-        return cls(group, classes, before, now, count, squares, white, walk, drift, sizes)
+        before_scaled, now_scaled = (sizes["white"] * sums[name] for name in ("white_before", "n"))
+        return cls(
+            group, classes, before, now, sums["n"], sums["squares"], now_scaled + scaled, before_scaled, unscaled
+        )
 
     @property
     def n_groups(self) -> int:
@@ -178,9 +185,8 @@ class Cells:
     def _cost(self, weights: tuple[Array, Array], logs: Array) -> tuple[float, Array]:
         """Minus (conditions), and its derivative by the log factors."""
         f_before, f_now = (np.exp(one @ logs) for one in weights)
-        white, walk, drift = self.sizes
-        new, old = (white * self.count + walk * self.walk) * f_now, white * self.white_before * f_before
-        mean = np.maximum((new + old + drift * self.drift) / self.count, 1e-300)
+        new, old = self.now_scaled * f_now, self.before_scaled * f_before
+        mean = np.maximum((new + old + self.unscaled) / self.count, 1e-300)
         cost = float((self.count * np.log(mean) + self.squares / mean).sum())
         slope = (self.count - self.squares / mean) / mean / self.count
         return cost, np.asarray((slope * old) @ weights[0] + (slope * new) @ weights[1])
@@ -257,16 +263,15 @@ def _parts(
     table: pl.DataFrame, names: list[str], fitted: "FittedComponents", groups: SceneGroups
 ) -> list[tuple[tuple[object, ...], pl.DataFrame]]:
     """Rows by covariate, with the number of the group of their scene; none where too little is known."""
-    white, walk, _ = _sizes(fitted)
+    scaled = sum(_sizes(fitted)[one.name] for one in COMPONENTS if one.has_factor)
     numbered = table.with_columns(group=pl.Series(group_numbers(table, groups)))
-    if numbered["group"].n_unique() < LEAST_GROUPS or not white + walk > 0.0:
+    if numbered["group"].n_unique() < LEAST_GROUPS or not scaled > 0.0:
         return []
     return sorted(numbered.partition_by(names, as_dict=True).items())
 
 
-def _sizes(fitted: "FittedComponents") -> tuple[float, float, float]:
-    white, walk, drift = (fitted.components[name].sigma.value ** 2 for name in ("white", "walk", "drift"))
-    return white, walk, drift
+def _sizes(fitted: "FittedComponents") -> dict[str, float]:
+    return {name: part.sigma.value**2 for name, part in fitted.components.items()}
 
 
 def _factor(knots: Knots, logs: Array, gain: Interval) -> Factor:

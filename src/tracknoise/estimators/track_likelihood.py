@@ -29,11 +29,12 @@ from scipy import special
 from scipy.optimize import minimize
 
 from tracknoise.estimators.linear_window import of_full_rank
-from tracknoise.estimators.track_noise import Reference, TrackNoise
+from tracknoise.inference.track_noise import Reference, TrackNoise
 
 Array = NDArray[np.float64]
 
-COMPONENTS = ("first", "white", "walk")
+BULK = ("first", "white", "walk")
+"""Components that a law of tracks has."""
 LEAST_PX, MOST_PX = 1e-4, 100.0
 LEAST_NU, MOST_NU = 2.05, 200.0
 """Degrees of freedom: the covariance is finite, and a larger number cannot be distinguished from a Gaussian."""
@@ -316,7 +317,7 @@ def fit_law(tracks: TrackErrors, start: TrackLaw, *, powers: Sequence[Bounds] = 
         found, slopes = start.with_values(values).with_slopes(tracks)
         return -float(found.sum()) / count, -slopes.sum(axis=0) / count
 
-    of_sigmas = [(np.log(LEAST_PX), np.log(MOST_PX))] * len(COMPONENTS)
+    of_sigmas = [(np.log(LEAST_PX), np.log(MOST_PX))] * len(BULK)
     of_nu = [(np.log(LEAST_NU), np.log(MOST_NU))] if start.has_scales else []
     found = minimize(cost, start.values, jac=True, method="L-BFGS-B", bounds=[*of_sigmas, *of_nu, *powers])
     return start.with_values(found.x)

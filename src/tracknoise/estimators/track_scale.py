@@ -26,7 +26,7 @@ from tracknoise.estimators.exports import invertible
 from tracknoise.estimators.model import Component, Factor, Interval, TrackScale, factor_of
 from tracknoise.estimators.run_time_conditions import TRENDS, Trend, mean_gain
 from tracknoise.estimators.track_likelihood import (
-    COMPONENTS,
+    BULK,
     LEAST_NU,
     LEAST_PX,
     MOST_NU,
@@ -207,7 +207,7 @@ def fit_track_scale(
     return TrackScale(
         nu=intervals["nu"] if chosen.law.has_scales else None,
         why_one_scale=None if chosen.law.has_scales else _not_better("a scale of each track", scale, sample.noun),
-        **{name: _component(intervals.get(name)) for name in COMPONENTS},
+        **{name: _component(intervals.get(name)) for name in BULK},
         conditions=tuple(
             sample.covariates[place].factor(power, gained)
             for place, power, gained in zip(chosen.places, chosen.law.powers, chosen.gains, strict=True)
@@ -351,10 +351,10 @@ def law_intervals(
 
     `law`: fitted to the sample with the covariates `places`. `first`: columns dataset, scene and block of its tracks.
     """
-    names = [*COMPONENTS, *(["nu"] if law.has_scales else [])]
+    names = [*BULK, *(["nu"] if law.has_scales else [])]
     variances = np.square([law.first, law.white, law.walk])
     negligible = variances < _NEGLIGIBLE * variances.max()
-    active = np.array([place for place in range(len(law.values)) if place >= len(COMPONENTS) or not negligible[place]])
+    active = np.array([place for place in range(len(law.values)) if place >= len(BULK) or not negligible[place]])
     cells = first.select("dataset", "scene", "block", cell=pl.struct("dataset", "scene", "block").rank("dense") - 1)
     each = cells.unique("cell").sort("cell")
     cell = cells["cell"].to_numpy().astype(np.intp)
@@ -380,7 +380,7 @@ def law_intervals(
 
     found = pooled(units, np.zeros((0, len(units.sums))), statistics, Method(IntervalKind.student, level))
     bounds = zip(active.tolist(), found.low[:, 0].tolist(), found.high[:, 0].tolist(), strict=True)
-    limits = [(LEAST_PX, MOST_PX)] * len(COMPONENTS) + [(LEAST_NU, MOST_NU)]
+    limits = [(LEAST_PX, MOST_PX)] * len(BULK) + [(LEAST_NU, MOST_NU)]
     return {
         names[place]: _exponential(float(law.values[place]), *ends, *limits[place])
         for place, *ends in bounds

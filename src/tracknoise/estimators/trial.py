@@ -16,7 +16,7 @@ from tracknoise.estimators.linear_window import (
 )
 from tracknoise.estimators.model import Factor, Interval, factor_of
 from tracknoise.estimators.proof_windows import Problem, TrackGroup, linear_window, magnification_of
-from tracknoise.estimators.track_noise import TrackNoise
+from tracknoise.inference.track_noise import TrackNoise
 
 TEXTURE = "texture"
 """Name of what planted noise depends on."""

@@ -22,7 +22,7 @@ from tracknoise.phrases.measures import Subject, answer, card_number, first, tri
 from tracknoise.phrases.sentences import because, each_axis, joined
 from tracknoise.phrases.withheld import audited_bias, bias_covers, covered_coordinates, withheld_bias
 from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
-from tracknoise.words import chance, count, format_estimate, listing, percent, px, sentence_case
+from tracknoise.words import chance, count, format_estimate, intervals_at, listing, percent, px, sentence_case
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -40,9 +40,10 @@ def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
 
 def _closing(rows: pl.DataFrame) -> str:
     """What intervals and tests are about."""
-    if rows["sign_flip_p"].null_count() == rows.height:
+    levels = rows["level"].drop_nulls()
+    if levels.is_empty():
         return "Intervals are for one coordinate alone; scenes weigh equally."
-    return "Tests and their 95\N{NO-BREAK SPACE}% intervals are for u and v together; scenes weigh equally."
+    return f"Tests and their {intervals_at(levels[0])} are for u and v together; scenes weigh equally."
 
 
 def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:

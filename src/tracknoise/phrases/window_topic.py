@@ -17,7 +17,7 @@ from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.trust import TruthVerdict, explained_share
-from tracknoise.words import SPACE, format_as, format_estimate, listing, number, pixels, px, ratio
+from tracknoise.words import SPACE, format_as, format_estimate, intervals_at, listing, number, pixels, px, ratio
 
 LONGEST_WINDOW = 15
 """Longest window that is reported, in observations."""
@@ -53,8 +53,8 @@ def _simulated(row: Mapping[str, Any]) -> str:
 
 
 def _between_scenes(rows: pl.DataFrame) -> str:
-    told = rows.filter(quantity="sigma")["low"].drop_nulls()
-    return " Numbers in brackets are 95 % intervals." if told.len() else ""
+    levels = rows.filter(quantity="sigma")["level"].drop_nulls()
+    return "" if levels.is_empty() else f" Numbers in brackets are {intervals_at(levels[0])}."
 
 
 def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | None:

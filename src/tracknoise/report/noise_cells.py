@@ -15,20 +15,15 @@ from tracknoise.estimators.exports import estimator, in_words, of_common
 from tracknoise.estimators.lookup_table import NoiseRow, NoiseTable, SecondMoment
 from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.track_likelihood import LEAST_NU
+from tracknoise.estimators.track_likelihood import BULK, LEAST_NU
 from tracknoise.exceptions import SettingsError
+from tracknoise.inference.track_noise import COMPONENTS
 from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
 from tracknoise.tables.enumerations import Product, Trust, Verdict
 from tracknoise.text import counted, significant
 from tracknoise.words import DASH, number, percent, ratio, thousandths
 
-_COMPONENTS = {
-    "first": ("first position (A)", "px"),
-    "white": ("each frame (W)", "px"),
-    "walk": ("walk (Q)", "px per sqrt(frame)"),
-    "drift": ("drift (D)", "px per frame"),
-}
 _LANDMARKS = {
     Landmark.FREE: "point solved for",
     Landmark.EXACT: "first observation exact",
@@ -61,9 +56,9 @@ def model_sentences(model: NoiseModel, name: str) -> list[str]:
 def component_cells(model: NoiseModel) -> Cells:
     """The components, with the reason where one was dropped."""
     rows = []
-    for name, (title, unit) in _COMPONENTS.items():
-        part = getattr(model, name)
-        rows.append([title, *interval_cells(part.sigma), unit, part.why_dropped or ""])
+    for one in COMPONENTS:
+        part = getattr(model, one.name)
+        rows.append([one.title, *interval_cells(part.sigma), one.unit, part.why_dropped or ""])
     return Cells("Components", ["component", "sigma", "low", "high", "unit", "dropped because"], rows, _NUMERIC)
 
 
@@ -141,7 +136,8 @@ def _track_scale(model: NoiseModel) -> list[str]:
         return []
     if scale.why_refused is not None or scale.gain is None:
         return [f"The likelihood of whole tracks is not used: {scale.why_refused}."]
-    parts = ", ".join(f"{title} {_range(getattr(scale, name).sigma)} {unit}" for name, title, unit in _BULK)
+    bulk = [one for one in COMPONENTS if one.name in BULK]
+    parts = ", ".join(f"{one.letter} {_range(getattr(scale, one.name).sigma)} {one.unit}" for one in bulk)
     gain = f"On what was left out, this gains {_range(scale.gain)} nat per track over second moments."
     qualities = " and ".join(one.of for one in scale.conditions)
     by_quality = f"; W and Q depend on {qualities}" if qualities else ""
@@ -156,9 +152,6 @@ def _track_scale(model: NoiseModel) -> list[str]:
 def _freedom(nu: Interval) -> str:
     at_limit = nu.low is None and nu.value <= LEAST_NU * (1 + 1e-6)
     return f"at most {number(nu.value)}" if at_limit else _range(nu)
-
-
-_BULK = (("first", "A", "px"), ("white", "W", "px"), ("walk", "Q", "px per sqrt(frame)"))
 
 
 def _floor(model: NoiseModel) -> list[str]:

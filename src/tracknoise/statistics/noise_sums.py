@@ -1,14 +1,5 @@
 """What noise models are fitted to: products of errors of tracks, and changes of errors by what a front end knows.
 
-- The true points that tracks observe.
-- Errors of tracks about their first positions, with the magnification of the image and its motion.
-- The errors of the tracks of a sequence, with what is an outlier among them.
-- Sums of products of errors by condition, block, product and age, and counts of outliers.
-- A sample of tracks, each with its errors.
-- All tables of a sequence that noise models are fitted to.
-
-Sums from which the components of the noise of tracks are fitted: products of errors, and what they should contain.
-
 Errors e_k are about the first position, at age k, in frames that the tracker saw. The image about the point of a track
 is magnified by M_k = Z_0 / Z_k since birth, by r = M_k / M_(k-1) since the frame before. A change is
 
@@ -25,24 +16,22 @@ so that an error that was made before, and is carried on by the motion of the im
     lagged  c_k c_(k-1)'   0, -r, 0, (k - r k') (k' - r' k'')
 
 where k' and k'' are the ages one and two frames of the tracker before, s the frames of the recording between two of the
-tracker, and P_k the sum of s / M_i^2 over its frames i up to k. The sums of these four factors over tracks are kept, so
-that any number of scenes can be added up before the fit.
+tracker, and P_k the sum of s / M_i^2 over its frames i up to k. All follow from (noise_model.track), and are computed
+from it. The sums of these four factors over tracks are kept, so that any number of scenes can be added up before the
+fit.
 
 Tails must not decide what the bulk is like. Errors larger than ten times the median of the condition and sequence, as a
 Gaussian of that median would have it, are left out and counted (`tracknoise.statistics.noise_sums.OUTLIER`).
 
-Changes of errors by what a front end knows while it runs: motion of the image, and quality that trackers report.
-
-A covariate is divided into classes of half an octave, c = floor(2 log2(x)) (covariates.class). For each pair of
-classes, at the first and the second end of a change (error_products.change), the sums of half its squared length and of
-what multiplies the components in its expectation are kept. With a factor f(x) on W and Q, and half traces w, q and d,
+Changes are summed by covariates, too: motion of the image, and quality that trackers report. A covariate is divided
+into classes of half an octave, c = floor(2 log2(x)) (covariates.class). For each pair of classes, at the first and the
+second end of a change, the sums of half its squared length and of what multiplies the components in its expectation are
+kept. With a factor f(x) on W and Q, and half traces w, q and d,
 
     E[|c|^2 / 2] = w (f_now + r^2 f_before) + q s f_now + d (k - r k')^2    (covariates.expected)
 
-Changes of errors by two covariates together, so that what they have in common does not count twice.
-
-Classes are of an octave, c = floor(log2(x)), twice as wide as those of one covariate, because there are many
-combinations. The sums are those of `tracknoise.statistics.noise_sums`.
+Sums by two covariates together show what they have in common. Their classes are of an octave, c = floor(log2(x)),
+because there are many combinations.
 """
 
 from collections.abc import Iterator, Mapping
@@ -54,11 +43,13 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.geometry.projection import FrameGeometry
+from tracknoise.inference.track_noise import NAMES, Seen, changed, shares
 from tracknoise.statistics.changes import followers
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Product
 from tracknoise.tables.schema import (
+    CHANGE_TERMS,
     NOISE_COVARIATES,
     NOISE_OUTLIERS,
     NOISE_PAIRS,
@@ -183,37 +174,39 @@ class Products:
 
     rows: NDArray[np.intp]  # (n,): the observation at the end of each
     values: NDArray[np.float64]  # (n, 3): uu, uv and vv, px^2
-    factors: NDArray[np.float64]  # (n, 4): of A, W, Q and D in their expectation, (error_products.expected)
+    factors: NDArray[np.float64]  # (n, 4): of the components in their expectation, (error_products.expected)
 
 
 def products(tracks: ErrorTracks) -> Iterator[tuple[Product, Products]]:
     """All products of each kind whose errors are known and not outliers."""
-    now, carried, age, before = tracks.error_px, tracks.magnification, tracks.age, tracks.before(1)
-    k = age[before]
-    walked = np.where(k > 0, tracks.walked[before - 1], 0.0)
-    grown, r = carried[before], carried[before] / carried[before - 1]
-    earlier = age[before - 1]
-    left = k - r * earlier
-    one = np.ones_like(grown)
-    errors = now[before]
-    yield (
-        Product.error,
-        Products(before, _squares(errors), _stack(grown**2, one, tracks.walked[before] * grown**2, k**2)),
-    )
-    later = earlier > 0
-    old = r[:, None] * now[before - 1]
-    of_old = _stack(grown**2, r**2, walked * grown**2, (r * earlier) ** 2)
-    yield Product.before, Products(before[later], _squares(old)[later], of_old[later])
+    seen = Seen(tracks.age, tracks.magnification, tracks.walked, np.ones(len(tracks.age)))
+    at = tracks.before(1)
+    now, before = seen.at(at), seen.at(at - 1)
+    r = now.magnification / before.magnification
+    of_error, of_both, of_before = shares(now, now), shares(now, before), shares(before, before)
+    errors = tracks.error_px[at]
+    yield Product.error, Products(at, _squares(errors), _stack(*of_error))
+
+    later = before.age > 0
+    old = r[:, None] * tracks.error_px[at - 1]
+    of_old = _stack(*(r**2 * share for share in of_before))
+    yield Product.before, Products(at[later], _squares(old)[later], of_old[later])
+
     change = errors - old
-    of_change = _stack(0.0 * one, 1.0 + r**2, k - earlier, left**2)
-    yield Product.change, Products(before[later], _squares(change)[later], of_change[later])
-    place = np.full(len(age), -1)
-    place[before] = np.arange(len(before))
-    twice = np.flatnonzero(later & (place[before - 1] >= 0))
-    first = place[before[twice] - 1]
-    crossed = _crossed(change[twice], change[first])
-    zero = np.zeros(len(twice))
-    yield Product.lagged, Products(before[twice], crossed, _stack(zero, -r[twice], zero, left[twice] * left[first]))
+    of_change = _stack(*changed(of_error, of_both, of_before, r))
+    yield Product.change, Products(at[later], _squares(change)[later], of_change[later])
+
+    place = np.full(len(tracks.age), -1)
+    place[at] = np.arange(len(at))
+    twice = np.flatnonzero(later & (place[at - 1] >= 0))
+    last = place[at[twice] - 1]
+    crossed = _crossed(change[twice], change[last])
+    with_first, of_first = shares(now.at(twice), before.at(last)), shares(before.at(twice), before.at(last))
+    of_lagged = [
+        (both[twice] - r[twice] * own[twice]) - r[last] * (one - r[twice] * other)
+        for both, own, one, other in zip(of_both, of_before, with_first, of_first, strict=True)
+    ]
+    yield Product.lagged, Products(at[twice], crossed, _stack(*of_lagged))
 
 
 def _stack(*columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -230,7 +223,7 @@ def _crossed(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float
     return _stack(a[:, 0] * b[:, 0], mixed, a[:, 1] * b[:, 1])
 
 
-_PRODUCTS, _FACTORS = ("uu", "uv", "vv"), ("first", "white", "walk", "drift")
+_PRODUCTS = ("uu", "uv", "vv")
 _MEANS = ("sum_u", "sum_v", "along", "motion")
 
 
@@ -240,7 +233,7 @@ def noise_sums(sequence: PreparedSequence, tracks: ErrorTracks, found: Mapping[P
     return check(pl.concat([empty(NOISE_SUMS), *parts]).sort(_KEYS), NOISE_SUMS, "noise sums")
 
 
-_KEYS = tuple(name for name in NOISE_SUMS if name not in ("n", *_PRODUCTS, *_FACTORS, *_MEANS))
+_KEYS = tuple(name for name in NOISE_SUMS if name not in ("n", *_PRODUCTS, *NAMES, *_MEANS))
 
 
 def _summed_products(sequence: PreparedSequence, tracks: ErrorTracks, kind: Product, found: Products) -> pl.DataFrame:
@@ -249,7 +242,7 @@ def _summed_products(sequence: PreparedSequence, tracks: ErrorTracks, kind: Prod
     (condition, blocks, age), index = number_combinations(
         [sequence.seen.condition[rows], block, sequence.seen.age[rows]]
     )
-    columns = dict(zip((*_PRODUCTS, *_FACTORS), np.hstack([found.values, found.factors]).T, strict=True))
+    columns = dict(zip((*_PRODUCTS, *NAMES), np.hstack([found.values, found.factors]).T, strict=True))
     columns |= dict(zip(_MEANS, _means(tracks, kind, found.rows), strict=True))
     sums = {name: np.bincount(index, values, len(age)) for name, values in columns.items()}
     keys = {"block": blocks, "age": age, "n": np.bincount(index, minlength=len(age))}
@@ -291,8 +284,6 @@ prediction, or from the features around.
 """
 PER_OCTAVE = 2
 _FURTHEST = 40
-TERMS = ("squares", "white_before", "walk", "drift")
-"""Sums over changes, besides their count."""
 
 
 def class_of(values: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -315,7 +306,7 @@ def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: P
     parts = [
         _summed_covariates(sequence, tracks, changes, name, values) for name, values in covariates_of(sequence, tracks)
     ]
-    keys = [name for name in NOISE_COVARIATES if name not in ("n", *TERMS)]
+    keys = [name for name in NOISE_COVARIATES if name not in ("n", *CHANGE_TERMS)]
     return check(pl.concat([empty(NOISE_COVARIATES), *parts]).sort(keys), NOISE_COVARIATES, "noise covariates")
 
 
@@ -333,7 +324,7 @@ def sums_by_class(
 ) -> pl.DataFrame:
     """Sums of every condition and combination of classes.
 
-    Returns: the columns of the conditions, of the classes, n and `TERMS`. `classes`: NaN where a covariate is unknown.
+    Returns: the columns of the conditions, of the classes, n and `CHANGE_TERMS`. `classes`: NaN where unknown.
     """
     known = np.flatnonzero(~np.isnan(np.stack(list(classes.values()))).any(axis=0))
     condition = sequence.seen.condition[tracks.rows[changes.rows[known]]]
@@ -341,11 +332,11 @@ def sums_by_class(
     least = [number.min(initial=_FURTHEST) for number in numbers]  # few combinations are found fast
     counted = [number - lowest for number, lowest in zip(numbers, least, strict=True)]
     (conditions, *combined), index = number_combinations([condition, *counted])
+    factors = dict(zip(NAMES, changes.factors[known].T, strict=True))
     terms = {
         "squares": 0.5 * (changes.values[known, 0] + changes.values[known, 2]),
-        "white_before": changes.factors[known, 1] - 1.0,
-        "walk": changes.factors[known, 2],
-        "drift": changes.factors[known, 3],
+        "white_before": factors["white"] - 1.0,
+        **{name: factors[name] for name in CHANGE_TERMS if name in factors},
     }
     sums = {term: np.bincount(index, each, len(conditions)) for term, each in terms.items()}
     labels = {name: values + lowest for name, values, lowest in zip(classes, combined, least, strict=True)}
@@ -379,7 +370,7 @@ def noise_pairs(sequence: PreparedSequence, tracks: ErrorTracks, changes: Produc
 
     Returns schema `NOISE_PAIRS`, sorted.
     """
-    keys = [name for name in NOISE_PAIRS if name not in ("n", *TERMS)]
+    keys = [name for name in NOISE_PAIRS if name not in ("n", *CHANGE_TERMS)]
     table = pl.concat([empty(NOISE_PAIRS), *_parts(sequence, tracks, changes)])
     return check(table.sort(keys), NOISE_PAIRS, "noise pairs")
 

@@ -172,12 +172,14 @@ ADVICE: Schema = {
     "low": pl.Float64,
     "high": pl.Float64,
     "why": pl.String,
+    "level": pl.Float64,
 }
 """What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
 
 estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma, state_sigma (of
 features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
-are factors on chi-square quantiles at .95. why says why windows are simulated; it is null where they are not.
+are factors on chi-square quantiles at .95. why says why windows are simulated; it is null where they are not. level is
+that of the interval; it is null without one.
 """
 
 NOISE_LOOKUP: Schema = {
@@ -260,15 +262,16 @@ ZERO_MEAN: Schema = {
     **dict.fromkeys(("sign_flip_p", "sign_flip_p_adjusted", "sign_flip_p_family", "iid_p"), pl.Float64),
     "verdict": VERDICT,
     "why": pl.String,
+    "level": pl.Float64,
 }
 """Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
 
 effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Bounds
-are of 95 %, for one age alone, u and v together: effect_low_px is above 0 exactly where sign_flip_p is at most 0.05.
-They are null where there is no test, and in the row of all ages. Adjusted p-values are over the ages of a condition:
-Hotelling's by Holm, that of the sign flips by the largest statistic of each flip. sign_flip_p_family is over all ages
-of all conditions of the dataset, and the verdict is about it. iid_p is the p-value of a test that assumes independent
-features. The verdict `yes` means that the mean differs from zero, `undecided` that it may or may not.
+are for one age alone, u and v together: effect_low_px is above 0 exactly where sign_flip_p is at most 1 - level. They
+and level are null where there is no test, and in the row of all ages. Adjusted p-values are over the ages of a
+condition: Hotelling's by Holm, that of the sign flips by the largest statistic of each flip. sign_flip_p_family is over
+all ages of all conditions of the dataset, and the verdict is about it. iid_p is the p-value of a test that assumes
+independent features. The verdict `yes` means that the mean differs from zero, `undecided` that it may or may not.
 """
 
 GAUSSIANITY: Schema = {

@@ -417,14 +417,18 @@ def _floor() -> View:
     return View(Topic.truth_floor, schema.FLOOR, keys, values, [*_CONDITION, "source", "axis", "at"])
 
 
+def _bounds_with_level(stem: str) -> dict[str, str]:
+    return {**_bounds_of(stem, "_px"), "level": "level"}
+
+
 def _bias() -> View:
     tests = [
         name for name in findings_schema.ZERO_MEAN if name == "iid_p" or name.startswith(("hotelling", "sign_flip"))
     ]
     values = [
-        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_of("effect", "_px")}),
+        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_with_level("effect")}),
         *(
-            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_of(f"mean_{name}", "_px"))
+            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_with_level(f"mean_{name}"))
             for name in "uv"
         ),
         Value("bias_share", "share_of_second"),
@@ -611,7 +615,7 @@ def _advice() -> View:
         "observation_gate": ("gate_to_set", {"against": "observation"}),
         "innovations": ("sigma_of_innovations", {}),
     }
-    values = _by_quantity(names, _same("low", "high", "why"), axis="window", against=None)
+    values = _by_quantity(names, _same("low", "high", "level", "why"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
     sort = [*_CONDITION, "estimator", "window", "quantity"]
     keys = {**_CONDITION, "at": "window"}

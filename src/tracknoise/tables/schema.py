@@ -14,6 +14,7 @@ import polars as pl
 import polars.selectors as cs
 
 from tracknoise.exceptions import SchemaError
+from tracknoise.inference.track_noise import NAMES
 from tracknoise.tables.enumerations import (
     Aspect,
     Axis,
@@ -360,10 +361,10 @@ NOISE_SUMS: Schema = {
     "age": pl.UInt32,
     "n": pl.Int64,
     **dict.fromkeys(("uu", "uv", "vv"), pl.Float64),
-    **dict.fromkeys(("first", "white", "walk", "drift"), pl.Float64),
+    **dict.fromkeys(NAMES, pl.Float64),
     **dict.fromkeys(("sum_u", "sum_v", "along", "motion"), pl.Float64),
 }
-"""Sums of products of errors, and of what multiplies the covariances A, W, Q and D in their expectation.
+"""Sums of products of errors, and of what multiplies the covariance of each component in their expectation.
 
 See `tracknoise.statistics.noise_sums`. uu, uv, vv and motion are in px^2, walk in frames, drift in frames^2.
 first and white have no unit. sum_u and sum_v are sums of the errors (px), along that of the errors along the motion of
@@ -381,19 +382,22 @@ NOISE_OUTLIERS: Schema = {
 }
 """Errors at the ages of `NOISE_SUMS`, and how many of these are larger than `limit_px` in length."""
 
+CHANGE_TERMS = ("squares", "white_before", *(name for name in NAMES if name not in ("first", "white")))
+"""Sums over changes of errors, besides their count: changes have nothing of A, and W has the factor 1 at their end."""
+
 NOISE_COVARIATES: Schema = {
     **ORIGIN,
     "covariate": pl.String,
     "before": pl.Int16,
     "now": pl.Int16,
     "n": pl.Int64,
-    **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
+    **dict.fromkeys(CHANGE_TERMS, pl.Float64),
 }
 """Sums over changes of errors by what was known at run time at both of their ends
 (`tracknoise.statistics.noise_sums`).
 
 before and now are classes of the covariate. squares is the sum of half the squared length of the changes (px^2).
-white_before, n, walk and drift multiply W at the first end, W at the second, Q and D in its expectation.
+white_before and n multiply W at the first and the second end in its expectation, the others their own component.
 """
 
 NOISE_TRACKS: Schema = {
@@ -418,7 +422,7 @@ NOISE_PAIRS: Schema = {
     **dict.fromkeys(("first", "second"), pl.String),
     **dict.fromkeys(("first_before", "first_now", "second_before", "second_now"), pl.Int16),
     "n": pl.Int64,
-    **dict.fromkeys(("squares", "white_before", "walk", "drift"), pl.Float64),
+    **dict.fromkeys(CHANGE_TERMS, pl.Float64),
 }
 """The same sums by two covariates together, in classes of an octave (`tracknoise.statistics.noise_sums`)."""
 
@@ -938,7 +942,7 @@ def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame
     return table
 
 
-_LATER_COLUMNS = ("near_px",)
+_LATER_COLUMNS = ("near_px", "level")
 """Last columns of tables that earlier versions did not write."""
 
 

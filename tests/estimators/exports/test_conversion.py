@@ -11,8 +11,8 @@ from tracknoise.estimators.exports import FocalChange, RateChange, Target
 from tracknoise.estimators.linear_window import CAMERA as CAMERA_OF_WINDOWS
 from tracknoise.estimators.linear_window import Motion, consistent_sigma, linear_tracks, simulated_tracks, trajectory
 from tracknoise.estimators.model import CameraOfModel, Landmark, Purpose
-from tracknoise.estimators.track_noise import TrackNoise
 from tracknoise.exceptions import SettingsError
+from tracknoise.inference.track_noise import TrackNoise
 
 CAMERA = CameraOfModel(width=752, height=480, focal_px=458.6, rate_hz=20.0)
 EVERY_FOURTH = Target(rate_hz=5.0, rate_change=RateChange.THINNED)

@@ -18,6 +18,7 @@ from tracknoise.estimators.calibration import Calibration, fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.inference.conventions import LEVEL
+from tracknoise.inference.track_noise import COMPONENTS
 from tracknoise.phrases.bands import AGE, describe_bounds, describe_intervals
 from tracknoise.phrases.covariance_topic import covariance_message, covariance_sentence, own_covariances
 from tracknoise.phrases.depth_topic import LEVELS, depth_shares
@@ -34,8 +35,6 @@ _LOOKS: dict[str, Any] = {"height": 230, "point": 20, "clip": False}
 """Of panels of curves."""
 _MODEL_FIT_ID, _MODEL_FIT_TITLE = "model-fit", "The noise model over the errors that it was fitted to"
 _MODEL_FIT_COLOURS = dict(zip(("measured", "model"), style.PALETTE[:2], strict=True))
-_PARTS = {"first": "first position", "white": "each frame", "walk": "walk", "drift": "drift"}
-_UNITS = {"first": "px", "white": "px", "walk": "px per √frame", "drift": "px per frame"}
 
 
 def model_fit_figures(data: ReportData) -> Sequence[Figure | Absence]:
@@ -87,8 +86,9 @@ def _curves(data: ReportData, models: Mapping[str, NoiseModel]) -> dict[str, pl.
 
 def _sentence(tracker: str, model: NoiseModel, curve: pl.DataFrame) -> str:
     """Components of the model, and how far it is off."""
-    kept = {name: getattr(model, name).sigma.value for name in _PARTS if getattr(model, name).why_dropped is None}
-    stated = ", ".join(f"{_PARTS[name]} {number(value)}{SPACE}{_UNITS[name]}" for name, value in kept.items())
+    parts = [(one, getattr(model, one.name)) for one in COMPONENTS]
+    kept = [(one, part.sigma.value) for one, part in parts if part.why_dropped is None]
+    stated = ", ".join(f"{one.phrase} {number(value)}{SPACE}{one.unit}" for one, value in kept)
     known = curve.drop_nulls(["measured", "modelled"]).filter(pl.col("measured") > 0.0)
     if known.is_empty():
         return f"{tracker}: {stated}."

@@ -7,14 +7,12 @@ from tracknoise.inference.track_noise import NAMES
 
 @dataclass(frozen=True, slots=True)
 class ComponentCode:
-    """What multiplies one component."""
+    """Of one component. `walked` is a sum of squared depths in C++, and what multiplies a walk in Python."""
 
     error: str  # C++: for an error at `age`, with the magnification m and the factor f; `later` is 1 after the birth
     change: str  # C++: for a change over a number of `frames`
-    cpp: str  # C++: for frames j and k of a track, about its true positions, from the `depth` of each; 1.0 * int
+    cpp: str  # C++: for frames j and k of a track, about its true positions, from the `depth` of each
     python: str  # the same for all frames, (n, n), from the `age` of each
-
-    # `walked` is the sum of squared depths up to a frame in C++, and what multiplies a walk in Python.
 
 
 _CODE = {

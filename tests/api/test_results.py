@@ -47,6 +47,11 @@ def test_a_view_has_the_columns_of_its_table(name: str) -> None:
     assert check(made, SCHEMAS[name], name).is_empty()
 
 
+@pytest.mark.parametrize("name", sorted(VIEWS))
+def test_an_interval_has_its_level(name: str) -> None:
+    assert all("level" in value.carried for value in VIEWS[name].values if "low" in value.carried)
+
+
 @pytest.mark.parametrize("name", sorted(RARE))
 def test_tables_of_rare_runs_come_back_as_they_were(name: str) -> None:
     table = one_row(SCHEMAS[name])

@@ -270,7 +270,7 @@ def _same(*names: str) -> dict[str, str]:
 
 
 def _bounds_of(stem: str, unit: str = "") -> dict[str, str]:
-    return {"low": f"{stem}_low{unit}", "high": f"{stem}_high{unit}"}
+    return {"low": f"{stem}_low{unit}", "high": f"{stem}_high{unit}", "level": "level"}
 
 
 _CONDITION = _same("dataset", *CONDITION)
@@ -417,18 +417,19 @@ def _floor() -> View:
     return View(Topic.truth_floor, schema.FLOOR, keys, values, [*_CONDITION, "source", "axis", "at"])
 
 
-def _bounds_with_level(stem: str) -> dict[str, str]:
-    return {**_bounds_of(stem, "_px"), "level": "level"}
-
-
 def _bias() -> View:
     tests = [
         name for name in findings_schema.ZERO_MEAN if name == "iid_p" or name.startswith(("hotelling", "sign_flip"))
     ]
     values = [
-        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_with_level("effect")}),
+        Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_of("effect", "_px")}),
         *(
-            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_with_level(f"mean_{name}"))
+            Value(
+                "bias_component",
+                f"mean_{name}_px",
+                {"coordinate": name},
+                carried=_bounds_of(f"mean_{name}", "_px"),
+            )
             for name in "uv"
         ),
         Value("bias_share", "share_of_second"),
@@ -659,7 +660,7 @@ def _image() -> View:
     values = [
         Value("image_spread", "spread_px", carried=made | {"n": "n", "verdict": "differs"}),
         *(
-            Value("image_mean", f"mean_{name}_px", {"coordinate": name}, carried=_bounds_of(f"mean_{name}"))
+            Value("image_mean", f"mean_{name}_px", {"coordinate": name}, carried=made | _bounds_of(f"mean_{name}"))
             for name in "uv"
         ),
     ]

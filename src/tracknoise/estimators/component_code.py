@@ -10,7 +10,7 @@ class ComponentCode:
     """Of one component. `walked` is a sum of squared depths in C++, and what multiplies a walk in Python."""
 
     error: str  # C++: for an error at `age`, with the magnification m and the factor f; `later` is 1 after the birth
-    change: str  # C++: for a change over a number of `frames`
+    change: str  # C++: for a change over a number of `frames` after the first one
     cpp: str  # C++: for frames j and k of a track, about its true positions, from the `depth` of each
     python: str  # the same for all frames, (n, n), from the `age` of each
 

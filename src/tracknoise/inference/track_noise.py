@@ -8,8 +8,8 @@ first position is, for ages j, k >= 1,
 and 0 where j or k is 0. An estimator that solves for the 3-D point does not need to know from where errors are counted.
 For it the first observation may have the covariance A, and the others lose M_j M_k A: both lead to the same estimate.
 
-What multiplies A, W, Q and D here is all that their fits, models and exports know of them: a component is one row of
-`COMPONENTS` and one field of `TrackNoise`.
+Fits, models and exports take what multiplies A, W, Q and D from here: a component is one row of `COMPONENTS` and one
+field of `TrackNoise`. Scales of tracks (`tracknoise.estimators.track_likelihood`) have a law of their own.
 """
 
 from collections.abc import Callable, Iterator

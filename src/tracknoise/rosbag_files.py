@@ -1,18 +1,16 @@
 """Files of bags of ROS 1 and ROS 2: where they lie, their compression, and their messages in order or one at a time.
 
-- Which bags lie below a folder: ROS 1 files, folders of ROS 2 bags, and single files of ROS 2.
-- Bags of ROS 2 that are compressed with zstd: whole files, or each message. What they become is limited in size.
+The bags below a folder are ROS 1 files, folders of ROS 2 bags, and single files of ROS 2. Bags of ROS 2 may be
+compressed with zstd: whole files, or each message. What they become is limited in size.
 
-Files in MCAP that were not written by ROS 2: converted bags of ROS 1, and recordings of other programs.
+Files in MCAP that were not written by ROS 2 are converted bags of ROS 1, and recordings of other programs. The
+library's reader takes files with the profile ``ros2`` only, whose messages are all of ROS 2. The package `mcap` (1.6)
+reads files without a summary from their beginning for every message (47 ms instead of 1 ms in 60 MB), does not compare
+what a chunk becomes with the size that it states, and brings a second library for zstd.
 
-The library's reader takes files with the profile ``ros2`` only, whose messages are all of ROS 2. The package `mcap`
-(1.6) reads files without a summary from their beginning for every message (47 ms instead of 1 ms in 60 MB), does not
-compare what a chunk becomes with the size that it states, and brings a second library for zstd.
-
-One bag: its topics, and its messages in order or one at a time.
-
-Messages are decoded with the definitions of the standard messages that come with the library. Those that are stored in
-a bag are not used, so that nothing which a file defines is executed, and bags without definitions can be read.
+A bag has topics, and its messages in order or one at a time. Messages are decoded with the definitions of the standard
+messages that come with the library. Those that are stored in a bag are not used, so that nothing which a file defines
+is executed, and bags without definitions can be read.
 """
 
 import os

@@ -1,60 +1,74 @@
 """The shape of errors: skewness, kurtosis, tails, ties, and what other densities gain on held-out scenes.
 
-Mardia's skewness and kurtosis of pairs, from sums that add up over scenes.
+The module computes Mardia's skewness and kurtosis of pairs, and how far out errors lie. It puts errors of several ages,
+and of several scenes, in common units. It finds errors that are equal to one another. Last, it measures how much better
+Student's t, or a mixture, predicts errors than a Gaussian does.
 
-With z the pairs, less their mean and multiplied by a root of their inverse covariance, and E their mean:
+Skewness and kurtosis
+---------------------
+
+Both are computed from sums that add up over scenes. Let z be the pairs, less their mean and multiplied by a root of
+their inverse covariance, and E their mean:
 
 - b1 = E(z_u^3)^2 + 3 E(z_u^2 z_v)^2 + 3 E(z_u z_v^2)^2 + E(z_v^3)^2, 0 for a Gaussian (skewness)
 - b2 = E((z_u^2 + z_v^2)^2), 8 for a Gaussian (kurtosis)
 
 To leading order the distance (Kullback-Leibler) from the Gaussian of the same mean and covariance is, in nats, b1 / 12
-of skewed pairs, and (b2 / 8 - 1)^2 / 2 of elliptical ones (negentropy), by the expansion of Edgeworth.
+for skewed pairs, and (b2 / 8 - 1)^2 / 2 for elliptical ones (negentropy), by the expansion of Edgeworth.
 
 Source: K. V. Mardia, Biometrika 57 (1970).
 
-How far out errors lie, compared with a Gaussian of the same mean and covariance.
+Tails
+-----
 
-In two dimensions a Gaussian has P(d2 > x) = exp(-x / 2), so that a share p of its errors lies within the distance
-sqrt(-2 log(1 - p)).
+Distances are compared with those of a Gaussian of the same mean and covariance. In two dimensions a Gaussian has
+P(d2 > x) = exp(-x / 2). A share p of its errors therefore lies within the distance sqrt(-2 log(1 - p)).
 
-Errors in units of their age: less the mean of all errors of that age, and whitened by their covariance.
+Units of an age
+---------------
 
-Errors grow with age. Were those of several ages put together as they are, a Gaussian that grows would look
-heavy-tailed. Of each age of a condition (or each frame, where a scan fixes the features) the mean m and the
-covariance C are therefore taken from the moments of all its scenes, and z = L^-1 (x - m), L L^T = C, is looked at in
-place of x (standard). What z looks like is then the shape of errors whose age is known.
+Errors grow with age. If errors of several ages were put together as they are, a Gaussian that grows would look
+heavy-tailed. For each age of a condition (or each frame, where a scan fixes the features), the mean m and the
+covariance C are therefore taken from the moments of all its scenes. Each error x is then replaced by z = L^-1 (x - m),
+L L^T = C (standard). The shape of z is the shape of errors whose age is known.
 
-Errors in units of their own scene: less the mean of its other errors, and whitened by their covariance.
+Units of a scene
+----------------
 
 Scenes differ in scale. Put together, Gaussian errors of such scenes look heavy-tailed. Each error is therefore compared
-with the n - 1 other errors of its own scene at its own age, or, where these are too few, with the other errors of its
-scene in the band of ages, one per track. An error is never compared with itself: one that is far out would make the
-covariance larger and hide. With m others, mean and covariance are estimates, so that Gaussian errors would still have
+with the n - 1 other errors of its own scene at its own age. Where these are too few, it is compared with the other
+errors of its scene in the band of ages, one per track. An error is never compared with itself: one that is far out
+would make the covariance larger and hide.
+
+With m others, mean and covariance are estimates, so that the distances of Gaussian errors are heavy-tailed:
 
     P(T2 > t) = (1 + t / (m - 1))^(-(m - 2) / 2),  T2 = m / (m + 1) (x - mean)^T S^-1 (x - mean)
 
-which is heavy-tailed. Each distance is therefore replaced by the one that a Gaussian exceeds as often (within):
+Each distance is therefore replaced by the one that a Gaussian exceeds as often (within):
 
     d2 = (m - 2) log(1 + T2 / (m - 1))
 
 Gaussian errors of any scenes are then Gaussian with covariance 1, however few others there are. Tails of other
-distributions are pulled in a little where there are few.
+distributions are pulled in a little where there are few others.
 
-Errors that are equal to one another: on a grid, or many of them exactly zero.
+Ties
+----
 
-Densities have no place for them: a fit that shrinks onto equal errors gains without limit. In data without a grid
-errors are never equal, so that a few are enough to say so. A grid that is fine beside the spread of errors makes few
+Errors are equal to one another where they lie on a grid, or where many of them are exactly zero. Densities have no
+place for equal errors: a fit that shrinks onto them gains without limit. In data without a grid errors are never equal,
+so that a few equal ones are enough to say so. A grid that is fine compared with the spread of errors makes few of them
 equal, and does not matter.
 
-How much better Student's t, or a mixture, predicts errors than a Gaussian does.
+Gains
+-----
 
 Independent units (scenes, or blocks of tracks) are put into a few folds. Each fold is scored by what was fitted to all
-others. What counts is the log-likelihood that a density gives to what it was not fitted to, less that of the Gaussian
+others. The score is the log-likelihood that a density gives to what it was not fitted to, less that of the Gaussian
 fitted to the same, in nats per error (gain). More parameters alone give no gain.
 
-Student's t is fitted to all errors first; from there its fits to all folds but one have not far to go, and reach their
-own optimum to 1e-5 nats. Those of the mixture may not, where its components are hardly distinguishable, and would keep
-information on the fold that is left out: each of these starts from its usual start.
+Student's t is fitted to all errors first. The fits to all folds but one start from there, have not far to go, and reach
+their own optimum to 1e-5 nats. Fits of the mixture may not reach it where its components are hardly distinguishable,
+and would keep information on the fold that is left out. Each of them therefore starts from its usual start.
 """
 
 from collections.abc import Iterable, Sequence

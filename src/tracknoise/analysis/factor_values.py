@@ -1,13 +1,13 @@
 """What factors are compared by: which conditions are their levels, and what single scenes measured in each.
 
-What single scenes measured in each condition: the values that the levels of a factor are compared by, as arrays.
+A cell is one factor with all others held, and its levels are conditions. The module finds the cells. Then it computes,
+as arrays, the values of single scenes in each condition, and the differences between levels in what scenes counted:
+outlier ratios and lifetimes. Last, it finds the options of trackers that are factors.
 
 At each age (or frame) and coordinate, a scene has the mean of its errors (px), and the logarithms of their mean
 absolute value, their second moment about zero and their core (scene value). A value that rests on fewer features than
 `LEAST_FEATURES` counts as missing: the logarithm of a second moment of few errors is too small, the more so the heavier
 their tails. Turned images are in the axes of the upright image.
-
-Differences between levels in what single scenes counted: outlier ratios, and lifetimes to a common horizon.
 
 - An outlier ratio is (outliers + 1/2) / (offered + 1) (scene ratio), and levels differ by its logarithm. A scene takes
   no part in a pair if its counts are too small: if both levels had the same ratio, at least `LEAST_OUTLIERS` outliers
@@ -16,13 +16,12 @@ Differences between levels in what single scenes counted: outlier ratios, and li
 - A lifetime is the mean of min(lifetime, horizon) by Kaplan and Meier, in frames that the tracker saw (scene lifetime),
   and levels differ by its logarithm. The horizon is the largest lifetime up to which all scenes of a pair have
   follow-up at both levels. Without it, a lifetime would depend on where sequences end. Scenes whose follow-up is less
-  than `LEAST_FOLLOW_UP` of the longest lifetimes of a typical scene take no part. Lifetimes are not alike because most
-  tracks outlive a short horizon: nothing is shown then.
+  than `LEAST_FOLLOW_UP` of the longest lifetimes of a typical scene take no part. If most tracks outlive a short
+  horizon, this does not show that lifetimes are alike: nothing is shown then.
 
-Options of trackers as factors: trackers of one kind that differ in exactly one option.
-
-The difference between two such trackers is the effect of that option, such as the detector. Trackers that differ in
-several options are compared as trackers only.
+An option is a factor for trackers of one kind that differ in exactly this option, such as the detector. The difference
+between two such trackers is the effect of the option. Trackers that differ in several options are compared as trackers
+only.
 """
 
 from collections import defaultdict

@@ -1,7 +1,19 @@
 """Whether a factor changes a statistic by more than a margin: differences paired within scenes, and a verdict.
 
-The differences are of logarithms (scales), or in px (means). They are averaged over scenes at each point: a pair of
-levels at one age and coordinate. Points that too few scenes have are left out.
+A cell is a factor with all others held, such as one tracker at one speed. For each statistic of a cell, the differences
+between levels are compared with the margin. P-values are then adjusted for everything that is asked, and lead to a
+verdict.
+
+Differences
+-----------
+
+Scenes are the sampling units. A scene is seen at all levels of a factor, so that what the levels have in common cancels
+in their difference. Scales of errors, lifetimes and outlier ratios are compared as ratios: the mean over scenes of the
+difference of logarithms, and thus the geometric mean over scenes of the ratio. Mean errors have a sign, and their
+differences are in px. Every scene has the same weight.
+
+Differences are averaged over scenes at each point: a pair of levels at one age and coordinate. Points that too few
+scenes have are left out.
 
 - Does any pair differ by more than the margin? For scales this is asked in two stages. First, each scene's mean over
   all ages and both coordinates that it has is tested, one for each pair, at 80 % of the level. Second, the single
@@ -10,24 +22,23 @@ levels at one age and coordinate. Points that too few scenes have are left out.
 - Do all pairs differ by less than the margin? Only if each single point does: p_no is the largest p-value of all points
   (intersection and union).
 
-What is reported is the pair with the clearest overall difference, or the clearest point where only that exceeds the
-margin. Its interval holds for all pairs, or all points, together.
+The pair with the clearest overall difference is reported, or the clearest point where only that exceeds the margin. Its
+interval holds for all pairs, or all points, together.
 
-Scenes are the sampling units. A scene is seen at all levels of a factor, so that what the levels have in common cancels
-in their difference. Scales of errors, lifetimes and outlier ratios are compared as ratios: the mean over scenes of the
-difference of logarithms, and thus the geometric mean over scenes of the ratio. Every scene has the same weight. Mean
-errors have a sign; their differences are in px (`tracknoise.analysis.factors`).
+Verdicts
+--------
 
-A cell is a factor with all others held, such as one tracker at one speed. Its questions form families, each with the
-whole level: sizes (core and second moment), ends of tracks (lifetime and outlier ratio), and the others (mean and
-mean absolute error). q_yes is p_yes by Hochberg in the family of a cell, and then by Benjamini and Hochberg over the
-cells of a factor that ask the same. The verdict is `yes` if q_yes is at most 1 - level. In one family of one cell,
-any false `yes` then has at most that probability. Of all `yes` about one factor and statistic, at most that share is
-false on average.
+The questions of a cell form families, each with the whole level: sizes (core and second moment), ends of tracks
+(lifetime and outlier ratio), and the others (mean and mean absolute error). q_yes is p_yes by Hochberg in the family of
+a cell, and then by Benjamini and Hochberg over the cells of a factor that ask the same. q_no is p_no by Benjamini and
+Hochberg over the cells.
 
-The verdict is `no` if every difference at every age is below the margin, and every pair of levels was compared: p_no
-is at most half of 1 - level, so that any false `no` in a family of two has at most the probability 1 - level, and
-q_no, p_no by Benjamini and Hochberg over the cells, is at most 1 - level. Otherwise it is `undecided`.
+- `yes`: q_yes is at most 1 - level. In one family of one cell, any false `yes` then has at most that probability. Of
+  all `yes` about one factor and statistic, at most that share is false on average.
+- `no`: every pair of levels was compared, and every difference at every age is below the margin. This requires that
+  p_no is at most half of 1 - level, so that any false `no` in a family of two has at most the probability 1 - level,
+  and that q_no is at most 1 - level.
+- `undecided`: all other cases.
 """
 
 import math

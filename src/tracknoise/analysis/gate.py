@@ -1,17 +1,18 @@
 """Whether changes between runs pass a gate of tolerances.
 
-Verdicts of a comparison: worse, better, no difference or undecided, for all statistics together.
+The module first gives the verdicts of a comparison: worse, better, no difference or undecided, for all statistics
+together. Then it applies a gate: tolerances for changes for the worse, and whether two runs are within them.
 
 Statistics form families, each with the whole level: sizes (core, second moment and sigma for depths), ends of tracks
-(lifetime and outlier ratio), and the others. A statistic is `worse` or `better` if its p-value is at most 1 - level
-after Holm's correction over all rows of its family. The probability of any false claim in a family is then at most 1
-- level, and what else is compared does not count. It has `no difference` if a change by the margin is excluded in
-both directions, at half of 1 - level and by Benjamini and Hochberg over all rows of the same statistic. Otherwise it
-is `undecided`.
+(lifetime and outlier ratio), and the others.
 
-A gate: tolerances for changes for the worse, and whether two runs are within them.
+- `worse` or `better`: the p-value is at most 1 - level after Holm's correction over all rows of the family. The
+  probability of any false claim in a family is then at most 1 - level, and what else is compared does not count.
+- `no difference`: a change by the margin is excluded in both directions, at half of 1 - level and by Benjamini and
+  Hochberg over all rows of the same statistic.
+- `undecided`: all other cases.
 
-Each tolerance is tested in the direction of a change for the worse only:
+A gate tests each tolerance in the direction of a change for the worse only:
 
 - `worse`: the change exceeds the tolerance, at 1 - level after Holm's correction over all tolerances and conditions.
 - `pass`: a change by the tolerance is excluded, at half of 1 - level.

@@ -1,28 +1,37 @@
 """Models of how errors grow with age, their fits, and whether they agree with curves and changes.
 
-Curves and changes of all units of a condition, each in units of the scale of its own scene.
+The module puts the curves and changes of all units of a condition in units of the scale of their scenes. It fits two
+models to the second moment: a constant part with a random walk and a drift, and growth towards a limit. From a fitted
+model it predicts the autocorrelations of changes. Last, it tests whether the model agrees with the curve and with these
+autocorrelations.
 
-Scenes differ in how large their errors are. In units of their own scale they all count alike, and what is left to
-vary is the form of the curve. The scale c of a scene is the mean, over its errors, of their squares divided by the
-second moment that all scenes have at the same age (scale):
+Scales of scenes
+----------------
+
+Scenes differ in how large their errors are. In units of their own scale they all count alike, and only the form of the
+curve is left to vary. The scale c of a scene is the mean, over its errors, of their squares divided by the second
+moment that all scenes have at the same age (scale):
 
     c = sum over ages of sum(e^2) / M(k), divided by the number of errors
 
-where M is the second moment of errors that are already divided by c; two rounds are enough.
+where M is the second moment of errors that are already divided by c. Two rounds are enough.
 
-How a second moment grows with age: a constant part, a random walk, and a drift.
+Random walk and drift
+---------------------
 
-Over the ages k of a condition the second moment about zero M(k) is fitted by
+The second moment grows with age by a constant part, a random walk, and a drift. Over the ages k of a condition the
+second moment about zero M(k) is fitted by
 
     M(k) = white^2 + walk^2 k + drift^2 k^2,  none of the three negative (growth)
 
 with weighted least squares. Three columns have only seven subsets. Unbounded least squares is solved for each, and the
-best solution without a negative number is used (Lawson and Hanson 1974, without the search that more columns need).
-The solutions are linear in M, so any number of draws takes one matrix product.
+best solution without a negative number is used (Lawson and Hanson 1974, without the search that more columns need). The
+solutions are linear in M, so any number of draws takes one matrix product.
 
-A second moment that grows with age towards a limit: an Ornstein-Uhlenbeck process that begins at birth.
+Growth towards a limit
+----------------------
 
-Over the ages k of a condition the second moment about zero M(k) is fitted by
+An Ornstein-Uhlenbeck process that begins at birth has a second moment that grows towards a limit. M(k) is fitted by
 
     M(k) = white^2 + size^2 (1 - exp(-k / tau)),  neither size negative (saturating)
 
@@ -30,15 +39,16 @@ with weighted least squares. For a given tau only the two squares are unknown, a
 columns. All time constants of a grid are tried, from a quarter of the shortest to four times the longest age. The best
 is refined by a parabola through the residuals of its neighbours.
 
-Autocorrelations of changes that a fitted second moment predicts.
+Autocorrelations of changes
+---------------------------
 
-Errors are the sum of independent parts, and zero at birth. Of successive changes, one step of s frames apart, with
+Errors are the sum of independent parts, and zero at birth. For successive changes, one step of s frames apart, let
 
-- a^2 the part of white^2 that is independent from frame to frame; the rest is an offset that stays,
+- a^2 be the part of white^2 that is independent from frame to frame; the rest is an offset that stays,
 - r^2 = walk^2 s, d^2 = drift^2 s^2,
-- q^2 = size^2 and phi, the correlation over a step, of an Ornstein-Uhlenbeck process,
+- q^2 = size^2 and phi, the correlation over a step, of an Ornstein-Uhlenbeck process.
 
-the variance of the change that ends j steps after birth, and its product with the one l steps earlier, are
+The variance of the change that ends j steps after birth, and its product with the one l steps earlier, are
 
     V(j)    = 2 a^2 + r^2 + d^2 + q^2 (2 (1 - phi) - (1 - phi)^2 phi^(2 j - 2)),  with white^2 for 2 a^2 if j is 1
     C(j, l) = d^2 - a^2 [l is 1] - q^2 (1 - phi)^2 (phi^(l - 1) + phi^(2 j - l - 2))  (changes)
@@ -47,12 +57,14 @@ For errors that are measured from the first error of a process that is as large 
 vanish, and the rest of them is halved (relative). A second moment shows only white^2: a^2 is what the autocorrelation
 at lag 1 asks for, between 0 and white^2.
 
-Whether a fitted model agrees with the curve and with the autocorrelations of changes.
+Agreement
+---------
 
-What the model misses is taken along a few directions: of the curve, weighted as in the fit, along powers of the age;
-of the autocorrelations, at each lag, on average, and from early to late lags. Each is divided by its standard error,
-from the jackknife over units, with the model fitted anew to all units but one. The largest of them is compared with
-the largest that chance alone leads to (`tracknoise.inference.multiple_tests`). This is the p-value of (agreement).
+What the model misses is taken along a few directions. For the curve, weighted as in the fit, these are powers of the
+age. For the autocorrelations, they are each lag, the average, and the difference between early and late lags. Each is
+divided by its standard error, from the jackknife over units, with the model fitted anew to all units but one. The
+largest of them is compared with the largest that chance alone leads to (`tracknoise.inference.multiple_tests`). This
+gives the p-value (agreement).
 
 With many scenes every model fails. A model is therefore refused if p is at most `ALPHA`, and it misses the curve by
 more than `CURVE_TOLERANCE` or an autocorrelation by more than `LAG_TOLERANCE`.

@@ -1,41 +1,47 @@
 """How errors behave over time: a verdict, its reason, and whether long-lived tracks differ.
 
-Whether tracks that live long have other errors at the same age than all tracks.
+The module first tests whether tracks that live long have other errors at the same age than all tracks. Then it decides
+whether errors grow, and how, with the reason in words.
+
+Tracks that live long
+---------------------
 
 Where tracks with large errors are lost early, those that are left have smaller errors, and the curve over the ages is
-not that of any track. Under (exchange) the tracks that live to an age A are like the others at every earlier age k:
+not that of any track. Therefore the tracks that live to an age A are compared with the others. If they are like the
+others at every earlier age k (exchange),
 
     sum over k < A of (sum(e^2) of the n tracks that live to A - n M(k)), is zero on average
 
 where M is the second moment of all N tracks of the scene at k. What is summed is n (N - n) / N times the difference
 between these tracks and the others. Divided by the sum of n (N - n) / N times M(k), it is their relative difference.
-Scenes count by that weight, whatever their scale; scenes in which no track is lost do not count. All A are tested
-together, as in `tracknoise.analysis.growth_models`. What matters to the curve is by how much these tracks differ
-from all: the sum above, divided by that of n M(k).
+Scenes count by that weight, whatever their scale. Scenes in which no track is lost do not count. All A are tested
+together, as in `tracknoise.analysis.growth_models`. What matters to the curve is by how much these tracks differ from
+all: the sum above, divided by that of n M(k).
 
 Scenes may differ in how many tracks they lose because of large errors, so that the variation between them hides the
-effect. If tracks are independent, a second test shows it better: at the last age before A, the sum of one age above has
+effect. If tracks are independent, a second test shows it better. At the last age before A, the sum of one age above has
 the variance n (N - n) / (N - 1) times that of e^2 among the N tracks (drawn), as of n tracks drawn without replacement.
 Tracks may depend on each other. This test therefore refuses only where the first points the same way.
 
-Whether errors grow, and how, with the reason in words.
+Verdict
+-------
 
-Whether they grow is decided by (growth ratio): the RMS at the reference age over that at the first, of the tracks that
-live to it. They grow if all of its interval is above 1 + margin. They do not if all of it is below. Otherwise it is
-undecided.
+Whether errors grow is decided by (growth ratio): the RMS at the reference age over that at the first, of the tracks
+that live to it. They grow if all of its interval is above 1 + margin. They do not if all of it is below. Otherwise it
+is undecided.
 
 How they grow (behaviour) is decided by the parts that are established: those whose interval in a scene of typical scale
-does not reach 0. The first of these rules that applies decides:
+does not reach 0. The first of these rules that applies decides. The models are those of
+`tracknoise.analysis.growth_models`:
 
-1. undecided: the tracks that live long have other errors than all tracks at the same age
-   (`tracknoise.analysis.growth_verdict`). The loss of tracks then shapes the curve.
-2. The polynomial of (growth) is not refused by the curve or by the autocorrelations
-   (`tracknoise.analysis.growth_models`): its part that grows, of two the larger. White, if no part that grows is
-   established, and errors do not grow. Otherwise undecided.
+1. undecided: the tracks that live long have other errors than all tracks at the same age. The loss of tracks then
+   shapes the curve.
+2. The polynomial of (growth) is not refused by the curve or by the autocorrelations: its part that grows, of two the
+   larger. White, if no part that grows is established, and errors do not grow. Otherwise undecided.
 3. The model of (saturating) is not refused: the same with its parts. The time constant must be known.
 4. none: none of the models fits.
 
-What each means:
+The verdicts mean:
 
 - white: the error is as large in the first frame after birth as later. Errors that are independent from frame to frame
   are white, and so is a constant offset. The autocorrelation of changes at one step distinguishes them: it is -1/2 for

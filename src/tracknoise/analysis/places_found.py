@@ -1,17 +1,16 @@
 """Errors by place, with intervals: cells of the image, speeds of the image, and surroundings.
 
-- Sums of errors of classes of features, beside those of all classes together.
-- Mean error and spread in each cell of the image, with intervals.
-- Mean error along and across the image motion, by how fast the image moves, with intervals.
+The module adds up the errors of classes of features, beside those of all classes together. From these and other sums it
+computes, with intervals, the mean error and spread in each cell of the image, the mean error along and across the image
+motion by how fast the image moves, and the errors of each class of features by what surrounds them.
 
-Errors of each class of features by what surrounds them, and what would be left without the class.
-
-With n features, sum s of their errors and sum q of the squares in a class, and N, S and Q in all classes together:
+The statistics by surroundings use the number n of features in a class, the sum s of their errors and the sum q of the
+squares, and N, S and Q in all classes together:
 
 - mean s / n and second moment q / n of the class, and its share n / N of the features
 - shares of the whole: s / S of the sum of errors, and q / Q of the sum of squares
 - without the class: the mean (S - s) / (N - n), and the share of the second moment that is removed,
-  1 - (Q - q) N / (Q (N - n))                                                              (places.excluded)
+  1 - (Q - q) N / (Q (N - n)) (places.excluded)
 - with nothing but the class: the share of the second moment that is removed, 1 - q N / (Q n)
 """
 

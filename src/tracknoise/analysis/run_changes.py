@@ -1,24 +1,21 @@
 """What changed between two runs: paired values, tests, and the rows of the result.
 
-The statistics by which two runs are compared: what is estimated, in which unit, and which way is better.
+The module states the statistics by which two runs are compared: what is estimated, in which unit, and which way is
+better. Then it tests, on arrays only, whether a statistic grew or fell by more than a margin, and whether the size of a
+mean error did. Last come the rows of the result.
 
-All of them are differences within scenes, averaged over scenes of equal weight. Scales, shares of events, lifetimes and
-counts are compared as ratios: geometric means over scenes.
+All statistics are differences within scenes, averaged over scenes of equal weight. Scales, shares of events, lifetimes
+and counts are compared as ratios: geometric means over scenes.
 
-Whether something grew or fell by more than a margin from one run to another: arrays only.
-
-Each direction has a test of its own, as in `tracknoise.analysis.factors`:
+Each direction has a test of its own, as in `tracknoise.analysis.factors`. A fall is the growth of the negative change.
 
 - Does any point grow by more than the margin? First, each scene's mean over all points is tested, then the single
   points: p_beyond = min(p_1 / 0.8, p_2 / 0.2) (two-stage).
 - Is the growth below the margin at every single point? p_within is the largest p-value of all points (intersection and
   union).
 
-A fall is the growth of the negative change.
-
-Whether the size of a mean error grew or fell by more than a margin: arrays only.
-
-Mean errors x and y of the first and the second run have the difference d = y - x and the sum s = y + x. As
+For the size of a mean error, let x and y be the mean errors of the first and the second run, d = y - x their difference
+and s = y + x their sum. As
 
     |y| - |x| = min(|d|, |s|) if d and s have one sign, else -min(|d|, |s|)      (size of a mean)
 

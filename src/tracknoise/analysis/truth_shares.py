@@ -1,21 +1,17 @@
 """What errors of the truth can explain: its floor, its audit, two truths, differences between trackers, and fits.
 
-- Moments by their distance from where errors are zero by construction.
-- How far two truths of the same images disagree, with intervals.
-- Mean and covariance of the differences between two trackers, (between), with intervals.
-- Noise of tracks with triangulated truth, (noise.triangulated) and (noise.epipolar), with intervals.
-
-Whether faults of the truth that an audit found explain an error: what is left of it where they are corrected.
+The module finds moments by their distance from where errors are zero by construction. It decides whether faults of the
+truth that an audit found, or the truth floor, explain an error. Then it computes, with intervals, how far two truths of
+the same images disagree, the mean and covariance of the differences between two trackers, (between), and the noise of
+tracks with triangulated truth, (noise.triangulated) and (noise.epipolar).
 
 `AUDIT_CURVES` has errors by age as measured, and with all faults corrected, in units that took no part in the fit. A
 mean error, or the growth of a second moment, is covered by the audit if the corrections take off at least half of it:
 the claim that it is the tracker's then rests on what is stated wrongly. (audit.cover)
 
-Whether an error may come from the truth alone: an error beside its truth floor.
-
-A mean error is covered if it lies within two standard deviations of what the errors of the truth add to the mean. The
-growth of a second moment is covered if it is at most twice the growth of the floor: the errors of the poses of a few
-stretches scatter about their expected size, and that size is itself known roughly only.
+A mean error is covered by the truth floor if it lies within two standard deviations of what the errors of the truth add
+to the mean. The growth of a second moment is covered if it is at most twice the growth of the floor: the errors of the
+poses of a few stretches scatter about their expected size, and that size is itself known roughly only.
 """
 
 from collections.abc import Iterable, Mapping

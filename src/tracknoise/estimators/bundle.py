@@ -1,16 +1,13 @@
 """Bundle adjustment of a window: poses and points from tracks, with any covariance and robust loss.
 
-Bundle adjustment of a window: poses and points from tracks, with any covariance of a track.
+Residuals of a track are whitened by the covariance of the track that is assumed, its point is eliminated, and
+Gauss-Newton steps are halved until the cost falls. A point is held as direction and inverse depth in the frame of the
+first pose that sees it, where it starts. The claimed covariance is the inverse of the Gauss-Newton Hessian at the
+solution, as Ceres, GTSAM and g2o report it.
 
-Residuals of a track are whitened by the covariance that is assumed, its point is eliminated, and Gauss-Newton steps are
-halved until the cost falls. A point is held as direction and inverse depth in the frame of the first pose that sees it,
-where it starts. The claimed covariance is the inverse of the Gauss-Newton Hessian at the solution, as Ceres, GTSAM and
-g2o report it.
-
-How consistent a right model is under a robust loss.
-
-Solvers report the inverse of the Gauss-Newton Hessian, 1 / E[w] for residuals of covariance 1. The estimate has the
-variance E[psi^2] / E[psi']^2. For blocks of two residuals of norm r, with weights w(r) and psi = w r,
+A right model has a NEES of its own under a robust loss. Solvers report the inverse of the Gauss-Newton Hessian,
+1 / E[w] for residuals of covariance 1. The estimate has the variance E[psi^2] / E[psi']^2. For blocks of two residuals
+of norm r, with weights w(r) and psi = w r,
 
     NEES / dof = E[w] E[w^2 r^2] / 2 / E[w + r w' / 2]^2    (loss.nees)
 

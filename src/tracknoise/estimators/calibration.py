@@ -1,13 +1,11 @@
 """Whether predicted covariances describe the errors of other scenes, and whether a model fits its own.
 
-How large errors are at each age, measured and by a noise model: whether the model fits what it was fitted to.
-
-Both are half the trace of the mean product of errors about the first position, under a root. The model's is
+Whether a model fits what it was fitted to is shown by how large errors are at each age, measured and by the model. Both
+are the root of half the trace of the mean product of errors about the first position. The model's is
 (error_products.expected) with the magnification that the tracks had.
 
-Calibration of predicted covariances: whether they describe the errors of other scenes.
-
-With d^2 = e' C^-1 e of an error e of predicted covariance C:
+Whether predicted covariances describe the errors of other scenes is their calibration. With d^2 = e' C^-1 e of an error
+e of predicted covariance C:
 
 - coverage: share of errors with d^2 below the quantile of chi square with two degrees of freedom at a level
 - NEES: mean of d^2 / 2, which is 1 if the covariance is right, and larger if it claims too much

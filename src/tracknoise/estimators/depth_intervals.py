@@ -1,24 +1,18 @@
 """The cheap proof of every run: whether intervals of depths of points hold the true ones.
 
-Noise that is learned from some scenes, to be tried on others.
-
-Scenes are divided into at most `FOLDS` parts. Scenes of a group stay together. What is tried on the scenes of a part
-was learned from all other parts.
-
-The cheap proof of every run: whether intervals of depths of points hold the true ones, under four noise assumptions.
-
-Windows of a sample of tracks (`tracknoise.statistics.windows`) are triangulated with the true poses, to
-first order. The assumed covariance of their observations is that of
+Windows of a sample of tracks (`tracknoise.statistics.windows`) are triangulated with the true poses, to first order,
+under four noise assumptions. The assumed covariance of their observations is that of
 
 - ``1 px``: one sigma, as many estimators are shipped
 - ``residual sigma``: one sigma, the residual core of `tracknoise.estimators.window_noise`
 - ``consistent sigma``: one sigma, the one that makes depths as certain as they are
 - ``whole tracks``: the components of a noise model, with the correlation of the observations of a track
 
-All are learned from other scenes than those they are tried on (`tracknoise.estimators.depth_intervals`). Windows with a
+What is learned comes from other scenes than those it is tried on. Scenes are divided into at most `FOLDS` parts. Scenes
+of a group stay together. What is tried on the scenes of a part was learned from all other parts. Windows with a
 parallax below 1 px do not count.
 
-Quantities are of all windows of the condition, each sampled one counted for those that it stands for:
+Quantities are of all windows of the condition. Each sampled window is counted for those that it stands for:
 
 - coverage: share of windows whose depth is inside its claimed interval (depth.coverage)
 - overconfidence: median of the absolute error over the claimed standard deviation, over that of a Gaussian

@@ -1,15 +1,12 @@
 """Standard deviations and gates for estimators, each named by what it makes right.
 
-Gates that let through a stated share of good tracks, by length of the window and kind of landmark.
-
-Where the first observation has a residual like any other, gates are those of the measured windows, tails included, but
-without windows whose residuals are as large as with one outlier. If there are too few, they are those of Gaussian noise
-with the components. Where the first observation is exact or a state, its error is in all residuals. The linear
-benchmark says what that does to Gaussian noise, and the gate is larger by as much:
+Gates let through a stated share of good tracks, by length of the window and kind of landmark. Where the first
+observation has a residual like any other, gates are those of the measured windows, tails included, but without windows
+whose residuals are as large as with one outlier. If there are too few, they are those of Gaussian noise with the
+components. Where the first observation is exact or a state, its error is in all residuals. The linear benchmark says
+what that does to Gaussian noise, and the gate is larger by as much:
 
     gate = measured modelled(landmark) / modelled(free)    (gates.landmark)
-
-Standard deviations for all observations, each named by what it makes right.
 
 An estimator that assumes one standard deviation s for all observations claims covariances in proportion to s^2, while
 the actual ones are linear in A, W, Q and D. What makes a purpose right is therefore
@@ -17,13 +14,15 @@ the actual ones are linear in A, W, Q and D. What makes a purpose right is there
     s^2 = sum_j kappa_j a_j    (equivalents)
 
 with half the trace a_j of each component, and kappa_j from the linear benchmark with that component alone, of half a
-trace of 1 px^2 and the shape that was fitted: an error across the motion of the image counts otherwise than one along
-it. The shape is that of all scenes, while errors of a tracker follow the motions of each: with it alone, Lucas-Kanade
-in the demo had a NEES of 2.0 instead of 1.1. So sigma for poses is not below that of isotropic noise. kappa_j is the
-mean over windows of the recordings, with their motions, depths and track lengths. A is in tracks that begin in
-the window; those that began before it have W in their first observation there. If the first direction is a state with
-the prior A, the claimed covariances are not in proportion to s^2; s is then found by trying. Its interval is
-as wide, relative to it, as that for a free landmark.
+trace of 1 px^2. kappa_j is the mean over windows of the recordings, with their motions, depths and track lengths.
+
+The component has the shape that was fitted: an error across the motion of the image counts otherwise than one along it.
+The shape is that of all scenes, while errors of a tracker follow the motions of each: with it alone, Lucas-Kanade in
+the demo had a NEES of 2.0 instead of 1.1. So sigma for poses is not below that of isotropic noise.
+
+A is in tracks that begin in the window. Tracks that began before it have W in their first observation there. If the
+first direction is a state with the prior A, the claimed covariances are not in proportion to s^2, and s is found by
+trying. Its interval is as wide, relative to it, as that for a free landmark.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

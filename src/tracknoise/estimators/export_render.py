@@ -1,19 +1,16 @@
 """Exports of a noise model: converted to the px and frames of an estimator, and filled into its template.
 
-Sigmas for an estimator that uses every n-th frame of a tracker.
-
-Between two used frames the walks of n frames add up, while white noise is that of one frame. How much larger sigma must
-be is the same as in the linear benchmark, over a window of sideways and one of forward motion.
-
-A noise model in the px and frames of an estimator.
-
-Rules:
+The conversion has two rules:
 
 - The focal length of the estimator must be that of the model, to `TOLERANCE`. Noise is measured in px of the images
   that the tracker saw. It scales with the focal length only if these images are resampled.
 - The estimator must use as many frames per second as the tracker of the model saw, to `TOLERANCE`. Another rate has
   other motions between frames, and therefore other noise. The noise is known only if features are tracked in every
-  frame and the estimator uses every n-th: white noise stays, and the walk of n frames adds up.
+  frame and the estimator uses every n-th.
+
+For an estimator that uses every n-th frame, white noise stays that of one frame, and the walks of the n frames between
+two used frames add up. How much larger sigma must be is the same as in the linear benchmark, over a window of sideways
+and one of forward motion.
 """
 
 import math

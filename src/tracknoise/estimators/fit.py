@@ -1,23 +1,22 @@
 """The fit of a noise model to the scenes of a run: bias, shared noise, tails, and all other parts.
 
-The mean error, and whether a correction by it is warranted.
+The module fits the mean error, the share of the variance that all features of a frame have in common, and the tails.
+Then it puts all fields of a noise model together.
 
-Two forms are tried: a mean by age, and an error along the motion of the image, e = beta f, with the motion f of the
-true position since the frame before. Each is fitted to all scenes but one, in turn. The share of the second moment of
-the errors of the scene that was left out, that it removes, is
+For the mean error two forms are tried: a mean by age, and an error along the motion of the image, e = beta f, with the
+motion f of the true position since the frame before. Each is fitted to all scenes but one, in turn. It removes a share
+of the second moment of the errors of the scene that was left out:
 
     sum(2 b' e - b' b) / sum(e' e)    (bias.reduction)
 
 Scenes of one group are left out together if there are enough groups. However few scenes there are, whole scenes are
-left out: tracks of a scene share its mean error, so that they would agree on it anyway. A correction is warranted if
-this share is at least `LEAST_REDUCTION`, its interval does not reach 0, the mean is more than twice what the errors of
-the truth may cause, and no faults of the truth that an audit found explain it.
+left out: tracks of a scene share its mean error, so that they would agree on it anyway. A correction by the mean error
+is warranted if this share is at least `LEAST_REDUCTION`, its interval does not reach 0, the mean is more than twice
+what the errors of the truth may cause, and no faults of the truth that an audit found explain it.
 
-The share of the variance of errors that all features of a frame have in common.
-
-What one half of the tracks of a frame says about the other half is p, the motion of the image by one small error of the
-pose (`tracknoise.truth_faults.pose_errors`). With errors e, means over errors of the same age k, and the number n_k of
-predictions,
+For the shared noise, let p be what one half of the tracks of a frame says about the other half: the motion of the image
+by one small error of the pose (`tracknoise.truth_faults.pose_errors`). With errors e, means over errors of the same age
+k, and the number n_k of predictions, the share of the variance of errors that all features of a frame have in common is
 
     share = sum_k n_k mean_k(e' p) / sum_k n_k mean_k(e' e)    (common.share)
 

@@ -1,11 +1,7 @@
 """What an estimator that assumes one noise makes of another, by exact linear algebra on windows of frames.
 
-Windows of frames with tracks of static points, as linear algebra sees them.
-
-The first pose is known, and so is the scale: the newest position does not move along the line from the first one to it.
-All other coordinates of poses, and all points, are unknown.
-
-What an estimator that assumes one noise makes of another, by exact linear algebra.
+The windows have tracks of static points. The first pose is known, and so is the scale: the newest position does not
+move along the line from the first one to it. All other coordinates of poses, and all points, are unknown.
 
 Each track is whitened by the covariance that the estimator assumes, and its 3-D point is eliminated. With G for what is
 left of the derivatives by poses, C for the true covariance after whitening, and sums over tracks,
@@ -16,9 +12,8 @@ left of the derivatives by poses, C for the true covariance after whitening, and
 The normalised estimation error squared is 1 if the estimator is as certain as it should be, and larger if it is
 overconfident. Innovations are the residuals of a track after its point was fitted with the true poses.
 
-Points fitted to tracks by least squares with a covariance of all observations, to first order.
-
-With F the derivatives of the positions by the point, e the errors and C their assumed covariance, the point errs by
+Points are also fitted to tracks by least squares with a covariance of all observations, to first order. With F the
+derivatives of the positions by the point, e the errors and C their assumed covariance, the point errs by
 
     dX = P F' C^-1 e,  and its claimed covariance is  P = (F' C^-1 F)^-1    (point_fit)
 """

@@ -1,13 +1,15 @@
 """Tables of noise by tracker, speed and motion, and how well they predict scenes that were left out.
 
-- Sums of products of errors by scene, condition and age, as arrays, and what they are looked up by.
-- A table of noise as CSV and as JSON.
+The module adds up products of errors by scene, condition and age, as arrays. From these it computes how much better a
+table of covariances predicts scenes that were left out than one covariance for all. Then it makes the table of noise,
+and writes it as CSV and as JSON. The motion of a scene is its group.
 
-How much better a table of covariances predicts scenes that were left out than one covariance for all.
+Gains
+-----
 
 Each scene is predicted by the other scenes, looked up by tracker, by tracker and speed, or by tracker, speed and
-motion. The motion of a scene is its group. A second moment about zero S of n errors at one age, of which the table says
-C, has the log likelihood of a Gaussian
+motion. A second moment about zero S of n errors at one age, of which the table says C, has the log likelihood of a
+Gaussian
 
     l = -n (log |C| + tr(C^-1 S)) / 2    (lookup.likelihood)
 
@@ -28,19 +30,20 @@ for these groups only. Gains of n scenes of one group are correlated by 1 / (n -
 means of the others are, so that these intervals are wider by the root of n / (n - 1) of the smallest group. A group
 with one scene has no other scene of its motion.
 
-A table of noise by tracker, speed and motion: second moments, standard deviations for estimators, and bias.
+The table
+---------
 
-Each number says what it is of:
+The table has second moments, standard deviations for estimators, and bias. Each number says what it is of:
 
 - errors: second moment about zero, and mean, of errors about the first position, by age.
-- changes: second moment about zero of what errors change from one observation to the next, all ages together. These
-  are the innovations of an estimator that predicts an observation from the one before.
-- sigma: one standard deviation for all observations, by what it makes right (`Purpose`), for points that are solved
-  for in windows of one length. It is that of the noise model that is fitted to the same scenes.
-- bias: the correction of the mean error that is warranted, if any (`tracknoise.estimators.fit`). The level
-  of its interval is that of all rows together, by Bonferroni.
+- changes: second moment about zero of what errors change from one observation to the next, all ages together. These are
+  the innovations of an estimator that predicts an observation from the one before.
+- sigma: one standard deviation for all observations, by what it makes right (`Purpose`), for points that are solved for
+  in windows of one length. It is that of the noise model that is fitted to the same scenes.
+- bias: the correction of the mean error that is warranted, if any (`tracknoise.estimators.fit`). The level of its
+  interval is that of all rows together, by Bonferroni.
 
-Outliers are counted and left out, as in the noise model. The motion of a scene is its group.
+Outliers are counted and left out, as in the noise model.
 """
 
 import json

@@ -1,20 +1,17 @@
 """Windows of tracks with the true poses and points, as an estimator would be given them.
 
-Windows of the tracks of a run, with the true poses and points, as an estimator would be given them.
-
-Windows are those of the view that noise models are fitted to. Observations are images of the true points from the true
-poses, with the errors of the run: an estimator is taken to know a rolling shutter as the truth does.
+The windows are cut from a run. They are those of the view that noise models are fitted to. Observations are images of
+the true points from the true poses, with the errors of the run: an estimator is taken to know a rolling shutter as the
+truth does.
 
 Only tracks whose distance the window shows are used, up to a stated number, drawn at random. A track ends before its
 first observation that is not visible, or that errs by more than an estimator's outlier test lets through. A window
 whose tracks do not determine all of its poses is left out: one in which all tracks were lost has no answer.
 
-Which windows of a run something is learned from, and which it is tried on.
-
-Scenes of one group, such as pieces of one recording, are not independent. Where a run has enough groups to resample
-them, each group counts as one scene: it is learned from or tried on as a whole, and intervals are over groups.
-
-A single scene is cut in two: its earlier windows are learned from, and its later ones tried. Nothing is decided then.
+The windows are then divided: something is learned from some of them, and tried on the others. Scenes of one group, such
+as pieces of one recording, are not independent. Where a run has enough groups to resample them, each group counts as
+one scene: it is learned from or tried on as a whole, and intervals are over groups. A single scene is cut in two: its
+earlier windows are learned from, and its later ones tried. Nothing is decided then.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,27 +1,22 @@
 """Camera models: what all offer, and the pinhole, fisheye and double sphere cameras.
 
-- What every camera model offers, whatever its lens.
-- What all cameras with focal lengths and a principal point have in common, whatever their lens.
-- The pinhole camera, with radial-tangential distortion or without.
-- The camera models by name, as files and settings call them.
+The module begins with what every camera model offers, and with what all cameras with focal lengths and a principal
+point have in common, whatever their lens. The cameras follow, and last the models by name, as files and settings call
+them.
 
-Radial-tangential (Brown-Conrady) lens distortion and its inverse, in the plane at depth 1.
+The pinhole camera has radial-tangential (Brown-Conrady) lens distortion or none. The distortion and its inverse are in
+the plane at depth 1. A point at radius r is moved to the radius r N(r^2) / D(r^2), with
+N = 1 + k1 r^2 + k2 r^4 + k3 r^6 and, in the rational model, D = 1 + k4 r^2 + k5 r^4 + k6 r^6, otherwise D = 1. The
+tangential terms p1 and p2 come on top of it. Far from the axis the distorted radius may decrease again, back into the
+image. A point there has no image, although the model gives it one.
 
-A point at radius r is moved to the radius r N(r^2) / D(r^2), with N = 1 + k1 r^2 + k2 r^4 + k3 r^6 and, in the rational
-model, D = 1 + k4 r^2 + k5 r^4 + k6 r^6, otherwise D = 1. The tangential terms p1 and p2 come on top of it.
-
-Far from the axis the distorted radius may decrease again, back into the image. A point there has no image, although
-the model gives it one.
-
-The equidistant fisheye camera of Kannala and Brandt, as OpenCV's fisheye module and Kalibr have it.
-
-A ray at the angle theta from the axis is seen at the radius
+The equidistant fisheye camera is that of Kannala and Brandt, as OpenCV's fisheye module and Kalibr have it. A ray at
+the angle theta from the axis is seen at the radius
 r(theta) = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8), in units of the focal length.
 
-The double sphere camera of Usenko, Demmel and Cremers (2018), as Basalt and Kalibr have it.
-
-A point is moved to the unit sphere, then to a second one whose centre lies xi ahead on the axis, and is seen by a
-pinhole camera that lies alpha / (1 - alpha) behind that centre.
+The double sphere camera is that of Usenko, Demmel and Cremers (2018), as Basalt and Kalibr have it. A point is moved to
+the unit sphere, then to a second one whose centre lies xi ahead on the axis, and is seen by a pinhole camera that lies
+alpha / (1 - alpha) behind that centre.
 """
 
 from abc import ABC, abstractmethod

@@ -1,12 +1,9 @@
 """The bootstrap: draws of units with replacement, sums of drawn units, and intervals from them.
 
-- Draws of units with replacement: the weights of sums in the bootstrap.
-- Pseudo-random numbers from numbers, for choices that depend on nothing else.
-
-Bootstrap of sums that add up over independent units, and intervals from it: arrays only.
-
-Whatever is computed from sums over scenes (means, second moments, ratios, survival) is computed again from sums in
-which each scene counts as often as it was drawn. That is one matrix product, whatever the number of draws.
+The bootstrap is of sums that add up over independent units, and works on arrays only. Whatever is computed from sums
+over scenes (means, second moments, ratios, survival) is computed again from sums in which each scene counts as often as
+it was drawn. That is one matrix product, whatever the number of draws. Besides, the module makes pseudo-random numbers
+from numbers, for choices that depend on nothing else.
 
 Bootstrap percentiles are too narrow for few units, by a factor of sqrt((n - 1) / n) in the standard error and by a
 Gaussian's tail in place of Student's. Both are put right by asking for wider percentiles (Hesterberg 2015, "What
@@ -16,8 +13,10 @@ teachers should know about the bootstrap", section 5.3): the standard Gaussian q
 
 with the same quantile t of Student's distribution. With `bca` these are shifted, too, for median bias and for a
 standard error that grows with the value (Efron 1987): Phi(z0 + (z0 + z') / (1 - a (z0 + z'))), z0 from the share of
-draws below the estimate, a from the skewness of the jackknife. Where scenes differ much in their second moments or
-ratios, intervals of either kind miss more often than they say; see `tracknoise.inference.jackknife`.
+draws below the estimate, a from the skewness of the jackknife.
+
+Where scenes differ much in their second moments or ratios, intervals of either kind miss more often than they say; see
+`tracknoise.inference.jackknife`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

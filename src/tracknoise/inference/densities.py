@@ -1,34 +1,31 @@
 """Densities of pairs: the Gaussian, Student's t and a contaminated Gaussian, their fits, and their gains.
 
-- The Gaussian of pairs: what the other densities are compared with.
-- How much better other densities predict errors than a Gaussian: the numbers alone.
-
-What densities of pairs that depend on a squared distance alone have in common: many samples at once, arrays only.
-
-A sample is given by the terms of its power sums to order 2: 1, u, v, u^2, uv, v^2 of each point. Squared distances and
-weighted moments are then one matrix product each. Shorter samples are padded with zeros, which have no
+Student's t and the contaminated Gaussian are compared with the Gaussian: how much better they predict errors. Many
+samples are fitted at once, on arrays only. What the densities have in common is that they depend on a squared distance
+alone. A sample is given by the terms of its power sums to order 2: 1, u, v, u^2, uv, v^2 of each point. Squared
+distances and weighted moments are then one matrix product each. Shorter samples are padded with zeros, which have no
 effect.
 
-Student's t of pairs, fitted by expectation and maximisation.
-
-Of pairs, the density is (student)
+Student's t is fitted by expectation and maximisation. Of pairs, the density is (student)
 
     p(x) = (1 + d2 / nu)^(-(nu + 2) / 2) / (2 pi sqrt(|S|)),  d2 = (x - m)^T S^-1 (x - m)
 
 without any gamma function. One round takes a Newton step in 1 / nu on the likelihood itself (Liu and Rubin 1995, ECME),
-then weights w = (nu + 2) / (nu + d2), then m = sum(w x) / sum(w) and S = sum(w (x - m) (x - m)^T) / sum(w): divided by
-the sum of weights, not by the count, which has the same fixed point and gets there sooner (Kent, Tyler and Vardi 1994).
+then weights w = (nu + 2) / (nu + d2), then m = sum(w x) / sum(w) and S = sum(w (x - m) (x - m)^T) / sum(w). S is
+divided by the sum of weights, not by the count, which has the same fixed point and gets there sooner (Kent, Tyler and
+Vardi 1994).
 
-A Gaussian of pairs contaminated by a wider one of the same mean and shape, fitted by expectation and maximisation.
+The contaminated Gaussian is a mixture with a wider Gaussian of the same mean and shape, fitted by expectation and
+maximisation, too:
 
-p(x) = (1 - share) N(x; m, S) + share N(x; m, ratio S),  ratio >= 1 (mixture)
+    p(x) = (1 - share) N(x; m, S) + share N(x; m, ratio S),  ratio >= 1 (mixture)
 
-Where the components are similar, such steps are tiny. So after every two of them the fit is extrapolated in their
-direction, by (squarem)
+Where the components are similar, the steps of its fit are tiny. So after every two of them the fit is extrapolated in
+their direction, by (squarem)
 
     x - 2 a r + a^2 v,  r = x1 - x, v = x2 - 2 x1 + x, a = -|r| / |v|
 
-on scales without limits, x1 and x2 being one and two steps from x, and takes a step from there; where the likelihood is
+on scales without limits, x1 and x2 being one and two steps from x. It takes a step from there. Where the likelihood is
 less than it was at x1, it stays at x2. Source: R. Varadhan, C. Roland, Scandinavian Journal of Statistics 35 (2008).
 """
 

@@ -1,6 +1,11 @@
 """The jackknife: Student's and lognormal intervals, and standard deviations, from estimates without each unit.
 
-Interval of a mean over units whose values are lognormal, or shares whose logits are Gaussian: arrays only.
+The first intervals are those of a mean over units whose values are lognormal, or of shares whose logits are Gaussian.
+The others are Student's intervals from the jackknife, on a scale on which a statistic has no limits. Scales and shares
+use both. All work on arrays only.
+
+Lognormal values
+----------------
 
 Where scenes differ much, the largest values decide a mean, and a sample with few scenes often has none of them. A
 standard error from such a sample is too small. The logarithms y of the values of the units have no such tail. With
@@ -11,37 +16,41 @@ combines those of both terms (Zou, Huo and Taleban 2009):
     c + sqrt(t^2 v s^2 + (b / 2)^2 (s^2 f / chi2_low - s^2)^2)    (lognormal)
 
 v is the sum of the squared weights of the units, f the degrees of freedom of s^2, and t, chi2_low and chi2_high are
-quantiles of Student's t and of chi-squared of f degrees. For shares of mean p, y are logits and b = 1 - 2 p, to second
-order; in the second term s^2 and its bounds are at most -log of p or of 1 - p. Where b is negative the ends change
-places.
+quantiles of Student's t and of chi-squared of f degrees. In s^2 all units count alike, except those smaller than the
+median unit, which count less because their own error is larger.
 
-In s^2 all units count alike, except those smaller than the median unit, which count less because their own error is
-larger. Within groups, s^2 is about the mean of each group, c is that of the mean itself, and the weights are those of
-the values: the mean is then that of these groups. Its second term only allows for skewness, and b is halved, which the
-simulation shows to be enough. v s^2 then has one more term, for the sizes w of the units, which are
-random as well: the variance of their logarithms within groups times the sum of the squares of (weight - w).
+For shares of mean p, y are logits and b = 1 - 2 p, to second order; in the second term s^2 and its bounds are at most
+-log of p or of 1 - p. Where b is negative the ends change places.
 
-Values need not be lognormal: (lognormal) is only used together with the interval of the jackknife
-(`tracknoise.inference.jackknife`). `python -m benchmarks.validity.intervals` measures both.
+Within groups, s^2 is about the mean of each group, c is that of the mean itself, and the weights are those of the
+values: the mean is then that of these groups. Its second term only allows for skewness, and b is halved, which the
+simulation shows to be enough. v s^2 then has one more term, for the sizes w of the units, which are random as well: the
+variance of their logarithms within groups times the sum of the squares of (weight - w).
+
+Values need not be lognormal. Except within groups, (lognormal) is therefore only used together with (student), by
+(skewed). `python -m benchmarks.validity.intervals` measures both.
 
 Source: G. Y. Zou, C. Y. Huo, J. Taleban, Environmetrics 20 (2009).
 
-Student's intervals from the jackknife, on a scale on which a statistic has no limits: arrays only.
+Student's intervals
+-------------------
 
 The standard error of a statistic g is that of its jackknife (Efron and Stein 1981). It uses g_i, the statistic of all n
 units but the i-th. If unit i has a share w_i of the observations, it is
 
     se^2 = sum of (1 - w_i)^2 / (1 - 2 w_i + sum of w_j^2) (g - g_i)^2    (spread)
 
-which is without bias for weighted means over units that vary alike, and the usual one where all w_i are 1 / n: for then
-g - g_i is w_i / (1 - w_i) of unit i's distance from g, whose variance the denominator has. The interval is
-g +- t se, with Student's quantile of as many degrees of freedom as such an se^2 has (student): n - 1 where all units
-hold the same, fewer where some outweigh the others (Bell and McCaffrey 2002). With units drawn within s strata of n,
-g is the mean of g_i in each stratum, the factor is ((s n - 1) / (s n))^2 n / (n - 1), and there are s (n - 1) degrees.
+This is without bias for weighted means over units that vary alike: for these g - g_i is w_i / (1 - w_i) of unit i's
+distance from g, whose variance the denominator has. Where all w_i are 1 / n, it is the usual one. The interval is g +-
+t se, with Student's quantile of as many degrees of freedom as such an se^2 has (student): n - 1 where all units hold
+the same, fewer where some outweigh the others (Bell and McCaffrey 2002).
 
 For what is never negative g is the logarithm, for shares the logit, for correlations the inverse hyperbolic tangent
 (Fisher 1915), so that bounds stay within limits. Where the g_i of a unit does not exist, as that of a share of 0, its
 linear approximation stands for it.
+
+With units drawn within s strata of n, g is the mean of g_i in each stratum, the factor is ((s n - 1) / (s n))^2 n / (n
+- 1), and there are s (n - 1) degrees.
 
 Scales and shares are means over units that may differ by factors. The values of the units are
 (g - (1 - w_i) g_i) / w_i, before the logarithm. The lower bound is that of (lognormal), and the upper one that of

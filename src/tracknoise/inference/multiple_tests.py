@@ -1,11 +1,12 @@
 """Several tests at once: adjusted p-values, intervals after a choice, and the best of many tests by chance alone.
 
-P-values of several tests at once, and intervals that allow for a choice among several numbers.
+Adjusted p-values and intervals
+-------------------------------
 
 With p_(1) <= ... <= p_(m) the p-values that there are, those that are missing left out:
 
-- Holm's adjusted p_(i) = max over j <= i of min(1, (m - j + 1) p_(j)) (holm): to reject where it is at most alpha
-  keeps the probability of any false rejection under alpha, however the tests depend on each other.
+- Holm's adjusted p_(i) = max over j <= i of min(1, (m - j + 1) p_(j)) (holm): to reject where it is at most alpha keeps
+  the probability of any false rejection under alpha, however the tests depend on each other.
 - Hochberg's adjusted p_(i) = min over j >= i of (m - j + 1) p_(j) (hochberg): the same if the tests are independent or
   positively dependent, as two-sided ones about two numbers are. It is never larger than Holm's.
 - Benjamini and Hochberg's q_(i) = min over j >= i of min(1, m p_(j) / j) (bh): to reject where it is at most alpha
@@ -24,12 +25,14 @@ Sources: S. Holm, Scandinavian Journal of Statistics 6 (1979); Y. Hochberg, Biom
 of Statistics 26 (1998), on dependence; Y. Benjamini and Y. Hochberg, Journal of the Royal Statistical Society B 57
 (1995); B. Efron, Annals of Applied Statistics 2 (2008), on separate families.
 
-Distribution of the best of many tests by chance alone, from random rotations of the data.
+The best of many tests
+----------------------
 
-The contributions of n scenes (or groups of scenes) to an error form a vector e. It is multiplied with a random
-direction w, where the test uses equal weights. The cosine r of their angle makes t = r sqrt(n - 1) / sqrt(1 - r^2),
-which has exactly Student's distribution of n - 1 degrees of freedom for each e, while those of all e together depend on
-each other as the data do. With few scenes and many tests the best of them tends to Scheffé's bound.
+How good the best of many tests is by chance alone follows from random rotations of the data. The contributions of n
+scenes (or groups of scenes) to an error form a vector e. It is multiplied with a random direction w, where the test
+uses equal weights. The cosine r of their angle makes t = r sqrt(n - 1) / sqrt(1 - r^2), which has exactly Student's
+distribution of n - 1 degrees of freedom for each e, while those of all e together depend on each other as the data do.
+With few scenes and many tests the best of them tends to Scheffé's bound.
 
 Source: Ø. Langsrud, Statistics and Computing 15 (2005).
 """

@@ -1,6 +1,11 @@
 """Differences that are paired by scene: means, and tests of whether they exceed a margin.
 
-Means over scenes and their standard errors, for scenes that may come in groups: arrays only.
+The module takes differences between every two levels, averages them over scenes that may come in groups, and tests
+whether they exceed a margin, one at a time and the best of many. Last, it says how many more scenes would settle a
+question. All of it works on arrays only.
+
+Means over scenes
+-----------------
 
 Every scene has the same weight. A value that a scene lacks is NaN, and the scene takes no part in that mean. With n
 scenes in G groups, a mean has the standard error s / sqrt(n) and its degrees of freedom (average):
@@ -10,13 +15,14 @@ scenes in G groups, a mean has the standard error s / sqrt(n) and its degrees of
 - within: s^2 is the variance of scenes within their groups, pooled; n - G degrees of freedom. The standard error
   excludes the variation between groups.
 
-Tests of whether differences exceed a margin, one at a time and the best of many: arrays only.
+Tests
+-----
 
 For a mean difference d with standard error se, a margin m, and Student's distribution of its degrees of freedom, with
 t = (|d| - m) / se and upper tail P:
 
-- p_above = P(t) + P(t + 2 m / se) (above): that the difference is at most m. It is the probability of so large a |d|
-  if the true one is at the margin. With m = 0 it is that of the paired t test.
+- p_above = P(t) + P(t + 2 m / se) (above): that the difference is at most m. It is the probability of so large a |d| if
+  the true one is at the margin. With m = 0 it is that of the paired t test.
 - p_below = P(-t) (below): that the difference is at least m.
 
 Of several, the best p-value is an answer only as far as it is seldom so small by chance (Westfall and Young's min-p).
@@ -25,7 +31,8 @@ rotations to estimate this, a p-value is multiplied by the number of tests (Bonf
 
 Source: P. Westfall, S. Young, Resampling-based multiple testing (1993).
 
-How many more scenes would settle a question: arrays only.
+More scenes
+-----------
 
 For a difference d with a margin m, a standard deviation s of single scenes and a test at the level of the intervals,
 80 % of studies with n = ((z_level + z_80) s / (|d| - m))^2 + 2 scenes have a significant result (scenes). The last term

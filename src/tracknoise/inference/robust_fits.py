@@ -1,14 +1,11 @@
 """Robust linear fits: scales and weights of residuals, normal equations by cluster, and intervals without each cluster.
 
-Normal equations of robust fits: of all observations, and by tracker and cluster.
+Each step of a fit needs the sums of all observations only. Jackknives and comparisons of trackers are made of the
+normal equations by tracker and cluster.
 
-Those by tracker and cluster are what jackknives and comparisons of trackers are made of. Each step of a fit needs the
-sums of all observations only.
-
-Intervals of fits, by leaving out one cluster at a time.
-
-With the second derivatives H of the loss and the negative first g, one step of Newton's method leads to the fit without
-a cluster c: (H - H_c)^-1 (g - g_c) (audit.jackknife). This costs no fit. At the fit of all clusters g is 0.
+Intervals of fits leave out one cluster at a time. With the second derivatives H of the loss and the negative first g,
+one step of Newton's method leads to the fit without a cluster c: (H - H_c)^-1 (g - g_c) (audit.jackknife). This costs
+no fit. At the fit of all clusters g is 0.
 
 Clusters do not know equally much of a number: with their shares s_c in its variance, as they would be for independent
 observations, there are 1 / sum s_c^2 effective clusters (audit.effective), and one degree of freedom less. Several

@@ -1,8 +1,13 @@
 """Tests of a zero mean whose sampling unit is the scene: what chance alone gives when signs are flipped.
 
-What chance does to the means of scenes if the true mean is zero: random signs or directions, shared by a dataset.
+The module first draws what chance does to the means of scenes if the true mean is zero. Then it tests the means, on
+arrays only. The sampling unit is the scene, not the feature.
 
-Which of them depends on the groups of scenes (`tracknoise.inference.units.scheme`):
+Chance
+------
+
+Chance flips signs or takes random directions. Which of them depends on the groups of scenes
+(`tracknoise.inference.units.scheme`):
 
 - scenes: the signs of scene means are flipped.
 - groups: the signs of whole groups are flipped.
@@ -15,7 +20,8 @@ dependence that the data have.
 
 Source of the rotations: Ø. Langsrud, Statistics and Computing 15 (2005).
 
-Tests of a zero mean whose sampling unit is the scene, not the feature: arrays only.
+Tests
+-----
 
 Every scene counts once, by its mean error (x_i, a pair u and v) at an age. The tested mean is therefore that of curves
 with weighting `scenes`. With n scenes, Q = sum x_i x_i' and s = sum x_i:
@@ -29,14 +35,14 @@ with weighting `scenes`. With n scenes, Q = sum x_i x_i' and s = sum x_i:
 - All ages together: the largest of -log P(q) over the ages, under the same flips (overall).
 - One age among all: the share of flips whose largest -log P(q) over the ages is at least as large as the measured one
   at this age (adjusted). Rejecting where it is at most alpha keeps the probability of any false rejection below alpha,
-  for any set of ages that differ from zero and any dependence between them (Westfall and Young 1993). Holm's
-  adjustment does so too, but no p-value is less than 2 / 2^n: with nine scenes and twenty ages it never rejects.
+  for any set of ages that differ from zero and any dependence between them (Westfall and Young 1993). Holm's adjustment
+  does so too, but no p-value is less than 2 / 2^n: with nine scenes and twenty ages it never rejects.
 - Several conditions: the same with the largest over all ages of all conditions (family), under flips of the same
   scenes.
 
 With groups of scenes, the sums of groups take the place of scene means. With too few groups, the mean and the
 differences within groups take the place of flipped scene means, n is one more than the degrees of freedom within
-groups, and rotations take the place of flips (`tracknoise.inference.sign_flips`).
+groups, and (rotations) take the place of flips.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,7 @@
 """The units that are resampled: scenes, groups of scenes that are not independent, or blocks of tracks within scenes.
 
-Groups of scenes that are not independent of each other: pieces of one recording, one place, or one motion.
-
-Scenes of one group are alike, so that intervals that take them for independent are too narrow. What is resampled
-depends on how many groups there are (scheme):
+Scenes of one group are pieces of one recording, one place, or one motion. They are alike, so that intervals that take
+them for independent are too narrow. What is resampled depends on how many groups there are (scheme):
 
 - scenes, if every scene is a group of its own.
 - groups, if there are at least `MIN_SCENES` of them.

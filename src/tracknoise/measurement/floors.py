@@ -1,6 +1,4 @@
-"""The truth floor of one tracker setup: how large errors are that come from the truth alone.
-
-The truth floor of one tracker setup: how large errors are that come from the truth alone, by age or frame.
+"""The truth floor of one tracker setup: how large errors are that come from the truth alone, by age or frame.
 
 The second moment of these errors is the mean of the covariances of the true positions. The variance of their mean is
 another matter, because all features of a frame share the error of its pose. Over the features of one sequence,

@@ -1,23 +1,16 @@
 """DTU Point Features: objects on a light stage, photographed from an arc of positions, and scanned. See docs/paper.md.
 
-- Numbers in MATLAB files.
-- Names of files and folders in both releases of the data set.
-- The scan of a scene.
-- The images of a scene under several lightings, read from files once for all of them.
-- A scene of DTU Point Features under one lighting.
+The module reads both releases of the data set, which name files and folders differently. It begins with numbers in
+MATLAB files, the shares of the LEDs in each lighting, and the names of files and folders. The calibration and the scan
+of a scene follow, then its images under several lightings, which are read from files once for all of them, and the
+scene under one lighting.
 
-How much of each LED's image the images of other lightings contain.
-
-Light adds up: an image in the light of several lamps is the sum of the images in the light of each.
-
-The calibration file: what the camera calibration toolbox for MATLAB saves.
-
-The toolbox counts pixels from the centre of the first, as everywhere here.
-
-DTU Point Features, in both releases: see docs/paper.md.
+Light adds up: an image in the light of several lamps is the sum of the images in the light of each. Images of other
+lightings therefore contain a share of each LED's image.
 
 A frame is a position of arc 1 (frame 0 is position 1, the key frame 24 is position 25). The camera was calibrated with
-images of 1600x1200; they are used at half that size, in grayscale.
+images of 1600x1200; they are used at half that size, in grayscale. The calibration file is what the camera calibration
+toolbox for MATLAB saves. The toolbox counts pixels from the centre of the first, as everywhere here.
 """
 
 import csv

@@ -1,8 +1,6 @@
 """Noise models, their calibration and tables of noise as sentences and tables.
 
-- How many claimed intervals of depths hold the true one: the rows that the page shows.
-- The calibration of predicted covariances, as sentences and tables.
-- Tables of noise by tracker, speed and motion, as sentences and tables.
+The calibration is that of predicted covariances. Tables of noise are by tracker, speed and motion.
 """
 
 import math

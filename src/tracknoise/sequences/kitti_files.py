@@ -1,25 +1,21 @@
 """Files of KITTI: where they lie, calibrations, times, positions of the car and Velodyne scans.
 
-- Values of KITTI's calibration files: one ``key: numbers`` per line. Only the keys that are needed are read.
-- Times of a drive's images: a line ``2011-09-26 13:02:25.964389445`` for each frame, from frame 0 on.
-- Velodyne scans: float32 x, y, z (metres, forward, left, up) and reflectance of each point.
-
-Where the files of KITTI raw data lie.
-
-A drive is a folder ``<date>/<date>_drive_NNNN_sync`` with ``image_02/data``, ``oxts/data`` and
+A drive of KITTI raw data is a folder ``<date>/<date>_drive_NNNN_sync`` with ``image_02/data``, ``oxts/data`` and
 ``velodyne_points/data``; the calibration of a day lies beside its drives. Depth-completion maps lie in
 ``proj_depth/groundtruth/image_02`` of the drive's folder, here or below another root's ``train`` and ``val``.
 
-The calibration of KITTI raw data.
+Calibration files have one ``key: numbers`` per line. Only the keys that are needed are read. The chain of frames is:
+imu (x forward, y left, z up) -> velo (the same axes) -> cam0 (x right, y down, z forward) -> rectified cam0 (R_rect_00)
+-> rectified cam2, which only a translation t separates from it: P_rect_02 = K (I | t).
 
-Chain of frames: imu (x forward, y left, z up) -> velo (the same axes) -> cam0 (x right, y down, z forward) ->
-rectified cam0 (R_rect_00) -> rectified cam2, which only a translation t separates from it: P_rect_02 = K (I | t).
+A file with the times of a drive's images has a line ``2011-09-26 13:02:25.964389445`` for each frame, from frame 0 on.
 
-Positions and attitudes of KITTI's inertial navigation system (OXTS), as poses and back.
+Positions and attitudes of the inertial navigation system (OXTS) are converted to poses and back. Latitude and longitude
+go to metres by the Mercator projection, x = s R lon, y = s R log tan(pi/4 + lat/2), with R = 6378137 m and s = cos(lat)
+of a drive's first frame; z is the altitude: east, north, up. The rotation is Rz(yaw) Ry(pitch) Rx(roll), from the
+vehicle's axes (forward, left, up) to those.
 
-Latitude and longitude go to metres by the Mercator projection, x = s R lon, y = s R log tan(pi/4 + lat/2), with
-R = 6378137 m and s = cos(lat) of a drive's first frame; z is the altitude: east, north, up. The rotation is
-Rz(yaw) Ry(pitch) Rx(roll), from the vehicle's axes (forward, left, up) to those.
+Velodyne scans are float32 x, y, z (metres, forward, left, up) and reflectance of each point.
 """
 
 import os

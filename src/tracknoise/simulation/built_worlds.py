@@ -1,17 +1,15 @@
 """Worlds that are built from a random seed or from objects, and the motions that fit them.
 
-- Parts of procedural worlds: textured boxes, ground and sky.
-- Worlds by name, and the motions that do not collide with their objects.
+The module begins with parts of procedural worlds: textured boxes, ground and sky. Two kinds of worlds follow, and last
+the worlds by name, with the motions that do not collide with their objects.
 
-A world from a random seed, with surfaces at all depths from 2 m to 300 m.
+The plaza is a world from a random seed, with surfaces at all depths from 2 m to 300 m. A plaza with boxes is around the
+origin. A street of buildings leads north from its eastern half. Panels surround both, and a box of clouds is far behind
+them. No path of `tracknoise.simulation.motion` touches a surface.
 
-A plaza with boxes is around the origin. A street of buildings leads north from its eastern half. Panels surround both,
-and a box of clouds is far behind them. No path of `tracknoise.simulation.motion` touches a surface.
-
-A world of large objects in two rows: vehicles in front, buildings behind.
-
-The camera stays south of the rows and looks north, on the paths ``linear``, ``arvr`` and ``sideways`` of
-`tracknoise.simulation.motion`. The objects are built from boxes, or are models in Gazebo's format.
+The other kind is a world of large objects in two rows: vehicles in front, buildings behind. The camera stays south of
+the rows and looks north, on the paths ``linear``, ``arvr`` and ``sideways`` of `tracknoise.simulation.motion`. The
+objects are built from boxes, or are models in Gazebo's format.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,29 +1,21 @@
 """Errors by where and how features move: places in the image, speed, parallax, depth edges.
 
-Sums of errors by place, at a few ages: what the statistics of places in the image share.
+All statistics are sums of errors by place, at a few ages. The sums are of untrimmed errors at the lowest speed, because
+trimming removes just the tracks that such places explain. They add up over scenes and blocks. Blocks are pairs of those
+of `tracknoise.statistics.prepared`, to keep tables small. The places are:
 
-The sums are of untrimmed errors at the lowest speed, because trimming removes just the tracks that such places explain.
-They add up over scenes and blocks. Blocks are pairs of those of `tracknoise.statistics.prepared`, to keep tables small.
+- Cells of the image. The image is divided into `MAP_COLUMNS` x `MAP_ROWS` cells of equal size. The cell of an
+  observation is that of its true position. Images of any size have the same cells, so that scenes add up.
+- Speed of the image, for errors along and across the image motion. A clock that is wrong by t shifts true positions by
+  t times the image velocity: such errors lie along the motion, and grow with its speed. Classes of speed are half
+  octaves, from 2^(k/2) to 2^((k+1)/2) px per frame of the sequence.
+- What surrounds a feature: its depth, the nearest depth edge, the slope it lies on, and its parallax. A feature beside
+  a depth edge has two surfaces in its window. A tracker that follows a mixture of both is drawn along by the other
+  surface. Features on the far side are also those that become occluded.
 
-Errors by cell of the image.
-
-The image is divided into `MAP_COLUMNS` x `MAP_ROWS` cells of equal size. The cell of an observation is that of its true
-position. Images of any size have the same cells, so that scenes add up.
-
-Errors along and across the image motion, by how fast the image moves.
-
-A clock that is wrong by t shifts true positions by t times the image velocity: such errors lie along the motion, and
-grow with its speed. Classes of speed are half octaves, from 2^(k/2) to 2^((k+1)/2) px per frame of the sequence.
-
-Parallax in the image: how far true positions move relative to the median of all features.
-
-A rotation of the camera moves all features nearly alike. What is left after the median is subtracted comes from
-translation, and differs with depth.
-
-Errors by what surrounds a feature: its depth, the nearest depth edge, the slope it lies on, and its parallax.
-
-A feature beside a depth edge has two surfaces in its window. A tracker that follows a mixture of both is drawn along by
-the other surface. Features on the far side are also those that become occluded.
+Parallax in the image is how far true positions move relative to the median of all features. A rotation of the camera
+moves all features nearly alike. What is left after the median is subtracted comes from translation, and differs with
+depth.
 """
 
 from collections.abc import Iterator, Mapping

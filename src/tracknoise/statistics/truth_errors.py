@@ -1,15 +1,19 @@
 """What errors of the truth contribute: its floor, and differences between two truths or two trackers.
 
-Truth floor of conditions: what `tracknoise.measurement.floors` summed up in each scene, pooled over scenes.
+Truth floor
+-----------
 
-Features are pooled. With n features in all scenes, the floor of the second moment is the sum of the covariances of
-their true positions over n. The variance of their mean error is (own + shared^2) / n^2: `own` adds up over scenes, and
-`shared` does so with its sign, because the cause is the same in all scenes.
+The floor of a condition is what `tracknoise.measurement.floors` summed up in each scene, pooled over scenes. Features
+are pooled. With n features in all scenes, the floor of the second moment is the sum of the covariances of their true
+positions over n. The variance of their mean error is (own + shared^2) / n^2: `own` adds up over scenes, and `shared`
+does so with its sign, because the cause is the same in all scenes.
 
-Differences between two trackers that track the same corners, in which any error of the truth cancels.
+Differences between two trackers
+--------------------------------
 
-Let two tracks begin at the same place of the same frame, and let x and y be their positions some frames later. Both
-have the same true position p, whatever p is, so that
+Where two trackers track the same corners, any error of the truth cancels in their difference. Let two tracks begin at
+the same place of the same frame, and let x and y be their positions some frames later. Both have the same true position
+p, whatever p is, so that
 
     (x - p) - (y - p) = x - y    (between)
 
@@ -21,14 +25,14 @@ Two tracks are of the same corner if they begin at most `SAME_CORNER_PX` apart i
 there is subtracted. Every frame counts in which both trackers report a position, also where the point is occluded:
 whether it is occluded is what the truth says, and this statistic must not depend on the truth.
 
-Difference of the relative poses of two truths, by lag.
+Differences between two truths
+------------------------------
 
 With A and B the poses world_from_camera of two truths in frames i and j = i + lag, the relative poses differ by
 E = (A_i^-1 A_j)^-1 (B_i^-1 B_j). It does not depend on either world frame. Its rotation vector and its translation are
 those in the camera frame of frame j. (truths.poses)
 
-Two truths of the same observations: sums of their difference, and of the errors by each of them.
-
+The positions of two truths of the same observations give sums of their difference, and of the errors by each of them.
 With x_1 and x_2 the true positions of an observation x by the first and the second truth:
 
 - disagreement = x_2 - x_1, first = x - x_1, second = x - x_2 (truths.disagreement)

@@ -1,9 +1,14 @@
 """Windows of tracks, as an estimator sees them, and the noise in them that no fitted point absorbs.
 
-Windows of the first N observations of a track, as an estimator sees them: with a 3-D point that is fitted to them.
+The module fits a 3-D point to each window and adds up the residuals, and how far the depth errs. Then it samples
+tracks. Last, it adds up the errors of tracks whose true positions are fitted to them.
 
-Errors e about the true point X are 2 N numbers. The point that least squares fit to the observations, with the true
-poses, absorbs the part F dX, where F are the derivatives of the true positions by X. To first order the residuals are
+Windows and their points
+------------------------
+
+A window holds the first N observations of a track that belong to the population. Errors e about the true point X are
+2 N numbers. The point that least squares fit to the observations, with the true poses, absorbs the part F dX, where F
+are the derivatives of the true positions by X. To first order the residuals are
 
     r = (I - F F^+) e    (window.residual)
 
@@ -17,18 +22,16 @@ For independent noise of s px in each coordinate, z has the standard deviation s
 parallax of the window, px: the noise of s px leaves the distance uncertain by the share s / |g|. Where it is below
 `LEAST_PARALLAX_PX` the window does not show the depth. Two degrees of freedom are then absorbed, else three.
 
-Noise that an estimator sees in windows of tracks: residuals of a fitted point, and how far its depth errs.
-
-A window holds the first N observations of a track that belong to the population. See
-`tracknoise.statistics.windows`.
-
-A sample of tracks with all that their points' depths depend on, to try covariances of whole tracks on.
+Sampled tracks
+--------------
 
 What a covariance of a whole track makes of its depth cannot be added up over tracks before the covariance is known. So
-some tracks of each condition are kept: up to `MOST` of each class of lengths at the slowest speed, spread evenly over
-the class. Long tracks are rarer than short ones, and the longest windows consist of them alone.
+some tracks of each condition are kept, with all that the depths of their points depend on, to try covariances of whole
+tracks on: up to `MOST` of each class of lengths at the slowest speed, spread evenly over the class. Long tracks are
+rarer than short ones, and the longest windows consist of them alone.
 
-Noise of tracks whose true positions are fitted to them, free of what the fit absorbs.
+Fitted true positions
+---------------------
 
 The errors of a track of N observations whose point was fitted have 2 N - 3 degrees of freedom. For white noise of
 variance s^2, the square of an error in u has the expectation s^2 (1 - H_uu), where H is the covariance of the true
@@ -40,7 +43,8 @@ and likewise in v. For distances d from epipolar lines, of variance w for noise 
 
     s^2 = sum d^2 / w / n    (noise.epipolar)
 
-This table has the sums. Both have no bias for white noise. Neither sees errors along the epipolar line.
+The table has the sums. Both are free of what the fit absorbs, and have no bias for white noise. Neither sees errors
+along the epipolar line.
 """
 
 from collections.abc import Iterator, Mapping

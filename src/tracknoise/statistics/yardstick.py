@@ -1,9 +1,9 @@
 """Effects of factors by the paper's yardstick: the largest difference between levels, relative to common variation.
 
-- Factors whose effects are reported, and the conditions at which they are compared.
-- The age, or the length of windows, at which all trackers of a run are compared.
-
-How far curves differ, relative to how far they vary together.
+The module states which factors are reported, and the condition at which they are compared: all other factors are held
+at their reference. It finds the age, or the length of windows, at which all trackers of a run are compared. Then it
+compares the curves of every pair of levels. The estimates are taken as they are, without intervals;
+`tracknoise.analysis` compares levels within scenes.
 
 For curves c_l and c_m of one statistic and coordinate:
 
@@ -12,16 +12,11 @@ For curves c_l and c_m of one statistic and coordinate:
 - effect = difference / common (effect.pair)
 
 Curves are compared in pairs because at different speeds they do not have the same ages: each pair is judged where both
-were seen, and a pair that shares nothing is left out.
+were seen, and a pair that shares nothing is left out. The curves have features pooled and are not cut. Age 0 and the
+key frame are left out, because errors are zero there by construction.
 
-Effects of factors by the paper's yardstick: the largest difference between levels, relative to what is common.
-
-The estimates are taken as they are, without intervals; `tracknoise.analysis` compares levels within scenes.
-All other factors are held at their reference. `tracknoise.statistics.yardstick` compares the curves of every
-pair of levels. The effect on a statistic is the largest over pairs and over the coordinates u and v (effect). The
-curves have features pooled and are not cut. Age 0 and the key frame are left out, because errors are zero there by
-construction. A single number such as the lifetime has no curve. Its effect is the range over the levels, relative to
-their mean (effect.scalar).
+The effect on a statistic is the largest over pairs and over the coordinates u and v (effect). A single number such as
+the lifetime has no curve. Its effect is the range over the levels, relative to their mean (effect.scalar).
 """
 
 from collections.abc import Mapping, Sequence

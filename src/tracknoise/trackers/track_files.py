@@ -1,20 +1,19 @@
 """Files of tracks that other front ends write, and how a file shows its format.
 
+The module reads:
+
 - Text files with one row of numbers per observation.
 - Tracks of event cameras: text with ``id t x y`` in each line, as the evaluation of RPG's event trackers reads it.
+- Tracks of XIVO: what its script ``pyxivo_tracker_only.py`` writes in the mode ``dumpTracker``. Each line has the time
+  of the image in nanoseconds, the id of the feature, u, v, and its descriptor. Commas separate them, and there is no
+  header. The format is that of ``TrackerDumpModeSaver`` in ``scripts/savers.py`` of
+  https://github.com/ucla-vision/xivo.
 - Tables of tracks: CSV files with a header, and Parquet files.
 - Tracks of models that track any point (TAP): NumPy archives with the positions of all points in all frames.
-- Formats of files of tracks: which there are, how a file shows its format, and what reads it.
+- Tracks from a COLMAP database: keypoints, chained over consecutive images by verified matches. Tables and encodings:
+  https://colmap.github.io/database.html.
 
-Tracks of XIVO: what its script ``pyxivo_tracker_only.py`` writes in the mode ``dumpTracker``.
-
-Each line has the time of the image in nanoseconds, the id of the feature, u, v, and its descriptor. Commas separate
-them, and there is no header. The format is that of ``TrackerDumpModeSaver`` in ``scripts/savers.py`` of
-https://github.com/ucla-vision/xivo.
-
-Tracks from a COLMAP database: keypoints, chained over consecutive images by verified matches.
-
-Tables and encodings: https://colmap.github.io/database.html.
+The last part has the formats: which there are, how a file shows its format, and what reads it.
 """
 
 import csv

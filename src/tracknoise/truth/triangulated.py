@@ -1,9 +1,15 @@
 """Truth without depth: the point that fits a track best, from the known poses and the track itself.
 
-Distance of observed positions from the epipolar line of the first one: what two frames and their poses tell.
+It is self-referential: what a point can absorb, such as drift along the epipolar line, is not in its errors. The module
+computes distances from epipolar lines, which need no point, and fits points to tracks. With a rolling shutter, a point
+is fitted with the poses of the observed rows; its true positions are those in its own.
 
-The first position of a track has the ray m. With the pose R, t of the first camera in a later one, the position there
-lies on the plane with the normal e = t x R m. For an observed position x with the ray b(x), f = e . b(x) is zero on the
+Epipolar lines
+--------------
+
+What two frames and their poses tell is the distance of observed positions from the epipolar line of the first one. The
+first position of a track has the ray m. With the pose R, t of the first camera in a later one, the position there lies
+on the plane with the normal e = t x R m. For an observed position x with the ray b(x), f = e . b(x) is zero on the
 epipolar line, and to first order
 
     d = f / |df/dx|    (truth.epipolar)
@@ -11,10 +17,12 @@ epipolar line, and to first order
 is the signed distance from it, px. White noise of variance s^2 in both positions gives d the variance
 s^2 (1 + |df/dx_1|^2 / |df/dx|^2). This holds for every camera model. Errors along the line do not appear.
 
-World points of tracks by least squares of their reprojection errors in all frames, for all tracks at once.
+Points
+------
 
-A point lies at (a, b, 1) / r in the camera of the track's first frame: (a, b) is its direction, r its inverse depth.
-In frame i, with the pose R_i, t_i of the first camera in that of frame i, it has the position
+World points of tracks are fitted by least squares of their reprojection errors in all frames, for all tracks at once. A
+point lies at (a, b, 1) / r in the camera of the track's first frame: (a, b) is its direction, r its inverse depth. In
+frame i, with the pose R_i, t_i of the first camera in that of frame i, it has the position
 
     x_i = pi(R_i (a, b, 1) + r t_i)    (truth.triangulated)
 
@@ -25,12 +33,6 @@ that brings its epipolar planes closest to the other rays.
 The fit absorbs part of the noise. With J_i the derivative of x_i and A the sum of J_i^T J_i, the covariance of x_i is
 H_i = J_i A^-1 J_i^T in units of the variance of the noise, if this is white. That of an error is then 1 - H_i, and the
 sum of the squares of all N errors is 2 N - 3 times the variance.
-
-Truth without depth: the point that fits a track best, from the known poses and the track itself.
-
-It is self-referential: what a point can absorb, such as drift along the epipolar line, is not in its errors.
-
-With a rolling shutter, a point is fitted with the poses of the observed rows; its true positions are those in its own.
 """
 
 from collections.abc import Callable

@@ -1,23 +1,21 @@
 """Which faults of the truth are named: significance, agreement of trackers, and how large a fault would have to be.
 
-- Whether trackers agree on a correction: a fault of the truth is the same for all, a tracker's own bias is not.
-- Which faults are named, and in which order: forward selection by what corrections explain on held-out clusters.
-- What an audit says about each parameter.
-
-Tests of one parameter beside others: significance, what it explains, and whether trackers agree on it.
+The module compares the corrections that single trackers see: a fault of the truth is the same for all, a tracker's own
+bias is not. It tests one parameter beside others: its significance, what it explains, and whether trackers agree on it.
+Faults are named by forward selection, in the order of what their corrections explain on held-out clusters. Last, the
+module computes how large an error would have to be to be named, and says what an audit finds about each parameter.
 
 Tests leave out scenes where at least `LEAST_EFFECTIVE` of them determine the parameter by (audit.effective). Otherwise
 they leave out blocks of tracks within scenes: a clock offset, for example, shows only where the camera changes its
 speed, and a test over scenes finds nothing if two of eight do. Intervals are from scenes in any case, with the few
 degrees of freedom that there are. A parameter is significant only if they exclude zero, too.
 
-How large an error of the truth would have to be to be named with a probability of 90 %.
-
-It is named if its test is significant, its interval excludes zero, and its correction explains enough of held-out
-clusters. For the last, errors of a size are put into residuals without them, so far as the other columns of the fit do
-not absorb them: x_j = D V_j / V_jj for the design D and the inverse V of the information (audit.visible). The
-least size at which their correction explains enough is found by trial. A quantile of Student's distribution is added,
-because estimates scatter about the size.
+The size that is computed is that at which an error of the truth would be named with a probability of 90 %. It is named
+if its test is significant, its interval excludes zero, and its correction explains enough of held-out clusters. For the
+last, errors of a size are put into residuals without them, so far as the other columns of the fit do not absorb them:
+x_j = D V_j / V_jj for the design D and the inverse V of the information (audit.visible). The least size at which their
+correction explains enough is found by trial. A quantile of Student's distribution is added, because estimates scatter
+about the size.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,8 +1,12 @@
 """The rigid share: how much of the errors is a motion of the camera that the stated poses do not have.
 
-- Small rigid motions (rho, phi), as vectors of six numbers, in the axes of different frames.
+The module makes equations of the observations of a tracker, and fits one small pose error per frame to them. From two
+fits, each to one half of the tracks, it computes how the error of the relative pose of two frames grows with their
+distance, and the rigid share. Small rigid motions (rho, phi) are vectors of six numbers, in the axes of different
+frames.
 
-Observations of a tracker, ready for the fit of pose errors.
+Observations
+------------
 
 The stated pose T_f of frame f differs from the real one, T_f exp(xi_f), by a small motion xi_f of the camera. With
 eta_f = Ad(T_f) xi_f, the same motion in the axes of the world, a track that begins in frame i at the point X has in
@@ -15,16 +19,19 @@ Nothing changes if all eta change by the same motion: where the world is does no
 A track of many frames begins again every `REACH` steps, at its observed position and stated depth, so that no equation
 is between distant frames. What its tracker did before that is subtracted, and its noise there is added.
 
-Robust least squares for one small pose error per frame.
+Fit of pose errors
+------------------
 
-The equations (rigid) of one pair of frames add up to the 6 x 6 matrix S = sum w J'J and the vector g = sum w J'e. The
-normal equations of all frames are a Laplacian with these matrices as weights, whose band is as wide as the distance of
-the frames. A weak prior, `PRIOR`, fixes the motion that all frames share, and any that the tracks do not determine.
+The fit is by robust least squares. The equations (rigid) of one pair of frames add up to the 6 x 6 matrix S = sum w J'J
+and the vector g = sum w J'e. The normal equations of all frames are a Laplacian with these matrices as weights, whose
+band is as wide as the distance of the frames. A weak prior, `PRIOR`, fixes the motion that all frames share, and any
+that the tracks do not determine.
 
 Weights are those of a Cauchy distribution, whose scale is the median residual at the same number of steps. Each half of
 the tracks is fitted alone, with weights from its own residuals: weights from all tracks would make the halves alike.
 
-How the error of the relative pose of two frames grows with their distance, as the tracks measure it.
+Growth with the distance of frames
+----------------------------------
 
 Two halves of the tracks give two independent fits of the pose errors. The product of their relative errors of frames i
 and j = i + k,
@@ -34,10 +41,11 @@ and j = i + k,
 has no contribution from the noise of the fits. Whatever else moves all features as a motion of the camera does is in
 it: a clock offset, a rolling shutter, or what the trackers have in common.
 
-The rigid share: how much of the errors is a motion of the camera that the stated poses do not have.
+Rigid share
+-----------
 
-One small pose error per frame is fitted to half of the tracks (`tracknoise.truth_faults.pose_errors`) and predicts
-the errors of the other half. With the error e of a track and the prediction p from the other half,
+The pose errors that are fitted to half of the tracks predict the errors of the other half. With the error e of a track
+and the prediction p from the other half,
 
     share = sum(e p) / sum(e e)    (rigid.share)
 

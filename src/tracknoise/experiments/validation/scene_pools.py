@@ -1,8 +1,9 @@
 """Pools of scenes that differ in a known way, and findings about them.
 
-Pools of scenes that differ: each scene has its own mean error and its own scale, and findings have known answers.
+Each scene has its own mean error and its own scale, so that findings about a pool have known answers. The module
+measures two pools, and compares the findings about them with these answers.
 
-`pool`: one tracker for each way in which errors behave. All tracks live from the first to the last frame.
+`pool` has one tracker for each way in which errors behave. All tracks live from the first to the last frame.
 
 - `mean N`: at each age a scene has a mean error of its own, Gaussian about zero, so that the true mean is zero.
 - `scale N`: at each age and coordinate a scene has a scale of its own, whose logarithm is Gaussian.
@@ -12,10 +13,8 @@ Pools of scenes that differ: each scene has its own mean error and its own scale
 
 Ages are independent of each other in `mean` and `scale`, so that a few trackers give hundreds of independent intervals.
 
-`factors`: every scene under two lightings. Under the second, errors and outliers of `rough` are larger by known ratios,
-and errors of `calm` by a ratio below the margin. Turned images exist for too few scenes to decide anything.
-
-Findings about pools of scenes, compared with what is known about the pools.
+`factors` has every scene under two lightings. Under the second, errors and outliers of `rough` are larger by known
+ratios, and errors of `calm` by a ratio below the margin. Turned images exist for too few scenes to decide anything.
 
 Single intervals and p-values are wrong by chance now and then, so that limits apply to all of them together. A correct
 program exceeds a limit with a probability of at most `ALARM`. Limits allow intervals to contain the true value in

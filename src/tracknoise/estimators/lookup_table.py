@@ -23,12 +23,12 @@ By which factor the second moment of a scene in one condition typically differs 
 
 where S and C are summed over ages. Every scene and condition counts the same.
 
-Intervals are Student's. They are over groups of scenes if there are at least `MIN_SCENES` of these, or if any group has
-two scenes: these predict each other, so that their gains are the same but for chance. Such an interval contains the
-differences between motions. Otherwise intervals are over scenes, within their groups if there are any, and then hold
-for these groups only. Gains of n scenes of one group are correlated by 1 / (n - 1)^2, as squared distances from the
-means of the others are, so that these intervals are wider by the root of n / (n - 1) of the smallest group. A group
-with one scene has no other scene of its motion.
+Intervals are Student's. They are over groups of scenes if there are at least `MIN_SCENES` of these, if any group has
+two scenes, which predict each other, so that their gains are the same but for chance, or if scenes are too few to be
+compared within groups. Such an interval contains the differences between motions. Otherwise intervals are over scenes,
+within their groups if there are any, and then hold for these groups only. Gains of n scenes of one group are correlated
+by 1 / (n - 1)^2, as squared distances from the means of the others are, so that these intervals are wider by the root
+of n / (n - 1) of the smallest group. A group with one scene has no other scene of its motion.
 
 The table
 ---------

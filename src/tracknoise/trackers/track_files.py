@@ -13,7 +13,8 @@ The module reads:
 - Tracks from a COLMAP database: keypoints, chained over consecutive images by verified matches. Tables and encodings:
   https://colmap.github.io/database.html.
 
-The last part has the formats: which there are, how a file shows its format, and what reads it.
+Tracks in bags are read by `tracknoise.trackers.bag_tracks`. The last part has the formats: which there are, how a file
+shows its format, and what reads it.
 """
 
 import csv

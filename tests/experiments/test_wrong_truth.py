@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+import polars as pl
 import pytest
 from benchmarks.validity.rigid import pose_noise
 from tests.lean import without_audit, without_depths
@@ -68,3 +69,12 @@ def test_the_growth_of_white_pose_errors_is_flat(runs):
     assert wrong.filter(lag=1)["rotation_deg"][0] == pytest.approx(0.2 * np.sqrt(2), rel=0.4)
     assert wrong.filter(lag=3)["rotation_deg"][0] < 1.5 * wrong.filter(lag=1)["rotation_deg"][0]
     assert runs["exact"].table("pose_growth").filter(lag=1)["rotation_deg"].fill_null(0.0)[0] < 0.05
+
+
+def test_numbers_that_rest_on_a_truth_that_is_not_trusted_say_so(runs):
+    for run in runs.values():
+        assert not run.truth.is_usable  # nothing is known of the accuracy of arrays
+        results = run.results()
+        marked = results["caveats"].cast(pl.List(pl.String)).list.contains("truth not trusted")
+        assert results.filter(marked, quantity="mean_error").height == results.filter(quantity="mean_error").height > 0
+        assert results.filter(marked, topic="tracks").is_empty()

@@ -113,6 +113,12 @@ def test_summary_has_the_same_values_trimmed_and_untrimmed() -> None:
     assert [f"untrimmed_{name}" for name in names] == [name for name in schema.SUMMARY if name.startswith("untrimmed_")]
 
 
+def test_lists_of_an_enumeration_with_more_values_are_read() -> None:
+    before, now = pl.List(pl.Enum(["a"])), pl.List(pl.Enum(["a", "b"]))
+    old = pl.DataFrame({"caveats": [["a"], []]}, schema={"caveats": before})
+    assert schema.of_this_version(old, {"caveats": now}).schema["caveats"] == now
+
+
 def test_an_enumeration_that_was_extended_since_a_table_was_written_is_read() -> None:
     now, before, unknown = pl.Enum(["a", "b", "c"]), pl.Enum(["b", "a"]), pl.Enum(["b", "z"])
     expected = {"name": now, "n": pl.Int64}

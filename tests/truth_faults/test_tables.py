@@ -201,6 +201,12 @@ def test_what_is_not_established_is_not_denied(verdict) -> None:
     assert re.search(r"is (not|no longer) established", text)
 
 
+def test_a_stated_value_is_not_rounded() -> None:
+    samples = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
+    centre = replace(shown(samples, Parameter.principal_point), stated=(127.5, 95.5))
+    assert Estimate(centre, np.array([127.2, 95.1]), np.array([0.7, 0.4])).stated == "(127.5, 95.5)"
+
+
 def test_a_value_that_fits_a_little_better_is_told() -> None:
     samples = make_samples(np.random.default_rng(1), WORLD, theta_of({}))
     found = Estimate(shown(samples, Parameter.focal_length), np.array([524.0]), np.array([0.4]))

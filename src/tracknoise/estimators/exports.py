@@ -402,8 +402,9 @@ def makes_right(noise: Noise) -> str:
             if _is_written(noise.about, one.name)
         ]
         return f"components of the model: {', '.join(parts)}"
-    bound = "" if noise.model.truth.is_usable else "; errors of the truth are in it: the tracker alone has less"
-    return f"{in_words(noise.advice)}{bound}"
+    is_bound = not noise.model.truth.is_usable
+    bound = "; errors of the truth are in it: the tracker alone has less" if is_bound else ""
+    return f"{in_words(noise.advice, is_bound=is_bound)}{bound}"
 
 
 def in_words(advice: Advice, *, is_bound: bool = False) -> str:

@@ -161,6 +161,7 @@ def advice_table(models: RunModels, name: str, window: int | None, condition: Ma
                 "low": one.low,
                 "high": one.high,
                 "level": None if one.low is None and one.high is None else LEVEL,
+                "n_scenes": len(model.training.scenes),
             }
             for quantity, one in numbers.items()
         ]

@@ -66,6 +66,7 @@ from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.quantities import Topic
 from tracknoise.tables.result_views import Identified, results_of
+from tracknoise.tables.results import beside_untrusted_truth
 from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
@@ -272,6 +273,8 @@ def _write_findings(
     if reported.fitted:
         every |= _without_verdicts_on_errors(every)
     results = results_of(every)
+    if not TruthVerdict.of(every["trust"]).is_usable:
+        results = beside_untrusted_truth(results)
     every["findings"] = headline_table(Identified(_cited(results, reference), every), reported)
     documents = {FINDINGS_JSON: findings_json(every), **models.documents}
     run.write_statistics(every, results=results, documents=documents)

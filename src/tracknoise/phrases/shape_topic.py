@@ -109,5 +109,9 @@ def shape_measure(subject: Subject) -> Measure | None:
 def _far_share(subject: Subject) -> str:
     """Share of errors larger than three cores, in the coordinate where it is larger."""
     row = subject.row or {}
-    known = [row[name] for axis in "uv" if row.get(name := f"{subject.conditions.trimming}_beyond_{axis}") is not None]
-    return f"; {percent(max(known))} beyond three cores" if known else ""
+    shares = {axis: row.get(f"{subject.conditions.trimming}_beyond_{axis}") for axis in "uv"}
+    known = {axis: share for axis, share in shares.items() if share is not None}
+    if not known or row["at"] is None:
+        return ""
+    worst = max(known, key=known.__getitem__)
+    return f"; {percent(known[worst])} beyond three cores in {worst}, {subject.conditions.place(row['at'])}"

@@ -9,6 +9,7 @@ import polars as pl
 from tracknoise.report import paper
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.enumerations import Verdict
 from tracknoise.words import (
     DASH,
     SPACE,
@@ -121,7 +122,7 @@ def _interval(data: ReportData, row: Mapping[str, Any]) -> list[str]:
         row["verdict"],
         DASH if row["effect"] is None else f"{row['level_a']} and {row['level_b']}",
         size_text(row) or DASH,
-        row["better"] or DASH,
+        row["better"] if row["better"] and row["verdict"] != Verdict.undecided else DASH,
         _where(data, row),
         bound_text(row["margin"], row["unit"]) or DASH,
         str(row["n_scenes"]),

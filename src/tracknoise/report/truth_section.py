@@ -16,6 +16,8 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml
 from tracknoise.truth_faults.check_change import truth_change
+from tracknoise.truth_faults.explained import MOVED
+from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.words import DASH, SPACE, listing, number, percent, pixels
 
 _FAMILIES = {
@@ -32,6 +34,7 @@ _CAPTION = (
 
 def parameter_cells(audit: pl.DataFrame) -> Cells:
     """One row per number of every fit."""
+    shown = audit.filter(pl.col("family").is_in(list(_FAMILIES)), pl.col("parameter") != MOVED)
     headings = ["fitted", "parameter", "stated", "value", "low", "high", "unit", "explained", "condition", "verdict"]
     rows = [
         [
@@ -39,11 +42,11 @@ def parameter_cells(audit: pl.DataFrame) -> Cells:
             f"{row['parameter'].replace('_', ' ')} {row['component']}".strip(),
             *(number(row[name], digits=4) for name in ("stated", "value", "low", "high")),
             row["unit"],
-            percent(row["gain"]),
+            percent(row["gain_high" if row["family"] == Family.at_most else "gain"]),
             number(row["condition"], digits=2),
             (row["verdict"] or DASH).replace("_", " "),
         ]
-        for row in audit.filter(pl.col("family").is_in(list(_FAMILIES))).iter_rows(named=True)
+        for row in shown.iter_rows(named=True)
     ]
     numeric = [False, False, True, True, True, True, False, True, True, False]
     return Cells(_CAPTION + _resampled(audit), headings, rows, numeric)

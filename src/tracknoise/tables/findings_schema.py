@@ -173,13 +173,14 @@ ADVICE: Schema = {
     "high": pl.Float64,
     "why": pl.String,
     "level": pl.Float64,
+    "n_scenes": pl.Int32,
 }
 """What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
 
 estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma, state_sigma (of
 features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
 are factors on chi-square quantiles at .95. why says why windows are simulated; it is null where they are not. level is
-that of the interval; it is null without one.
+that of the interval; it is null without one. n_scenes is how many scenes the model was fitted to.
 """
 
 NOISE_LOOKUP: Schema = {

@@ -421,15 +421,11 @@ def _bias() -> View:
     tests = [
         name for name in findings_schema.ZERO_MEAN if name == "iid_p" or name.startswith(("hotelling", "sign_flip"))
     ]
+    of_mean = {name: _bounds_of(f"mean_{name}", "_px") for name in "uv"}
     values = [
         Value("bias", "effect_px", carried={**_COUNTED, **_same("verdict", "why"), **_bounds_of("effect", "_px")}),
         *(
-            Value(
-                "bias_component",
-                f"mean_{name}_px",
-                {"coordinate": name},
-                carried=_bounds_of(f"mean_{name}", "_px"),
-            )
+            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=_COUNTED | of_mean[name])
             for name in "uv"
         ),
         Value("bias_share", "share_of_second"),
@@ -616,7 +612,7 @@ def _advice() -> View:
         "observation_gate": ("gate_to_set", {"against": "observation"}),
         "innovations": ("sigma_of_innovations", {}),
     }
-    values = _by_quantity(names, _same("low", "high", "level", "why"), axis="window", against=None)
+    values = _by_quantity(names, _same("low", "high", "level", "n_scenes", "why"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
     sort = [*_CONDITION, "estimator", "window", "quantity"]
     keys = {**_CONDITION, "at": "window"}

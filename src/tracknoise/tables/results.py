@@ -24,7 +24,8 @@ class Caveat(StrEnum):
 
     few_features: fewer features than the cut-off of curves. few_scenes: so few scenes that intervals contain the true
     value less often than they say. these_scenes: the interval holds for the measured scenes only. these_groups: it
-    holds for the measured groups of scenes only. no_interval: it has none.
+    holds for the measured groups of scenes only. no_interval: it has none. untrusted_truth: it is made from errors
+    about a truth that is not trusted.
     """
 
     few_features = "few features"
@@ -32,6 +33,7 @@ class Caveat(StrEnum):
     these_scenes = "these scenes only"
     these_groups = "these groups only"
     no_interval = "no interval"
+    untrusted_truth = "truth not trusted"
 
 
 ENOUGH_SCENES = 8
@@ -119,6 +121,28 @@ def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
     table = pl.concat([pl.DataFrame(schema=kinds), *parts], how="diagonal")
     table = _merged(table.insert_column(0, _ids(table)))
     return table.with_columns(caveats=_caveats()).select(list(RESULTS))
+
+
+_WITHOUT_TRUTH = (
+    *(Topic.tracks, Topic.causes),  # no errors
+    *(
+        Topic.truth_floor,
+        Topic.second_truth,
+        Topic.pose_disagreement,
+        Topic.pose_share,
+        Topic.pose_errors,
+    ),  # of the truth
+    *(Topic.shared_motion, Topic.tracker_differences, Topic.seeds),  # in which it cancels, or is told apart
+)
+"""Topics of numbers that errors of the truth do not change."""
+
+
+def beside_untrusted_truth(results: pl.DataFrame) -> pl.DataFrame:
+    """The same results, where numbers that are made from errors have the caveat that their truth is not trusted."""
+    is_made_from_errors = ~pl.col("topic").is_in([str(topic) for topic in _WITHOUT_TRUTH])
+    caveat = pl.when(is_made_from_errors).then(pl.lit(str(Caveat.untrusted_truth)))
+    marked = pl.concat_list(pl.col("caveats").cast(pl.List(pl.String)), caveat).list.drop_nulls()
+    return results.with_columns(caveats=marked.cast(RESULTS["caveats"]))
 
 
 def _merged(table: pl.DataFrame) -> pl.DataFrame:

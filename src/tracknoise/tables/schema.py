@@ -942,7 +942,7 @@ def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame
     return table
 
 
-_LATER_COLUMNS = ("near_px", "level")
+_LATER_COLUMNS = ("near_px",)
 """Last columns of tables that earlier versions did not write."""
 
 
@@ -963,6 +963,8 @@ def _continues(new: object, old: object) -> bool:
     """Whether an enumeration has all categories of another and more, or categories replace strings."""
     if isinstance(new, pl.Categorical):
         return old == pl.String
+    if isinstance(new, pl.List) and isinstance(old, pl.List):
+        return _continues(new.inner, old.inner)
     if not (isinstance(new, pl.Enum) and isinstance(old, pl.Enum)) or new == old:  # as in almost every table
         return False
     return set(old.categories) < set(new.categories)

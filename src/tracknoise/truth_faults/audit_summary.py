@@ -108,7 +108,7 @@ class Estimate:
     @property
     def stated(self) -> str:
         """The stated value as text, without its unit."""
-        values = [number(value) for value in self.shown.stated]
+        values = [f"{value:g}".replace("-", MINUS) for value in self.shown.stated]  # as it is stated, not rounded
         return values[0] if len(values) == 1 else f"({', '.join(values)})"
 
 

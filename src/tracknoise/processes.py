@@ -223,6 +223,14 @@ def _recorded() -> Iterator[None]:
             signal.raise_signal(late)
 
 
+def signal_name(number: int) -> str:
+    """Name of a signal; ``signal 40`` of one without a name."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
 def end_system_calls() -> None:
     """Let the signals of `ENDING` end system calls that wait, such as those that read from a pipe.
 

@@ -17,7 +17,7 @@ from tracknoise.trackers.tracker_registry import make_tracker
 
 FOLLOW_POINTS = Path(__file__).parents[1] / "foreign" / "follow_points.py"
 BEGIN = """
-import os, sys, time
+import os, shutil, sys, time
 from pathlib import Path
 paths = Path("frames_color.txt").read_text().splitlines()
 queries = {path.stem[6:]: path.read_text().splitlines() for path in Path().glob("query_*.txt")}
@@ -67,7 +67,6 @@ def test_points_that_a_program_follows_are_tracks(started, speed):
 def test_a_program_is_given_images_and_queries(program, started, sideways, tmp_path):
     settings = program(
         f"""
-        import shutil
         assert all(Path(path).is_absolute() for path in paths)
         shutil.copytree(".", {str(tmp_path / "copy")!r})
         write(["0"] * len(paths))
@@ -87,11 +86,19 @@ def test_a_program_is_given_images_and_queries(program, started, sideways, tmp_p
     assert steps[0].uv[0].tolist() == query
 
 
-def test_what_is_not_seen_ends_and_begins_anew(program, started):
+@pytest.mark.parametrize(
+    "visible",
+    [
+        "1\n1\n1\n1\n0\nFalse\n",
+        "1.0\nTRUE\n+1\n1e0\n0.000000000000000000e+00\n-0\n",
+        "\ufeff1\r\n1\r\n1\r\n1\r\n0\r\n0\r\n",
+    ],
+)
+def test_what_is_not_seen_ends_and_begins_anew(program, started, visible):
     settings = program(
-        """
+        f"""
         write(["5,6", "7,8", "0", "9,10", "11,12", "13,14"])
-        Path("output_1_visible.txt").write_text("1\\n1\\n1\\n1\\n0\\nFalse\\n")
+        Path("output_1_visible.txt").write_text({visible!r})
         """,
         every=None,
         max_features=2,
@@ -103,6 +110,21 @@ def test_what_is_not_seen_ends_and_begins_anew(program, started):
     assert steps[4].uv.tolist() == [[11, 12]]
 
 
+@pytest.mark.parametrize("word", ["2", "0.5", "yes", "nan", "1_0", ""])
+def test_what_is_neither_seen_nor_hidden_is_refused(program, started, word):
+    settings = program(f"""write(["5,6"] * 6); Path("output_1_visible.txt").write_text("1\\n{word}" + "\\n1" * 4)""")
+    with pytest.raises(
+        TrackerError, match=rf"^external: found '{word}' in output_1_visible.txt:2, expected 0, 1, true or"
+    ):
+        started(settings)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_line(program, started):
+    settings = program("""write(["\\ufeff0"] + ["7,8"] * 5)""", every=None, max_features=2)
+    tracker, frames = started(settings)
+    assert [tracker.step(frame).uv.tolist() for frame in frames[:2]][1] == [[7, 8], [7, 8]]
+
+
 @pytest.mark.parametrize(
     ("does", "message"),
     [
@@ -110,16 +132,38 @@ def test_what_is_not_seen_ends_and_begins_anew(program, started):
         ("print('no weights'); sys.exit(1)", r"ended with code 1, expected code 0; it printed last: no weights$"),
         ("raise ValueError('of mine')", r"ended with code 1, expected code 0; it printed last: ValueError: of mine$"),
         ("os.kill(os.getpid(), 11)", r"was ended by SIGSEGV, expected code 0$"),
-        ("", r"found no output_1.txt, expected 6 lines$"),
+        ("os.kill(os.getpid(), 40)", r"was ended by signal 40, expected code 0$"),
+        ("os.remove('output.log'); sys.exit(1)", r"ended with code 1, expected code 0$"),
+        (
+            "print('full', flush=True); os.remove('output.log'); os.mkfifo('output.log'); sys.exit(1)",
+            r"ended with code 1, expected code 0; it printed last: full$",
+        ),
+        ("", r"output_1.txt: no such file, expected 6 lines$"),
+        ("here = os.getcwd(); shutil.rmtree(here); Path(here).touch()", r"output_1.txt: unreadable \(Not a directory"),
         ("write(['1,2'] * 5)", r"found 5 lines in output_1.txt, expected 6, one per image$"),
         ("write(['1,2'] * 5 + ['here'])", r"found 'here' in output_1.txt:6, expected x,y or 0$"),
         ("write(['1,2'] * 5 + ['nan,3'])", r"found 'nan,3' in output_1.txt:6, expected x,y or 0$"),
         ("write(['1,2'] * 5 + ['1,2,3'])", r"found '1,2,3' in output_1.txt:6, expected x,y or 0$"),
         ("write(['1,2'] * 5 + ['1e9,3'])", r"found \[1000000000.0, 3.0\] in output_1.txt:6, expected at most"),
-        ("Path('output_1.txt').write_bytes(b'\\xff\\xfe')", r"output_1.txt cannot be read \(.*\), expected text$"),
+        ("write(['1_0,2'] * 6)", r"found '1_0,2' in output_1.txt:1, expected x,y or 0$"),
+        ("write(['\\u0663,2'] * 6)", r"found '\u0663,2' in output_1.txt:1, expected x,y or 0$"),
+        (
+            "Path('output_1.txt').write_bytes(b'\\xff\\xfe')",
+            r"output_1.txt: not UTF-8 in line 1, expected text of 6 lines$",
+        ),
+        ("os.mkfifo('output_1.txt')", r"output_1.txt: unreadable \(not a regular file\), expected text of 6 lines$"),
+        (
+            "os.symlink('/dev/zero', 'output_1.txt')",
+            r"output_1.txt: unreadable \(not a regular file\), expected text of",
+        ),
+        (
+            "open('output_1.txt', 'wb').truncate(1 << 31)",
+            r"output_1.txt: a file of 2147483648 bytes, expected 6 lines of",
+        ),
     ],
 )
-def test_how_a_program_fails_is_said_in_one_line(program, started, does, message):
+def test_how_a_program_fails_is_said_in_one_line(program, started, does, message, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with pytest.raises(TrackerError, match=message) as caught:
         started(program(does))
     assert "\n" not in str(caught.value)
@@ -161,8 +205,8 @@ def test_what_cannot_be_started_is_said_in_one_line(started, setting):
         started(External(("no-such-program", "-x")))
     with pytest.raises(SettingsError, match=r"images come one by one, expected all of a sequence before the first"):
         External(("true",)).start(setting())
-    for wrong in ((), ("",), (3,)):
-        with pytest.raises(ValueError, match=r"expected a program and its arguments"):
+    for wrong in ((), ("",), (3,), ("a\0b",), ("true", "\ud800"), "true", 3):
+        with pytest.raises(SettingsError, match=r"expected (a list of )?a program and its arguments"):
             External(wrong)
 
 

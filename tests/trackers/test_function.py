@@ -8,6 +8,7 @@ import tracknoise as tn
 from tracknoise.exceptions import SettingsError, TrackerError
 from tracknoise.trackers.function import Function
 from tracknoise.trackers.lucas_kanade import LucasKanade
+from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.rejection import Model, Rejection
 
 
@@ -95,6 +96,30 @@ def test_no_tracker_can_change_the_image_of_a_frame(sideways):
             r"covariances that are not symmetric",
         ),
         ((["a"] * 60, np.ones(60, bool)), r"points <U1 of shape \(60,\), expected numbers"),
+        (
+            ([[1, 2], [3]], np.ones(60, bool)),
+            r"^wrong returned no array of points \(.*\), expected numbers of shape \(60, 2\)$",
+        ),
+        (
+            ([None] + [[1, 2]] * 59, np.ones(60, bool)),
+            r"no array of points \(.*\), expected numbers of shape \(60, 2\)$",
+        ),
+        ((np.zeros((60, 2)), [[True], True]), r"no array of ok \(.*\), expected bool of shape \(60,\)$"),
+        (
+            (np.zeros((60, 2)), np.ones(60, bool), [[[1, 0], [0]]] * 60),
+            r"no array of covariances \(.*\), expected numbers of shape \(60, 2, 2\)$",
+        ),
+        (
+            (np.zeros((60, 2)), np.ones(60, bool), np.full((60, 2, 2), 1e39)),
+            r"^wrong returned a covariance of 1e\+39 px\^2, expected numbers within the range of float32$",
+        ),
+        (
+            (np.ma.array(np.zeros((60, 2)), mask=np.arange(120).reshape(60, 2) == 3), np.ones(60, bool)),
+            r"^wrong returned points with masked elements, expected numbers of shape \(60, 2\) without a mask$",
+        ),
+        (([np.ma.array([1.0, 2.0], mask=[0, 1])] * 60, np.ones(60, bool)), r"points with masked elements"),
+        (([[np.ma.masked, 2.0]] * 60, np.ones(60, bool)), r"no array of points \(.*converting a masked element to nan"),
+        ((np.zeros((60, 2)), np.ma.array(np.ones(60, bool), mask=True)), r"ok with masked elements, expected bool"),
     ],
 )
 def test_what_cannot_be_used_is_said_in_one_line(sideways, setting, returned, message):
@@ -105,6 +130,39 @@ def test_what_cannot_be_used_is_said_in_one_line(sideways, setting, returned, me
     tracker.step(sideways[0])
     with pytest.raises(TrackerError, match=message):
         tracker.step(sideways[1])
+
+
+def test_stop_iteration_ends_no_generator(sequence):
+    def exhausted(previous, image, points):
+        return next(iter(()))
+
+    with pytest.raises(TrackerError, match=r"^exhausted raised StopIteration, expected points and ok$"):
+        tn.measure(sequence, exhausted)
+
+
+@pytest.mark.parametrize("refine", ["none", "first"])
+@pytest.mark.parametrize("far", [1.7e308, -1.7e308, 1e39, np.longdouble("1e4000")])
+def test_a_position_that_is_too_large_is_dropped_without_a_warning(sideways, setting, far, refine):
+    def leaping(previous, image, points):
+        moved = points.astype(np.longdouble) + np.array([3, -2])
+        moved[0] = far
+        return moved, np.ones(len(points), bool)
+
+    tracker = Function(leaping, min_features=50, max_features=60, refine=Refinement(refine)).start(setting())
+    tracker.step(sideways[0])
+    assert tracker.step(sideways[1]).ended_ids[0] == 0
+
+
+def test_covariances_that_are_infinite_or_of_what_is_lost_are_no_error(sideways, setting):
+    def unsure(previous, image, points):
+        covariance = np.full((len(points), 2, 2), np.inf)
+        covariance[0] = 1e300
+        return points + np.array([3, -2]), np.arange(len(points)) > 0, covariance
+
+    tracker = Function(unsure, min_features=50, max_features=60).start(setting())
+    tracker.step(sideways[0])
+    step = tracker.step(sideways[1])
+    assert np.isinf(step.quality["cov_uv"]).any()
 
 
 def test_covariances_that_a_function_predicts_are_judged(sequence):

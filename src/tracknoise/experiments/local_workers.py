@@ -338,7 +338,7 @@ class _Pool:
             return f"the worker exceeded its share of the memory ({self._limit / 2**30:.1f} GiB); use fewer workers"
         if status in (None, -signal.SIGKILL):
             return _KILLED
-        how = f"crashed ({signal.Signals(-status).name})" if status < 0 else f"ended with exit status {status}"
+        how = f"crashed ({processes.signal_name(-status)})" if status < 0 else f"ended with exit status {status}"
         where = f"; the last file it opened is {death.opened}" if death.opened else ""
         return f"the worker {how} while measuring it{where}"
 

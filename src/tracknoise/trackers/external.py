@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from io import BufferedRandom
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, ClassVar
@@ -16,9 +17,10 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require, require_bounds
-from tracknoise.exceptions import SettingsError, TrackerError
-from tracknoise.foreign_files import absolute, read_bytes
+from tracknoise.checks import Positive, require, require_bounds, require_list
+from tracknoise.exceptions import DataError, SettingsError, TrackerError
+from tracknoise.foreign_files import absolute, read_bytes, read_text
+from tracknoise.processes import signal_name
 from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.imported import ImportedTracker
@@ -27,7 +29,7 @@ from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.spacing import places_in
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
-_ABSENT, _HIDDEN = "0", ("0", "false")
+_ABSENT, _WORDS = "0", {"true": 1.0, "false": 0.0}
 _LAST_BYTES = 4096
 
 
@@ -78,9 +80,10 @@ class External:
     refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
+        require_list("command", self.command, "a program and its arguments")
         words = tuple(self.command)
-        good = len(words) > 0 and all(isinstance(word, str) for word in words) and bool(words[0])
-        require(good, "command", self.command, "a program and its arguments")
+        good = len(words) > 0 and all(_is_argument(word) for word in words) and bool(words[0])
+        require(good, "command", self.command, "a program and its arguments, without null characters or surrogates")
         object.__setattr__(self, "command", words)
         require_bounds(self)
 
@@ -99,7 +102,7 @@ class External:
         self.detection.require_usable()
         if context.images is None:
             raise SettingsError("external: images come one by one, expected all of a sequence before the first step")
-        with TemporaryDirectory(prefix="tracknoise-external-") as name:
+        with TemporaryDirectory(prefix="tracknoise-external-", ignore_cleanup_errors=True) as name:
             folder = _Folder(Path(name))
             offset, uv, response = folder.written(context.images(), self)
             if len(offset):
@@ -174,17 +177,16 @@ class _Folder:
                 seen[row] = _position(text, f"{name}:{row + 1}")
         visible = f"output_{number}_visible.txt"
         if (self.path / visible).exists():
-            seen[[text.lower() in _HIDDEN for text in self._lines(visible)]] = np.nan
+            lines = self._lines(visible)
+            seen[[_is_hidden(text, f"{visible}:{row}") for row, text in enumerate(lines, 1)]] = np.nan
         return seen
 
     def _lines(self, name: str) -> list[str]:
         try:
-            lines = (self.path / name).read_text(encoding="utf-8").split("\n")
-        except FileNotFoundError:
-            raise TrackerError(f"external: found no {name}, expected {counted(self.n_images, 'line')}") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise TrackerError(f"external: {name} cannot be read ({error}), expected text") from error
-        lines = [line.strip() for line in lines]
+            text = read_text(self.path / name, counted(self.n_images, "line"))
+        except DataError as error:
+            raise TrackerError(f"external: {name}: {error.found}, expected {error.expected}") from error
+        lines = [line.strip() for line in text.replace("\r\n", "\n").replace("\r", "\n").split("\n")]
         lines = lines[:-1] if lines[-1] == "" else lines
         if len(lines) != self.n_images:
             found = f"{counted(len(lines), 'line')} in {name}"
@@ -192,14 +194,35 @@ class _Folder:
         return lines
 
 
-def _position(text: str, place: str) -> list[float]:
+def _is_argument(word: object) -> bool:
+    """Whether a program can be given a word."""
     try:
-        position = [float(part) for part in text.split(",")]
-    except ValueError:
-        position = []
+        return isinstance(word, str) and b"\0" not in os.fsencode(word)
+    except UnicodeEncodeError:  # a surrogate
+        return False
+
+
+def _position(text: str, place: str) -> list[float]:
+    position = [_number(part) for part in text.split(",")]
     if len(position) != 2 or not np.isfinite(position).all():
         raise TrackerError(f"external: found {text!r} in {place}, expected x,y or 0")
     return position
+
+
+def _is_hidden(text: str, place: str) -> bool:
+    visible = _WORDS.get(text.lower(), _number(text))
+    if visible not in _WORDS.values():
+        raise TrackerError(f"external: found {text!r} in {place}, expected 0, 1, true or false")
+    return not visible
+
+
+def _number(text: str) -> float:
+    """A number as in CSV files, without the underscores and digits of other scripts that Python accepts; else NaN."""
+    text = text.strip()
+    try:
+        return float(text) if text.isascii() and "_" not in text else np.nan
+    except ValueError:
+        return np.nan
 
 
 def _run(settings: External, folder: Path) -> None:
@@ -210,8 +233,7 @@ def _run(settings: External, folder: Path) -> None:
         read_bytes(path, "the script of a tracker")  # so that a run notes its version
         words.append(str(path))
     shown = f"external: {shlex.join(words)}"
-    log = folder / "output.log"
-    with log.open("wb") as output:
+    with (folder / "output.log").open("w+b") as output:
         try:
             process = subprocess.Popen(
                 words,
@@ -226,20 +248,20 @@ def _run(settings: External, folder: Path) -> None:
         try:
             code = process.wait(settings.timeout_s)
         except subprocess.TimeoutExpired:
-            message = f"{shown}: still runs after {settings.timeout_s:g} s, expected it to end{_last_line(log)}"
+            message = f"{shown}: still runs after {settings.timeout_s:g} s, expected it to end{_last_line(output)}"
             raise TrackerError(message) from None
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-    if code:
-        how = f"ended with code {code}" if code > 0 else f"was ended by {signal.Signals(-code).name}"
-        raise TrackerError(f"{shown}: {how}, expected code 0{_last_line(log)}")
+        if code:
+            how = f"ended with code {code}" if code > 0 else f"was ended by {signal_name(-code)}"
+            raise TrackerError(f"{shown}: {how}, expected code 0{_last_line(output)}")
 
 
-def _last_line(log: Path) -> str:
-    """What a command printed last, for an error."""
-    with log.open("rb") as file:
-        file.seek(max(log.stat().st_size - _LAST_BYTES, 0))
-        lines = [line.strip() for line in file.read().decode(errors="replace").splitlines() if line.strip()]
+def _last_line(log: BufferedRandom) -> str:
+    """What a command printed last, for an error. The command may have removed or replaced the file of this name."""
+    number = log.fileno()
+    end = os.pread(number, _LAST_BYTES, max(os.fstat(number).st_size - _LAST_BYTES, 0))
+    lines = [line.strip() for line in end.decode(errors="replace").splitlines() if line.strip()]
     return f"; it printed last: {lines[-1]}" if lines else ""

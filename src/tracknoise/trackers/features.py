@@ -48,8 +48,9 @@ class Features:
 
 
 def displacement_px(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance between (n, 2) positions, (n,) px."""
-    return np.hypot(after[:, 0] - before[:, 0], after[:, 1] - before[:, 1])
+    """Distance between (n, 2) positions, (n,) px; infinite where float64 cannot hold it."""
+    with np.errstate(over="ignore"):
+        return np.hypot(after[:, 0] - before[:, 0], after[:, 1] - before[:, 1])
 
 
 def report(

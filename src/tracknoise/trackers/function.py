@@ -1,5 +1,6 @@
 """A function of your own that follows points from one image to the next, measured as a tracker."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
@@ -9,7 +10,7 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from tracknoise.checks import Between0And1, Positive, require
-from tracknoise.exceptions import TrackerError
+from tracknoise.exceptions import TrackerError, first_line
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features
 from tracknoise.trackers.following import Flow, FollowingSettings, FollowingTracker, Order
@@ -42,7 +43,7 @@ class Function(FollowingSettings):
         of the first pixel is (0, 0). It returns ``points, ok``: (n, 2) positions in `image`, px, and (n,) bool, whether
         each was found. Positions that are not finite count as not found. A third value, (n, 2, 2) px^2, is the
         covariance of each position, NaN where unknown; the first position of a track has none. What it raises is
-        raised.
+        raised; `StopIteration`, which would end the measurement unseen, as a `TrackerError`.
     rejection
         Which features are outliers; by default none.
     refine
@@ -94,27 +95,44 @@ class _Called:
 
     def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
         """Where features of one image are in the next."""
-        returned: object = self.function(before.image.copy(), after.image.copy(), features.uv.copy())
+        try:
+            returned: object = self.function(before.image.copy(), after.image.copy(), features.uv.copy())
+        except StopIteration as error:
+            raise TrackerError(f"{self.name} raised StopIteration, expected points and ok") from error
         if not isinstance(returned, tuple | list) or len(returned) not in (2, 3):
             raise TrackerError(f"{self.name} returned {_shown(returned)}, expected points and ok")
         n = len(features)
-        uv, ok, *covariance = (np.asarray(value) for value in returned)
-        if uv.shape != (n, 2) or uv.dtype.kind not in "fiu":
-            raise TrackerError(f"{self.name} returned points {_shown(uv)}, expected numbers of shape ({n}, 2)")
-        if ok.shape != (n,) or ok.dtype.kind != "b":
-            raise TrackerError(f"{self.name} returned ok {_shown(ok)}, expected bool of shape ({n},)")
-        uv = uv.astype(np.float64)
-        return Flow(uv, ok & np.isfinite(uv).all(axis=1), self._quality(covariance, n))
+        uv = self._array("points", returned[0], "fiu", (n, 2))
+        ok = self._array("ok", returned[1], "b", (n,))
+        with np.errstate(over="ignore"):  # of a longer float, which becomes infinite
+            uv = uv.astype(np.float64)
+        found = ok & np.isfinite(uv).all(axis=1)
+        return Flow(uv, found, self._quality(returned[2], found) if len(returned) == 3 else {})
 
-    def _quality(self, covariance: list[NDArray[Any]], n: int) -> dict[str, NDArray[np.float32]]:
-        """Entries of the covariances, if there are any, by name."""
-        if not covariance:
-            return {}
-        if covariance[0].shape != (n, 2, 2) or covariance[0].dtype.kind not in "fiu":
-            found = f"covariances {_shown(covariance[0])}"
-            raise TrackerError(f"{self.name} returned {found}, expected numbers of shape ({n}, 2, 2)")
-        entries = covariance[0].astype(np.float32)
-        apart = np.abs(entries[:, 0, 1] - entries[:, 1, 0])
+    def _array(self, what: str, value: object, kinds: str, shape: tuple[int, ...]) -> NDArray[Any]:
+        """A returned value as an array without masked elements."""
+        expected = f"{'bool' if kinds == 'b' else 'numbers'} of shape {shape}"
+        try:
+            found = _array_of(value)
+        except (TypeError, ValueError, RuntimeError, UserWarning) as error:
+            message = f"{self.name} returned no array of {what} ({first_line(error)}), expected {expected}"
+            raise TrackerError(message) from error
+        if found.shape != shape or found.dtype.kind not in kinds:
+            raise TrackerError(f"{self.name} returned {what} {_shown(found.data)}, expected {expected}")
+        if np.ma.is_masked(found):
+            raise TrackerError(f"{self.name} returned {what} with masked elements, expected {expected} without a mask")
+        return np.asarray(found)
+
+    def _quality(self, returned: object, found: NDArray[np.bool_]) -> dict[str, NDArray[np.float32]]:
+        """Entries of the covariances by name."""
+        covariance = self._array("covariances", returned, "fiu", (len(found), 2, 2))
+        with np.errstate(over="ignore", invalid="ignore"):  # of what is refused, lost or infinite
+            entries = covariance.astype(np.float32)
+            apart = np.abs(entries[:, 0, 1] - entries[:, 1, 0])
+        beyond = covariance[found][np.isfinite(covariance[found]) & np.isinf(entries[found])]
+        if len(beyond):
+            stated = f"a covariance of {beyond[0]!s} px^2"
+            raise TrackerError(f"{self.name} returned {stated}, expected numbers within the range of float32")
         if np.any(apart > _ROUNDING * np.abs(entries).max(axis=(1, 2))):
             raise TrackerError(f"{self.name} returned covariances that are not symmetric, expected (n, 2, 2) px^2")
         return {"cov_uu": entries[:, 0, 0], "cov_uv": entries[:, 0, 1], "cov_vv": entries[:, 1, 1]}
@@ -122,6 +140,15 @@ class _Called:
 
 _ROUNDING = 1e-3
 """Difference of the two covariances of u and v, relative to the largest entry, that is rounding."""
+
+
+def _array_of(value: object) -> np.ma.MaskedArray[Any, Any]:
+    """A value as an array with a mask. `np.ma.masked` in a list is an error, not a warning and NaN."""
+    if isinstance(value, np.ndarray):
+        return np.ma.asarray(value)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "Warning: converting a masked element")
+        return np.ma.asarray(value)
 
 
 def _shown(value: object) -> str:

@@ -144,7 +144,8 @@ class PatchFollower:
         n, settings = len(features), self._settings
         uv, found = np.empty((n, 2)), np.zeros(n, dtype=np.bool_)
         quality = {name: np.empty(n, dtype=np.float32) for name in self.quality_names}
-        guess = self._guess(before, after, features).astype(np.float32)
+        with np.errstate(over="ignore"):  # of a position that another front end reports, which is then not refined
+            guess = self._guess(before, after, features).astype(np.float32)
         for image, patch, rows in self._templates(before, features):
             target, reached, quality["lk_residual"][rows] = self._aligned(
                 image, after.image, patch, guess[rows], settings.extra_levels

@@ -251,7 +251,7 @@ def behaves(growth: Growth, changes: Changes, margin: float) -> tuple[Behaviour,
     if not growth.polynomial.refused:
         return _of_parts(growth.geometric, ("walk", "drift"), changes, growth.longest, rising)
     if growth.saturating is None or growth.saturating.refused:
-        return Behaviour.none, f"none of the models fits: {_missed(growth.polynomial)}"
+        return Behaviour.none, _missed(growth.polynomial)
     constant = growth.sizes["time_constant"]
     if not constant.below(growth.longest):
         seen = f"the time constant is {format_estimate(constant)}, and ages are up to {number(int(growth.longest))}"

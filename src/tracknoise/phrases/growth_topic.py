@@ -97,7 +97,7 @@ def _how(row: Mapping[str, Any], parts: Mapping[str, Estimate]) -> tuple[str, li
         stated = coverage_sentence("Errors have heavy tails:", row["level"], row["coverage"])
         return joined([*listed, stated]), list(parts.values())
     if row["verdict"] == Behaviour.none:
-        return because("How it grows is open", row["why"] or "none of the models fits"), []
+        return because("How it grows is open, as none of the models fits", row["why"]), []
     is_told = _grows(row) == Verdict.undecided and growth_ratio(row) is not None
     return because("How it grows is open", row["why"]) if row["why"] and not is_told else "", []
 

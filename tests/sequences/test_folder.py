@@ -1,5 +1,7 @@
 import json
+import os
 import pickle
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -360,6 +362,10 @@ NO_INVERSE = (
         ({"readout_s": 26.1}, "readout_s = 26.1, expected seconds between -1 and 1"),
         ({"readout_s": "fast"}, 'readout_s = "fast", expected a finite number'),
         ({"distorsion": []}, f"unknown key 'distorsion', expected {NEEDED}"),
+        (
+            {"depth_unit_m": 0.001, "depth_scale": 5000},
+            "depth_unit_m 0.001 and depth_scale 5000, whose product is not 1, expected one of them",
+        ),
     ],
 )
 def test_bad_cameras_are_named(scene: Path, entries: dict[str, object], message: str) -> None:
@@ -375,6 +381,7 @@ def test_bad_cameras_are_named(scene: Path, entries: dict[str, object], message:
         ('{"width": 1' + "0" * 5000 + "}", ": unreadable file, expected a JSON object"),
         ("[" * 200_000, ": unreadable file, expected a JSON object"),
         ("[20, 16]", ": JSON, but no object, expected a JSON object"),
+        ('{"fx": 20, "cx": NaN, "fx": 21}', ": fx twice, with different values, expected each key once"),
     ],
 )
 def test_a_malformed_camera_file_is_named(scene: Path, text: str, message: str) -> None:
@@ -390,6 +397,35 @@ def test_lists_in_lists_are_refused_however_deep(scene: Path, depth: int) -> Non
         DataError, match=r"camera\.json: (width = .+, expected a whole|unreadable file, expected a JSON)"
     ):
         read_all(scene)
+
+
+def test_what_is_stated_twice_and_is_the_same_is_read(scene: Path) -> None:
+    change_camera(scene, depth_unit_m=0.0002, depth_scale=5000)
+    path = scene / "camera.json"
+    path.write_text(path.read_text().replace("{", '{"depth_scale": 5e3, ', 1))
+    assert opened(scene).camera == CAMERA
+
+
+def to_nothing(path: Path) -> None:
+    path.symlink_to(path.with_name("nothing"))
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "message"),
+    [
+        ("timestamps.txt", os.mkdir, "unreadable (Is a directory), expected text of rows of timestamp_s"),
+        ("timestamps.txt", os.mkfifo, "unreadable (not a regular file), expected text of rows of timestamp_s"),
+        ("timestamps.txt", to_nothing, "no such file, expected rows of timestamp_s"),
+        ("depth", os.mkfifo, "no such directory, expected a data set's folder"),
+        ("depth", to_nothing, "no such directory, expected a data set's folder"),
+    ],
+)
+def test_a_part_that_cannot_be_read_is_not_taken_for_a_missing_one(
+    scene: Path, name: str, make: Callable[[Path], None], message: str
+) -> None:
+    shutil.rmtree(scene / name, ignore_errors=True)
+    make(scene / name)
+    expect(scene, name, f": {message}")
 
 
 def test_files_may_begin_with_a_byte_order_mark(scene: Path) -> None:

@@ -367,7 +367,10 @@ def _word(word: str) -> float | int | str:
 REQUIRED = ("width", "height", "fx", "fy", "cx", "cy")
 """Keys that every such file has."""
 
-_OPTIONAL = ("model", "distortion", "xi", "alpha", "depth_unit_m", "depth_scale", READOUT, "source")
+_UNIT, _SCALE = "depth_unit_m", "depth_scale"
+_OPTIONAL = ("model", "distortion", "xi", "alpha", _UNIT, _SCALE, READOUT, "source")
+_ROUNDED = 1e-3
+"""Largest relative difference between two that mean the same, such as 0.000192 and 5208."""
 _SPHERES = ("xi", "alpha")
 _SYMMETRIC = ("equidistant", "double_sphere")
 
@@ -422,9 +425,11 @@ def _distortion(entries: Entries, model: str) -> tuple[float, ...]:
 
 def _depth_unit_m(entries: Entries) -> float | None:
     """Metres per unit; files of the TUM RGB-D benchmark give units per metre."""
-    if entries.name("depth_unit_m"):
-        return entries.number("depth_unit_m", positive=True)
-    return 1.0 / entries.number("depth_scale", positive=True) if entries.name("depth_scale") else None
+    stated = {name: entries.number(name, positive=True) for name in (_UNIT, _SCALE) if entries.name(name)}
+    if len(stated) == 2 and not math.isclose(stated[_UNIT] * stated[_SCALE], 1.0, rel_tol=_ROUNDED):
+        found = f"{_UNIT} {stated[_UNIT]:g} and {_SCALE} {stated[_SCALE]:g}, whose product is not 1"
+        raise DataError(entries.place, found, "one of them")
+    return stated.get(_UNIT) or (1.0 / stated[_SCALE] if _SCALE in stated else None)
 
 
 def _require_keys(entries: Entries) -> None:

@@ -16,6 +16,7 @@ from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.imported_rows import (
+    LARGEST_EXACT,
     LARGEST_OFFSET_S,
     Assignment,
     Normalised,
@@ -26,7 +27,7 @@ from tracknoise.trackers.imported_rows import (
     Units,
 )
 from tracknoise.trackers.refinement import SHIFT, Refinement
-from tracknoise.trackers.track_files import LARGEST_EXACT, SUFFIXES, TrackFormat, detected, origin_of, read_rows
+from tracknoise.trackers.track_files import SUFFIXES, TrackFormat, detected, origin_of, read_rows
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, is_quality_name
 
 

@@ -36,14 +36,12 @@ from tracknoise.foreign_files import MIB, damage_reported, natural_order, requir
 from tracknoise.parsing_child import call_in_child
 from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
 from tracknoise.text import counted
-from tracknoise.trackers.imported_rows import PixelOrigin, Rows
+from tracknoise.trackers.imported_rows import PixelOrigin, Rows, whole_numbers
 from tracknoise.trackers.tracker import is_quality_name
 
 _MOST_BYTES = 4096 * MIB
 _LONGEST_LINE = 1 << 16
 _LARGEST_TIME = 2**62
-LARGEST_EXACT = 2**53 - 1
-"""Beyond it, different whole numbers are the same as floating-point numbers."""
 
 
 def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> tuple[NDArray[np.float64], list[int]]:
@@ -64,19 +62,6 @@ def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> t
     if not lines:
         raise DataError(path, "no track", "at least one row")
     return np.array(values).reshape(-1, len(names)), lines
-
-
-def whole_numbers(
-    path: Path, lines: list[int], values: NDArray[np.float64], name: str, *, most: int = LARGEST_EXACT
-) -> NDArray[np.int64]:
-    """A column of whole numbers up to the largest one."""
-    bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > most))
-    if len(bad):
-        first = float(values[bad[0]])
-        limit = f" of at most {most}" if abs(first) > most else ""
-        raise DataError(f"{path}:{lines[bad[0]]}", f"{name} {first!r}", f"a whole number{limit}")
-    whole: NDArray[np.int64] = values.astype(np.int64)
-    return whole
 
 
 def _lines(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
@@ -110,15 +95,15 @@ def _number(place: str, cell: str, name: str) -> float:
 def read_events(path: Path) -> Rows:
     """Read lines with the number of a track, a time in seconds, u and v, separated by white space."""
     values, lines = read_numbers(path, None, ("id", "t", "x", "y"))
-    track = whole_numbers(path, lines, values[:, 0], "id")
+    track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 0], "id")
     return Rows(path, track, values[:, 2:].copy(), time_s=values[:, 1].copy(), line=np.array(lines))
 
 
 def read_xivo(path: Path) -> Rows:
     """Read a dump of XIVO's tracker. Descriptors are ignored."""
     values, lines = read_numbers(path, ",", ("timestamp", "id", "u", "v"))
-    track = whole_numbers(path, lines, values[:, 1], "id")
-    time_ns = whole_numbers(path, lines, np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
+    track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 1], "id")
+    time_ns = whole_numbers(lambda row: f"{path}:{lines[row]}", np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
     return Rows(path, track, values[:, 2:4].copy(), time_ns=time_ns, line=np.array(lines))
 
 
@@ -263,6 +248,8 @@ def _read_csv(path: Path, size: int) -> pl.DataFrame:
     except pl.exceptions.PolarsError:
         _require_whole_rows(path, separator, len(names))
         raise
+    if table.to_series(-1).null_count():  # where a row ends early, Polars fills its last columns
+        _require_whole_rows(path, separator, table.width)
     table = table.rename(_plain_name)
     table = table.rename(_known_names(table.columns))
     _require_columns(path, table.schema)
@@ -293,13 +280,13 @@ def _require_header(path: Path, header: str, names: list[str]) -> None:
 
 
 def _require_whole_rows(path: Path, separator: str, columns: int) -> None:
-    """Name the first row that is no row of the table."""
+    """Name the first row that is no row of the table. Blank lines are allowed."""
     expected, first = f"a row of {counted(columns, 'column')}, as in line 1, with all quotes closed", 1
     with path.open("rb") as file:
         rows = csv.reader((line.decode() for line in file), delimiter=separator, strict=True)
         try:
             for row in rows:
-                if len(row) > columns:
+                if len(row) != columns and "".join(row).strip():
                     raise DataError(f"{path}:{first}", counted(len(row), "column"), expected)
                 first = rows.line_num + 1
         except csv.Error as error:

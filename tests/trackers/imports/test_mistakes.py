@@ -49,6 +49,22 @@ def test_frames_counted_from_1_are_named_and_the_option_corrects_them(tmp_path):
     assert "no row in frame 0: if their frames are counted from 1, set first_frame = 1" in note
 
 
+@pytest.mark.parametrize("junk", ["ERROR tracker crashed", "77,0", "5,", "foo,bar", "5,0,10.5"])
+@pytest.mark.parametrize("after", [2, 9, 61])
+def test_a_line_that_is_junk_or_cut_off_is_refused(junk, after, tmp_path):
+    lines = table().write_csv().splitlines()
+    (tmp_path / "tracks.csv").write_text("\n".join([*lines[:after], junk, *lines[after:]]))
+    columns = rf"{junk.count(',') + 1} columns?, expected a row of 4 columns"
+    with pytest.raises(DataError, match=rf"tracks.csv:{after + 1}: {columns}"):
+        Imported(str(tmp_path / "tracks.csv")).start(context())
+
+
+@pytest.mark.parametrize("line", ["", "  ", "5,11,,", ",,,"])
+def test_a_blank_line_or_a_row_without_a_position_is_no_observation(line, tmp_path):
+    (tmp_path / "tracks.csv").write_text(f"{table().write_csv()}{line}\n")
+    assert len(positions(Imported(str(tmp_path / "tracks.csv")).start(context()), 0)) == 6
+
+
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_normalised_coordinates_are_named_and_a_raster_corrects_them(scale, tmp_path):
     """From 0 to 1, and from -1 to 1."""
@@ -166,6 +182,16 @@ def test_of_several_rows_near_a_frame_the_nearest_counts(tmp_path):
     rows = {"track": [1, 1, 1], "time_s": [100.0, 100.04, 100.12], "u_px": [1.0, 2.0, 3.0], "v_px": [5.0, 5.0, 5.0]}
     tracker = start(tmp_path, pl.DataFrame(rows), context(times=TIMES))
     assert [positions(tracker, k).tolist() for k in range(3)] == [[[1.0, 5.0]], [[3.0, 5.0]], []]
+    (note,) = tracker.notes
+    assert note.startswith("1 of 3 imported rows was left out: another of the same track is as near or nearer in time")
+
+
+def test_two_positions_of_a_track_at_one_time_are_refused(tmp_path):
+    rows, again = timed(), timed()[7:8]
+    with pytest.raises(DataError, match=r"csv:62: track 0, expected one row for each track and time$"):
+        start(tmp_path, pl.concat([rows, again.with_columns(u_px=99.0)]), context(times=TIMES))
+    (note,) = start(tmp_path, pl.concat([rows, again]), context(times=TIMES)).notes
+    assert note.startswith("1 of 61 imported rows was left out")
 
 
 def test_another_clock_is_named_with_the_offset_that_corrects_it(tmp_path):

@@ -128,6 +128,7 @@ def test_timestamps_beyond_the_last_image_are_left_out(tmp_path: Path) -> None:
     [
         ("0.1\n0.2\n", "2 timestamps, expected one for each of the 3 poses"),
         ("0.1\n0.2\n0.2\n", "timestamps that do not increase"),
+        ("0\n1e-320\n2e-320\n", "timestamps that do not increase"),
         ("0.1\n0.2\ninf\n", "timestamps that do not increase"),
         ("1e18\n2e18\n3e18\n", "frame 0: a timestamp of 1e+18, expected seconds, up to 1e+11"),
         ("0.1\n0.2\nnoon\n", "timestamps.txt:3: 'noon', expected a number (timestamp_s)"),
@@ -212,6 +213,20 @@ def test_depth_may_be_integers_of_a_stated_unit(scene: Path) -> None:
     depth = opened(scene).depth(1)
     assert depth.valid.sum() == 1
     assert depth.depth_m[0, 0] == pytest.approx(0.5)
+
+
+def test_a_depth_that_no_scene_has_is_unknown(scene: Path) -> None:
+    np.save(scene / "depth/000001.npy", np.full((HEIGHT, WIDTH), 1e-320))
+    assert not opened(scene).depth(1).valid.any()
+
+
+@pytest.mark.parametrize("unit", [{"depth_unit_m": 1e-320}, {"depth_unit_m": 1e308}, {"depth_scale": 1e-320}])
+def test_a_unit_that_makes_no_depth_of_a_scene_leaves_it_unknown(scene: Path, unit: dict[str, float]) -> None:
+    for path in (scene / "depth").iterdir():
+        path.unlink()
+    cv2.imwrite(str(scene / "depth/1.png"), np.full((HEIGHT, WIDTH), 2500, np.uint16))
+    change_camera(scene, **unit)
+    assert not opened(scene).depth(1).valid.any()
 
 
 def test_images_may_be_jpeg_and_poses_have_comments(scene: Path) -> None:
@@ -359,6 +374,11 @@ NO_INVERSE = (
         ({"distortion": [-5, 0, 0, 0, 0]}, NO_INVERSE),
         ({"distortion": [1e308] * 5}, NO_INVERSE),
         ({"cx": 1e300, "distortion": []}, NO_INVERSE),
+        ({"fx": 1e100}, "fx = 1e+100, expected a focal length from 0.001 to 1e+06 px"),
+        (
+            {"model": "equidistant", "distortion": [0.0] * 4, "fy": 1e-300},
+            "fy = 1e-300, expected a focal length from 0.001 to 1e+06 px",
+        ),
         ({"readout_s": 26.1}, "readout_s = 26.1, expected seconds between -1 and 1"),
         ({"readout_s": "fast"}, 'readout_s = "fast", expected a finite number'),
         ({"distorsion": []}, f"unknown key 'distorsion', expected {NEEDED}"),

@@ -33,6 +33,7 @@ from tracknoise.sequences.poses import checked_poses
 
 _POSITIONS = 65
 _ROUND_TRIP_PX = 1e-6
+_SHORTEST_PX, _LONGEST_PX = 1e-3, 1e6
 _LEAST_SHARE = 0.5
 """A lens that gives less of the image a ray is not the lens of these images."""
 
@@ -80,6 +81,7 @@ def checked_camera(
     coefficients: tuple[float, ...],
 ) -> KnownCamera:
     """Make a camera that sees something in at least half of its image."""
+    _require_focal_lengths(place, intrinsics)
     try:
         camera = make_camera(model, size, intrinsics, coefficients)
     except ValueError as error:
@@ -89,6 +91,13 @@ def checked_camera(
         found = f"intrinsics and distortion that give only {share:.0%} of the image a ray"
         raise DataError(place, found, "those of this image size")
     return camera
+
+
+def _require_focal_lengths(place: str | Path, intrinsics: Sequence[float]) -> None:
+    for name, length_px in zip(("fx", "fy"), intrinsics, strict=False):
+        if length_px > _LONGEST_PX or 0.0 < length_px < _SHORTEST_PX:
+            expected = f"a focal length from {_SHORTEST_PX:g} to {_LONGEST_PX:g} px"
+            raise DataError(place, f"{name} = {length_px:g}", expected)
 
 
 _SHOWN = 60
@@ -389,6 +398,7 @@ def _camera(entries: Entries) -> KnownCamera:
     coefficients = _coefficients(entries, model)
     if model in _SYMMETRIC:
         return checked_camera(entries.place, model, (width, height), intrinsics, coefficients)
+    _require_focal_lengths(entries.place, intrinsics)
     camera = make_camera(model, (width, height), intrinsics, coefficients)
     if not camera.is_invertible:
         found = "fx, fy, cx, cy and distortion that cannot be inverted over the whole image"

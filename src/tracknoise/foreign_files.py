@@ -3,6 +3,7 @@
 - Contents of foreign files. Only regular files of bounded size are read: no folders, pipes or devices.
 - One line for whatever a parser of a foreign file raises.
 - Objects in JSON files.
+- Numbers in text files.
 - XML files of bounded size and depth.
 - The order of names of files that people number.
 - Sizes of images from the headers of their files, so that a small file cannot become a huge image.
@@ -210,6 +211,15 @@ def read_json_object(path: Path, expected: str) -> dict[str, Any]:
     if not isinstance(entries, dict):
         raise DataError(path, "JSON, but no object", "a JSON object")
     return entries
+
+
+def is_number(field: str) -> bool:
+    """Whether a field is a decimal number. Python also accepts underscores between digits; here they are refused."""
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field and field.isascii()
 
 
 Element = ET.Element

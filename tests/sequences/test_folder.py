@@ -436,7 +436,6 @@ def to_nothing(path: Path) -> None:
         ("timestamps.txt", os.mkdir, "unreadable (Is a directory), expected text of rows of timestamp_s"),
         ("timestamps.txt", os.mkfifo, "unreadable (not a regular file), expected text of rows of timestamp_s"),
         ("timestamps.txt", to_nothing, "no such file, expected rows of timestamp_s"),
-        ("depth", os.mkfifo, "no such directory, expected a data set's folder"),
         ("depth", to_nothing, "no such directory, expected a data set's folder"),
     ],
 )

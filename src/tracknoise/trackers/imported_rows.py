@@ -98,6 +98,10 @@ def whole_numbers(
     return whole
 
 
+IN_FLOAT32 = "a number within the range of float32"
+"""What is expected of a response or quality."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
     """Observations of imported tracks in the frames of a sequence, sorted by frame and track."""
@@ -162,7 +166,8 @@ class Raster:
         if self.size is None:
             return uv if self.origin is PixelOrigin.centre else uv - 0.5
         from_corner = uv + 0.5 if self.origin is PixelOrigin.centre else uv
-        pixels: NDArray[np.float64] = from_corner * (np.array(image) / self.size) - 0.5
+        with np.errstate(over="ignore", invalid="ignore"):
+            pixels: NDArray[np.float64] = from_corner * (np.array(image) / self.size) - 0.5
         return pixels
 
     def covariances_to_pixels(
@@ -362,7 +367,8 @@ def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) ->
     track, time_s, uv = rows.track[order], time_s[order], rows.uv[order]
     same = np.append(track[1:] == track[:-1], np.False_)  # whether the next row is of the same track
     following = np.append(time_s[1:], np.nan)
-    linked = same & (following - time_s <= max_gap_s)
+    with np.errstate(over="ignore"):
+        linked = same & (following - time_s <= max_gap_s)
     first = np.searchsorted(frames_s, time_s)
     last = np.where(linked, np.searchsorted(frames_s, np.where(linked, following, time_s)), first)
     at_row = (first < len(frames_s)) & (frames_s[np.minimum(first, len(frames_s) - 1)] == time_s)
@@ -405,7 +411,8 @@ _SIZES_S: Mapping[float, str] = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-
 
 def _likely_unit(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str | None:
     """The unit in which times would last about as long as the frames; None where that is seconds, or no unit."""
-    ratio = np.ptp(time_s) / max(np.ptp(frames_s), 1e-9)
+    with np.errstate(over="ignore"):
+        ratio = np.ptp(time_s) / max(np.ptp(frames_s), 1e-9)
     return next((unit for size, unit in _SIZES_S.items() if 0.5 <= ratio * size <= 2.0), None)
 
 
@@ -426,6 +433,7 @@ NEAREST_GAP = 0.5
 """Largest distance between a row and its frame, as a share of the median time between frames."""
 INTERPOLATED_GAP = 1.5
 """Largest distance between two rows with a frame between them, as such a share."""
+_LARGEST_POSITION = 1e30
 _LEAST_FRAMES = 3
 """With fewer frames, a regular distance between them proves nothing."""
 
@@ -445,6 +453,7 @@ class Assignment:
 
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
         """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
+        _require_computable(rows)
         self.raster.check(rows, context)
         _require_covariances(rows)
         taken = self._framed(rows, context)
@@ -469,7 +478,11 @@ class Assignment:
         """Rows in pixels, covariances too; and which rows the camera has no image of: they are left out."""
         frame = _frames(rows)
         uv = self.raster.to_pixels(rows.uv, frame, context)
-        quality = self.raster.covariances_to_pixels(rows.quality, rows.uv, frame, context)
+        with np.errstate(over="ignore", invalid="ignore"):
+            quality = self.raster.covariances_to_pixels(rows.quality, rows.uv, frame, context)
+        for name, values in quality.items():
+            beyond = np.asarray(np.isinf(values) & np.isfinite(rows.quality[name]))
+            rows.refuse(beyond, name, rows.quality[name], f"{IN_FLOAT32}, in px^2 too")
         in_px = replace(rows, uv=uv, quality=quality)
         unseen = np.isnan(uv[:, 0]) | np.isnan(uv[:, 1])
         kept = np.flatnonzero(~unseen)
@@ -540,6 +553,12 @@ def _require_steps(rows: Rows, frame: NDArray[np.int64], speed: int) -> None:
         found = f"rows in one of {step} frames only: {', '.join(map(str, present[:3]))}, ..."
         expected = f"rows in consecutive frames that are seen at speed {speed}; for such tracks set speeds = [{step}]"
         raise DataError(rows.path, found, expected)
+
+
+def _require_computable(rows: Rows) -> None:
+    """Refuse positions with which arithmetic overflows."""
+    beyond = np.asarray((np.abs(rows.uv) > _LARGEST_POSITION).any(axis=1))
+    rows.refuse(beyond, "position", rows.uv, f"numbers of at most {_LARGEST_POSITION:g}")
 
 
 def _require_near(rows: Rows, image: tuple[int, int]) -> None:

@@ -3,6 +3,7 @@
 - Contents of foreign files. Only regular files of bounded size are read: no folders, pipes or devices.
 - One line for whatever a parser of a foreign file raises.
 - Objects in JSON files.
+- Numbers in text files.
 - XML files of bounded size and depth.
 - The order of names of files that people number.
 - Sizes of images from the headers of their files, so that a small file cannot become a huge image.
@@ -129,6 +130,11 @@ def is_folder(path: Path) -> bool:
         return False
 
 
+def is_there(path: Path) -> bool:
+    """Whether there is anything of this name: a file, a folder, or a link to nothing."""
+    return os.path.lexists(path)
+
+
 def absolute(folder: Path, path: Path) -> Path:
     """A path that starts from a folder, with all links resolved.
 
@@ -185,10 +191,19 @@ def read_json_object(path: Path, expected: str) -> dict[str, Any]:
     Raises
     ------
     DataError
-        If the file is missing, unreadable, or no JSON object; the message names the line.
+        If the file is missing, unreadable, or no JSON object; the message names the line. Also if it has a key twice in
+        an object, with different values.
     """
+
+    def with_each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        last = dict(pairs)
+        twice = next((key for key, value in pairs if value is not last[key] and value != last[key]), None)
+        if twice is not None:
+            raise DataError(path, f"{twice} twice, with different values", "each key once")
+        return last
+
     try:
-        entries = json.loads(read_text(path, expected))
+        entries = json.loads(read_text(path, expected), object_pairs_hook=with_each_key_once)
     except json.JSONDecodeError as error:
         raise DataError(f"{path}:{error.lineno}", f"no JSON ({error.msg})", "a JSON object") from error
     except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
@@ -196,6 +211,15 @@ def read_json_object(path: Path, expected: str) -> dict[str, Any]:
     if not isinstance(entries, dict):
         raise DataError(path, "JSON, but no object", "a JSON object")
     return entries
+
+
+def is_number(field: str) -> bool:
+    """Whether a field is a decimal number. Python also accepts underscores between digits; here they are refused."""
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field and field.isascii()
 
 
 Element = ET.Element

@@ -1,5 +1,7 @@
 import json
+import os
 import pickle
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -126,6 +128,7 @@ def test_timestamps_beyond_the_last_image_are_left_out(tmp_path: Path) -> None:
     [
         ("0.1\n0.2\n", "2 timestamps, expected one for each of the 3 poses"),
         ("0.1\n0.2\n0.2\n", "timestamps that do not increase"),
+        ("0\n1e-320\n2e-320\n", "timestamps that do not increase"),
         ("0.1\n0.2\ninf\n", "timestamps that do not increase"),
         ("1e18\n2e18\n3e18\n", "frame 0: a timestamp of 1e+18, expected seconds, up to 1e+11"),
         ("0.1\n0.2\nnoon\n", "timestamps.txt:3: 'noon', expected a number (timestamp_s)"),
@@ -210,6 +213,20 @@ def test_depth_may_be_integers_of_a_stated_unit(scene: Path) -> None:
     depth = opened(scene).depth(1)
     assert depth.valid.sum() == 1
     assert depth.depth_m[0, 0] == pytest.approx(0.5)
+
+
+def test_a_depth_that_no_scene_has_is_unknown(scene: Path) -> None:
+    np.save(scene / "depth/000001.npy", np.full((HEIGHT, WIDTH), 1e-320))
+    assert not opened(scene).depth(1).valid.any()
+
+
+@pytest.mark.parametrize("unit", [{"depth_unit_m": 1e-320}, {"depth_unit_m": 1e308}, {"depth_scale": 1e-320}])
+def test_a_unit_that_makes_no_depth_of_a_scene_leaves_it_unknown(scene: Path, unit: dict[str, float]) -> None:
+    for path in (scene / "depth").iterdir():
+        path.unlink()
+    cv2.imwrite(str(scene / "depth/1.png"), np.full((HEIGHT, WIDTH), 2500, np.uint16))
+    change_camera(scene, **unit)
+    assert not opened(scene).depth(1).valid.any()
 
 
 def test_images_may_be_jpeg_and_poses_have_comments(scene: Path) -> None:
@@ -357,9 +374,18 @@ NO_INVERSE = (
         ({"distortion": [-5, 0, 0, 0, 0]}, NO_INVERSE),
         ({"distortion": [1e308] * 5}, NO_INVERSE),
         ({"cx": 1e300, "distortion": []}, NO_INVERSE),
+        ({"fx": 1e100}, "fx = 1e+100, expected a focal length from 0.001 to 1e+06 px"),
+        (
+            {"model": "equidistant", "distortion": [0.0] * 4, "fy": 1e-300},
+            "fy = 1e-300, expected a focal length from 0.001 to 1e+06 px",
+        ),
         ({"readout_s": 26.1}, "readout_s = 26.1, expected seconds between -1 and 1"),
         ({"readout_s": "fast"}, 'readout_s = "fast", expected a finite number'),
         ({"distorsion": []}, f"unknown key 'distorsion', expected {NEEDED}"),
+        (
+            {"depth_unit_m": 0.001, "depth_scale": 5000},
+            "depth_unit_m 0.001 and depth_scale 5000, whose product is not 1, expected one of them",
+        ),
     ],
 )
 def test_bad_cameras_are_named(scene: Path, entries: dict[str, object], message: str) -> None:
@@ -375,6 +401,7 @@ def test_bad_cameras_are_named(scene: Path, entries: dict[str, object], message:
         ('{"width": 1' + "0" * 5000 + "}", ": unreadable file, expected a JSON object"),
         ("[" * 200_000, ": unreadable file, expected a JSON object"),
         ("[20, 16]", ": JSON, but no object, expected a JSON object"),
+        ('{"fx": 20, "cx": NaN, "fx": 21}', ": fx twice, with different values, expected each key once"),
     ],
 )
 def test_a_malformed_camera_file_is_named(scene: Path, text: str, message: str) -> None:
@@ -390,6 +417,34 @@ def test_lists_in_lists_are_refused_however_deep(scene: Path, depth: int) -> Non
         DataError, match=r"camera\.json: (width = .+, expected a whole|unreadable file, expected a JSON)"
     ):
         read_all(scene)
+
+
+def test_what_is_stated_twice_and_is_the_same_is_read(scene: Path) -> None:
+    change_camera(scene, depth_unit_m=0.0002, depth_scale=5000)
+    path = scene / "camera.json"
+    path.write_text(path.read_text().replace("{", '{"depth_scale": 5e3, ', 1))
+    assert opened(scene).camera == CAMERA
+
+
+def to_nothing(path: Path) -> None:
+    path.symlink_to(path.with_name("nothing"))
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "message"),
+    [
+        ("timestamps.txt", os.mkdir, "unreadable (Is a directory), expected text of rows of timestamp_s"),
+        ("timestamps.txt", os.mkfifo, "unreadable (not a regular file), expected text of rows of timestamp_s"),
+        ("timestamps.txt", to_nothing, "no such file, expected rows of timestamp_s"),
+        ("depth", to_nothing, "no such directory, expected a data set's folder"),
+    ],
+)
+def test_a_part_that_cannot_be_read_is_not_taken_for_a_missing_one(
+    scene: Path, name: str, make: Callable[[Path], None], message: str
+) -> None:
+    shutil.rmtree(scene / name, ignore_errors=True)
+    make(scene / name)
+    expect(scene, name, f": {message}")
 
 
 def test_files_may_begin_with_a_byte_order_mark(scene: Path) -> None:

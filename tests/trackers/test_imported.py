@@ -170,7 +170,10 @@ def test_parquet_columns_of_whole_floats_are_read(tmp_path, setting):
         ("track,frame,u_px,v_px\n1,0,2,inf\n", r"tracks.csv:2: v_px 'inf', expected a finite number$"),
         ("track,frame,u_px,v_px\n1,0,2,\n", r"tracks.csv:2: v_px None, expected a finite number$"),
         ("track,frame,u_px,v_px\n1,0.5,2,3\n", r"tracks.csv:2: frame '0.5', expected a whole number$"),
-        ("track,frame,u_px,v_px\n1,1e30,2,3\n", r"tracks.csv:2: frame '1e30', expected a whole number$"),
+        (
+            "track,frame,u_px,v_px\n1,1e30,2,3\n",
+            r"tracks.csv:2: frame '1e30', expected a whole number of at most 9223\d+$",
+        ),
         ("track,frame,u_px,v_px\nnan,0,2,3\n", r"tracks.csv:2: track 'nan', expected a whole number$"),
         ("track,frame,u_px,v_px\n1,-1,2,3\n", r"tracks.csv:2: frame -1, expected a frame from 0 to 5 of the"),
         ("track, track,frame,u_px,v_px\n1,1,0,2,3\n", r"tracks.csv:1: column track twice, expected .*, each once$"),
@@ -291,6 +294,29 @@ def test_only_names_of_placeholders_are_between_braces(path):
 def test_quality_that_is_no_dictionary_is_refused():
     with pytest.raises(SettingsError, match="found quality of type list, expected a dictionary of arrays"):
         Imported.from_arrays([0], [0], [1.0], [1.0], quality=[1.0])
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        (
+            {"quality": {"cov_uu": [1e300]}},
+            r"quality cov_uu\[0\] is 1e\+300, expected a number within the range of float32",
+        ),
+        ({"response": [-1e39]}, r"response\[0\] is -1e\+39, expected a number within the range of float32"),
+        ({"u_px": np.ma.masked_array([1.0], [True])}, "u_px has masked elements, expected an array without them"),
+        ({"u_px": np.array([np.longdouble("1e400")])}, r"u_px\[0\] is inf, expected a finite number"),
+        (
+            {"frame": np.array([2**63], np.uint64)},
+            rf"frame\[0\] is {2**63}, expected a whole number of at most {2**63 - 1}",
+        ),
+        ({"track": [0.5]}, r"track\[0\] is 0.5, expected a whole number"),
+        ({"track": [2.0**60]}, r"track\[0\] is 1.15\d+e\+18, expected integers where numbers are so large"),
+    ],
+)
+def test_numbers_that_cannot_be_held_are_refused(arrays, message):
+    with pytest.raises(SettingsError, match=rf"^imported arrays: {message}$"):
+        Imported.from_arrays(**{"track": [0], "frame": [0], "u_px": [1.0], "v_px": [1.0]} | arrays)
 
 
 def test_a_path_and_a_list_are_taken_as_text_and_pair(tmp_path, setting):

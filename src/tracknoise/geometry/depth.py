@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from tracknoise.geometry.accuracy import EXACT_DEPTH, DepthAccuracy
 from tracknoise.geometry.cameras import CameraModel
 
+LEAST_DEPTH_M = 1e-6
+"""Smaller numbers are no depth of a scene; the inverse of some overflows."""
 EDGE_RELATIVE_SPREAD = 0.02
 SPARSE_RELATIVE_SPREAD = 0.1
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.cameras import Camera, CameraModel
-from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.depth import LEAST_DEPTH_M, DepthMap
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import checked_poses, has_pose
 from tracknoise.sequences.recorded import RecordedSequence
@@ -170,7 +170,7 @@ def _depth(index: int, depth: ArrayLike | None) -> DepthMap | None:
     if found.ndim != 2 or found.dtype not in (np.float32, np.float64):
         found_text = f"depths[{index}] of shape {found.shape} and type {found.dtype}"
         raise DataError(_PLACE, found_text, "shape (height, width) and floats, in metres")
-    return DepthMap(found, np.isfinite(found) & (found > 0))
+    return DepthMap(found, np.isfinite(found) & (found >= LEAST_DEPTH_M))
 
 
 def _camera(K: ArrayLike | CameraModel, distortion: tuple[float, ...], shape: tuple[int, ...]) -> CameraModel:

@@ -33,6 +33,7 @@ from tracknoise.sequences.poses import checked_poses
 
 _POSITIONS = 65
 _ROUND_TRIP_PX = 1e-6
+_SHORTEST_PX, _LONGEST_PX = 1e-3, 1e6
 _LEAST_SHARE = 0.5
 """A lens that gives less of the image a ray is not the lens of these images."""
 
@@ -80,6 +81,7 @@ def checked_camera(
     coefficients: tuple[float, ...],
 ) -> KnownCamera:
     """Make a camera that sees something in at least half of its image."""
+    _require_focal_lengths(place, intrinsics)
     try:
         camera = make_camera(model, size, intrinsics, coefficients)
     except ValueError as error:
@@ -89,6 +91,13 @@ def checked_camera(
         found = f"intrinsics and distortion that give only {share:.0%} of the image a ray"
         raise DataError(place, found, "those of this image size")
     return camera
+
+
+def _require_focal_lengths(place: str | Path, intrinsics: Sequence[float]) -> None:
+    for name, length_px in zip(("fx", "fy"), intrinsics, strict=False):
+        if length_px > _LONGEST_PX or 0.0 < length_px < _SHORTEST_PX:
+            expected = f"a focal length from {_SHORTEST_PX:g} to {_LONGEST_PX:g} px"
+            raise DataError(place, f"{name} = {length_px:g}", expected)
 
 
 _SHOWN = 60
@@ -367,7 +376,10 @@ def _word(word: str) -> float | int | str:
 REQUIRED = ("width", "height", "fx", "fy", "cx", "cy")
 """Keys that every such file has."""
 
-_OPTIONAL = ("model", "distortion", "xi", "alpha", "depth_unit_m", "depth_scale", READOUT, "source")
+_UNIT, _SCALE = "depth_unit_m", "depth_scale"
+_OPTIONAL = ("model", "distortion", "xi", "alpha", _UNIT, _SCALE, READOUT, "source")
+_ROUNDED = 1e-3
+"""Largest relative difference between two that mean the same, such as 0.000192 and 5208."""
 _SPHERES = ("xi", "alpha")
 _SYMMETRIC = ("equidistant", "double_sphere")
 
@@ -386,6 +398,7 @@ def _camera(entries: Entries) -> KnownCamera:
     coefficients = _coefficients(entries, model)
     if model in _SYMMETRIC:
         return checked_camera(entries.place, model, (width, height), intrinsics, coefficients)
+    _require_focal_lengths(entries.place, intrinsics)
     camera = make_camera(model, (width, height), intrinsics, coefficients)
     if not camera.is_invertible:
         found = "fx, fy, cx, cy and distortion that cannot be inverted over the whole image"
@@ -422,9 +435,11 @@ def _distortion(entries: Entries, model: str) -> tuple[float, ...]:
 
 def _depth_unit_m(entries: Entries) -> float | None:
     """Metres per unit; files of the TUM RGB-D benchmark give units per metre."""
-    if entries.name("depth_unit_m"):
-        return entries.number("depth_unit_m", positive=True)
-    return 1.0 / entries.number("depth_scale", positive=True) if entries.name("depth_scale") else None
+    stated = {name: entries.number(name, positive=True) for name in (_UNIT, _SCALE) if entries.name(name)}
+    if len(stated) == 2 and not math.isclose(stated[_UNIT] * stated[_SCALE], 1.0, rel_tol=_ROUNDED):
+        found = f"{_UNIT} {stated[_UNIT]:g} and {_SCALE} {stated[_SCALE]:g}, whose product is not 1"
+        raise DataError(entries.place, found, "one of them")
+    return stated.get(_UNIT) or (1.0 / stated[_SCALE] if _SCALE in stated else None)
 
 
 def _require_keys(entries: Entries) -> None:

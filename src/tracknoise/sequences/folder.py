@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, Positive, require_bounds
 from tracknoise.exceptions import DataError
-from tracknoise.foreign_files import is_regular_file
+from tracknoise.foreign_files import is_there
 from tracknoise.geometry.cameras import COEFFICIENTS, CameraModel, KnownCamera, model_of
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import position_rows
@@ -99,7 +99,7 @@ class Folder(SceneReader):
                 *stated.notes,
                 *self._notes(),
                 *surplus_notes(folder / _POSES, poses=len(rows), images=len(images)),
-                *(depth_notes(depths) if (folder / _DEPTH).exists() else ()),
+                *(depth_notes(depths) if is_there(folder / _DEPTH) else ()),
             ),
             group=parent_of(sequence.scene),
         )
@@ -204,7 +204,7 @@ def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
 def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...]]:
     """Image and depth (None where there is none) of each frame. There may be more poses than images."""
     images = numbered_files(folder / _IMAGES, r"(\d+)\.(?:png|jpe?g)")
-    depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if (folder / _DEPTH).exists() else {}
+    depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if is_there(folder / _DEPTH) else {}
     frames = require_unbroken(images, {0, *depths}, lambda number: folder / _IMAGES / _image_name(images, number))
     require_poses(folder / _POSES, poses=poses, images=len(frames))
     return tuple(images[number] for number in frames), tuple(map(depths.get, frames))
@@ -228,7 +228,7 @@ def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
 
 def _timestamps(path: Path, n_frames: int) -> NDArray[np.float64] | None:
     """(n,) float64, seconds; None where there is no file. Like poses, times beyond the last image are left out."""
-    if not is_regular_file(path):
+    if not is_there(path):
         return None
     rows, _ = read_rows(path, "timestamp_s")
     return rows[:n_frames, 0]

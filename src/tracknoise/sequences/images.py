@@ -19,7 +19,7 @@ from tracknoise.checks import require
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import KINDS, damage_reported, read_bytes, require_whole_image
 from tracknoise.geometry.cameras import CameraModel
-from tracknoise.geometry.depth import DepthMap, enlarged
+from tracknoise.geometry.depth import LEAST_DEPTH_M, DepthMap, enlarged
 from tracknoise.text import counted
 
 Levels = tuple[float, float]
@@ -124,7 +124,7 @@ def enlarged_map(path: Path, depth_m: NDArray[np.floating], camera: CameraModel)
     height, width = depth_m.shape[:2]
     if width >= camera.width or width * camera.height != height * camera.width:
         return depth_map(path, depth_m, camera)
-    small = DepthMap(depth_m, np.isfinite(depth_m) & (depth_m > 0.0))
+    small = DepthMap(depth_m, np.isfinite(depth_m) & (depth_m >= LEAST_DEPTH_M))
     return enlarged(small, camera.width, camera.height)
 
 
@@ -133,7 +133,8 @@ def _metres(path: Path, metres_per_unit: float) -> NDArray[np.float64]:
     units = _decode(path, cv2.IMREAD_UNCHANGED)
     if units.ndim != 2 or units.dtype != np.uint16:
         raise DataError(path, _layout(units), "16-bit single-channel depth")
-    return np.where(np.isin(units, NO_DEPTH), 0.0, units * metres_per_unit)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.where(np.isin(units, NO_DEPTH), 0.0, units * metres_per_unit)
 
 
 def read_depth_png_float32(path: Path, camera: CameraModel, *, farthest_m: float = np.inf) -> DepthMap:
@@ -180,9 +181,9 @@ def _decode(path: Path, flags: int) -> NDArray[Any]:
 
 
 def depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, farthest_m: float = np.inf) -> DepthMap:
-    """The map (height, width), metres, of a file; depth beyond `farthest_m` is invalid."""
+    """The map (height, width), metres, of a file; depth below `LEAST_DEPTH_M` or beyond `farthest_m` is invalid."""
     require_size(path, depth.shape, camera)
-    return DepthMap(depth, np.isfinite(depth) & (depth > 0) & (depth <= farthest_m))
+    return DepthMap(depth, np.isfinite(depth) & (depth >= LEAST_DEPTH_M) & (depth <= farthest_m))
 
 
 def require_size(path: Path, shape: tuple[int, ...], camera: CameraModel) -> None:

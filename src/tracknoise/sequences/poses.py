@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, DataWarning, NothingToMeasureError
-from tracknoise.foreign_files import read_text
+from tracknoise.foreign_files import is_number, read_text
 from tracknoise.geometry.pose import from_quaternion, nearest_rigid
 from tracknoise.text import counted, significant
 
@@ -167,15 +167,6 @@ def numbers(fields: list[str], columns: str, place: str) -> list[float]:
         if not is_number(field):
             raise DataError(place, repr(field), f"a number ({columns})")
     return [float(field) for field in plain]
-
-
-def is_number(field: str) -> bool:
-    """Whether a field is a decimal number. Python also accepts underscores between digits; here they are refused."""
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return "_" not in field and field.isascii()
 
 
 def _require_finite(values: NDArray[np.float64], places: Sequence[Place]) -> None:

@@ -184,14 +184,17 @@ class RecordedSequence:
 
 
 def _out_of_order(times_s: NDArray[np.float64]) -> str:
-    """The first time that is not finite, or not later than the one before it; empty if there is none."""
-    later = np.append(True, np.diff(times_s) > 0.0) & np.isfinite(times_s)
+    """The first time that is not finite, or not later than the one before; empty if there is none."""
+    later = np.append(True, np.diff(times_s) > _LEAST_S) & np.isfinite(times_s)
     if later.all():
         return ""
     number = int(np.argmin(later))
     before = f" after {times_s[number - 1]:.9f}" if number else ""
     return f"frame {number}: {times_s[number]:.9f}{before} s"
 
+
+_LEAST_S = 1e-12
+"""Shorter times between frames are none: poses between those of two frames could not be computed."""
 
 DepthReader = Callable[[Path, CameraModel], DepthMap]
 """Reads one depth file: a module's function, or a `functools.partial` of one, so that it can be pickled."""

@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, Positive, require_bounds, require_finite
 from tracknoise.exceptions import DataError
-from tracknoise.foreign_files import read_text
+from tracknoise.foreign_files import is_number, read_text
 from tracknoise.geometry.cameras import DISTORTION_COUNTS, Camera, CameraModel
 from tracknoise.geometry.pose import PosePath, nearest, nearest_rigid
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
-from tracknoise.sequences.poses import is_number, read_rows
+from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
 from tracknoise.sequences.timed_poses import (

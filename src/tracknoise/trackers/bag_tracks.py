@@ -9,7 +9,7 @@ A message has the time of its image. Definitions of messages are those of these 
 `tracknoise.rosbag_files` for why those in bags are not used.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.parsing_child import LostError, call_in_child
 from tracknoise.rosbag_files import Bag, bag_size
-from tracknoise.trackers.imported_rows import Rows
+from tracknoise.trackers.imported_rows import Rows, whole_numbers
 
 _DEFINITIONS: Mapping[str, str] = {
     "msckf_vio/msg/FeatureMeasurement": "uint64 id\nfloat64 u0\nfloat64 v0\nfloat64 u1\nfloat64 v1",
@@ -46,7 +46,7 @@ _WITH_CAMERA = 6
 class _Seen:
     """Features of one image."""
 
-    track: Sequence[float] | NDArray[Any]  # (n,): their numbers
+    track: NDArray[np.floating | np.unsignedinteger]  # (n,): their numbers, of one type in all messages of a topic
     uv: NDArray[np.float64]  # (n, 2): positions
     response: NDArray[np.float32]  # (n,): of the detector; NaN where it is unknown
     quality: Mapping[str, NDArray[np.float32]]  # (n,): by name, the same names in all messages of a topic
@@ -74,12 +74,14 @@ def _of_cloud(message: Any) -> _Seen:
 
 def _of_msckf(message: Any) -> _Seen:
     features = message.features
-    return _plain(*([getattr(one, name) for one in features] for name in ("id", "u0", "v0")))
+    track = np.array([one.id for one in features], dtype=np.uint64)
+    return _plain(track, *([getattr(one, name) for one in features] for name in ("u0", "v0")))
 
 
 def _of_oak(message: Any) -> _Seen:
     features = message.features
-    seen = _plain([one.id for one in features], *([getattr(one.position, name) for one in features] for name in "xy"))
+    track = np.array([one.id for one in features], dtype=np.uint32)
+    seen = _plain(track, *([getattr(one.position, name) for one in features] for name in "xy"))
     scores, errors = (
         np.array([getattr(one, name) for one in features], dtype=np.float32)
         for name in ("harris_score", "tracking_error")
@@ -132,9 +134,13 @@ def _read(path: Path, topic: str | None) -> Rows:
     if not np.isfinite(uv).all():
         found = uv[~np.isfinite(uv).all(axis=1)][0].tolist()
         raise DataError(f"{path} {name}", f"a position {found}", "finite numbers")
+
+    def message_of(row: int) -> str:
+        return f"{path} {name}: message {np.searchsorted(np.cumsum(counts), row, side='right') + 1}"
+
     return Rows(
         path,
-        np.rint(np.concatenate([np.asarray(one.track, dtype=np.float64) for one in seen])).astype(np.int64),
+        whole_numbers(message_of, np.concatenate([one.track for one in seen]), "id"),
         uv,
         time_ns=np.repeat(np.array(times, dtype=np.int64), counts),
         response=np.concatenate([one.response for one in seen]),

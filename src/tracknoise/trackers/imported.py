@@ -16,6 +16,9 @@ from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.imported_rows import (
+    IN_FLOAT32,
+    LARGEST,
+    LARGEST_EXACT,
     LARGEST_OFFSET_S,
     Assignment,
     Normalised,
@@ -26,7 +29,7 @@ from tracknoise.trackers.imported_rows import (
     Units,
 )
 from tracknoise.trackers.refinement import SHIFT, Refinement
-from tracknoise.trackers.track_files import LARGEST_EXACT, SUFFIXES, TrackFormat, detected, origin_of, read_rows
+from tracknoise.trackers.track_files import SUFFIXES, TrackFormat, detected, origin_of, read_rows
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, is_quality_name
 
 
@@ -168,14 +171,11 @@ class ImportedArrays:
             _PLACE,
             tracks,
             uv,
-            frame=_whole("frame", frame, len(tracks)),
+            frame=_whole("frame", frame, len(tracks), most=LARGEST),
             line=np.arange(len(tracks)),
             has_lines=False,
-            response=None if response is None else _numbers("response", response, len(tracks)).astype(np.float32),
-            quality={
-                name: _numbers(f"quality {name}", values, len(tracks)).astype(np.float32)
-                for name, values in (quality or {}).items()
-            },
+            response=None if response is None else _narrow("response", response, len(tracks)),
+            quality={name: _narrow(f"quality {name}", values, len(tracks)) for name, values in (quality or {}).items()},
         )
         return cls(rows, Units(units), refine)
 
@@ -208,10 +208,25 @@ def _numbers(name: str, values: ArrayLike, length: int | None = None) -> NDArray
     if found.ndim != 1 or length not in (None, len(found)):
         expected = "one axis" if length is None else f"shape ({length},) as track"
         raise SettingsError(f"imported arrays: {name} has shape {found.shape}, expected {expected}")
-    return found.astype(np.float64)
+    with np.errstate(over="ignore"):  # of long doubles
+        return found.astype(np.float64)
+
+
+def _narrow(name: str, values: ArrayLike, length: int) -> NDArray[np.float32]:
+    found = _numbers(name, values, length)
+    _refuse(name, found, np.isfinite(found) & (np.abs(found) > np.finfo(np.float32).max), IN_FLOAT32)
+    return found.astype(np.float32)
+
+
+def _refuse(name: str, values: NDArray[Any], bad: NDArray[np.bool_], expected: str) -> None:
+    rows = np.flatnonzero(bad)
+    if len(rows):
+        raise SettingsError(f"imported arrays: {name}[{rows[0]}] is {values[rows[0]]}, expected {expected}")
 
 
 def _array(name: str, values: ArrayLike) -> NDArray[Any]:
+    if np.ma.is_masked(values):
+        raise SettingsError(f"imported arrays: {name} has masked elements, expected an array without them")
     try:
         return np.asarray(values)
     except (TypeError, ValueError) as error:
@@ -220,19 +235,16 @@ def _array(name: str, values: ArrayLike) -> NDArray[Any]:
 
 def _finite(name: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
     found = _numbers(name, values, length)
-    bad = np.flatnonzero(~np.isfinite(found))
-    if len(bad):
-        raise SettingsError(f"imported arrays: {name}[{bad[0]}] is {found[bad[0]]}, expected a finite number")
+    _refuse(name, found, ~np.isfinite(found), "a finite number")
     return found
 
 
-def _whole(name: str, values: ArrayLike, length: int | None = None) -> NDArray[np.int64]:
+def _whole(name: str, values: ArrayLike, length: int | None = None, *, most: float = np.inf) -> NDArray[np.int64]:
     found, given = _finite(name, values, length), np.asarray(values)
-    most = np.inf if given.dtype.kind in "iu" else LARGEST_EXACT
-    bad = np.flatnonzero((found != np.rint(found)) | (np.abs(found) > most))
-    if len(bad):
-        expected = "a whole number" if abs(found[bad[0]]) <= LARGEST_EXACT else "integers where numbers are so large"
-        raise SettingsError(f"imported arrays: {name}[{bad[0]}] is {found[bad[0]]}, expected {expected}")
+    _refuse(name, found, found != np.rint(found), "a whole number")
+    if given.dtype.kind == "f":
+        _refuse(name, found, np.abs(found) > LARGEST_EXACT, "integers where numbers are so large")
+    _refuse(name, given, given > most, f"a whole number of at most {most}")
     return given.astype(np.int64)
 
 

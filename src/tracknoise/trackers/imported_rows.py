@@ -7,10 +7,11 @@
 - From rows of a file to tracks in the frames of a sequence, with the mistakes that the rows show.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import nearest
 from tracknoise.geometry.projection import projection_jacobian
 from tracknoise.tables.schema import covariances
-from tracknoise.text import significant
+from tracknoise.text import counted_of, significant
 from tracknoise.trackers.tracker import SequenceContext
 
 
@@ -71,6 +72,34 @@ class Rows:
         if len(rows):
             row = int(rows[0])
             raise DataError(self.place(row), f"{name} {values[row].tolist()!r}", expected)
+
+
+LARGEST_EXACT = 2**53 - 1
+"""Beyond it, different whole numbers are the same as floating-point numbers."""
+LARGEST = 2**63 - 1
+"""Largest number of a track or frame."""
+
+
+def whole_numbers(
+    place: Callable[[int], str], values: NDArray[Any], name: str, *, most: int | None = None
+) -> NDArray[np.int64]:
+    """Whole numbers up to the largest one, by default the largest that is exact.
+
+    `place`: of a value by its index, for errors.
+    """
+    if most is None:
+        most = LARGEST_EXACT if values.dtype.kind == "f" else LARGEST
+    bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > most))
+    if len(bad):
+        first = values[bad[0]].item()
+        limit = f" of at most {most}" if abs(first) > most else ""
+        raise DataError(place(int(bad[0])), f"{name} {first!r}", f"a whole number{limit}")
+    whole: NDArray[np.int64] = values.astype(np.int64)
+    return whole
+
+
+IN_FLOAT32 = "a number within the range of float32"
+"""What is expected of a response or quality."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +166,8 @@ class Raster:
         if self.size is None:
             return uv if self.origin is PixelOrigin.centre else uv - 0.5
         from_corner = uv + 0.5 if self.origin is PixelOrigin.centre else uv
-        pixels: NDArray[np.float64] = from_corner * (np.array(image) / self.size) - 0.5
+        with np.errstate(over="ignore", invalid="ignore"):
+            pixels: NDArray[np.float64] = from_corner * (np.array(image) / self.size) - 0.5
         return pixels
 
     def covariances_to_pixels(
@@ -294,7 +324,13 @@ def _by_camera(frame: NDArray[np.int64], context: SequenceContext) -> Iterator[t
         yield camera, np.array([other == camera for other in cameras], dtype=np.bool_)[place]
 
 
-_Taken = tuple[Rows, int]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Taken:
+    """Rows with frames, and how many rows were left out."""
+
+    rows: Rows
+    far: int = 0  # rows that are too far from every frame
+    passed: int = 0  # rows of a track that are nearest to the same frame as another that is nearer
 
 
 def in_seconds(rows: Rows, offset_s: float, start_ns: int = 0) -> Rows:
@@ -308,30 +344,31 @@ def in_seconds(rows: Rows, offset_s: float, start_ns: int = 0) -> Rows:
 def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
     """Assign each row to the frame that is nearest in time.
 
-    Of several rows of a track that are nearest to the same frame, the nearest is kept. `left_out`: number of rows that
-    are too far from every frame.
+    Of several rows of a track that are nearest to the same frame, the nearest is kept.
     """
     time_s = _times(rows)
     frame = nearest(time_s, frames_s, max_gap_s=max_gap_s)
     gap = np.abs(time_s - frames_s[frame])
     near = np.flatnonzero(frame >= 0)
     _require_any(rows, near, frames_s)
+    _require_one_row_each_time(rows, near[np.lexsort([time_s[near], rows.track[near]])], unless_equal=True)
     order = near[np.lexsort([gap[near], rows.track[near], frame[near]])]
     first = np.ones(len(order), dtype=np.bool_)
     first[1:] = (np.diff(frame[order]) != 0) | (np.diff(rows.track[order]) != 0)
     kept = np.sort(order[first])
-    return rows.chosen(kept, frame[kept], rows.uv[kept]), len(time_s) - len(near)
+    return _Taken(rows.chosen(kept, frame[kept], rows.uv[kept]), len(time_s) - len(near), len(near) - len(kept))
 
 
 def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
     """Positions of each track at the times of frames, linear between the observations before and after."""
     time_s = _times(rows)
     order = np.lexsort([time_s, rows.track])
+    _require_one_row_each_time(rows, order)
     track, time_s, uv = rows.track[order], time_s[order], rows.uv[order]
-    _require_one_row_each_time(rows, order, track, time_s)
     same = np.append(track[1:] == track[:-1], np.False_)  # whether the next row is of the same track
     following = np.append(time_s[1:], np.nan)
-    linked = same & (following - time_s <= max_gap_s)
+    with np.errstate(over="ignore"):
+        linked = same & (following - time_s <= max_gap_s)
     first = np.searchsorted(frames_s, time_s)
     last = np.where(linked, np.searchsorted(frames_s, np.where(linked, following, time_s)), first)
     at_row = (first < len(frames_s)) & (frames_s[np.minimum(first, len(frames_s) - 1)] == time_s)
@@ -342,7 +379,7 @@ def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) ->
     later = np.where(linked[row], row + 1, row)
     span = np.where(linked[row], time_s[later] - time_s[row], 1.0)
     share = (frames_s[frame] - time_s[row]) / span
-    return rows.chosen(order[row], frame, uv[row] + share[:, None] * (uv[later] - uv[row])), 0
+    return _Taken(rows.chosen(order[row], frame, uv[row] + share[:, None] * (uv[later] - uv[row])))
 
 
 def _times(rows: Rows) -> NDArray[np.float64]:
@@ -374,15 +411,19 @@ _SIZES_S: Mapping[float, str] = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-
 
 def _likely_unit(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str | None:
     """The unit in which times would last about as long as the frames; None where that is seconds, or no unit."""
-    ratio = np.ptp(time_s) / max(np.ptp(frames_s), 1e-9)
+    with np.errstate(over="ignore"):
+        ratio = np.ptp(time_s) / max(np.ptp(frames_s), 1e-9)
     return next((unit for size, unit in _SIZES_S.items() if 0.5 <= ratio * size <= 2.0), None)
 
 
-def _require_one_row_each_time(
-    rows: Rows, order: NDArray[np.intp], track: NDArray[np.int64], time_s: NDArray[np.float64]
-) -> None:
-    twice = np.zeros(len(order), dtype=np.bool_)
-    twice[order[1:]] = (np.diff(track) == 0) & (np.diff(time_s) == 0)
+def _require_one_row_each_time(rows: Rows, order: NDArray[np.intp], *, unless_equal: bool = False) -> None:
+    """Check rows in the order of tracks and times; rows with equal positions may be allowed."""
+    track, time_s, uv = rows.track[order], _times(rows)[order], rows.uv[order]
+    again = (track[1:] == track[:-1]) & (time_s[1:] == time_s[:-1])
+    if unless_equal:
+        again &= (uv[1:] != uv[:-1]).any(axis=1)
+    twice = np.zeros(len(rows.track), dtype=np.bool_)
+    twice[order[1:][again]] = True
     rows.refuse(twice, "track", rows.track, "one row for each track and time")
 
 
@@ -392,6 +433,7 @@ NEAREST_GAP = 0.5
 """Largest distance between a row and its frame, as a share of the median time between frames."""
 INTERPOLATED_GAP = 1.5
 """Largest distance between two rows with a frame between them, as such a share."""
+_LARGEST_POSITION = 1e30
 _LEAST_FRAMES = 3
 """With fewer frames, a regular distance between them proves nothing."""
 
@@ -411,10 +453,11 @@ class Assignment:
 
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
         """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
+        _require_computable(rows)
         self.raster.check(rows, context)
         _require_covariances(rows)
-        framed, left_out = self._framed(rows, context)
-        framed, unseen = self._in_pixels(framed, context)
+        taken = self._framed(rows, context)
+        framed, unseen = self._in_pixels(taken.rows, context)
         _require_near(framed, context.size)
         frame, uv, quality = _frames(framed), framed.uv, framed.quality
         _require_steps(framed, frame, context.speed)
@@ -428,31 +471,34 @@ class Assignment:
             unknown if framed.response is None else framed.response[order],
             {name: values[order] for name, values in quality.items()},
         )
-        notes = _notes(rows, tracks, left_out, context, counted=rows.frame is not None)
+        notes = _notes(rows, tracks, taken, context)
         return tracks, (*_unseen_notes(unseen), *notes)
 
     def _in_pixels(self, rows: Rows, context: SequenceContext) -> tuple[Rows, NDArray[np.bool_]]:
         """Rows in pixels, covariances too; and which rows the camera has no image of: they are left out."""
         frame = _frames(rows)
         uv = self.raster.to_pixels(rows.uv, frame, context)
-        quality = self.raster.covariances_to_pixels(rows.quality, rows.uv, frame, context)
+        with np.errstate(over="ignore", invalid="ignore"):
+            quality = self.raster.covariances_to_pixels(rows.quality, rows.uv, frame, context)
+        for name, values in quality.items():
+            beyond = np.asarray(np.isinf(values) & np.isfinite(rows.quality[name]))
+            rows.refuse(beyond, name, rows.quality[name], f"{IN_FLOAT32}, in px^2 too")
         in_px = replace(rows, uv=uv, quality=quality)
         unseen = np.isnan(uv[:, 0]) | np.isnan(uv[:, 1])
         kept = np.flatnonzero(~unseen)
         return in_px.chosen(kept, frame[kept], uv[kept]) if unseen.any() else in_px, unseen
 
-    def _framed(self, rows: Rows, context: SequenceContext) -> tuple[Rows, int]:
-        """Rows with frames, and how many rows belong to none."""
+    def _framed(self, rows: Rows, context: SequenceContext) -> _Taken:
         if rows.frame is not None:
-            return self._numbered(rows, rows.frame, context), 0
+            return _Taken(self._numbered(rows, rows.frame, context))
         if context.timestamps_s is None:
             expected = "frame numbers, because the times of the sequence's frames are unknown"
             raise DataError(rows.path, "times", expected)
         assign = interpolated if self.asynchronous else nearest_frames
         limit = self._largest_gap_s(context.timestamps_s, context.source_frames)
         timed = self._timed(rows, context.timestamps_s, context.clock_start_ns)
-        framed, left_out = assign(timed, context.timestamps_s, limit)
-        return framed, 0 if context.source_frames else left_out
+        taken = assign(timed, context.timestamps_s, limit)
+        return replace(taken, far=0) if context.source_frames else taken
 
     def _timed(self, rows: Rows, frames_s: NDArray[np.float64], start_ns: int | None) -> Rows:
         """Rows with times in seconds of the sequence. Those of the clock of the recording are nearer to its start."""
@@ -509,6 +555,12 @@ def _require_steps(rows: Rows, frame: NDArray[np.int64], speed: int) -> None:
         raise DataError(rows.path, found, expected)
 
 
+def _require_computable(rows: Rows) -> None:
+    """Refuse positions with which arithmetic overflows."""
+    beyond = np.asarray((np.abs(rows.uv) > _LARGEST_POSITION).any(axis=1))
+    rows.refuse(beyond, "position", rows.uv, f"numbers of at most {_LARGEST_POSITION:g}")
+
+
 def _require_near(rows: Rows, image: tuple[int, int]) -> None:
     """Refuse positions that no feature has: one of them would decide every second moment."""
     rows.refuse(are_far(rows.uv, image), "position", rows.uv, f"{expected_near(image)}; leave out what was not seen")
@@ -538,15 +590,18 @@ def _unseen_notes(unseen: NDArray[np.bool_]) -> Iterator[str]:
         yield f"{unseen.mean():.1%} of imported positions have no image in the camera, and were left out"
 
 
-def _notes(rows: Rows, tracks: Tracks, left_out: int, context: SequenceContext, *, counted: bool) -> Iterator[str]:
+def _notes(rows: Rows, tracks: Tracks, taken: _Taken, context: SequenceContext) -> Iterator[str]:
     outside = share_outside(tracks.uv, context.size)
     if outside >= NOTED_OUTSIDE:
         yield f"{outside:.1%} of imported positions are outside the image"
-    if left_out and context.timestamps_s is not None:
-        share, unit = left_out / len(rows.track), _likely_unit(_times(in_seconds(rows, 0.0)), context.timestamps_s)
+    if taken.passed:
+        passed = counted_of(taken.passed, len(rows.track), "imported row", "was", "were")
+        yield f"{passed} left out: another of the same track is as near or nearer in time to the same frame"
+    if taken.far and context.timestamps_s is not None:
+        share, unit = taken.far / len(rows.track), _likely_unit(_times(in_seconds(rows, 0.0)), context.timestamps_s)
         looks = "" if unit is None else f"; their times look like {unit}"
         yield f"{share:.1%} of imported rows are too far in time from every frame, and were left out{looks}"
     if len(tracks.track) > 1 and len(np.unique(tracks.track)) == len(tracks.track):
         yield "each imported track has one row alone, so that no error is seen: does its column name tracks, or rows?"
-    if counted and tracks.frame.min() == 1:
+    if rows.frame is not None and tracks.frame.min() == 1:
         yield "imported tracks have no row in frame 0: if their frames are counted from 1, set first_frame = 1"

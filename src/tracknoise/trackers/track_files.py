@@ -17,6 +17,7 @@ Tracks in bags are read by `tracknoise.trackers.bag_tracks`. The last part has t
 shows its format, and what reads it.
 """
 
+import codecs
 import csv
 import sqlite3
 from array import array
@@ -32,18 +33,18 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, one_line
-from tracknoise.foreign_files import MIB, damage_reported, natural_order, require_regular
+from tracknoise.foreign_files import MIB, damage_reported, is_number, natural_order, require_regular
 from tracknoise.parsing_child import call_in_child
 from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
 from tracknoise.text import counted
-from tracknoise.trackers.imported_rows import PixelOrigin, Rows
+from tracknoise.trackers.imported_rows import IN_FLOAT32, LARGEST, PixelOrigin, Rows, whole_numbers
 from tracknoise.trackers.tracker import is_quality_name
 
 _MOST_BYTES = 4096 * MIB
 _LONGEST_LINE = 1 << 16
 _LARGEST_TIME = 2**62
-LARGEST_EXACT = 2**53 - 1
-"""Beyond it, different whole numbers are the same as floating-point numbers."""
+_COMPRESSED = {b"\x1f\x8b": "gzip", b"PK\x03\x04": "zip"}
+"""How files begin that programs compress, and what they are."""
 
 
 def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> tuple[NDArray[np.float64], list[int]]:
@@ -55,7 +56,8 @@ def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> t
     require_regular(path, "a file of tracks", most=_MOST_BYTES)
     values, lines = array("d"), []
     try:
-        with path.open(encoding="utf-8", errors="replace") as file:
+        _require_text(path)
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
             for line, text in _lines(path, file):
                 values.extend(_numbers(f"{path}:{line}", text.split(separator, len(names)), names))
                 lines.append(line)
@@ -64,19 +66,6 @@ def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> t
     if not lines:
         raise DataError(path, "no track", "at least one row")
     return np.array(values).reshape(-1, len(names)), lines
-
-
-def whole_numbers(
-    path: Path, lines: list[int], values: NDArray[np.float64], name: str, *, most: int = LARGEST_EXACT
-) -> NDArray[np.int64]:
-    """A column of whole numbers up to the largest one."""
-    bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > most))
-    if len(bad):
-        first = float(values[bad[0]])
-        limit = f" of at most {most}" if abs(first) > most else ""
-        raise DataError(f"{path}:{lines[bad[0]]}", f"{name} {first!r}", f"a whole number{limit}")
-    whole: NDArray[np.int64] = values.astype(np.int64)
-    return whole
 
 
 def _lines(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
@@ -98,10 +87,7 @@ def _numbers(place: str, cells: list[str], names: tuple[str, ...]) -> list[float
 
 
 def _number(place: str, cell: str, name: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = np.nan
+    value = float(cell) if is_number(cell.strip()) else np.nan
     if not np.isfinite(value):
         raise DataError(place, f"{name} {one_line(cell)!r}", "a finite number")
     return value
@@ -110,15 +96,15 @@ def _number(place: str, cell: str, name: str) -> float:
 def read_events(path: Path) -> Rows:
     """Read lines with the number of a track, a time in seconds, u and v, separated by white space."""
     values, lines = read_numbers(path, None, ("id", "t", "x", "y"))
-    track = whole_numbers(path, lines, values[:, 0], "id")
+    track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 0], "id")
     return Rows(path, track, values[:, 2:].copy(), time_s=values[:, 1].copy(), line=np.array(lines))
 
 
 def read_xivo(path: Path) -> Rows:
     """Read a dump of XIVO's tracker. Descriptors are ignored."""
     values, lines = read_numbers(path, ",", ("timestamp", "id", "u", "v"))
-    track = whole_numbers(path, lines, values[:, 1], "id")
-    time_ns = whole_numbers(path, lines, np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
+    track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 1], "id")
+    time_ns = whole_numbers(lambda row: f"{path}:{lines[row]}", np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
     return Rows(path, track, values[:, 2:4].copy(), time_ns=time_ns, line=np.array(lines))
 
 
@@ -190,6 +176,10 @@ class _Observed:
         text = _stripped(column)
         cast = _whole(text) if kind is pl.Int64 else text.cast(kind, strict=False)
         bad = cast.is_null() if kind is pl.Int64 else ~cast.is_finite().fill_null(value=False)
+        if kind is pl.Int64:
+            number = text.cast(pl.Float64, strict=False)
+            large = bad & ((number.abs() >= LARGEST) & number.is_finite()).fill_null(value=False)
+            self.refuse(large.to_numpy(), name, f"{_expected(kind)} of at most {LARGEST}")
         self.refuse((bad & ~_is_empty(column) if optional else bad).to_numpy(), name, _expected(kind))
         return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
 
@@ -234,7 +224,7 @@ def _quality(observed: _Observed) -> dict[str, NDArray[np.float32]]:
 def _optional(observed: _Observed, name: str) -> NDArray[np.float32]:
     """The numbers of a column that may have empty cells, NaN there."""
     values = observed.numbers(name, pl.Float64, optional=True)
-    observed.refuse(np.abs(values) > np.finfo(np.float32).max, name, "a number within the range of float32")
+    observed.refuse(np.abs(values) > np.finfo(np.float32).max, name, IN_FLOAT32)
     narrow: NDArray[np.float32] = values.astype(np.float32)
     return narrow
 
@@ -252,6 +242,7 @@ def _read_table(path: Path) -> pl.DataFrame:
 
 def _read_csv(path: Path, size: int) -> pl.DataFrame:
     """All columns are read as text, so that errors can show the cell. The header shows what separates them."""
+    _require_text(path)
     _require_no_null(path)
     with path.open("rb") as file:
         header = file.readline(MIB).decode("utf-8-sig", errors="replace").rstrip("\r\n")
@@ -263,10 +254,20 @@ def _read_csv(path: Path, size: int) -> pl.DataFrame:
     except pl.exceptions.PolarsError:
         _require_whole_rows(path, separator, len(names))
         raise
+    if table.to_series(-1).null_count():  # where a row ends early, Polars fills its last columns
+        _require_whole_rows(path, separator, table.width)
     table = table.rename(_plain_name)
     table = table.rename(_known_names(table.columns))
     _require_columns(path, table.schema)
     return table.select(_used(table.columns))
+
+
+def _require_text(path: Path) -> None:
+    with path.open("rb") as file:
+        start = file.read(4)
+    found = next((kind for signature, kind in _COMPRESSED.items() if start.startswith(signature)), None)
+    if found is not None:
+        raise DataError(path, f"a {found} file", f"a {path.suffix} file of tracks, not compressed")
 
 
 def _require_no_null(path: Path) -> None:
@@ -293,13 +294,13 @@ def _require_header(path: Path, header: str, names: list[str]) -> None:
 
 
 def _require_whole_rows(path: Path, separator: str, columns: int) -> None:
-    """Name the first row that is no row of the table."""
+    """Name the first row that is no row of the table. Blank lines are allowed."""
     expected, first = f"a row of {counted(columns, 'column')}, as in line 1, with all quotes closed", 1
     with path.open("rb") as file:
         rows = csv.reader((line.decode() for line in file), delimiter=separator, strict=True)
         try:
             for row in rows:
-                if len(row) > columns:
+                if len(row) != columns and "".join(row).strip():
                     raise DataError(f"{path}:{first}", counted(len(row), "column"), expected)
                 first = rows.line_num + 1
         except csv.Error as error:
@@ -671,7 +672,7 @@ def _is_xivo(path: Path) -> bool:
     """
     try:
         with path.open("rb") as file:
-            cells = file.readline(_BEGINNING).split(b",")
+            cells = file.readline(_BEGINNING).removeprefix(codecs.BOM_UTF8).split(b",")
         numbers = [float(cell) for cell in cells[:4]]
         return len(numbers) == 4 and (len(cells) > 4 or numbers[0] >= _FORMAT_LEAST_NANOSECONDS)
     except (OSError, ValueError):

@@ -39,9 +39,9 @@ def at(frame: int) -> np.ndarray:
     return POSITIONS + frame * np.array([2.0, -1.0])
 
 
-def cloud(bag: BagWriter, frame: int, *, with_camera: bool = False, short: bool = False):
+def cloud(bag: BagWriter, frame: int, *, with_camera: bool = False, short: bool = False, ids=IDS):
     uv = at(frame)
-    columns = [IDS, *uv.T]
+    columns = [ids, *uv.T]
     if with_camera:  # features of the right camera follow
         columns = [np.tile(IDS, 2), np.repeat([0, 1], 3), *np.tile(uv, (2, 1)).T, np.zeros(6), np.zeros(6)]
     if short:
@@ -51,11 +51,11 @@ def cloud(bag: BagWriter, frame: int, *, with_camera: bool = False, short: bool 
     return bag.make("sensor_msgs/msg/PointCloud", header=header(bag, frame), points=points, channels=channels)
 
 
-def msckf(bag: BagWriter, frame: int):
+def msckf(bag: BagWriter, frame: int, *, ids=IDS):
     rays = (at(frame) - [160.0, 120.0]) / 300.0
     features = [
         bag.make("msckf_vio/msg/FeatureMeasurement", id=int(name), u0=u, v0=v, u1=0.0, v1=0.0)
-        for name, (u, v) in zip(IDS, rays.tolist(), strict=True)
+        for name, (u, v) in zip(ids, rays.tolist(), strict=True)
     ]
     return bag.make("msckf_vio/msg/CameraMeasurement", header=header(bag, frame), features=features)
 
@@ -142,6 +142,30 @@ def test_the_topic_is_asked_for_where_several_have_tracks(tmp_path) -> None:
     with pytest.raises(DataError, match="no topic of tracks /three"):
         steps(path, topic="/three")
     assert len(steps(path, topic="/two")[0].ids) == 3
+
+
+@pytest.mark.parametrize(
+    ("make", "first", "message"),
+    [
+        (cloud, np.nan, "id nan, expected a whole number"),
+        (cloud, np.inf, f"id inf, expected a whole number of at most {2**53 - 1}"),
+        (cloud, 7.5, "id 7.5, expected a whole number"),
+        (msckf, 2**63, f"id {2**63}, expected a whole number of at most {2**63 - 1}"),
+    ],
+)
+def test_an_id_that_is_no_number_of_a_track_is_refused(tmp_path, make, first, message) -> None:
+    path = written(tmp_path, Format.ros1, {"/tracks": make}, ids=[7, first, 12])
+    with pytest.raises(DataError, match=f"run.bag /tracks: message 1: {message}$"):
+        steps(path)
+
+
+def test_large_ids_are_told_apart_and_those_of_a_cloud_that_are_not_are_refused(tmp_path) -> None:
+    ids = [2**53, 2**53 + 1, 2**63 - 1]
+    found = steps(written(tmp_path / "exact", Format.ros1, {"/tracks": msckf}, ids=ids), units=Units.normalised)
+    assert [step.ids.tolist() for step in found] == [[0, 1, 2]] * N_FRAMES
+    path = written(tmp_path / "rounded", Format.ros1, {"/tracks": cloud}, ids=[2**24, 2**24 + 1, 1])
+    with pytest.raises(DataError, match=r"track 16777216, expected one row for each track and time$"):
+        steps(path)
 
 
 def test_what_is_no_track_is_named(tmp_path) -> None:

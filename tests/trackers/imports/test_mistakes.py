@@ -1,5 +1,6 @@
 """Mistakes in files of tracks are recognised and named."""
 
+import gzip
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
@@ -7,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from tests.writers.track_files import Observed, colmap, events, tap
+from tests.writers.track_files import Observed, colmap, events, tap, xivo
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.tables.identity import SequenceId
@@ -47,6 +48,22 @@ def test_frames_counted_from_1_are_named_and_the_option_corrects_them(tmp_path):
     np.testing.assert_array_equal(positions(tracker, 0), table().filter(frame=0).select("u_px", "v_px").to_numpy())
     (note,) = start(tmp_path, rows.filter(pl.col("frame") < 9)).notes
     assert "no row in frame 0: if their frames are counted from 1, set first_frame = 1" in note
+
+
+@pytest.mark.parametrize("junk", ["ERROR tracker crashed", "77,0", "5,", "foo,bar", "5,0,10.5"])
+@pytest.mark.parametrize("after", [2, 9, 61])
+def test_a_line_that_is_junk_or_cut_off_is_refused(junk, after, tmp_path):
+    lines = table().write_csv().splitlines()
+    (tmp_path / "tracks.csv").write_text("\n".join([*lines[:after], junk, *lines[after:]]))
+    columns = rf"{junk.count(',') + 1} columns?, expected a row of 4 columns"
+    with pytest.raises(DataError, match=rf"tracks.csv:{after + 1}: {columns}"):
+        Imported(str(tmp_path / "tracks.csv")).start(context())
+
+
+@pytest.mark.parametrize("line", ["", "  ", "5,11,,", ",,,"])
+def test_a_blank_line_or_a_row_without_a_position_is_no_observation(line, tmp_path):
+    (tmp_path / "tracks.csv").write_text(f"{table().write_csv()}{line}\n")
+    assert len(positions(Imported(str(tmp_path / "tracks.csv")).start(context()), 0)) == 6
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
@@ -166,6 +183,16 @@ def test_of_several_rows_near_a_frame_the_nearest_counts(tmp_path):
     rows = {"track": [1, 1, 1], "time_s": [100.0, 100.04, 100.12], "u_px": [1.0, 2.0, 3.0], "v_px": [5.0, 5.0, 5.0]}
     tracker = start(tmp_path, pl.DataFrame(rows), context(times=TIMES))
     assert [positions(tracker, k).tolist() for k in range(3)] == [[[1.0, 5.0]], [[3.0, 5.0]], []]
+    (note,) = tracker.notes
+    assert note.startswith("1 of 3 imported rows was left out: another of the same track is as near or nearer in time")
+
+
+def test_two_positions_of_a_track_at_one_time_are_refused(tmp_path):
+    rows, again = timed(), timed()[7:8]
+    with pytest.raises(DataError, match=r"csv:62: track 0, expected one row for each track and time$"):
+        start(tmp_path, pl.concat([rows, again.with_columns(u_px=99.0)]), context(times=TIMES))
+    (note,) = start(tmp_path, pl.concat([rows, again]), context(times=TIMES)).notes
+    assert note.startswith("1 of 61 imported rows was left out")
 
 
 def test_another_clock_is_named_with_the_offset_that_corrects_it(tmp_path):
@@ -192,6 +219,13 @@ def test_events_are_interpolated_between_their_updates_but_not_over_gaps(tmp_pat
         ("1 0.0 5\n", r"tracks.txt:1: 3 columns, expected at least 4: id, t, x, y$"),
         ("# id t x y\n\n1 0.0 5 x\n", r"tracks.txt:3: y 'x', expected a finite number$"),
         ("1.5 0.0 5 6\n", r"tracks.txt:1: id 1.5, expected a whole number$"),
+        ("1_000 0.0 5 6\n", r"tracks.txt:1: id '1_000', expected a finite number$"),
+        ("1 0.0 \u0663 6\n", r"tracks.txt:1: x '\u0663', expected a finite number$"),
+        (
+            "1 0 5 6\n1 0.05 1e308 6\n1 0.1 -1e308 6\n",
+            r"tracks.txt:2: position .*, expected numbers of at most 1e\+30$",
+        ),
+        ("1 1e308 5 6\n1 -1e308 5 6\n", r"times from -1e\+308 to 1e\+308 s, expected times of the frames"),
         (
             f"{2**53} 0.0 5 6\n",
             r"tracks.txt:1: id 9007199254740992.0, expected a whole number of at most 9007199254740991$",
@@ -279,6 +313,40 @@ def test_tables_are_read_as_other_programs_write_them(habit, tmp_path):
     (tmp_path / "tracks.csv").write_bytes(as_other_programs_write(table())[habit])
     tracker = Imported(str(tmp_path / "tracks.csv")).start(context())
     np.testing.assert_array_equal(positions(tracker, 0), table().filter(frame=0).select("u_px", "v_px").to_numpy())
+
+
+@pytest.mark.parametrize("name", ["tracks.txt", "tracks.csv"])
+@pytest.mark.parametrize("write", [events, xivo])
+def test_text_may_begin_with_a_byte_order_mark(write, name, tmp_path):
+    write(tmp_path / name, observed())
+    options = {"format": TrackFormat.events} if write is events else {}
+    plain = positions(Imported(str(tmp_path / name), **options).start(context(times=TIMES)), 0)
+    (tmp_path / name).write_bytes(b"\xef\xbb\xbf" + (tmp_path / name).read_bytes())
+    marked = Imported(str(tmp_path / name), **options).start(context(times=TIMES))
+    np.testing.assert_array_equal(positions(marked, 0), plain)
+
+
+@pytest.mark.parametrize("name", ["tracks.txt", "tracks.csv"])
+def test_a_compressed_file_is_named(name, tmp_path):
+    (tmp_path / name).write_bytes(gzip.compress(table().write_csv().encode()))
+    with pytest.raises(
+        DataError, match=rf"{name}: a gzip file, expected a .{name[-3:]} file of tracks, not compressed$"
+    ):
+        Imported(str(tmp_path / name)).start(context(times=TIMES))
+
+
+@pytest.mark.parametrize("column", ["track", "frame"])
+@pytest.mark.parametrize("number", ["9223372036854775808", "-1e30"])
+def test_a_number_that_is_too_large_is_refused_with_the_limit(number, column, tmp_path):
+    rows = table().with_columns(pl.lit(number).alias(column))
+    with pytest.raises(DataError, match=rf"{column} '{number}', expected a whole number of at most {2**63 - 1}$"):
+        start(tmp_path, rows)
+
+
+def test_times_beyond_all_clocks_are_left_out_and_counted(tmp_path):
+    rows = pl.concat([timed(), timed()[:2].with_columns(time_s=pl.Series([1.7e308, -1.7e308]))])
+    (note,) = start(tmp_path, rows, context(times=TIMES)).notes
+    assert note.startswith("3.2% of imported rows are too far in time")
 
 
 @pytest.mark.parametrize("unit", ["timestamp", "time_s"])
@@ -416,9 +484,24 @@ def test_covariances_of_resized_images_are_scaled_with_the_positions(tmp_path):
     }
 
 
+def test_covariances_and_positions_that_overflow_in_px_are_refused(tmp_path):
+    rows = table().with_columns(cov_uu=pl.lit(3e38), cov_uv=pl.lit(0.0), cov_vv=pl.lit(3e38))
+    with pytest.raises(DataError, match=r"csv:2: cov_uu 3.0.*e\+38, expected .* range of float32, in px\^2 too$"):
+        start(tmp_path, rows, raster=(160.0, 120.0))
+    with pytest.raises(DataError, match=r"csv:2: position \[1.7e\+308, 5.0\], expected numbers of at most 1e\+30$"):
+        start(tmp_path, table().with_columns(u_px=pl.lit(1.7e308), v_px=pl.lit(5.0)), raster=(1.0, 1.0))
+    with pytest.raises(DataError, match="no position inside images"):
+        start(tmp_path, table(), raster=(1e-320, 1.0))
+
+
 @pytest.mark.parametrize(
     "options",
-    [{"first_frame": -1}, {"raster": (0.0, 1.0)}, {"time_offset_s": 1e10}, {"max_gap_s": 0.0}],
+    [
+        {"first_frame": -1},
+        {"raster": (0.0, 1.0)},
+        {"time_offset_s": 1e10},
+        {"max_gap_s": 0.0},
+    ],
 )
 def test_impossible_options_are_refused_by_name(options):
     (name,) = options

@@ -96,7 +96,7 @@ def shape_measure(subject: Subject) -> Measure | None:
     if row is None:
         return None
     pooled = row["kurtosis_within"] is None
-    part, part_name = ("kurtosis", "pooled kurtosis") if pooled else ("kurtosis_within", "kurtosis")
+    part, part_name = ("kurtosis", "pooled kurtosis") if pooled else ("kurtosis_within", "kurtosis within scenes")
     shown = card_number(Estimate.of_row(row, part, f"{part}_low", f"{part}_high"))
     heavy = {Shape.undecided: Verdict.undecided, **dict.fromkeys(_HEAVY, Verdict.yes)}.get(row["verdict"], Verdict.no)
     found = answer("heavy tails", heavy, wished=Verdict.no)

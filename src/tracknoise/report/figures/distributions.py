@@ -212,7 +212,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
     rows = [_row(row) for row in _ordered(data).to_dicts()]
     headings = ["tracker", data.axis.distance, "trimming", "n", "skewness", "kurtosis", "P(99 %)", "P(99.9 %)"]
     headings += ["gain of Student-t (nat)", "gain of mixture (nat)", "degrees of freedom of Student-t", "verdict"]
-    caption = f"Error distribution at speed {data.slowest}{data.where}"
+    caption = f"Error distribution at speed {data.slowest}{data.where}, all scenes pooled"
     numeric = [False, False, False, *[True] * 8, False]
     return [Cells(caption, headings, rows, numeric)] if rows else []
 

@@ -11,6 +11,7 @@
 
 import errno
 import json
+import math
 import os
 import re
 import stat
@@ -220,6 +221,11 @@ def is_number(field: str) -> bool:
     except ValueError:
         return False
     return "_" not in field and field.isascii()
+
+
+def number_in(field: str) -> float:
+    """The decimal number of a field, blanks around it aside; NaN where it is none."""
+    return float(field) if is_number(field.strip()) else math.nan
 
 
 Element = ET.Element

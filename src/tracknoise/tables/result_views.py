@@ -481,7 +481,7 @@ def _growth() -> View:
     values.append(Value("growth_ratio", "growth_ratio", carried=of_ratio, always=True))
 
     def bounded(quantity: str, column: str, labels: Constants, *, kind: str = "kind") -> Value:
-        bounds = _bounds_of(column) | _same("level", "resampled") | {"interval": kind}
+        bounds = _bounds_of(column) | _same("resampled") | {"interval": kind}
         return Value(quantity, column, labels, carried=bounds, always=column == "autocorrelation")
 
     for quantity, column in (

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds, require_list
 from tracknoise.exceptions import DataError, SettingsError, TrackerError
-from tracknoise.foreign_files import absolute, read_bytes, read_text
+from tracknoise.foreign_files import absolute, number_in, read_bytes, read_text
 from tracknoise.processes import signal_name
 from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
@@ -203,26 +203,17 @@ def _is_argument(word: object) -> bool:
 
 
 def _position(text: str, place: str) -> list[float]:
-    position = [_number(part) for part in text.split(",")]
+    position = [number_in(part) for part in text.split(",")]
     if len(position) != 2 or not np.isfinite(position).all():
         raise TrackerError(f"external: found {text!r} in {place}, expected x,y or 0")
     return position
 
 
 def _is_hidden(text: str, place: str) -> bool:
-    visible = _WORDS.get(text.lower(), _number(text))
+    visible = _WORDS.get(text.lower(), number_in(text))
     if visible not in _WORDS.values():
         raise TrackerError(f"external: found {text!r} in {place}, expected 0, 1, true or false")
     return not visible
-
-
-def _number(text: str) -> float:
-    """A number as in CSV files, without the underscores and digits of other scripts that Python accepts; else NaN."""
-    text = text.strip()
-    try:
-        return float(text) if text.isascii() and "_" not in text else np.nan
-    except ValueError:
-        return np.nan
 
 
 def _run(settings: External, folder: Path) -> None:

@@ -33,7 +33,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, one_line
-from tracknoise.foreign_files import MIB, damage_reported, is_number, natural_order, require_regular
+from tracknoise.foreign_files import MIB, damage_reported, natural_order, number_in, require_regular
 from tracknoise.parsing_child import call_in_child
 from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
 from tracknoise.text import counted
@@ -87,7 +87,7 @@ def _numbers(place: str, cells: list[str], names: tuple[str, ...]) -> list[float
 
 
 def _number(place: str, cell: str, name: str) -> float:
-    value = float(cell) if is_number(cell.strip()) else np.nan
+    value = number_in(cell)
     if not np.isfinite(value):
         raise DataError(place, f"{name} {one_line(cell)!r}", "a finite number")
     return value

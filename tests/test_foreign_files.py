@@ -1,5 +1,6 @@
 """Reading foreign files: only regular files of bounded size, one line for whatever parsers raise, and their child."""
 
+import math
 import os
 import signal
 import time
@@ -9,7 +10,15 @@ import pytest
 
 from tracknoise import parsing_child
 from tracknoise.exceptions import DataError, TracknoiseError, one_line
-from tracknoise.foreign_files import absolute, damage_reported, is_folder, is_regular_file, read_bytes, read_text
+from tracknoise.foreign_files import (
+    absolute,
+    damage_reported,
+    is_folder,
+    is_regular_file,
+    number_in,
+    read_bytes,
+    read_text,
+)
 from tracknoise.parsing_child import LostError, call_in_child
 
 
@@ -21,6 +30,12 @@ def test_pipes_devices_and_folders_are_refused_without_opening_them(tmp_path: Pa
         assert not is_regular_file(path)
     with pytest.raises(DataError, match=r"unreadable \(Is a directory\), expected text of a thing$"):
         read_text(tmp_path, "a thing")
+
+
+def test_a_field_with_a_separator_of_records_is_no_number() -> None:
+    assert [number_in(field) for field in (" 1.5 ", "\t2\n", "-3e2")] == [1.5, 2.0, -300.0]
+    fields = [f"{sign}1" for sign in map(chr, range(0x1C, 0x20))]
+    assert all(math.isnan(number_in(field)) for field in (*fields, "1\x1c", "", "1_0", "one"))
 
 
 def test_files_that_are_too_large_are_refused_by_their_size(tmp_path: Path) -> None:

@@ -1,9 +1,20 @@
+import json
+import math
 import sys
 import unicodedata
 
 import pytest
 
-from tracknoise.text import counted, counted_of, is_printable, printable, significant
+from tracknoise.text import (
+    absolute_paths,
+    browser_json,
+    counted,
+    counted_of,
+    is_printable,
+    printable,
+    significant,
+    without_folders,
+)
 
 
 def test_every_control_character_is_escaped_and_other_text_stays():
@@ -40,3 +51,21 @@ def test_one_thing_is_singular():
 )
 def test_no_number_above_one_is_written_with_a_power_of_ten(value, digits, text):
     assert significant(value, digits) == text
+
+
+def test_numbers_that_are_not_finite_are_null_in_the_json_of_a_page():
+    written = browser_json({"a": [math.nan, 1.5, (math.inf,)], "b": {"c": -math.inf}, "d": "NaN"})
+    assert json.loads(written) == {"a": [None, 1.5, [None]], "b": {"c": None}, "d": "NaN"}
+    assert written.count("NaN") == 1
+
+
+def test_folders_of_a_machine_are_left_out_of_settings_and_of_what_is_said_of_its_files():
+    settings = {
+        "dataset": {"root": "/home/ann/data/rec", "options": {"image_topic": "/cam/image_raw", "rate": 20}},
+        "trackers": [{"options": {"command": ["python", "/home/ann/data/rec/track.py"]}}, {"path": "mine.csv"}],
+    }
+    shown = without_folders(settings)
+    assert shown["dataset"] == {"root": ".../rec", "options": {"image_topic": "/cam/image_raw", "rate": 20}}
+    assert shown["trackers"] == [{"options": {"command": ["python", ".../track.py"]}}, {"path": "mine.csv"}]
+    note = "/home/ann/data/rec/rgb/3.png:1: no image; topic /cam/image_raw"
+    assert without_folders(note, absolute_paths(settings)) == ".../rec/rgb/3.png:1: no image; topic /cam/image_raw"

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,10 @@ import numpy as np
 
 from benchmarks.attack import recordings, samples, timed
 from benchmarks.attack.mutations import with_png_checksums
+from tracknoise.estimators.cpp_header import cpp_header
+from tracknoise.estimators.exports import estimators
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.exceptions import SettingsError
 from tracknoise.experiments.load import load_experiment
 from tracknoise.geometry.cameras import Camera
 from tracknoise.options import PathTemplate
@@ -104,6 +109,15 @@ def _read_options(path: Path) -> None:
         make_tracker(name, options) if kind == "tracker" else make_reader(name, Path(), options)
 
 
+def _export_noise(path: Path) -> None:
+    """To every estimator that takes it, and as a header of C++."""
+    model = NoiseModel.read(path)
+    cpp_header(model)
+    for name in estimators():
+        with suppress(SettingsError):  # which needs observations, a focal length or a rate, or has no sigma
+            model.export(name)
+
+
 def _listed_options(path: Path) -> list[Any]:
     """What can be handed to the package at all: a kind, a name and options each."""
     try:
@@ -178,6 +192,7 @@ _REAL = (
 PARSERS: tuple[Parser, ...] = (
     Parser("experiment", samples.experiments, "*.toml", load_experiment),
     Parser("options", samples.options, "*.json", _read_options),
+    Parser("noise model", samples.noise_model, "*.json", _export_noise),
     *(Parser(f"tracks {suffix}", samples.tracks, f"*.{suffix}", _read_tracks) for suffix in _TRACKS),
     Parser("image", samples.images, "gray/*", _image, with_png_checksums),
     Parser("depth npy", samples.images, "depth/*.npy", partial(read_depth_npy, camera=CAMERA)),

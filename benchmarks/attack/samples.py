@@ -180,6 +180,67 @@ _WORLD = """<?xml version="1.0"?>
 """
 
 
+_SIGMA = {"value": 0.3, "low": 0.2, "high": 0.4}
+_FACTOR = {"of": "texture", "log_knots": [0.0, 2.0], "log_factor": [1.0, -1.0], "gain": {"value": 0.1}}
+_COMPONENT = {"covariance": [[0.09, 0.01], [0.01, 0.08]], "sigma": _SIGMA, "why_dropped": None}
+_NOISE_MODEL = {
+    "format": "tracknoise.noise/2",
+    "training": {
+        "dataset": "made",
+        "tracker": "lk",
+        "speed": 1,
+        "tracker_settings": {"kind": "lucas-kanade"},
+        "scenes": ["a", "b"],
+        "n_tracks": 300,
+        "n_observations": 9000,
+        "ages": [1, 30],
+    },
+    "camera": {"width": 640, "height": 480, "focal_px": 460.0, "rate_hz": 20.0, "notes": []},
+    **dict.fromkeys(("first", "white", "walk", "drift"), _COMPONENT),
+    "tails": {"nu": 4.0, "core_sigma": 0.2, "core_ratio": 0.7},
+    "outlier_share": 0.01,
+    "outliers_beyond_px": 3.0,
+    "bias": {"kind": "by_age", "why": "the scenes agree", "ages": [1, 2], "mean_px": [[0.1, 0.0], [0.2, 0.1]]},
+    "conditions": [_FACTOR],
+    "track_scale": {
+        "nu": {"value": 3.0},
+        "first": _COMPONENT,
+        "white": _COMPONENT,
+        "walk": _COMPONENT,
+        "conditions": [_FACTOR],
+        "gain": {"value": 0.2},
+    },
+    "common_share": {"value": 0.1, "low": 0.05, "high": 0.2},
+    "truth_floor_px": 0.05,
+    "equivalents": [
+        {
+            "landmark": landmark,
+            "purpose": purpose,
+            "window": window,
+            "sigma": _SIGMA,
+            "gate_95": 1.1,
+            "gate_99": 1.3,
+            "gate_80": 1.0,
+            "simulated": False,
+        }
+        for landmark in ("free", "exact", "state")
+        for purpose in ("innovations", "all_poses", "newest_pose")
+        for window in (11, 30)
+    ],
+    "kernels": [
+        {
+            "kind": kind,
+            "knee_px": 0.4,
+            "sigma_ratio": {"value": 0.8},
+            "error_ratio": {"value": 0.9},
+            "windows": 20,
+            "all_poses_ratio": {"value": 0.85},
+        }
+        for kind in ("cauchy", "huber")
+    ],
+}
+
+
 def experiments(folder: Path) -> None:
     """Every preset with its options written out, and one experiment with every section."""
     folder.mkdir()
@@ -187,6 +248,12 @@ def experiments(folder: Path) -> None:
     for name in preset_names():
         if name != "demo":  # its data are in a folder that need not exist here
             (folder / f"{name}.toml").write_text(load_experiment(name, root=folder).to_toml())
+
+
+def noise_model(folder: Path) -> None:
+    """A model with every kind of part."""
+    folder.mkdir()
+    (folder / "noise.json").write_text(json.dumps(_NOISE_MODEL))
 
 
 def options(folder: Path) -> None:

@@ -225,7 +225,7 @@ def is_number(field: str) -> bool:
 
 def number_in(field: str) -> float:
     """The decimal number of a field, blanks around it aside; NaN where it is none."""
-    return float(field) if is_number(field.strip()) else math.nan
+    return float(field) if is_number(field.strip(" \t\r\n")) else math.nan
 
 
 Element = ET.Element

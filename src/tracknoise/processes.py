@@ -9,6 +9,7 @@
 import errno
 import io
 import os
+import resource
 import signal
 import sys
 import threading
@@ -19,6 +20,8 @@ from ctypes import CDLL
 from multiprocessing import get_context
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TextIO
+
+from tracknoise.exceptions import SettingsError
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -31,6 +34,26 @@ def prepare() -> None:
     """Let what cannot be written to stdout and stderr be dropped, so that it stops nothing. See `error_of_stdout`."""
     _reserve_numbers()
     sys.stdout, sys.stderr = _dropping(_STDOUT, sys.stdout), _dropping(_STDERR, sys.stderr)
+
+
+_GIB = 1024**3
+_LEAST_MEMORY_GIB = 4
+
+
+def require_memory() -> None:
+    """Refuse a limit of virtual memory under which numerical libraries wait for ever, or are not loaded.
+
+    Raises
+    ------
+    SettingsError
+        If this process may have less than it needs.
+    """
+    most, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if most != resource.RLIM_INFINITY and most < _LEAST_MEMORY_GIB * _GIB:
+        raise SettingsError(
+            f"virtual memory is limited to {most / _GIB:.1f} GiB, expected at least {_LEAST_MEMORY_GIB} GiB "
+            "(`ulimit -v unlimited`)"
+        )
 
 
 def error_of_stdout() -> OSError | None:

@@ -3,12 +3,16 @@
 - Text that can be shown: names from files and folders may contain control characters.
 - TOML that a user wrote, within bounds: some short texts take minutes to read.
 - What an object shows of itself: in one line, and as a small table of a notebook.
+- JSON for browsers, and settings without the folders of a machine.
 """
 
 import html
+import json
+import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import PurePath
 from typing import Any
 
 from tracknoise.checks import MOST_LEVELS, require_storable
@@ -143,3 +147,54 @@ def _require_short_keys(text: str) -> None:
 def _placeholder(found: re.Match[str]) -> str:
     """A short word in place of a text, which may be part of a key, on as many lines."""
     return ("" if found[0].startswith("#") else "_") + "\n" * found[0].count("\n")
+
+
+def browser_json(value: object) -> str:
+    """JSON that every browser reads: numbers that are not finite are null."""
+    return json.dumps(_with_null(value), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def _with_null(value: object) -> object:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _with_null(one) for key, one in value.items()}
+    return [_with_null(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def without_folders(settings: Any, paths: Sequence[str] | None = None) -> Any:
+    """Settings, or a text, with the last name of each absolute path: what is shown is sent to others.
+
+    Parameters
+    ----------
+    settings
+        Tables, lists and texts.
+    paths
+        Absolute paths, the longest first; by default those among the settings (`absolute_paths`).
+    """
+    known = list(absolute_paths(settings)) if paths is None else paths
+    if isinstance(settings, Mapping):
+        return {key: without_folders(value, known) for key, value in settings.items()}
+    if isinstance(settings, list):
+        return [without_folders(value, known) for value in settings]
+    if isinstance(settings, str):
+        for path in known:
+            settings = settings.replace(path, f".../{PurePath(path).name}")
+    return settings
+
+
+def absolute_paths(settings: object) -> list[str]:
+    """Absolute paths among the values of settings, the longest first. Topics of bags look like them and are none."""
+    return sorted(set(_paths(settings)), key=len, reverse=True)
+
+
+def _paths(value: object) -> Iterator[str]:
+    if isinstance(value, Mapping):
+        for key, one in value.items():
+            if "topic" not in str(key):
+                yield from _paths(one)
+    elif isinstance(value, list):
+        for one in value:
+            yield from _paths(one)
+    elif isinstance(value, str) and PurePath(value).is_absolute() and PurePath(value).name:
+        yield value

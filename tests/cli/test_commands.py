@@ -125,6 +125,22 @@ def test_the_shell_can_complete_commands(words, last, found):
     assert (ended.returncode, ended.stdout.split(), ended.stderr) == (0, [found], "")
 
 
+def test_a_completion_that_is_asked_wrongly_prints_nothing():
+    for environment in ({"COMP_WORDS": "tracknoise ru", "COMP_CWORD": "abc"}, {"COMP_CWORD": "1"}):
+        asked = {**os.environ, **environment, "_TRACKNOISE_COMPLETE": "complete_bash"}
+        command = [sys.executable, "-c", "from tracknoise.cli.app import main; main()"]
+        ended = subprocess.run(command, capture_output=True, text=True, env=asked, check=False)
+        assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", "")
+
+
+def test_too_little_virtual_memory_is_one_line_and_no_wait():
+    """Under 1 GiB numerical libraries wait for ever; under less they are not loaded."""
+    command = ["bash", "-c", 'ulimit -v 1000000; "$0" -c "from tracknoise.cli.app import main; main()" trackers']
+    ended = subprocess.run([*command, sys.executable], capture_output=True, text=True, timeout=300, check=False)
+    message = "virtual memory is limited to 1.0 GiB, expected at least 4 GiB (`ulimit -v unlimited`)"
+    assert (ended.returncode, ended.stderr) == (1, f"tracknoise: error: {message}\n")
+
+
 def test_the_script_of_the_completion_is_shown_and_installed(tmp_path):
     environment = {**os.environ, "HOME": str(tmp_path)}
     command = ["bash", "-c", '"$0" -c "from tracknoise.cli.app import main; main()" "$1"; exit $?', sys.executable]

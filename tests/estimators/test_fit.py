@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.estimators.models import made
+from tests.estimators.models import TEXTURE, made
 
 import tracknoise as tn
 from tracknoise.cli.noise import _stems
@@ -195,7 +195,8 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
     compiler = shutil.which("g++") or shutil.which("clang++")
     if compiler is None:
         pytest.skip("no C++ compiler")
-    conditioned = made(0.3, 0.2, 0.1, 0.02)
+    named_like_a_type = replace(TEXTURE, of="double")
+    conditioned = made(0.3, 0.2, 0.1, 0.02, conditions=(TEXTURE, named_like_a_type))
     (tmp_path / "noise.hpp").write_text(cpp_header(conditioned))
     (tmp_path / "main.cpp").write_text(
         '#include "noise.hpp"\n#include <cstdio>\nint main() {\n'

@@ -8,11 +8,27 @@ import pytest
 from tests.estimators.models import TEXTURE, made
 
 import tracknoise
+from tracknoise.estimators.exports import Target
 from tracknoise.estimators.model import Bias, BiasKind, Interval, Landmark, Purpose, Tails
 from tracknoise.estimators.noise_model import NoiseModel, document_schema
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.report.noise_cells import model_sentences
 
+EQUIVALENT = {
+    "landmark": "free",
+    "purpose": "newest_pose",
+    "window": 11,
+    "sigma": {"value": 0.3},
+    "gate_95": 1.0,
+    "gate_99": 1.0,
+}
+KERNEL = {
+    "kind": "cauchy",
+    "knee_px": 0.3,
+    "windows": 20,
+    "sigma_ratio": {"value": 0.8},
+    "error_ratio": {"value": 0.9},
+}
 KNOTS = {"of": "x", "log_knots": [0, 1, 2], "log_factor": [0, 1, 2], "gain": {"value": 0.1}}
 
 
@@ -201,6 +217,20 @@ def test_documents_come_back(tmp_path: Path) -> None:
         ({"conditions": [{**KNOTS, "log_knots": [], "log_factor": []}]}, "expected increasing knots and a factor"),
         ({"bias": {"kind": "by_age", "why": ""}}, "expected increasing ages and a mean error of each"),
         ({"bias": {"kind": "by_age", "why": "", "ages": [1, 2], "mean_px": [[0, 1]]}}, "a mean error of each"),
+        ({"conditions": [{**KNOTS, "of": "x(double v) { return std::system(0); } int y"}]}, "expected of is 'x(double"),
+        ({"conditions": [{**KNOTS, "of": "X"}]}, "a name of the form [a-z][a-z0-9_]*"),
+        ({"conditions": [{**KNOTS, "log_factor": [0, 1, 1e4]}]}, "logarithm is 10000.0"),
+        ({"equivalents": [{**EQUIVALENT, "gate_95": -1.0}]}, "gate_95"),
+        ({"equivalents": [{**EQUIVALENT, "sigma": {"value": 1e300}}]}, "sigma is 1e+300"),
+        (
+            {"equivalents": [{**EQUIVALENT, "sigma": {"value": 0.2, "low": 0.3, "high": 0.1}}]},
+            "a lower bound not above",
+        ),
+        ({"kernels": [{**KERNEL, "sigma_ratio": {"value": -0.8}}]}, "sigma_ratio is -0.8"),
+        ({"kernels": [{**KERNEL, "knee_px": 1e300}]}, "knee_px: found 1e+300"),
+        ({"walk": {"covariance": [[1e300, 0], [0, 1e300]], "sigma": {"value": 0.1}}}, "covariance is 1e+300"),
+        ({"tails": {"nu": 1e-300, "core_sigma": 0.1}}, "tails.nu: found 1e-300"),
+        ({"outlier_share": 1.5}, "outlier_share: found 1.5"),
     ],
 )
 def test_damaged_documents_are_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:
@@ -209,6 +239,13 @@ def test_damaged_documents_are_refused(tmp_path: Path, change: dict[str, object]
     with pytest.raises(DataError, match=r"noise\.json") as caught:
         NoiseModel.read(path)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("estimator", ["filter", "pnp", "rovio", "csv", "gtsam", "openvins"])
+@pytest.mark.parametrize("target", [{"rate_hz": 1e-300}, {"rate_hz": 1e300}, {"focal_px": 1e-300}, {"focal_px": 1e300}])
+def test_impossible_rates_and_focal_lengths_are_refused(estimator: str, target: dict[str, float]) -> None:
+    with pytest.raises(SettingsError, match="expected a number from"):
+        made(0.3, 0.2, 0.1).export(estimator, target=Target(**target))
 
 
 def test_documents_of_earlier_versions_are_read(tmp_path: Path) -> None:
@@ -241,7 +278,8 @@ def test_a_second_condition_says_what_it_gains_beyond_the_first() -> None:
 
 def test_what_is_not_json_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "noise.json"
-    for text in ("{", "[" * 100_000):
+    lone_surrogate = made(0.1).text.replace('"lk"', '"\\ud800"')
+    for text in ("{", "[" * 100_000, lone_surrogate):
         path.write_text(text)
         with pytest.raises(DataError, match="is not JSON"):
             NoiseModel.read(path)

@@ -57,6 +57,14 @@ def test_a_second_start_is_refused_naming_process_and_host(run, holder):
     assert json.loads(run.lock_path.read_text())["pid"] == holder.pid, "the refused start left the lock alone"
 
 
+def test_a_lock_that_is_damaged_locks_nobody_out(run):
+    run.path.mkdir(parents=True)
+    for content in ("[" * 100_000, "{", '"text"', "[1]", '{"a": 1}'):
+        run.lock_path.write_text(content)
+        with hold(run):
+            assert json.loads(run.lock_path.read_text())["pid"] == os.getpid()
+
+
 def test_the_lock_of_a_killed_process_is_taken_over(run, holder):
     holder.kill()
     holder.wait()

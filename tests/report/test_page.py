@@ -4,7 +4,9 @@ import json
 import re
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,11 +15,14 @@ import pytest
 
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.phrases.sentences import sentences_of
+from tracknoise.report import measured
 from tracknoise.report import page as page_module
 from tracknoise.report.figures.families import FAMILIES
+from tracknoise.report.filmed_scene import filmed_scene
 from tracknoise.report.measured import truth_was_read
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.schema import FILM, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 
@@ -259,3 +264,25 @@ def test_a_report_that_cannot_be_written_is_one_line(own_run: RunFolder) -> None
     (own_run.path / "report").write_text("a file where a folder should be")
     with pytest.raises(StoreError, match="cannot be written"):
         write_report(own_run, figure_formats=())
+
+
+def test_a_film_without_images_is_left_out(own_run: RunFolder) -> None:
+    manifest = own_run.manifest()
+    ((key, entry),) = manifest.sequences.items()
+    tables = {name: own_run.sequence_table(name, key) for name in entry.sha256 if name != "snapshots"}
+    hashes = own_run.write_sequence(key, {**tables, "film": empty(FILM)}, own_run.snapshot(key))
+    manifest.sequences[key] = replace(entry, sha256=hashes)
+    own_run.write_manifest(manifest)
+    assert filmed_scene(ReportData.of(own_run)) is None
+
+
+def test_the_page_does_not_name_the_folders_of_the_machine(own_run: RunFolder) -> None:
+    settings = tomllib.loads((own_run.path / "experiment.toml").read_text())
+    secret = "/home/somebody/recordings/one"
+    settings["dataset"]["root"] = secret
+    manifest = own_run.manifest()
+    ((key, entry),) = manifest.sequences.items()
+    manifest.sequences[key] = replace(entry, notes=(f"{secret}/rgb.txt: 3 images are not there.",))
+    data = replace(ReportData.of(own_run), manifest=manifest, settings=settings)
+    assert dict(measured.settings(data).rows)["dataset.root"] == ".../one"
+    assert [note for _, note in measured.notes(data)] == [".../one/rgb.txt: 3 images are not there."]

@@ -6,11 +6,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.exceptions import StoreError
 from tracknoise.phrases.factor_topic import accuracy
 from tracknoise.report.figures.rankings import _apart, ranking_figures
 from tracknoise.report.ranking_table import ranking_table
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.costs import read_costs, write_costs
+from tracknoise.tables.costs import COSTS_JSON, read_costs, write_costs
 from tracknoise.tables.findings_schema import RANKS
 from tracknoise.tables.store import RunFolder
 
@@ -73,6 +74,13 @@ def test_costs_are_kept_and_read(own_run: RunFolder) -> None:
     assert read_costs(own_run) == {}
     write_costs(own_run, {"a": 1.5})
     assert read_costs(own_run) == {"a": 1.5}
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[1]", '{"a": "much"}', '{"a": [1]}'])
+def test_damaged_costs_are_named(own_run: RunFolder, text: str) -> None:
+    own_run.write_statistics({}, documents={COSTS_JSON: text})
+    with pytest.raises(StoreError, match=r"costs\.json: damaged .*, expected CPU times of trackers"):
+        read_costs(own_run)
 
 
 def test_labels_do_not_cover_each_other() -> None:

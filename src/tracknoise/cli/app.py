@@ -6,6 +6,7 @@ signal N (130 for Ctrl-C). Results go to stdout, everything else to stderr.
 """
 
 import io
+import os
 import signal
 import sys
 import threading
@@ -97,6 +98,8 @@ class Interruption:
             repeat.start()
 
 
+_COMPLETION = "_TRACKNOISE_COMPLETE"
+"""Set by the shell where it asks for suggestions."""
 _INTERRUPTED = 130
 """What typer returns if a command raised KeyboardInterrupt."""
 
@@ -113,6 +116,7 @@ def main(arguments: list[str] | None = None) -> None:
         terminal = Terminal()
         try:
             try:
+                processes.require_memory()
                 command = _loaded(terminal, arguments)
                 with _parsing():
                     status = command()
@@ -166,12 +170,14 @@ def _status_after(error: BaseException, terminal: Terminal, interruption: Interr
     processes.raise_if_interruption(error)
     if interruption:
         return interruption.status
+    if isinstance(error, SystemExit) and _is_of_parser(error):
+        raise error  # completion of the shell
+    if _COMPLETION in os.environ:
+        return 1  # the shell shows no suggestions, and no message in the middle of its line
     if isinstance(error, _UsageError):
         if message := str(error):
             terminal.error(message)
         return 1
-    if isinstance(error, SystemExit) and _is_of_parser(error):
-        raise error  # completion of the shell
     if terminal.debug and isinstance(error, SystemExit):
         raise RuntimeError(_text(error)) from error  # of a plug-in, whose status would be that of the program
     if terminal.debug:

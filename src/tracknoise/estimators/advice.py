@@ -145,6 +145,8 @@ _ALIKE = 1.02
 _GAUSSIAN_KNEE = 2.385
 """Knee of a Cauchy loss that keeps 95 % of the efficiency of least squares for Gaussian errors."""
 _LEVEL = 0.95
+_LEAST_PX = 1e-9
+"""A smaller sigma is a rounding error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,7 +243,7 @@ def innovations_of(model: ExportedModel, found: Advice) -> Interval:
 
 def _positive(model: ExportedModel, landmark: Landmark, purpose: Purpose, window: int) -> Equivalent:
     found = model.equivalent(landmark=landmark, window=window, purpose=purpose)
-    if not 0.0 < found.sigma.value < math.inf:
+    if found.sigma.value < _LEAST_PX:
         raise SettingsError(
             f"sigma for {found.purpose}, windows of {found.window} frames, is {found.sigma.value:g} px, "
             "expected a number above 0"

@@ -87,8 +87,9 @@ def _tail() -> str:
 
 def _sigma(model: NoiseModel) -> str:
     names = [one.of for one in model.conditions]
-    parameters = "".join(f", double {name} = NAN" for name in names)
-    return _SIGMA.format(parameters=parameters, factors=" * ".join(f"factor_{name}({name})" for name in names) or "1.0")
+    parameters = "".join(f", double at_{name} = NAN" for name in names)  # a name alone may be a word of C++
+    factors = " * ".join(f"factor_{name}(at_{name})" for name in names) or "1.0"
+    return _SIGMA.format(parameters=parameters, factors=factors)
 
 
 def _covariance(own: NDArray[np.float64]) -> str:

@@ -246,9 +246,13 @@ def _seen_rate(model: ExportedModel) -> float | None:
     return None if recorded is None else recorded / model.training.speed
 
 
+_SMALLEST, _LARGEST = 1e-6, 1e6
+"""Rates, Hz, and focal lengths, px, that are none of a camera are beyond these."""
+
+
 def _require_positive(name: str, value: float, unit: str) -> None:
-    if not 0.0 < value < math.inf:
-        raise SettingsError(f"{name} is {value:g} {unit}, expected a number above 0")
+    if not _SMALLEST <= value <= _LARGEST:
+        raise SettingsError(f"{name} is {value:g} {unit}, expected a number from {_SMALLEST:g} to {_LARGEST:g}")
 
 
 _DIGITS, _MORE_DIGITS = 3, 6

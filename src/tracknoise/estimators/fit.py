@@ -50,6 +50,7 @@ from tracknoise.inference.track_noise import TrackNoise, error_covariances
 from tracknoise.inference.units import NO_GROUPS, SceneGroups, by_number
 from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.tables.enumerations import Axis, FittedTo, FloorSource, Product
+from tracknoise.text import without_folders
 
 Array = NDArray[np.float64]
 
@@ -383,7 +384,7 @@ def _training(read: TrainingTables) -> Training:
         dataset=", ".join(errors["dataset"].unique().sort()),
         tracker=read.tracker,
         speed=float(read.speed),
-        tracker_settings=read.settings,
+        tracker_settings=without_folders(read.settings),
         scenes=read.scenes,
         n_tracks=int(read["noise_outliers"]["n_tracks"].to_numpy().sum()),
         n_observations=int(errors["n"].to_numpy().sum()),

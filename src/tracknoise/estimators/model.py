@@ -14,6 +14,7 @@ covariance D (drift, constant in a track).
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -21,13 +22,25 @@ from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, GetPydanticSchema
+from pydantic import GetPydanticSchema
 from pydantic_core import CoreSchema, core_schema
 
-from tracknoise.checks import require
+from tracknoise.checks import require, require_bounds, require_within
 from tracknoise.exceptions import SettingsError, UnknownNameError, first_line
 from tracknoise.inference.track_noise import TrackNoise
+from tracknoise.tables.schema import QUALITY_NAME
+
+MOST_PX = 1e6
+"""Largest standard deviation, and longest side of an image."""
+LEAST_DEGREES = 0.1
+"""Fewest degrees of freedom of Student's t."""
+_MOST_RATIO, _MOST_LOG = 1e6, 200.0
+Pixels = Annotated[float, Ge(0), Le(MOST_PX)]
+"""A length in the image, px."""
+Ratio = Annotated[float, Ge(0), Le(_MOST_RATIO)]
+"""Of two positive numbers that are alike."""
 
 
 def as_covariance() -> GetPydanticSchema:
@@ -39,8 +52,8 @@ def as_covariance() -> GetPydanticSchema:
 
 
 def as_degrees() -> GetPydanticSchema:
-    """A positive number, or null for infinity."""
-    number = core_schema.nullable_schema(core_schema.float_schema(gt=0.0, allow_inf_nan=False))
+    """A number from `LEAST_DEGREES` on, or null for infinity."""
+    number = core_schema.nullable_schema(core_schema.float_schema(ge=LEAST_DEGREES, allow_inf_nan=False))
     return _converted(number, lambda found: math.inf if found is None else found, _finite_or_none)
 
 
@@ -100,6 +113,21 @@ class Interval:
     low: float | None = None
     high: float | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse a lower bound above the upper one."""
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"a lower bound not above the upper one, found {self.low:g} and {self.high:g}")
+
+    def require_within(self, name: str, **bounds: float) -> None:
+        """Raise InvalidValueError, naming the field, unless all numbers are finite and within bounds."""
+        for number in (self.value, self.low, self.high):
+            if number is not None:
+                require_within(name, number, bounds)
+
+
+def _require_ratio(name: str, ratio: Interval) -> None:
+    ratio.require_within(name, ge=1.0 / _MOST_RATIO, le=_MOST_RATIO)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
@@ -119,6 +147,12 @@ class Component:
     covariance: Covariance
     sigma: Interval
     why_dropped: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what no tracker has: see `MOST_PX`."""
+        self.sigma.require_within("sigma", ge=0.0, le=MOST_PX)
+        for variance in np.diagonal(self.covariance):
+            require_within("covariance", float(variance), {"ge": 0.0, "le": MOST_PX**2})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,12 +176,17 @@ class Equivalent:
 
     landmark: Landmark
     purpose: Purpose
-    window: int
+    window: Annotated[int, Ge(2), Le(100_000)]
     sigma: Interval
-    gate_95: float
-    gate_99: float
-    gate_80: float | None = None
+    gate_95: Ratio
+    gate_99: Ratio
+    gate_80: Ratio | None = None
     simulated: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse sigmas and gates that no tracker has."""
+        require_bounds(self)
+        self.sigma.require_within("sigma", ge=0.0, le=MOST_PX)
 
 
 class LossKind(StrEnum):
@@ -182,11 +221,19 @@ class Kernel:
     """
 
     kind: LossKind
-    knee_px: Annotated[float, Field(gt=0.0)]
+    knee_px: Annotated[float, Gt(0), Le(MOST_PX)]
     sigma_ratio: Interval
     error_ratio: Interval
-    windows: int
+    windows: Annotated[int, Ge(1)]
     all_poses_ratio: Interval | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a knee and ratios that no loss has."""
+        require_bounds(self)
+        _require_ratio("sigma_ratio", self.sigma_ratio)
+        _require_ratio("error_ratio", self.error_ratio)
+        if self.all_poses_ratio is not None:
+            _require_ratio("all_poses_ratio", self.all_poses_ratio)
 
     def ratio(self, purpose: Purpose) -> Interval | None:
         """That of a purpose; None if it is not known."""
@@ -208,8 +255,13 @@ class Tails:
     """
 
     nu: Annotated[float, as_degrees()]
-    core_sigma: float
-    core_ratio: float = 1.0
+    core_sigma: Pixels
+    core_ratio: Ratio = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse degrees of freedom, and a core, that no errors have."""
+        require_bounds(self)
+        require(self.nu >= LEAST_DEGREES, "nu", self.nu, f"a number of at least {LEAST_DEGREES:g}, or infinity")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,11 +271,15 @@ class CameraOfModel:
     Focal length and rate are unknown where recordings differ in them. `notes` are sentences that say so.
     """
 
-    width: Annotated[int, Field(gt=0)]
-    height: Annotated[int, Field(gt=0)]
-    focal_px: Annotated[float, Field(gt=0)] | None
-    rate_hz: Annotated[float, Field(gt=0)] | None
+    width: Annotated[int, Gt(0), Le(MOST_PX)]
+    height: Annotated[int, Gt(0), Le(MOST_PX)]
+    focal_px: Annotated[float, Ge(1e-3), Le(MOST_PX)] | None
+    rate_hz: Annotated[float, Ge(1e-6), Le(1e6)] | None
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what no camera has."""
+        require_bounds(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,12 +302,16 @@ class Training:
 
     dataset: str
     tracker: str
-    speed: Annotated[float, Field(gt=0)]
+    speed: Annotated[float, Gt(0), Le(_MOST_RATIO)]
     tracker_settings: dict[str, object]
     scenes: tuple[str, ...]
-    n_tracks: int
-    n_observations: int
+    n_tracks: Annotated[int, Ge(0)]
+    n_observations: Annotated[int, Ge(0)]
     ages: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        """Refuse counts and a speed that no run has."""
+        require_bounds(self)
 
     def scenes_of(self, dataset: str) -> frozenset[str]:
         """Names of those of its scenes that are of a data set. Others have scenes of the same names."""
@@ -293,11 +353,15 @@ class Bias:
     why: str
     ages: tuple[int, ...] = ()
     mean_px: tuple[tuple[float, float], ...] = ()
-    per_motion: float = 0.0
+    per_motion: Annotated[float, Ge(-_MOST_RATIO), Le(_MOST_RATIO)] = 0.0
     reduction: Interval | None = None
 
     def __post_init__(self) -> None:
         """Refuse ages without a mean error, means without an age, and a mean by age without any."""
+        require_bounds(self)
+        for mean in self.mean_px:
+            for number in mean:
+                require_within("mean_px", number, {"ge": -MOST_PX, "le": MOST_PX})
         missing = self.kind == BiasKind.BY_AGE and not self.ages
         if missing or len(self.ages) != len(self.mean_px) or not _increase(self.ages):
             raise ValueError("increasing ages and a mean error of each")
@@ -312,7 +376,8 @@ class Factor:
     Parameters
     ----------
     of
-        Name of the covariate: ``motion_px``, or that of a quality that the tracker reports.
+        Name of the covariate: ``motion_px``, or that of a quality that the tracker reports. It becomes a part of names
+        in code, and has the form of `tracknoise.tables.schema.QUALITY_NAME`.
     log_knots, log_factor
         Natural logarithms of the covariate, and of the factor there.
     gain
@@ -326,7 +391,10 @@ class Factor:
     gain: Interval
 
     def __post_init__(self) -> None:
-        """Refuse knots without a factor, and factors without a knot."""
+        """Refuse names that are no part of a name in code, knots without a factor, and factors without a knot."""
+        require(re.fullmatch(QUALITY_NAME, self.of) is not None, "of", self.of, f"a name of the form {QUALITY_NAME}")
+        for number in (*self.log_knots, *self.log_factor):
+            require_within("logarithm", number, {"ge": -_MOST_LOG, "le": _MOST_LOG})
         if not self.log_knots or len(self.log_knots) != len(self.log_factor) or not _increase(self.log_knots):
             raise ValueError("increasing knots and a factor at each")
 
@@ -366,6 +434,11 @@ class TrackScale:
     conditions: tuple[Factor, ...] = ()
     gain: Interval | None
     why_refused: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse degrees of freedom that no scale has."""
+        if self.nu is not None:
+            self.nu.require_within("nu", ge=LEAST_DEGREES)
 
     @property
     def noise(self) -> TrackNoise:

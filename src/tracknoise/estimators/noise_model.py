@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from scipy import linalg
 
-from tracknoise.checks import path_of, require_list, require_whole
+from tracknoise.checks import Share, path_of, require_bounds, require_list, require_whole
 from tracknoise.estimators.advice import SHORTEST_WINDOW, Advice
 from tracknoise.estimators.export_render import export
 from tracknoise.estimators.exports import Export, Target
@@ -29,6 +29,7 @@ from tracknoise.estimators.model import (
     Interval,
     Kernel,
     Landmark,
+    Pixels,
     Purpose,
     Tails,
     TrackScale,
@@ -97,6 +98,7 @@ def parse_document(kind: type[_Model], text: str, path: Path) -> _Model:
 def _fields(path: Path, text: str) -> dict[str, object]:
     try:
         document = json.loads(text)
+        json.dumps(document, ensure_ascii=False).encode()  # half of a pair of surrogates is no text
     except (ValueError, RecursionError) as error:  # thousands of brackets
         raise DataError(path, f"is not JSON ({error})", "a noise model, as `tracknoise noise fit` writes it") from error
     if not isinstance(document, dict) or document.get(_KEY) not in (FORMAT, *_EARLIER):
@@ -163,16 +165,22 @@ class NoiseModel:
     walk: Component
     drift: Component
     tails: Tails
-    outlier_share: float
-    outliers_beyond_px: float
+    outlier_share: Share
+    outliers_beyond_px: Pixels
     bias: Bias
     conditions: tuple[Factor, ...] = ()
     track_scale: TrackScale | None = None
     common_share: Interval | None = None
-    truth_floor_px: float | None = None
+    truth_floor_px: Pixels | None = None
     truth: TruthVerdict = field(default_factory=TruthVerdict)
     equivalents: tuple[Equivalent, ...] = ()
     kernels: tuple[Kernel, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse shares and lengths that no noise has."""
+        require_bounds(self)
+        if self.common_share is not None:
+            self.common_share.require_within("common_share", ge=0.0, le=1.0)
 
     @classmethod
     def fit(

@@ -190,7 +190,7 @@ def run_models(run: RunFolder) -> RunModels:
             for tracker, name in record["models"].items()
         }
         return RunModels(record["speed"], models, dict(record["missing"]), paths)
-    except (ValueError, KeyError, TypeError, AttributeError, DataError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, DataError) as error:
         expected = "the models of the run; `tracknoise run` fits them again"
         raise StoreError(f"{run.path / 'statistics' / _RECORD}: damaged ({error}), expected {expected}") from error
 

@@ -177,7 +177,7 @@ def _parse(content: bytes) -> _Holder | None:
     """The holder named in a lock file; None if the file is incomplete."""
     try:
         return _Holder(**json.loads(content))
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         return None
 
 

@@ -1,7 +1,6 @@
 """What to write for each estimator: all exports of the noise models of a run, for the selector of the page."""
 
 import base64
-import json
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from tracknoise.estimators.exports import FAMILIES, Target, estimators, refused
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
 from tracknoise.report.answer import limit_text, number_of
+from tracknoise.text import browser_json
 
 _OPTIONS = {
     "focal length": "--focal FOCAL_PX --allow-focal lens",
@@ -128,5 +128,4 @@ def _unknown(model: NoiseModel, needs: Sequence[str]) -> list[str]:
 
 
 def _packed(content: Mapping[str, Any]) -> str:
-    written = json.dumps(content, separators=(",", ":"), ensure_ascii=False)
-    return base64.b64encode(zlib.compress(written.encode(), 9)).decode()
+    return base64.b64encode(zlib.compress(browser_json(content).encode(), 9)).decode()

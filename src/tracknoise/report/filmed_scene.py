@@ -22,13 +22,14 @@ def filmed_scene(data: ReportData) -> dict[str, Any] | None:
     """
     for key, entry in sorted(data.manifest.sequences.items()):
         if "film" in entry.sha256 and data.keeps_observations and data.trackers:
-            return _film(data, key, entry)
+            images = data.run.sequence_table("film", key).sort("frame")
+            if not images.is_empty():
+                return _film(data, key, entry, images)
     return None
 
 
-def _film(data: ReportData, key: str, entry: SequenceEntry) -> dict[str, Any]:
+def _film(data: ReportData, key: str, entry: SequenceEntry, images: pl.DataFrame) -> dict[str, Any]:
     most = max(FEWEST_TRACKS, min(MOST_TRACKS, OF_ALL // len(data.trackers)))
-    images = data.run.sequence_table("film", key).sort("frame")
     seen = data.run.rows("observations", key, pl.col("frame") < images.height, pl.col("speed") == data.slowest)
     return {
         "scene": entry.sequence.scene,

@@ -71,19 +71,19 @@ def _columns_of(entry: SequenceEntry) -> dict[str, Any]:
 
 def excluded_scenes(data: ReportData) -> list[tuple[str, str]]:
     """Scenes of the dataset that were skipped on purpose, and why."""
-    return sorted(data.manifest.excluded_scenes.items())
+    return [(scene, data.shown(why)) for scene, why in sorted(data.manifest.excluded_scenes.items())]
 
 
 def notes(data: ReportData) -> list[tuple[str, str]]:
     """What readers corrected or assumed: the sequences of each note."""
-    pairs = ((key, note) for key, entry in sorted(data.manifest.sequences.items()) for note in entry.notes)
+    pairs = ((key, data.shown(note)) for key, entry in sorted(data.manifest.sequences.items()) for note in entry.notes)
     return [(_sequences(keys), note) for note, keys in by_statement(pairs).items()]
 
 
 def doubts(data: ReportData) -> list[tuple[str, str]]:
     """Why data look wrong: the sequences of each reason."""
     entries = sorted(data.manifest.sequences.items())
-    pairs = ((key, doubt) for key, entry in entries for doubt in (*entry.doubts, *entry.cautions))
+    pairs = ((key, data.shown(doubt)) for key, entry in entries for doubt in (*entry.doubts, *entry.cautions))
     return [(_sequences(keys), doubt) for doubt, keys in by_statement(pairs).items()]
 
 
@@ -95,7 +95,7 @@ def trackers(data: ReportData) -> Cells:
             "kind": str(entry.get("kind", "")),
             "options": _written(entry.get("options", {})) or "all defaults",
         }
-        for entry in data.settings.get("trackers", [])
+        for entry in data.shown(data.settings.get("trackers", []))
     ]
     columns = {"name": "tracker", "kind": "kind", "options": "options"}
     return cells(pl.DataFrame(rows, schema=dict.fromkeys(columns, pl.String)), columns, "Trackers")
@@ -103,7 +103,7 @@ def trackers(data: ReportData) -> Cells:
 
 def settings(data: ReportData) -> Cells:
     """Every other setting of the experiment, by its key."""
-    plain = {key: value for key, value in data.settings.items() if key != "trackers"}
+    plain = {key: data.shown(value) for key, value in data.settings.items() if key != "trackers"}
     rows = [{"key": key, "value": value} for key, value in _flattened(plain)]
     table = pl.DataFrame(rows, schema={"key": pl.String, "value": pl.String})
     return cells(table, {"key": "setting", "value": "value"}, "Settings")
@@ -199,7 +199,7 @@ def end_counts(data: ReportData) -> Cells:
 
 def failures(data: ReportData) -> list[tuple[str, str]]:
     """Sequences that could not be measured, by cause."""
-    causes = by_statement(sorted(data.manifest.failures.items()))
+    causes = by_statement((key, data.shown(cause)) for key, cause in sorted(data.manifest.failures.items()))
     return [(_sequences(keys), cause) for cause, keys in causes.items()]
 
 

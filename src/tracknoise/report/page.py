@@ -1,6 +1,5 @@
 """The report: one page that needs no network, its figures and its tables, written into the run folder."""
 
-import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -35,6 +34,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.text import browser_json
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
@@ -197,7 +197,7 @@ def _anchors(arranged: Layout, family_of: Mapping[str, str]) -> set[str]:
 
 def _embedded(spec: Mapping[str, Any]) -> str:
     """JSON that cannot end the script element that contains it."""
-    return json.dumps(spec, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+    return browser_json(spec).replace("<", "\\u003c")
 
 
 def _replace(folder: Path, files: Mapping[str, bytes]) -> Path:

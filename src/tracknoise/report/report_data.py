@@ -2,12 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import polars as pl
 
 from tracknoise.phrases.run_data import RunData
 from tracknoise.report import paper, style
 from tracknoise.tables.identity import identifiers
+from tracknoise.text import absolute_paths, without_folders
 
 _FIXED = ("by-lighting",)
 """How ids of figures of all trackers end that begin as those of single trackers."""
@@ -16,6 +18,14 @@ _FIXED = ("by-lighting",)
 @dataclass(frozen=True)
 class ReportData(RunData):
     """What figures, tables and sentences of a report are made of."""
+
+    def shown(self, settings: Any) -> Any:
+        """Settings, or a text about data, without the folders of the machine (`tracknoise.text.without_folders`)."""
+        return without_folders(settings, self._paths)
+
+    @cached_property
+    def _paths(self) -> list[str]:
+        return absolute_paths(self.settings)
 
     @cached_property
     def colour(self) -> dict[str, str]:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 
+from tracknoise.exceptions import StoreError
 from tracknoise.tables.store import RunFolder
 
 COSTS_JSON = "costs.json"
@@ -29,5 +30,8 @@ def read_costs(run: RunFolder) -> dict[str, float]:
         If it is missing or damaged.
     """
     text = run.document(COSTS_JSON)
-    costs: dict[str, float] = {} if text is None else json.loads(text)
-    return costs
+    try:
+        return {} if text is None else {str(tracker): float(cost) for tracker, cost in json.loads(text).items()}
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        expected = "CPU times of trackers; `tracknoise run` writes them again"
+        raise StoreError(f"{run.path / 'statistics' / COSTS_JSON}: damaged ({error}), expected {expected}") from error

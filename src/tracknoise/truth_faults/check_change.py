@@ -12,7 +12,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, StoreError
 from tracknoise.foreign_files import read_json_object
 from tracknoise.tables.enumerations import Trust, TruthCause
 from tracknoise.tables.identity import readable
@@ -92,7 +92,10 @@ def truth_change(run: RunFolder, trust: pl.DataFrame) -> str | None:
     if document is None:
         return None
     measured = {readable(key) for key in run.manifest().sequences}
-    every = _checked(json.loads(document))
+    try:
+        every = _checked(json.loads(document))
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise StoreError(f"{run.path / 'statistics' / CHECK_JSON}: damaged ({error}), expected {_EXPECTED}") from error
     found = [one for one in every if one.sequence in measured]
     if not found:
         return f"`tracknoise check` was of {listing(one.sequence for one in every)}, which this run did not measure."

@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
@@ -49,10 +47,3 @@ def test_nested_options_are_merged() -> None:
         "lens": "radtan",
     }
     assert given["imaging"]["prnu"] == 0.1
-
-
-def test_the_documentation_lists_every_effect_with_its_sizes() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text(encoding="utf-8")
-    for effect in catalogue():
-        sizes = " | ".join(effect.shown[size] for size in Size)
-        assert f"| {effect.name} | {effect.kind} | {sizes} |" in text

@@ -71,10 +71,10 @@ from pathlib import Path
 
 with Path(os.environ["CALLED_WITH"]).open("a") as file:
     print(*sys.argv[1:], file=file)
-if sys.argv[-1] == "--version":
+if sys.argv[-1] == "--help":
     os.execv({sys.executable!r}, sys.argv)
 """
-"""As python: it notes its calls, and lets pip say its version alone."""
+"""As python: it notes its calls, and lets pip say its help alone."""
 GIT = ["git", "-c", "user.name=someone", "-c", "user.email=someone@example.org"]
 
 
@@ -236,7 +236,7 @@ def test_pip_is_not_that_of_the_checkout_and_what_it_needs_is_locked(repository,
     (checkout / "pip").mkdir(parents=True)
     (checkout / "pip" / "__main__.py").write_text("raise SystemExit('pip of the checkout')")
     (tmp_path / "bin").symlink_to(repository.parent / "bin")
-    assert act(checkout, "Install", tmp_path / "out", package="--version").returncode == 0
+    assert act(checkout, "Install", tmp_path / "out", package="--help").returncode == 0
     (tmp_path / "called-with").unlink()
     assert act(checkout, "Install", tmp_path / "out", {"ACTION": str(ROOT)}).returncode == 0
     first, second = (tmp_path / "called-with").read_text().splitlines()

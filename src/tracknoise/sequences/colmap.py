@@ -75,6 +75,7 @@ _LENSES = {
     "OPENCV_FISHEYE": ("equidistant", 4),
     "SIMPLE_RADIAL_FISHEYE": ("equidistant", 4),
     "RADIAL_FISHEYE": ("equidistant", 4),
+    "FOV": ("fov", 1),
 }
 """The lens model of tracknoise, and how many coefficients it has; those that COLMAP's model does not have are 0."""
 

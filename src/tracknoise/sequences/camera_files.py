@@ -324,16 +324,20 @@ def _coefficients(entries: Entries, model: str) -> tuple[float, ...]:
     return (*(entries.number(key) for key in own), *_distortion(entries, model))
 
 
-_COUNTS = {"radtan": DISTORTION_COUNTS, "equidistant": (4,), "omni": (0, 4)}
-"""How many numbers the key ``distortion`` has, for models that have it."""
+_DISTORTIONS = {
+    "radtan": (DISTORTION_COUNTS, COEFFICIENTS["radtan"]),
+    "equidistant": ((4,), COEFFICIENTS["equidistant"]),
+    "omni": ((0, 4), "0 or 4 numbers (k1, k2, p1, p2)"),
+}
+"""How many numbers the key ``distortion`` has, and what they are, for models that have it."""
 
 
 def _distortion(entries: Entries, model: str) -> tuple[float, ...]:
-    listed, counts = entries.values.get("distortion", []), _COUNTS.get(model, (0,))
+    listed = entries.values.get("distortion", [])
+    counts, expected = _DISTORTIONS.get(model, ((0,), "no numbers"))
     if not isinstance(listed, list) or len(listed) not in counts:
         shown = entries if "distortion" in entries.values else Entries(entries.place, {"distortion": []})
-        expected = "no numbers" if counts == (0,) else f"a list of {' or '.join(map(str, counts))} numbers"
-        raise shown.error("distortion", f"{expected} for the model {model}")
+        raise shown.error("distortion", f"a list of {expected}")
     return entries.numbers("distortion") if listed else ()
 
 

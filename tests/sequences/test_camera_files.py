@@ -241,9 +241,13 @@ def test_four_coefficients_of_opencv_are_those_of_the_lens_that_is_stated(
 @pytest.mark.parametrize(
     ("words", "options", "message"),
     [
-        ({}, {}, "D of 4 numbers, .* pinhole .* fisheye, expected --option lens=radtan, or lens in .* equidistant"),
-        ({"distortion_model": ""}, {}, "D of 4 numbers, .* expected --option lens=radtan"),
-        ({"model": "D435"}, {}, "D of 4 numbers, .* expected --option lens=radtan"),
+        (
+            {},
+            {},
+            "D of 4 numbers, .* pinhole .* fisheye, expected its lens, radtan or equidistant: --option lens=radtan",
+        ),
+        ({"distortion_model": ""}, {}, "D of 4 numbers, .* --option lens=radtan"),
+        ({"model": "D435"}, {}, "D of 4 numbers, .* --option lens=radtan"),
         ({"distortion_model": "plumb_bob"}, {"lens": Lens.equidistant}, "lens = equidistant for .* states radtan"),
     ],
 )

@@ -650,7 +650,7 @@ def test_the_lens_of_a_file_of_opencv_with_four_coefficients_is_an_option(scene:
     storage.release()
     reader = Folder(scene, camera_file=path, lens=Lens.radtan)
     assert reader.open(reader.sequences()[0]).camera == replace(CAMERA, distortion=four)
-    with pytest.raises(DataError, match=r"4 numbers, .* expected --option lens=radtan"):
+    with pytest.raises(DataError, match=r"4 numbers, .* --option lens=radtan"):
         Folder(scene, camera_file=path).open(reader.sequences()[0])
 
 

@@ -433,7 +433,7 @@ def _matrix_model(entries: Entries, distortion: str | None, lens: Lens | None) -
     coefficients = () if distortion is None else entries.numbers(distortion)
     if len(coefficients) == _AMBIGUOUS and any(coefficients) and entries.name(_XI) is None:
         found = f"{distortion} of 4 numbers, which can be k1, k2, p1, p2 of a pinhole or k1 to k4 of a fisheye"
-        expected = f"{with_option('lens', Lens.radtan)} (or {Lens.equidistant}), or distortion_model in the file"
+        expected = f"its lens, {' or '.join(Lens)}: {with_option('lens', Lens.radtan)}"
         raise DataError(entries.place, found, expected)
     return "radtan"
 

@@ -158,7 +158,7 @@ def test_odd_names_are_harmless_in_page_and_markdown():
             assert len(re.findall(r"(?<!\\)\|", line)) in (6, 7)
 
 
-def test_names_notify_nobody_and_lead_nowhere():
+def test_names_notify_and_link_nothing():
     """GitHub makes links of these; only ``~`` and ``$`` can be escaped by a backslash."""
     name = "@org/team someone@host.org #12 org/tool#3 GH-4 https://host.org www.host.org mailto:x ~~a~~ $b$"
     text = comparison_markdown(comparison(gate=GATE, name=name))

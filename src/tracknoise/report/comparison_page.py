@@ -329,7 +329,7 @@ def _table(cells: Cells) -> Iterator[str]:
 
 
 def _escaped(text: str) -> str:
-    """Text that Markdown shows as it is, in one line; nobody is notified by it, and it leads nowhere."""
+    """Text that Markdown shows as it is, in one line; it notifies and links nothing."""
     return _SIGNS.sub(r"\\\1", _in_html(text))
 
 

@@ -3,6 +3,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DOCS_STAMP := $(VENV)/.docs-installed
+PIP_INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check
+# Hashes of all files of a version, for every platform and Python from 3.11 on; a tool for the documentation needs 3.11.5.
+UV ?= uv
+LOCK = $(UV) pip compile --quiet --no-config --universal --generate-hashes --no-annotate \
+  --constraint constraints.txt --custom-compile-command 'make lock'
 
 # Tests start some hundred processes: each would compile the package again if compiled files were not kept.
 unexport PYTHONDONTWRITEBYTECODE
@@ -19,7 +24,7 @@ FAST := tests/geometry tests/inference $(STATISTICS:%=tests/statistics/test_%.py
   tests/test_structure.py tests/test_atomic.py tests/test_printable.py tests/test_toml_text.py \
   tests/documents/test_commands.py
 
-.PHONY: demo check fast test coverage wheel bench docs lint clean install
+.PHONY: demo check fast test coverage wheel bench docs lint clean install lock
 
 demo: $(STAMP)
 	$(BIN)/tracknoise demo
@@ -55,15 +60,22 @@ docs: $(DOCS_STAMP)
 
 install: $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt
+lock:
+	echo 'hatchling>=1.25' | $(LOCK) --python-version 3.11 --output-file locks/build.txt -
+	$(LOCK) --python-version 3.11 --output-file locks/package.txt pyproject.toml
+	$(LOCK) --python-version 3.11 --extra dev --output-file locks/dev.txt pyproject.toml
+	$(LOCK) --python-version 3.11.5 --extra docs --output-file locks/docs.txt pyproject.toml
+
+$(STAMP): pyproject.toml locks/dev.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "tracknoise needs Python 3.11 or newer; set PYTHON=...")'
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(PIP_INSTALL) --no-deps --require-hashes --requirement locks/dev.txt
+	$(PIP_INSTALL) --no-deps --no-build-isolation --editable .
 	touch $@
 
-$(DOCS_STAMP): $(STAMP)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
+$(DOCS_STAMP): $(STAMP) locks/docs.txt
+	$(PIP_INSTALL) --no-deps --require-hashes --requirement locks/docs.txt
 	touch $@
 
 clean:

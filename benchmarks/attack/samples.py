@@ -365,6 +365,36 @@ distortion_coefficients: !!opencv-matrix
 <data>20. 0. 11.5 0. 20. 7.5 0. 0. 1.</data></camera_matrix>
 </opencv_storage>
 """,
+    "vins.yaml": """%YAML:1.0
+model_type: MEI
+image_width: 24
+image_height: 16
+mirror_parameters: {xi: 0.9}
+distortion_parameters: {k1: 0.01, k2: 0.0, p1: 0.0, p2: 0.0}
+projection_parameters: {gamma1: 40.0, gamma2: 40.0, u0: 11.5, v0: 7.5}
+""",
+    "orb.yaml": """%YAML:1.0
+Camera.type: "KannalaBrandt8"
+Camera1.fx: 20.0
+Camera1.fy: 20.0
+Camera1.cx: 11.5
+Camera1.cy: 7.5
+Camera1.k1: 0.01
+Camera1.k2: 0.0
+Camera1.k3: 0.0
+Camera1.k4: 0.0
+Camera.width: 24
+Camera.height: 16
+""",
+    "basalt.json": """{"value0": {"T_imu_cam": [{"px": 0, "py": 0, "pz": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}],
+"intrinsics": [{"camera_type": "eucm", "intrinsics": {"fx": 20, "fy": 20, "cx": 11.5, "cy": 7.5,
+"alpha": 0.6, "beta": 1.1}}], "resolution": [[24, 16]], "cam_time_offset_ns": 0}}
+""",
+    "okvis.yaml": """cameras:
+- {T_SC: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], image_dimension: [24, 16],
+   distortion_coefficients: [0.01, 0, 0, 0], distortion_type: equidistant, focal_length: [20, 20],
+   principal_point: [11.5, 7.5]}
+""",
 }
 
 

@@ -1,5 +1,6 @@
 """The action of this repository, action.yml: its inputs and outputs, and its shell steps, run as GitHub runs them."""
 
+import json
 import os
 import re
 import shutil
@@ -50,7 +51,30 @@ main()
 """
 """The program on one core. Runs have no findings, of which a comparison reads none."""
 PROGRAM = f'#!/bin/sh\nPYTHONPATH="{ROOT}:$PYTHONPATH" exec "{sys.executable}" "$(dirname "$0")/quick.py" "$@"\n'
-GH = '#!/bin/sh\necho "$@" > "$CALLED_WITH"\n'
+GH = f"""#!{sys.executable}
+import json, os, re, sys
+from pathlib import Path
+
+given = " ".join(sys.argv[1:])
+Path(os.environ["CALLED_WITH"]).write_text(given)
+if sys.argv[1:3] == ["api", "graphql"]:
+    print(os.environ.get("VIEWER", "github-actions[bot]"))
+elif found := re.search(r'select\\(.user.login == "(.*)" and \\(.body \\| startswith\\("(.*)"\\)\\)\\) \\| .id', given):
+    comments = json.loads(os.environ.get("LISTED", "[]"))
+    of_us = [one["id"] for one in comments if one["user"]["login"] == found[1] and one["body"].startswith(found[2])]
+    print("\\n".join(map(str, of_us)))
+"""
+"""Notes its last call, and lists comments."""
+PIP = f"""#!{sys.executable}
+import os, sys
+from pathlib import Path
+
+with Path(os.environ["CALLED_WITH"]).open("a") as file:
+    print(*sys.argv[1:], file=file)
+if sys.argv[-1] == "--help":
+    os.execv({sys.executable!r}, sys.argv)
+"""
+"""As python: it notes its calls, and lets pip say its help alone."""
 GIT = ["git", "-c", "user.name=someone", "-c", "user.email=someone@example.org"]
 
 
@@ -98,8 +122,11 @@ def values(step, given, folder):
     return found
 
 
-def act(repository, name, folder, **given):
-    """What became of a step, as the runner calls it; what it added to outputs and summary lies in the folder."""
+def act(repository, name, folder, known=None, **given):
+    """What became of a step, as the runner calls it; what it added to outputs and summary lies in the folder.
+
+    `known`: what the runner knows beside the inputs.
+    """
     step = STEPS[name]
     environment = {
         **os.environ,
@@ -109,6 +136,7 @@ def act(repository, name, folder, **given):
         "GITHUB_OUTPUT": str(folder.parent / f"{folder.name}-output"),
         "CALLED_WITH": str(folder.parent / "called-with"),
         "GITHUB_REPOSITORY": "someone/front-end",
+        **(known or {}),
     }
     command = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]]
     return subprocess.run(command, cwd=repository, env=environment, capture_output=True, text=True)
@@ -133,7 +161,7 @@ def repository(tmp_path_factory):
     for number in range(SCENES):
         write_scene(root / "data" / f"seq-{number + 1:02d}", FRAMES, number)
     (root / "bin").mkdir()
-    for name, text in (("tracknoise", PROGRAM), ("quick.py", QUICK), ("gh", GH)):
+    for name, text in (("tracknoise", PROGRAM), ("quick.py", QUICK), ("gh", GH), ("python", PIP)):
         (root / "bin" / name).write_text(text)
         (root / "bin" / name).chmod(0o755)
     folder = root / "repository"
@@ -189,6 +217,63 @@ def test_the_comment_is_the_comparison(repository, measured):
     assert comment == (measured / "comparison.md").read_text()
 
 
+def test_only_a_comment_of_its_own_is_changed(repository, measured):
+    mark = "<!-- tracknoise -->"
+    strangers = [{"id": 1, "body": mark, "user": {"login": "someone"}}]
+    ours = [{"id": number, "body": mark + "x", "user": {"login": "app[bot]"}} for number in (7, 8)]
+    for viewer, comments, expected in (
+        ("app[bot]", strangers + ours, "comments/7"),
+        ("app[bot]", strangers, "pr comment"),
+        ("no such field", [*strangers, {**ours[0], "user": {"login": "github-actions[bot]"}}], "comments/7"),
+    ):
+        known = {"VIEWER": viewer, "LISTED": json.dumps(comments)}
+        assert act(repository, "Comment", measured, known).returncode == 0
+        assert expected in (measured.parent / "called-with").read_text()
+
+
+def test_pip_is_not_that_of_the_checkout_and_what_it_needs_is_locked(repository, tmp_path):
+    checkout = tmp_path / "checkout"
+    (checkout / "pip").mkdir(parents=True)
+    (checkout / "pip" / "__main__.py").write_text("raise SystemExit('pip of the checkout')")
+    (tmp_path / "bin").symlink_to(repository.parent / "bin")
+    assert act(checkout, "Install", tmp_path / "out", package="--help").returncode == 0
+    (tmp_path / "called-with").unlink()
+    assert act(checkout, "Install", tmp_path / "out", {"ACTION": str(ROOT)}).returncode == 0
+    first, second = (tmp_path / "called-with").read_text().splitlines()
+    assert first.startswith("-P -m pip install --no-deps --require-hashes")
+    assert [Path(word).is_file() for word in first.split() if word.startswith("/")] == [True, True]
+    assert second == f"-P -m pip install --no-deps --no-build-isolation {ROOT}"
+
+
+def test_what_an_earlier_call_measured_is_removed(repository, measured):
+    folder = measured.parent / "again"
+    (folder / "after" / "recorded").mkdir(parents=True)
+    done = act(repository, "Measure this commit", folder, simulated="missing.toml")
+    assert done.returncode != 0
+    assert not (folder / "after").exists()
+
+
+def test_a_pull_request_cannot_loosen_its_own_gate(repository, measured):
+    folder = measured.parent / "loose"
+    shutil.copytree(measured, folder, ignore=shutil.ignore_patterns("base"))
+    gate = repository / "gate.toml"
+    try:
+        gate.write_text(GATE.replace("0.25", "9.0"))
+        assert compared(repository, folder, gate="gate.toml")[0] == "pass"  # without a base: as it is
+        for name in ("gate.toml", str(gate), "tracknoise/../gate.toml"):
+            assert compared(repository, folder, gate=name, base="HEAD~1")[0] == "worse"
+        gate.unlink()
+        assert compared(repository, folder, gate="gate.toml", base="HEAD")[0] == "worse"
+        done = act(repository, "Compare", folder, gate="gate.toml", base="0" * 40)
+        assert done.returncode == 1
+        assert "found no commit" in done.stdout
+    finally:
+        gate.write_text(GATE)
+    (repository / "new.toml").write_text(GATE)
+    done = act(repository, "Compare", folder, gate="new.toml", base="HEAD")
+    assert "::warning::the base has no new.toml" in done.stdout
+
+
 def compared(repository, folder, **given):
     """Outcome and summary of a comparison of runs that are there."""
     for name in ("output", "summary.md"):
@@ -223,7 +308,7 @@ def test_an_undecided_gate_is_a_warning_or_a_failure(repository, measured):
     status, text = gated("undecided")
     assert status == 0
     assert "::warning::" in text
-    assert gated("undecided", "failure")[0] == 4
+    assert gated("undecided", "failure")[0] == gated("undecided", "fail")[0] == 4
 
 
 def test_a_base_without_the_experiment_is_not_compared(repository, measured):
@@ -231,8 +316,13 @@ def test_a_base_without_the_experiment_is_not_compared(repository, measured):
     shutil.copytree(measured / "after", folder / "after")
     outcome, summary = compared(repository, folder, gate="gate.toml")
     assert outcome == "none"
-    assert "nothing was compared" in summary
-    assert gated("none")[0] == 0
+    assert "No simulated scenes were compared" in summary
+    shutil.copytree(measured / "before" / "recorded", folder / "before" / "recorded")
+    assert compared(repository, folder)[0] == "none"
+    status, text = gated("none")
+    assert status == 0
+    assert "::warning::" in text
+    assert gated("none", "failure")[0] == 4
 
 
 def test_runs_that_cannot_be_compared_end_the_step(repository, measured):

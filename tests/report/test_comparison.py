@@ -158,6 +158,14 @@ def test_odd_names_are_harmless_in_page_and_markdown():
             assert len(re.findall(r"(?<!\\)\|", line)) in (6, 7)
 
 
+def test_names_notify_and_link_nothing():
+    """GitHub makes links of these; only ``~`` and ``$`` can be escaped by a backslash."""
+    name = "@org/team someone@host.org #12 org/tool#3 GH-4 https://host.org www.host.org mailto:x ~~a~~ $b$"
+    text = comparison_markdown(comparison(gate=GATE, name=name))
+    assert text.count("org/team") == 3
+    assert re.findall(r"[@#][\w/]|://|www\.|mailto:x|GH-4|(?<!\\)[~$]\w", text.replace("&#8203;", "\u200b")) == []
+
+
 def test_markdown_has_the_outcome_first_and_a_folded_table():
     lines = comparison_markdown(comparison(gate=GATE)).splitlines()
     assert lines[2] == "**The gate fails: something is worse than its tolerance.**"

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,9 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tracknoise.exceptions import DataError, TracknoiseError, UnknownNameError
-from tracknoise.geometry.cameras import Camera, DoubleSphereCamera, EquidistantCamera
+from tracknoise.geometry.cameras import (
+    Camera,
+    DoubleSphereCamera,
+    EquidistantCamera,
+    EucmCamera,
+    FovCamera,
+    OmniCamera,
+)
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.camera_files import CameraFile, read_camera_file, read_yaml
+from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file, read_yaml
 
 K = np.array([[458.7, 0.0, 367.2], [0.0, 457.3, 248.4], [0.0, 0.0, 1.0]])
 D = (-0.2834, 0.0740, 0.00019, 1.76e-05)
@@ -132,6 +140,27 @@ def test_kalibr(tmp_path):
         read(tmp_path, KALIBR, camera="cam2")
 
 
+KALIBR_MODELS = {
+    "omni-radtan": ("omni", "radtan", [0.9, 700.0, 701.0, 370.0, 241.0], [*D], OmniCamera, (0.9, D)),
+    "omni-none": ("omni", "none", [0.9, 700.0, 701.0, 370.0, 241.0], [], OmniCamera, (0.9,)),
+    "eucm-none": ("eucm", "none", [0.6, 1.1, 700.0, 701.0, 370.0, 241.0], [], EucmCamera, (0.6, 1.1)),
+    "pinhole-fov": ("pinhole", "fov", [700.0, 701.0, 370.0, 241.0], [0.93], FovCamera, (0.93,)),
+    "joined": ("omni-radtan", None, [0.9, 700.0, 701.0, 370.0, 241.0], [*D], OmniCamera, (0.9, D)),
+}
+
+
+@pytest.mark.parametrize(
+    ("model", "lens", "intrinsics", "coefficients", "kind", "own"), KALIBR_MODELS.values(), ids=KALIBR_MODELS
+)
+def test_omnidirectional_unified_and_field_of_view_cameras_of_kalibr(
+    tmp_path, model, lens, intrinsics, coefficients, kind, own
+):
+    camera = {"camera_model": model, "intrinsics": intrinsics, "distortion_coeffs": coefficients}
+    camera |= {"resolution": [752, 480]} | ({} if lens is None else {"distortion_model": lens})
+    expected = kind(752, 480, 700.0, 701.0, 370.0, 241.0, *own)
+    assert read(tmp_path, yaml.safe_dump({"cam0": camera})).camera == expected
+
+
 def test_kalibr_without_an_imu_has_no_body(tmp_path):
     text = yaml.dump({"cam0": {key: value for key, value in yaml.safe_load(KALIBR)["cam0"].items() if key[0] != "T"}})
     assert read(tmp_path, text).body_from_camera is None
@@ -179,8 +208,58 @@ binning_x: 0
 def test_opencv_file_storage(tmp_path, name, matrix):
     coefficients = "distCoeffs" if matrix == "cameraMatrix" else "distortion_coefficients"
     entries = {"image_width": 752, "image_height": 480, "note": "made by a calibration", matrix: K}
-    path = by_opencv(tmp_path / name, **entries, **{coefficients: np.array([D])})
-    assert read_camera_file(path).camera == RADTAN
+    path = by_opencv(tmp_path / name, **entries, **{coefficients: np.array([[*D, 0.01]])})
+    assert read_camera_file(path).camera == replace(RADTAN, distortion=(*D, 0.01))
+
+
+STATES = {
+    "by-the-option": ({}, {"lens": Lens.radtan}, RADTAN),
+    "fisheye-by-the-option": (
+        {},
+        {"lens": Lens.equidistant},
+        EquidistantCamera(752, 480, 458.7, 457.3, 367.2, 248.4, D),
+    ),
+    "plumb-bob": ({"distortion_model": "plumb_bob"}, {}, RADTAN),
+    "pinhole": ({"camera_model": "pinhole"}, {}, RADTAN),
+    "fisheye": ({"model": "fisheye"}, {}, EquidistantCamera(752, 480, 458.7, 457.3, 367.2, 248.4, D)),
+    "device": ({"model": "D435", "fisheye_model": 0}, {}, RADTAN),
+    "omnidir": ({"xi": 0.9}, {}, OmniCamera(752, 480, 458.7, 457.3, 367.2, 248.4, 0.9, D)),
+    "omnidir-matrix": ({"xi": np.array([[0.9]])}, {}, OmniCamera(752, 480, 458.7, 457.3, 367.2, 248.4, 0.9, D)),
+}
+
+
+@pytest.mark.parametrize("name", ["camera.yml", "camera.xml"])
+@pytest.mark.parametrize(("words", "options", "expected"), STATES.values(), ids=STATES)
+@pytest.mark.parametrize("shape", [(1, 4), (4, 1)])
+def test_four_coefficients_of_opencv_are_those_of_the_lens_that_is_stated(
+    tmp_path, name, words, options, expected, shape
+):
+    entries = {"image_width": 752, "image_height": 480, "camera_matrix": K, "D": np.array(D).reshape(shape)}
+    assert read_camera_file(by_opencv(tmp_path / name, **entries, **words), **options).camera == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "options", "message"),
+    [
+        (
+            {},
+            {},
+            "D of 4 numbers, .* pinhole .* fisheye, expected its lens, radtan or equidistant: --option lens=radtan",
+        ),
+        ({"distortion_model": ""}, {}, "D of 4 numbers, .* --option lens=radtan"),
+        ({"model": "D435"}, {}, "D of 4 numbers, .* --option lens=radtan"),
+        ({"distortion_model": "plumb_bob"}, {"lens": Lens.equidistant}, "lens = equidistant for .* states radtan"),
+    ],
+)
+def test_four_coefficients_of_no_or_two_lenses_are_refused(tmp_path, words, options, message):
+    text = yaml.safe_dump({"image_size": [752, 480], "camera_matrix": K.tolist(), "D": [*D], **words})
+    with pytest.raises(DataError, match=message):
+        read(tmp_path, text, **options)
+
+
+def test_a_lens_is_asked_for_only_where_the_file_does_not_say(tmp_path):
+    with pytest.raises(DataError, match="lens = radtan for a file that states the model"):
+        read(tmp_path, EUROC, lens=Lens.radtan)
 
 
 @pytest.mark.parametrize("name", ["camera.yml", "camera.xml"])
@@ -194,10 +273,10 @@ def test_opencv_fisheye_and_a_size_from_elsewhere(tmp_path, name):
 @pytest.mark.parametrize("name", ["pair.yml", "pair.xml"])
 def test_an_opencv_pair(tmp_path, name):
     other = K + np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 3.0], [0.0, 0.0, 0.0]])
-    path = by_opencv(tmp_path / name, M1=K, D1=np.array([D]), M2=other, D2=np.zeros((1, 14)))
-    size = (752, 480)
-    assert read_camera_file(path, size=size).camera == RADTAN
-    assert read_camera_file(path, camera="1", size=size).camera == RADTAN
+    path = by_opencv(tmp_path / name, M1=K, D1=np.array([[*D, 0.01]]), M2=other, D2=np.zeros((1, 14)))
+    size, first = (752, 480), replace(RADTAN, distortion=(*D, 0.01))
+    assert read_camera_file(path, size=size).camera == first
+    assert read_camera_file(path, camera="1", size=size).camera == first
     second = Camera(752, 480, 459.7, 458.3, 369.2, 251.4)
     assert read_camera_file(path, camera="2", size=size).camera == second
     with pytest.raises(DataError, match="no camera 3"):
@@ -215,6 +294,16 @@ def test_an_opencv_pair(tmp_path, name):
             {"model": "double_sphere", "xi": -0.17, "alpha": 0.59},
             DoubleSphereCamera(752, 480, 458.7, 457.3, 367.2, 248.4, -0.17, 0.59),
         ),
+        (
+            {"model": "omni", "xi": 0.2, "distortion": [*D]},
+            OmniCamera(752, 480, 458.7, 457.3, 367.2, 248.4, 0.2, D),
+        ),
+        ({"model": "omni-none", "xi": 0.2}, OmniCamera(752, 480, 458.7, 457.3, 367.2, 248.4, 0.2)),
+        (
+            {"model": "eucm", "alpha": 0.6, "beta": 1.1},
+            EucmCamera(752, 480, 458.7, 457.3, 367.2, 248.4, 0.6, 1.1),
+        ),
+        ({"model": "pinhole-fov", "omega": 0.9}, FovCamera(752, 480, 458.7, 457.3, 367.2, 248.4, 0.9)),
     ],
 )
 @pytest.mark.parametrize("name", ["camera.json", "camera.yaml"])
@@ -253,8 +342,10 @@ def test_a_lens_wider_than_180_degrees_is_noted(tmp_path):
         ("intrinsics: [458.7,", "intrinsics: [0,", "an impossible camera .*must be positive"),
         ("intrinsics: [458.7,", "intrinsics: [.nan,", "intrinsics = NaN, expected a finite number"),
         ("[-0.2834, 0.0740", "[-5, 0.0", "only .* of the image a ray, expected those of this image size"),
-        ("camera_model: pinhole", "camera_model: omni", 'camera_model = "omni", expected pinhole or ds'),
-        ("radial-tangential", "fov", 'distortion_model = "fov", expected one of none, radtan'),
+        ("camera_model: pinhole", "camera_model: omni", "intrinsics = .*expected 5 numbers"),
+        ("camera_model: pinhole", "camera_model: cata", 'camera_model = "cata", expected pinhole, omni, eucm or ds'),
+        ("radial-tangential", "thin", 'distortion_model = "thin", expected one of none, radtan'),
+        ("radial-tangential", "fov", "expected 1 number .omega. for the model fov"),
         ("distortion_model: radial-tangential\n", "", "no distortion_model"),
         ("resolution: [752, 480]\n", "", "no resolution, expected it"),
         ("resolution: [752, 480]", "resolution: [752.5, 480]", "resolution = 752.5, expected a whole number above 0"),

@@ -111,13 +111,19 @@ def test_each_image_may_have_its_own_camera(tmp_path, simulated, write):
 
 def projected(model, p, x, y):
     """COLMAP's own formulas: pixels with (0, 0) at the corner, from normalised coordinates."""
-    single = model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+    single = "SIMPLE" in model or model in ("RADIAL", "RADIAL_FISHEYE")
     fx, fy, cx, cy, *k = [p[0], *p] if single else p
     r2 = x * x + y * y
     if model.endswith("FISHEYE"):
         theta = np.arctan(np.sqrt(r2))
-        k = [*k, 0.0, 0.0, 0.0][:4]
+        k = [*k, 0.0, 0.0, 0.0, 0.0][:4]
         scale = theta * (1 + sum(k[i] * theta ** (2 * i + 2) for i in range(4))) / np.sqrt(r2)
+        x, y = x * scale, y * scale
+    elif model == "EUCM":
+        scale = 1 / (k[0] * np.sqrt(k[1] * r2 + 1) + 1 - k[0])
+        x, y = x * scale, y * scale
+    elif model == "FOV":
+        scale = np.arctan(2.0 * np.sqrt(r2) * np.tan(k[0] / 2.0)) / k[0] / np.sqrt(r2)
         x, y = x * scale, y * scale
     elif "RADIAL" in model:
         scale = 1 + sum(value * r2 ** (i + 1) for i, value in enumerate(k))
@@ -144,6 +150,10 @@ def projected(model, p, x, y):
         ("OPENCV_FISHEYE", [50.0, 52.0, 31.0, 25.0, 0.02, 0.003, 0.002, -0.001]),
         ("SIMPLE_RADIAL_FISHEYE", [50.0, 31.0, 25.0, 0.02]),
         ("RADIAL_FISHEYE", [50.0, 31.0, 25.0, 0.02, -0.003]),
+        ("SIMPLE_FISHEYE", [50.0, 31.0, 25.0]),
+        ("FISHEYE", [50.0, 52.0, 31.0, 25.0]),
+        ("FOV", [50.0, 52.0, 31.0, 25.0, 0.9]),
+        ("EUCM", [50.0, 52.0, 31.0, 25.0, 0.6, 1.1]),
     ],
 )
 def test_camera_models(tmp_path, simulated, write, model, parameters):
@@ -159,7 +169,7 @@ def test_camera_models(tmp_path, simulated, write, model, parameters):
 @pytest.mark.parametrize(
     ("model", "parameters", "message"),
     [
-        ("FOV", [50.0, 50.0, 31.0, 25.0, 0.9], "camera model FOV, expected one of SIMPLE_PINHOLE"),
+        ("FOV", [50.0, 50.0, 31.0, 25.0, 3.5], "omega must be 0 to below pi, not 3.5"),
         (
             "THIN_PRISM_FISHEYE",
             [50.0, 50.0, 31.0, 25.0, *[0.0] * 8],

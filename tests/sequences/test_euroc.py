@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
@@ -342,6 +343,28 @@ def test_a_file_of_one_camera_is_not_that_of_the_second(scene, tmp_path):
     read = open_sequence("euroc", scene, camera_file=tmp_path / "mine.yaml")
     assert (read.camera.fx, read.second.camera.fx) == (50.0, 70.0)
     np.testing.assert_allclose(read.second.first_from_second[:3, 3], (0.11, 0.0, 0.0), atol=1e-9)
+
+
+def test_a_file_of_okvis_states_both_cameras_and_their_places(scene, tmp_path):
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS.tolist(), images(4))
+    lens = {"distortion_type": "radialtangential", "distortion_coefficients": [0.0] * 4, "image_dimension": [64, 48]}
+    both = [
+        {"T_SC": pose.ravel().tolist(), "focal_length": [f, f], "principal_point": [31.0, 24.0], **lens}
+        for pose, f in ((BODY_FROM_CAMERA, 50.0), (body_from_other, 70.0))
+    ]
+    (tmp_path / "okvis.yaml").write_text("%YAML:1.0\n" + yaml.safe_dump({"cameras": both}))
+    read = open_sequence("euroc", scene, camera_file=tmp_path / "okvis.yaml")
+    assert (read.camera.fx, read.second.camera.fx) == (50.0, 70.0)
+    np.testing.assert_allclose(read.second.first_from_second[:3, 3], (0.11, 0.0, 0.0), atol=1e-9)
+    other = open_sequence("euroc", scene, camera_file=tmp_path / "okvis.yaml", camera="cam1")
+    assert other.camera.fx == 70.0
+    np.testing.assert_allclose(
+        other.world_from_camera[0][:3, 3] - read.world_from_camera[0][:3, 3],
+        read.world_from_camera[0][:3, 0] * 0.11,
+        atol=1e-9,
+    )
 
 
 def test_a_second_camera_that_cannot_be_used_is_no_error(scene):

@@ -3,6 +3,7 @@ import os
 import pickle
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,7 @@ from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.cameras import Camera, CameraModel, DoubleSphereCamera, EquidistantCamera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.sequences.camera_files import Lens
 from tracknoise.sequences.folder import Folder, write_folder
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.reader_registry import make_reader
@@ -335,8 +337,8 @@ def test_bad_poses_are_named(scene: Path, rows: list[str], place: str, message: 
 
 
 NEEDED = (
-    "width, height, fx, fy, cx, cy and, if need be, model, distortion, xi, alpha, depth_unit_m, depth_scale, "
-    "readout_s, source"
+    "width, height, fx, fy, cx, cy and, if need be, model, distortion, xi, alpha, beta, omega, "
+    "depth_unit_m, depth_scale, readout_s, source"
 )
 
 NO_INVERSE = (
@@ -553,6 +555,10 @@ def test_an_interrupted_write_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+OWN = (
+    "xi and alpha for double_sphere, xi for omni, alpha and beta for eucm, omega for fov, and none of them for other "
+    "models"
+)
 EQUIDISTANT = EquidistantCamera(WIDTH, HEIGHT, 8.5, 8.25, 9.3, 7.9, (0.01, -0.02, 0.001, 0.002))
 SPHERES = DoubleSphereCamera(WIDTH, HEIGHT, 8.5, 8.25, 9.3, 7.9, -0.2, 0.6)
 
@@ -568,13 +574,19 @@ def test_other_lenses_come_back_too(tmp_path: Path, camera: CameraModel) -> None
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"model": "omni"}, 'model = "omni", expected one of pinhole, radtan, equidistant, double_sphere'),
-        ({"model": 5}, "model = 5, expected a text"),
-        ({"xi": 0.1}, "xi for the model radtan, expected xi and alpha for the model double_sphere, and for no other"),
         (
-            {"model": "double_sphere", "distortion": []},
-            "no xi, expected xi and alpha for the model double_sphere, and for no other",
+            {"model": "mirror"},
+            'model = "mirror", expected one of pinhole, radtan, equidistant, double_sphere, omni, eucm, fov',
         ),
+        ({"model": 5}, "model = 5, expected a text"),
+        ({"xi": 0.1}, f"xi for the model radtan, expected {OWN}"),
+        ({"model": "double_sphere", "distortion": []}, f"no xi, expected {OWN}"),
+        ({"model": "omni", "xi": 0.5, "alpha": 0.5}, f"alpha for the model omni, expected {OWN}"),
+        (
+            {"model": "omni", "xi": 0.5, "distortion": [0.1]},
+            "distortion = [0.1], expected a list of 0 or 4 numbers (k1, k2, p1, p2)",
+        ),
+        ({"model": "fov", "omega": 0.9, "distortion": [0.1]}, "distortion = [0.1], expected a list of no numbers"),
         (
             {"model": "equidistant", "distortion": [0.1]},
             "distortion = [0.1], expected a list of 4 numbers (k1, k2, k3, k4)",
@@ -628,6 +640,18 @@ def test_the_images_say_their_size_where_the_camera_file_does_not(scene: Path) -
     storage.release()
     reader = Folder(scene, camera_file=path)
     assert reader.open(reader.sequences()[0]).camera == CAMERA
+
+
+def test_the_lens_of_a_file_of_opencv_with_four_coefficients_is_an_option(scene: Path) -> None:
+    path, four = scene.parent / "camera.yml", CAMERA.distortion[:4]
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("camera_matrix", CAMERA.matrix)
+    storage.write("D", np.array(four)[:, None])
+    storage.release()
+    reader = Folder(scene, camera_file=path, lens=Lens.radtan)
+    assert reader.open(reader.sequences()[0]).camera == replace(CAMERA, distortion=four)
+    with pytest.raises(DataError, match=r"4 numbers, .* --option lens=radtan"):
+        Folder(scene, camera_file=path).open(reader.sequences()[0])
 
 
 def test_a_camera_file_of_another_size_is_named(scene: Path) -> None:

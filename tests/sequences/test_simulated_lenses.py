@@ -19,6 +19,9 @@ OPTIONS = {
     "radtan": {"distortion": (-0.28, 0.07, 0.0002, 0.00002), "hfov_deg": 80.0},
     "equidistant": {"distortion": (-0.02, 0.01, -0.01, 0.001), "hfov_deg": 120.0},
     "double_sphere": {"distortion": (-0.18, 0.59), "hfov_deg": 120.0},
+    "omni": {"distortion": (0.95, -0.2, 0.04, 0.0002, -0.0003), "hfov_deg": 110.0},
+    "eucm": {"distortion": (0.6, 1.1), "hfov_deg": 120.0},
+    "fov": {"distortion": (0.93,), "hfov_deg": 110.0},
 }
 LENSES = pytest.mark.parametrize("lens", OPTIONS)
 
@@ -127,6 +130,7 @@ def test_an_impossible_lens_is_refused(options, message):
 
 def test_an_unknown_lens_is_refused():
     with pytest.raises(
-        UnknownNameError, match=r"unknown lens 'fish'.*known: double_sphere, equidistant, pinhole, radtan"
+        UnknownNameError,
+        match=r"unknown lens 'fish'.*known: double_sphere, equidistant, eucm, fov, omni, pinhole, radtan",
     ):
         make_reader("simulated", None, {"lens": "fish"})

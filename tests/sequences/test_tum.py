@@ -257,6 +257,16 @@ def test_a_camera_file_is_used_before_what_is_published(tmp_path):
         open_sequence("tum", tmp_path, camera_file=tmp_path / "missing.yaml")
 
 
+def test_a_file_of_orb_slam_states_the_camera_and_the_unit_of_depth(tmp_path):
+    write_tum(tmp_path / "desk", images(2), poses(2), depths=[np.ones((48, 64))] * 2, units_per_metre=1000)
+    file = tmp_path / "desk.yaml"
+    numbers = {"Camera.fx": 60.0, "Camera.fy": 61.0, "Camera.cx": 31.0, "Camera.cy": 24.0, "DepthMapFactor": 1000.0}
+    file.write_text("%YAML:1.0\n" + "".join(f"{key}: {value}\n" for key, value in numbers.items()))
+    read = open_sequence("tum", tmp_path, camera_file=file)
+    assert read.camera == Camera(64, 48, 60.0, 61.0, 31.0, 24.0)
+    assert read.depth(0).depth_m[0, 0] == pytest.approx(1.0)
+
+
 def test_unknown_names_need_a_camera(tmp_path):
     write_tum(tmp_path / "vehicle", images(2), poses(2))
     with pytest.raises(DataError, match=r"no camera, .* expected one of camera\.yaml, .* or --option camera_file=FILE"):

@@ -7,7 +7,15 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.geometry.cameras import Camera, CameraModel, DoubleSphereCamera, EquidistantCamera
+from tracknoise.geometry.cameras import (
+    Camera,
+    CameraModel,
+    DoubleSphereCamera,
+    EquidistantCamera,
+    EucmCamera,
+    FovCamera,
+    OmniCamera,
+)
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.simulation.light import Lighting
 from tracknoise.simulation.ray_casting import LensRays, PinholeRays, Raycaster, depth_map, surface_points
@@ -18,12 +26,19 @@ SIZE = (160, 120)
 RADTAN = Camera(*SIZE, 120.0, 121.0, 78.0, 61.5, (-0.28, 0.07, 0.001, -0.002, 0.01))
 FISHEYE = EquidistantCamera(*SIZE, 75.0, 76.0, 80.5, 58.5, (-0.02, 0.01, -0.01, 0.001))
 SPHERES = DoubleSphereCamera(*SIZE, 70.0, 70.5, 79.0, 60.0, -0.18, 0.59)
-LENSES = pytest.mark.parametrize("camera", [RADTAN, FISHEYE, SPHERES], ids=["radtan", "equidistant", "double_sphere"])
+OMNI = OmniCamera(*SIZE, 140.0, 141.0, 79.5, 60.5, 0.93, (-0.2, 0.04, 0.001, -0.001))
+EUCM = EucmCamera(*SIZE, 72.0, 72.5, 79.5, 60.5, 0.58, 1.08)
+FOV = FovCamera(*SIZE, 75.0, 76.0, 79.5, 60.5, 0.93)
+LENSES = pytest.mark.parametrize(
+    "camera",
+    [RADTAN, FISHEYE, SPHERES, OMNI, EUCM, FOV],
+    ids=["radtan", "equidistant", "double_sphere", "omni", "eucm", "fov"],
+)
 WALL_M = 2.0
 
 
 def opencv(camera: CameraModel, points: np.ndarray) -> np.ndarray:
-    """Positions of points without any of our code; the double sphere model is that of its paper, written out."""
+    """Positions of points without any of our code; models that OpenCV lacks are those of their papers, written out."""
     none = np.zeros(3)
     if isinstance(camera, Camera):
         return cv2.projectPoints(points, none, none, camera.matrix, np.array(camera.distortion))[0][:, 0]
@@ -31,7 +46,18 @@ def opencv(camera: CameraModel, points: np.ndarray) -> np.ndarray:
         return cv2.fisheye.projectPoints(points[:, None], none, none, camera.matrix, np.array(camera.distortion))[0][
             :, 0
         ]
+    if isinstance(camera, OmniCamera):
+        distortion = np.array(camera.distortion)
+        found, _ = cv2.omnidir.projectPoints(points[:, None], none, none, camera.matrix, camera.xi, distortion)
+        return found.reshape(-1, 2)
     x, y, z = points.T
+    if isinstance(camera, EucmCamera):
+        below = camera.alpha * np.sqrt(camera.beta * (x * x + y * y) + z * z) + (1 - camera.alpha) * z
+        return np.stack([camera.fx * x / below + camera.cx, camera.fy * y / below + camera.cy], axis=-1)
+    if isinstance(camera, FovCamera):
+        ru = np.sqrt(x * x + y * y) / z
+        rd = np.arctan(2 * ru * np.tan(camera.omega / 2)) / camera.omega
+        return np.stack([camera.fx * x / z * rd / ru + camera.cx, camera.fy * y / z * rd / ru + camera.cy], axis=-1)
     d1 = np.sqrt(x * x + y * y + z * z)
     d2 = np.sqrt(x * x + y * y + (camera.xi * d1 + z) ** 2)
     below = camera.alpha * d2 + (1 - camera.alpha) * (camera.xi * d1 + z)

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.validity.audit_worlds import CAMERA, World, make_samples, theta_of
 from scipy.spatial.transform import Rotation
 
-from tracknoise.geometry.cameras import Camera, DoubleSphereCamera, EquidistantCamera
+from tracknoise.geometry.cameras import Camera, DoubleSphereCamera, EquidistantCamera, EucmCamera, FovCamera, OmniCamera
 from tracknoise.geometry.pose import PosePath
 from tracknoise.truth_faults.audit_samples import AuditSamples, Paths
 from tracknoise.truth_faults.corrected_motion import CorrectedMotion
@@ -21,6 +21,9 @@ CAMERAS = (
     Camera(640, 480, 500.0, 505.0, 310.0, 235.0, (0.3, 0.1, 1e-3, -5e-4, 0.02, 0.2, 0.05, 0.01)),
     EquidistantCamera(640, 480, 300.0, 305.0, 310.0, 235.0, (0.01, 0.002, 0.0, 0.0)),
     DoubleSphereCamera(640, 480, 300.0, 305.0, 310.0, 235.0, -0.2, 0.6),
+    OmniCamera(640, 480, 650.0, 655.0, 310.0, 235.0, 1.1, (-0.2, 0.05, 1e-3, -5e-4)),
+    EucmCamera(640, 480, 300.0, 305.0, 310.0, 235.0, 0.6, 1.1),
+    FovCamera(640, 480, 260.0, 265.0, 310.0, 235.0, 0.9),
 )
 SIZE = {
     Parameter.focal_length: 0.05, Parameter.principal_point: 3.0, Parameter.k1: 0.02,

@@ -19,6 +19,12 @@ MODELS = [
     "SIMPLE_RADIAL_FISHEYE",
     "RADIAL_FISHEYE",
     "THIN_PRISM_FISHEYE",
+    "RAD_TAN_THIN_PRISM_FISHEYE",
+    "SIMPLE_DIVISION",
+    "DIVISION",
+    "SIMPLE_FISHEYE",
+    "FISHEYE",
+    "EUCM",
 ]
 Camera = tuple[str, int, int, Sequence[float]]
 """Model, width, height, parameters."""

@@ -4,19 +4,14 @@
 - What the audit of the truth needs of a sequence: the camera of each frame, and a few observations.
 """
 
+from typing import get_args
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC, Experiment
-from tracknoise.geometry.cameras import (
-    Camera,
-    CameraModel,
-    DoubleSphereCamera,
-    EquidistantCamera,
-    coefficients_of,
-    model_of,
-)
+from tracknoise.geometry.cameras import CameraModel, KnownCamera, coefficients_of, model_of
 from tracknoise.geometry.pose import invert, position_rows, transform
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.processes import release_memory
@@ -65,9 +60,9 @@ def cameras_table(sequence: Sequence, n_frames: int) -> pl.DataFrame:
 def _camera(camera: CameraModel) -> dict[str, object]:
     """Columns of a camera; those of the lens only for the models that can be made from them again."""
     size: dict[str, object] = {"width": camera.width, "height": camera.height}
-    if type(camera) not in (Camera, EquidistantCamera, DoubleSphereCamera):
+    if type(camera) not in get_args(KnownCamera):
         return size
-    assert isinstance(camera, Camera | EquidistantCamera | DoubleSphereCamera)
+    assert isinstance(camera, KnownCamera)
     intrinsics = {f"{name}_px": getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
     return {**size, "model": model_of(camera), **intrinsics, "distortion": list(coefficients_of(camera))}
 

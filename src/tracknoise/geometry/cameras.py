@@ -1,4 +1,4 @@
-"""Camera models: what all offer, and the pinhole, fisheye and double sphere cameras.
+"""Camera models: what all offer, and the pinhole, fisheye, omnidirectional and sphere cameras.
 
 The module begins with what every camera model offers, and with what all cameras with focal lengths and a principal
 point have in common, whatever their lens. The cameras follow, and last the models by name, as files and settings call
@@ -17,6 +17,16 @@ r(theta) = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8), in uni
 The double sphere camera is that of Usenko, Demmel and Cremers (2018), as Basalt and Kalibr have it. A point is moved to
 the unit sphere, then to a second one whose centre lies xi ahead on the axis, and is seen by a pinhole camera that lies
 alpha / (1 - alpha) behind that centre.
+
+The omnidirectional camera is that of Mei and Rives (2007), as Kalibr, camodocal and OpenCV's omnidir have it. A point
+is moved to the unit sphere and seen from xi behind its centre: at (x, y) / (z + xi). The lens distorts that as it does
+the plane of a pinhole camera.
+
+The enhanced unified camera is that of Khomutenko, Garcia and Martinet (2016). With d = sqrt(beta (x^2 + y^2) + z^2), a
+point is seen at (x, y) / (alpha d + (1 - alpha) z). With beta = 1 it is the unified camera.
+
+The field-of-view camera is that of Devernay and Faugeras (2001), as PTAM's ATAN, Kalibr's fov and COLMAP's FOV have it.
+A point at the radius r of the plane at depth 1 is seen at the radius atan(2 r tan(omega / 2)) / omega.
 """
 
 from abc import ABC, abstractmethod
@@ -401,11 +411,14 @@ class Camera(Intrinsics):
 
         In its own axes (x', y') = (y, -x). The tangential distortion turns with them: p1' = -p2, p2' = p1.
         """
-        turned = Intrinsics.turned(self)
-        if not self.distortion:
-            return turned
-        k1, k2, p1, p2, *higher = self.distortion
-        return replace(turned, distortion=(k1, k2, -p2, p1, *higher))
+        return replace(Intrinsics.turned(self), distortion=_turned(self.distortion))
+
+
+def _turned(distortion: Coefficients) -> Coefficients:
+    if not distortion:
+        return distortion
+    k1, k2, p1, p2, *higher = distortion
+    return (k1, k2, -p2, p1, *higher)
 
 
 _SOLVED_RAD = 1e-9
@@ -559,7 +572,160 @@ class DoubleSphereCamera(Intrinsics):
         return float((near + self.xi) / np.sqrt(2.0 * near * self.xi + self.xi * self.xi + 1.0))
 
 
-KnownCamera = Camera | EquidistantCamera | DoubleSphereCamera
+_OMNI_COUNTS = (0, 4)
+
+
+@dataclass(frozen=True, slots=True)
+class OmniCamera(Intrinsics):
+    """Intrinsics of one omnidirectional camera. Points at 90 degrees from its axis or more (z <= 0) have no image here.
+
+    Parameters
+    ----------
+    width, height
+        Size of the image, px.
+    fx, fy
+        Focal lengths, px. The model's magnification on the axis is 1 / (1 + xi) of them.
+    cx, cy
+        Principal point, px; (0, 0) is the centre of the first pixel.
+    xi
+        Place of the pinhole behind the centre of the sphere, no unit, above -1; 0 is a pinhole camera.
+    distortion
+        ``()`` or ``(k1, k2, p1, p2)``, as of `Camera`.
+
+    Raises
+    ------
+    ValueError
+        If a size or focal length is not positive, xi is outside of its range, or the distortion has another count of
+        coefficients.
+    """
+
+    xi: float
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        Intrinsics.__post_init__(self)
+        if not -1.0 < self.xi < np.inf:
+            raise ValueError(f"xi must be above -1, not {self.xi}")
+        if len(self.distortion) not in _OMNI_COUNTS:
+            raise ValueError(f"distortion must have 0 or 4 coefficients, not {len(self.distortion)}")
+
+    def _seen_at(self, points: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            below = depth + self.xi * np.hypot(np.hypot(points[..., 0], points[..., 1]), depth)
+            xy = points[..., :2] / np.where(below > 0.0, below, np.nan)[..., None]
+        return distort(xy, self.distortion) if self.distortion else xy
+
+    def _looking_along(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        xy = undistort(xy, self.distortion) if self.distortion else xy
+        r2 = np.sum(xy * xy, axis=-1)
+        with np.errstate(invalid="ignore", over="ignore"):
+            scale = (self.xi + np.sqrt(1.0 + (1.0 - self.xi * self.xi) * r2)) / (r2 + 1.0)
+            depth = scale - self.xi
+            return np.asarray(xy * (scale / np.where(depth > 0.0, depth, np.nan))[..., None])
+
+    def turned(self) -> Self:
+        """The camera of the image turned a quarter counter-clockwise: see `Camera.turned`."""
+        return replace(Intrinsics.turned(self), distortion=_turned(self.distortion))
+
+
+@dataclass(frozen=True, slots=True)
+class EucmCamera(Intrinsics):
+    """Intrinsics of one enhanced unified camera. Points at 90 degrees from its axis or more have no image here.
+
+    Parameters
+    ----------
+    width, height
+        Size of the image, px.
+    fx, fy
+        Focal lengths, px.
+    cx, cy
+        Principal point, px; (0, 0) is the centre of the first pixel.
+    alpha
+        Share of the distance in the denominator, no unit, 0 to 1; 0 is a pinhole camera.
+    beta
+        Shape of the surface that points are moved to, no unit, above 0; 1 is a sphere.
+
+    Raises
+    ------
+    ValueError
+        If a size or focal length is not positive, or alpha or beta is outside of its range.
+    """
+
+    alpha: float
+    beta: float
+
+    def __post_init__(self) -> None:
+        Intrinsics.__post_init__(self)
+        if not 0.0 <= self.alpha <= 1.0:
+            raise ValueError(f"alpha must be 0 to 1, not {self.alpha}")
+        if not 0.0 < self.beta < np.inf:
+            raise ValueError(f"beta must be above 0, not {self.beta}")
+
+    def _seen_at(self, points: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        with np.errstate(invalid="ignore", over="ignore"):
+            distance = np.hypot(np.sqrt(self.beta) * np.hypot(points[..., 0], points[..., 1]), depth)
+            below = self.alpha * distance + (1.0 - self.alpha) * depth
+            return np.asarray(points[..., :2] / below[..., None])
+
+    def _looking_along(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        alpha, r2 = self.alpha, self.beta * np.sum(xy * xy, axis=-1)
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            depth = (1.0 - alpha * alpha * r2) / (alpha * np.sqrt(1.0 - (2.0 * alpha - 1.0) * r2) + 1.0 - alpha)
+            return xy / np.where(depth > 0.0, depth, np.nan)[..., None]
+
+
+@dataclass(frozen=True, slots=True)
+class FovCamera(Intrinsics):
+    """Intrinsics of one field-of-view camera. Points at 90 degrees from its axis or more (z <= 0) have no image here.
+
+    Parameters
+    ----------
+    width, height
+        Size of the image, px.
+    fx, fy
+        Focal lengths, px.
+    cx, cy
+        Principal point, px; (0, 0) is the centre of the first pixel.
+    omega
+        Field of view of the ideal lens, rad, 0 to below pi; 0 is a pinhole camera.
+
+    Raises
+    ------
+    ValueError
+        If a size or focal length is not positive, or omega is outside of its range.
+    """
+
+    omega: float
+
+    def __post_init__(self) -> None:
+        Intrinsics.__post_init__(self)
+        if not 0.0 <= self.omega < np.pi:
+            raise ValueError(f"omega must be 0 to below pi, not {self.omega}")
+
+    def _seen_at(self, points: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        xy = points[..., :2] / depth[..., None]
+        if not self.omega:
+            return xy
+        radius = np.hypot(xy[..., 0], xy[..., 1])
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            shown = np.arctan(self._widening * radius) / self.omega
+            return np.asarray(xy * np.where(radius > 0.0, shown / radius, self._widening / self.omega)[..., None])
+
+    def _looking_along(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        if not self.omega:
+            return xy
+        shown = np.hypot(xy[..., 0], xy[..., 1])
+        angle = shown * self.omega
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            radius = np.where(angle < np.pi / 2.0, np.tan(angle), np.nan) / self._widening
+            return xy * np.where(shown > 0.0, radius / shown, self.omega / self._widening)[..., None]
+
+    @property
+    def _widening(self) -> float:
+        return float(2.0 * np.tan(self.omega / 2.0))
+
+
+KnownCamera = Camera | EquidistantCamera | DoubleSphereCamera | OmniCamera | EucmCamera | FovCamera
 
 COEFFICIENTS = MappingProxyType(
     {
@@ -567,11 +733,22 @@ COEFFICIENTS = MappingProxyType(
         "radtan": "0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)",
         "equidistant": "4 numbers (k1, k2, k3, k4)",
         "double_sphere": "2 numbers (xi, alpha)",
+        "omni": "1 or 5 numbers (xi, k1, k2, p1, p2)",
+        "eucm": "2 numbers (alpha, beta)",
+        "fov": "1 number (omega)",
     }
 )
 """What the coefficients of each model are, by name of the model."""
 
-_COUNTS = {"pinhole": (0,), "radtan": DISTORTION_COUNTS, "equidistant": (4,), "double_sphere": (2,)}
+_COUNTS = {
+    "pinhole": (0,),
+    "radtan": DISTORTION_COUNTS,
+    "equidistant": (4,),
+    "double_sphere": (2,),
+    "omni": (1, 5),
+    "eucm": (2,),
+    "fov": (1,),
+}
 
 
 def make_camera(
@@ -597,28 +774,46 @@ def make_camera(
     """
     if len(coefficients) not in _COUNTS[model]:
         raise ValueError(f"distortion is {[*coefficients]}, expected {COEFFICIENTS[model]} for the model {model}")
-    width, height = size
     fx, fy, cx, cy = intrinsics
-    if model == "double_sphere":
-        xi, alpha = coefficients
-        return DoubleSphereCamera(width, height, fx, fy, cx, cy, xi, alpha)
-    if model == "equidistant":
-        k1, k2, k3, k4 = coefficients
-        return EquidistantCamera(width, height, fx, fy, cx, cy, (k1, k2, k3, k4))
-    return Camera(width, height, fx, fy, cx, cy, coefficients)
+    optics = (*size, fx, fy, cx, cy)
+    match model, coefficients:
+        case "double_sphere", (xi, alpha):
+            return DoubleSphereCamera(*optics, xi, alpha)
+        case "equidistant", (k1, k2, k3, k4):
+            return EquidistantCamera(*optics, (k1, k2, k3, k4))
+        case "omni", (xi, *distortion):
+            return OmniCamera(*optics, xi, tuple(distortion))
+        case "eucm", (alpha, beta):
+            return EucmCamera(*optics, alpha, beta)
+        case "fov", (omega,):
+            return FovCamera(*optics, omega)
+    return Camera(*optics, coefficients)
 
 
 def model_of(camera: KnownCamera) -> str:
     """Name of a camera's model in `COEFFICIENTS`; ``radtan`` for a pinhole camera, whose distortion is none."""
-    match camera:
-        case DoubleSphereCamera():
-            return "double_sphere"
-        case EquidistantCamera():
-            return "equidistant"
-        case Camera():
-            return "radtan"
+    return _MODELS[type(camera)]
+
+
+_MODELS = {
+    Camera: "radtan",
+    EquidistantCamera: "equidistant",
+    DoubleSphereCamera: "double_sphere",
+    OmniCamera: "omni",
+    EucmCamera: "eucm",
+    FovCamera: "fov",
+}
 
 
 def coefficients_of(camera: KnownCamera) -> tuple[float, ...]:
     """Coefficients of a camera's lens, as `make_camera` takes them."""
-    return (camera.xi, camera.alpha) if isinstance(camera, DoubleSphereCamera) else camera.distortion
+    match camera:
+        case DoubleSphereCamera():
+            return camera.xi, camera.alpha
+        case OmniCamera():
+            return camera.xi, *camera.distortion
+        case EucmCamera():
+            return camera.alpha, camera.beta
+        case FovCamera():
+            return (camera.omega,)
+    return camera.distortion

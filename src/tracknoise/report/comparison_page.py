@@ -278,7 +278,10 @@ def _place_of(margins: float) -> float:
     return round(WIDTH / 2 + (WIDTH / 2 - _INSET) * share, 1)
 
 
-_SIGNS = re.compile(r"([\\`*_\[\]|])")
+_SIGNS = re.compile(r"([\\`*_\[\]|~$])")
+_LINKING = re.compile(r"[@#]|:(?=//)|\bwww(?=\.)|\b(?:mailto|xmpp):|\bGH-(?=\d)", re.IGNORECASE)
+"""What makes a mention, a reference or a link of the text behind it, where Markdown is read as GitHub reads it."""
+_NO_SPACE = "&#8203;"
 
 
 def comparison_markdown(comparison: Comparison) -> str:
@@ -301,7 +304,7 @@ def _lines(comparison: Comparison) -> Iterator[str]:
             yield f"### {_escaped(side.name)}\n"
         yield from (f"- {_escaped(sentence)}" for sentence in [*answers(rows), *clearest(rows)])
         for cells in verdict_cells(comparison, side.name, rows):
-            yield from ("", "<details>", f"<summary>{_escaped(cells.caption)}</summary>")
+            yield from ("", "<details>", f"<summary>{_in_html(cells.caption)}</summary>")
             yield from _table(cells)
             yield "</details>"
         yield from _markdown_differences(side)
@@ -320,17 +323,20 @@ def _markdown_differences(side: RunSide) -> Iterator[str]:
 def _table(cells: Cells) -> Iterator[str]:
     yield ""
     rules = ["--:" if right else "---" for right in cells.numeric]
-    yield f"| {' | '.join(cells.headings)} |"
-    yield f"| {' | '.join(rules)} |"
-    for row in cells.rows:
-        yield f"| {' | '.join(_escaped(text) for text in row)} |"
+    for row in (map(_escaped, cells.headings), rules, *(map(_escaped, row) for row in cells.rows)):
+        yield f"| {' | '.join(row)} |"
     yield ""
 
 
 def _escaped(text: str) -> str:
-    """Text that Markdown shows as it is, in one line."""
+    """Text that Markdown shows as it is, in one line; it notifies and links nothing."""
+    return _SIGNS.sub(r"\\\1", _in_html(text))
+
+
+def _in_html(text: str) -> str:
+    """The same where Markdown has HTML."""
     plain = printable(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
-    return _SIGNS.sub(r"\\\1", plain)
+    return _LINKING.sub(lambda found: found[0] + _NO_SPACE, plain)
 
 
 _MOST_OPEN = 4

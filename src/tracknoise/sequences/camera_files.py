@@ -1,7 +1,6 @@
 """Cameras from the files of calibration programs: see docs/data.md.
 
 - What a calibration file says about one camera.
-- Values of a calibration file, checked as they are taken out.
 - How programs call the lens models, and what tracknoise calls them.
 - The rolling shutter of a camera: a key that any camera file of keys and values may have.
 - YAML files from unknown sources: of bounded size, depth and number of values, without objects.
@@ -12,11 +11,11 @@
 - Any camera file: what kind it is follows from its contents.
 """
 
-import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +25,12 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, UnknownNameError, first_line
 from tracknoise.foreign_files import Element, damage_reported, read_json_object, read_text, read_xml
-from tracknoise.geometry.cameras import COEFFICIENTS, CameraModel, KnownCamera, make_camera
+from tracknoise.geometry.cameras import COEFFICIENTS, DISTORTION_COUNTS, CameraModel, KnownCamera, make_camera
 from tracknoise.geometry.pose import invert
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.poses import checked_poses
+from tracknoise.sequences.entries import Entries
+from tracknoise.sequences.scenes import with_option
+from tracknoise.sequences.system_cameras import camera_names, read_system_camera, system_of
 
 _POSITIONS = 65
 _ROUND_TRIP_PX = 1e-6
@@ -52,15 +53,17 @@ class CameraFile:
     depth_unit_m: float | None = None  # depth of the integer 1 in depth images, metres; None where unknown
     # rolling shutter of the camera; None where all rows are exposed together, or the file does not say
     shutter: RollingShutter | None = None
+    unused: tuple[str, ...] = ()  # sentences about what the file says and is not used
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A sentence where the lens gives a part of the image no ray."""
+        """What is not used, and a sentence where the lens gives a part of the image no ray."""
         share = share_with_ray(self.camera)
         if share == 1.0:
-            return ()
+            return self.unused
         missing = max(round(100.0 * (1.0 - share)), 1)
-        return (f"the camera model gives about {missing} % of the image no ray; features there have no truth",)
+        without = f"the camera model gives about {missing} % of the image no ray; features there have no truth"
+        return (*self.unused, without)
 
 
 def share_with_ray(camera: CameraModel) -> float:
@@ -100,123 +103,6 @@ def _require_focal_lengths(place: str | Path, intrinsics: Sequence[float]) -> No
             raise DataError(place, f"{name} = {length_px:g}", expected)
 
 
-_SHOWN = 60
-_POWER_OF_TEN = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
-"""Numbers that YAML 1.1 takes for a text: 1e-5 has no point, and 1.5e5 no sign of the exponent."""
-
-
-@dataclass(frozen=True, slots=True)
-class Entries:
-    """Keys and values of a file, or of a part of it.
-
-    Parameters
-    ----------
-    place
-        The file, for messages.
-    values
-        What was read.
-    """
-
-    place: str | Path
-    values: Mapping[str, Any]
-
-    def name(self, *names: str) -> str | None:
-        """The first of several names that is a key here; None if none is."""
-        return next((name for name in names if name in self.values), None)
-
-    def required(self, *names: str) -> str:
-        """The first of several names that is a key here."""
-        found = self.name(*names)
-        if found is None:
-            raise DataError(self.place, f"no {names[0]}", "it")
-        return found
-
-    def part(self, name: str) -> "Entries":
-        """The keys and values below a key."""
-        value = self._value(name)
-        if not isinstance(value, Mapping):
-            raise self.error(name, "keys and values")
-        return Entries(f"{self.place} ({name})", value)
-
-    def text(self, name: str) -> str:
-        """A text, in lower case without surrounding spaces."""
-        value = self._value(name)
-        if not isinstance(value, str):
-            raise self.error(name, "a text")
-        return value.strip().lower()
-
-    def number(self, name: str, *, whole: bool = False, positive: bool = False) -> float:
-        """A finite number."""
-        return self._checked(name, self._value(name), whole=whole, positive=positive)
-
-    def numbers(self, name: str, *counts: int) -> tuple[float, ...]:
-        """A flat list of numbers, from lists of rows or from OpenCV's rows, columns and data too."""
-        values = self._flat(name)
-        if counts and len(values) not in counts:
-            raise self.error(name, f"{' or '.join(map(str, counts))} numbers")
-        return tuple(self._checked(name, value) for value in values)
-
-    def matrix(self, name: str, rows: int, columns: int) -> NDArray[np.float64]:
-        """(rows, columns) float64: see `numbers`."""
-        return np.array(self.numbers(name, rows * columns)).reshape(rows, columns)
-
-    def size(self, name: str) -> tuple[int, int]:
-        """Width and height from a list of two."""
-        values = self._flat(name)
-        if len(values) != 2:
-            raise self.error(name, "width and height")
-        width, height = (int(self._checked(name, value, whole=True, positive=True)) for value in values)
-        return width, height
-
-    def error(self, name: str, expected: str) -> DataError:
-        """The error of a key whose value is not what was expected."""
-        return DataError(self.place, f"{name} = {_shown(self.values[name])}", expected)
-
-    def _value(self, name: str) -> Any:
-        if name not in self.values:
-            raise DataError(self.place, f"no {name}", "it")
-        return self.values[name]
-
-    def _flat(self, name: str) -> list[Any]:
-        value = self._value(name)
-        if isinstance(value, Mapping):
-            value = value.get("data")
-        if not isinstance(value, list):
-            raise self.error(name, "a list of numbers")
-        if value and all(isinstance(row, list) for row in value):
-            return [item for row in value for item in row]
-        return value
-
-    def _checked(self, name: str, value: Any, *, whole: bool = False, positive: bool = False) -> float:
-        number = _number(value, whole=whole)
-        if number is None or (positive and number <= 0.0):
-            expected = f"a {'whole' if whole else 'finite'} number{' above 0' if positive else ''}"
-            raise DataError(self.place, f"{name} = {_shown(value)}", expected)
-        return number
-
-
-def _number(value: Any, *, whole: bool) -> float | None:
-    """A finite number; None for all else."""
-    if isinstance(value, str) and _POWER_OF_TEN.fullmatch(value) and not whole:
-        value = float(value)
-    if not isinstance(value, int if whole else int | float) or isinstance(value, bool):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
-
-
-def _shown(value: Any) -> str:
-    """A value as JSON, cut off where it is long."""
-    try:
-        text = json.dumps(value, default=str, skipkeys=True)
-    except (RecursionError, ValueError):
-        return "lists in lists"
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
-
-
 _NAMES = {
     "none": "pinhole",
     "": "radtan",
@@ -228,6 +114,7 @@ _NAMES = {
     "equi": "equidistant",
     "fisheye": "equidistant",
     "kannala_brandt": "equidistant",
+    "fov": "fov",
 }
 _MOST_RADTAN = 8
 """OpenCV's further coefficients are those of thin prisms and of a tilted sensor."""
@@ -244,7 +131,7 @@ def lens_at(entries: Entries, name: str) -> str:
 def coefficients_at(entries: Entries, name: str | None, model: str) -> tuple[float, ...]:
     """Coefficients of the lens; none where there is no key, or where all of radial-tangential distortion are 0."""
     coefficients = () if name is None else entries.numbers(name)
-    if model == "equidistant":
+    if model in ("equidistant", "fov"):
         return coefficients
     if any(coefficients[_MOST_RADTAN:]):
         found = f"{name} with coefficients of thin prisms or a tilted sensor"
@@ -377,11 +264,24 @@ REQUIRED = ("width", "height", "fx", "fy", "cx", "cy")
 """Keys that every such file has."""
 
 _UNIT, _SCALE = "depth_unit_m", "depth_scale"
-_OPTIONAL = ("model", "distortion", "xi", "alpha", _UNIT, _SCALE, READOUT, "source")
+_OWN = {"double_sphere": ("xi", "alpha"), "omni": ("xi",), "eucm": ("alpha", "beta"), "fov": ("omega",)}
+"""Numbers of a model that have keys of their own."""
+_OWN_KEYS = tuple(dict.fromkeys(key for keys in _OWN.values() for key in keys))
+_OPTIONAL = ("model", "distortion", *_OWN_KEYS, _UNIT, _SCALE, READOUT, "source")
 _ROUNDED = 1e-3
 """Largest relative difference between two that mean the same, such as 0.000192 and 5208."""
-_SPHERES = ("xi", "alpha")
-_SYMMETRIC = ("equidistant", "double_sphere")
+_WHOLE = ("pinhole", "radtan")
+"""Models whose rays cover the whole image."""
+_KALIBR = {
+    "pinhole-radtan": "radtan",
+    "pinhole-equi": "equidistant",
+    "pinhole-fov": "fov",
+    "omni-none": "omni",
+    "omni-radtan": "omni",
+    "eucm-none": "eucm",
+    "ds-none": "double_sphere",
+}
+"""How Kalibr calls the models on its command line."""
 
 
 def read_plain(entries: Entries) -> CameraFile:
@@ -396,7 +296,7 @@ def _camera(entries: Entries) -> KnownCamera:
     intrinsics = [*focal, *(entries.number(key) for key in ("cx", "cy"))]
     model = _plain_model(entries)
     coefficients = _coefficients(entries, model)
-    if model in _SYMMETRIC:
+    if model not in _WHOLE:
         return checked_camera(entries.place, model, (width, height), intrinsics, coefficients)
     _require_focal_lengths(entries.place, intrinsics)
     camera = make_camera(model, (width, height), intrinsics, coefficients)
@@ -408,28 +308,36 @@ def _camera(entries: Entries) -> KnownCamera:
 
 def _plain_model(entries: Entries) -> str:
     model = entries.text("model") if entries.name("model") else "radtan"
+    model = _KALIBR.get(model, model)
     if model not in COEFFICIENTS:
         raise entries.error("model", f"one of {', '.join(COEFFICIENTS)}")
     return model
 
 
 def _coefficients(entries: Entries, model: str) -> tuple[float, ...]:
-    spheres = model == "double_sphere"
-    for key in _SPHERES:
-        if spheres is not (key in entries.values):
-            found = f"no {key}" if spheres else f"{key} for the model {model}"
-            raise DataError(entries.place, found, "xi and alpha for the model double_sphere, and for no other")
-    if spheres:
-        return tuple(entries.number(key) for key in _SPHERES)
-    return _distortion(entries, model)
+    own = _OWN.get(model, ())
+    for key in _OWN_KEYS:
+        if (key in own) is not (key in entries.values):
+            found = f"no {key}" if key in own else f"{key} for the model {model}"
+            needed = ", ".join(f"{' and '.join(keys)} for {name}" for name, keys in _OWN.items())
+            raise DataError(entries.place, found, f"{needed}, and none of them for other models")
+    return (*(entries.number(key) for key in own), *_distortion(entries, model))
+
+
+_DISTORTIONS = {
+    "radtan": (DISTORTION_COUNTS, COEFFICIENTS["radtan"]),
+    "equidistant": ((4,), COEFFICIENTS["equidistant"]),
+    "omni": ((0, 4), "0 or 4 numbers (k1, k2, p1, p2)"),
+}
+"""How many numbers the key ``distortion`` has, and what they are, for models that have it."""
 
 
 def _distortion(entries: Entries, model: str) -> tuple[float, ...]:
     listed = entries.values.get("distortion", [])
-    counts = {"pinhole": (0,), "radtan": (0, 4, 5, 8), "equidistant": (4,)}[model]
+    counts, expected = _DISTORTIONS.get(model, ((0,), "no numbers"))
     if not isinstance(listed, list) or len(listed) not in counts:
         shown = entries if "distortion" in entries.values else Entries(entries.place, {"distortion": []})
-        raise shown.error("distortion", f"a list of {COEFFICIENTS[model]}")
+        raise shown.error("distortion", f"a list of {expected}")
     return entries.numbers("distortion") if listed else ()
 
 
@@ -465,7 +373,19 @@ _DISTORTION = (
 )
 _WIDTH, _HEIGHT = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")
 _SIZE = ("image_size", "imageSize", "image_Size", "resolution", "size")
-_MODEL, _FISHEYE = "distortion_model", "fisheye_model"
+_MODEL, _OTHER_WORDS = "distortion_model", ("distortion_type", "camera_model", "lens_model", "model")
+_FISHEYE, _XI = "fisheye_model", "xi"
+_AMBIGUOUS = 4
+"""So many coefficients can be k1, k2, p1, p2 of a pinhole camera, or k1, k2, k3, k4 of a fisheye."""
+
+
+class Lens(StrEnum):
+    """The lens of a file of OpenCV that does not say."""
+
+    radtan = "radtan"
+    equidistant = "equidistant"
+
+
 _MOST_SKEW = 1e-3
 """Largest skew that is rounding, relative to the focal length."""
 
@@ -475,16 +395,23 @@ def has_matrix(entries: Entries, camera: str | None) -> bool:
     return entries.name(*_numbered(_MATRIX, camera)) is not None
 
 
-def read_matrices(entries: Entries, camera: str | None, size: tuple[int, int] | None) -> CameraFile:
-    """The camera of a file that `has_matrix`; where OpenCV calibrated a pair, the one named, by default ``1``."""
+def read_matrices(
+    entries: Entries, camera: str | None, size: tuple[int, int] | None, lens: Lens | None = None
+) -> CameraFile:
+    """The camera of a file that `has_matrix`; where OpenCV calibrated a pair, the one named, by default ``1``.
+
+    `lens`: that of four coefficients, where the file does not say.
+    """
     name = entries.required(*_numbered(_MATRIX, camera))
     matrix = entries.matrix(name, 3, 3)
     (fx, skew, cx), (below, fy, cy), last = matrix
     if fx <= 0.0 or fy <= 0.0 or abs(skew) > _MOST_SKEW * fx or below or not np.array_equal(last, (0.0, 0.0, 1.0)):
         raise entries.error(name, "fx 0 cx, 0 fy cy, 0 0 1 with focal lengths above 0")
-    model = _matrix_model(entries)
     distortion = entries.name(*_numbered(_DISTORTION, camera))
+    model = _matrix_model(entries, distortion, lens)
     coefficients = coefficients_at(entries, distortion, model)
+    if (xi := entries.name(*_numbered((_XI,), camera))) is not None:
+        model, coefficients = "omni", (*_numbers_of(entries, xi), *coefficients)
     known = checked_camera(entries.place, model, _size(entries, size), (fx, fy, cx, cy), coefficients)
     return CameraFile(known, shutter=shutter_at(entries))
 
@@ -496,10 +423,36 @@ def _numbered(names: tuple[str, ...], camera: str | None) -> tuple[str, ...]:
     return (*names, *numbered) if camera is None else numbered
 
 
-def _matrix_model(entries: Entries) -> str:
-    if entries.name(_MODEL):
+def _matrix_model(entries: Entries, distortion: str | None, lens: Lens | None) -> str:
+    """The model of the lens that the file names, that is asked for, or that the coefficients can be of."""
+    stated = _stated_lens(entries)
+    if lens is not None and stated not in (None, lens):
+        raise DataError(entries.place, f"lens = {lens} for a camera whose file states {stated}", "no option lens")
+    if stated is not None or lens is not None:
+        return stated or str(lens)
+    coefficients = () if distortion is None else entries.numbers(distortion)
+    if len(coefficients) == _AMBIGUOUS and any(coefficients) and entries.name(_XI) is None:
+        found = f"{distortion} of 4 numbers, which can be k1, k2, p1, p2 of a pinhole or k1 to k4 of a fisheye"
+        expected = f"its lens, {' or '.join(Lens)}: {with_option('lens', Lens.radtan)}"
+        raise DataError(entries.place, found, expected)
+    return "radtan"
+
+
+def _stated_lens(entries: Entries) -> str | None:
+    """The model that the file names; None where it has no word for it."""
+    if entries.name(_MODEL) and entries.values[_MODEL] != "":
         return lens_at(entries, _MODEL)
-    return "equidistant" if entries.name(_FISHEYE) and entries.number(_FISHEYE) else "radtan"
+    words = [entries.text(word) for word in _OTHER_WORDS if isinstance(entries.values.get(word), str)]
+    known = _NAMES | _KALIBR | {"pinhole": "radtan", "": None}  # a model may also be that of the device
+    stated = next(filter(None, map(known.get, words)), None)
+    if stated is None and entries.name(_FISHEYE):
+        return "equidistant" if entries.number(_FISHEYE) else "radtan"
+    return stated
+
+
+def _numbers_of(entries: Entries, name: str) -> tuple[float, ...]:
+    """One number, or that of a 1x1 matrix."""
+    return (entries.number(name),) if isinstance(entries.values[name], int | float) else entries.numbers(name, 1)
 
 
 def _size(entries: Entries, size: tuple[int, int] | None) -> tuple[int, int]:
@@ -554,25 +507,38 @@ def read_calibrated(
     )
 
 
+_SPHERES = {"ds": "double_sphere", "double_sphere": "double_sphere", "eucm": "eucm"}
+"""Models whose two numbers come first among the intrinsics, and which have no distortion."""
+
+
 def _lens(entries: Entries) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
     """Model, then fx, fy, cx, cy, then coefficients."""
     key = entries.name("camera_model")
-    kind = "pinhole" if key is None else entries.text(key)
-    if kind in ("ds", "double_sphere"):
-        xi, alpha, *intrinsics = entries.numbers("intrinsics", 6)
-        return "double_sphere", tuple(intrinsics), (xi, alpha)
-    if kind != "pinhole":
-        raise entries.error("camera_model", "pinhole or ds")
-    model = lens_at(entries, "distortion_model")
+    kind, _, joined = ("pinhole" if key is None else entries.text(key)).partition("-")
+    if kind in _SPHERES:
+        first, second, *intrinsics = entries.numbers("intrinsics", 6)
+        return _SPHERES[kind], tuple(intrinsics), (first, second)
+    if kind not in ("pinhole", "omni"):
+        raise entries.error("camera_model", "pinhole, omni, eucm or ds")
+    named = (
+        entries if entries.name("distortion_model") or not joined else Entries(entries.place, {"camera_model": joined})
+    )
+    model = lens_at(named, "distortion_model" if named is entries else "camera_model")
     coefficients = coefficients_at(entries, entries.name("distortion_coeffs", "distortion_coefficients"), model)
-    return model, entries.numbers("intrinsics", 4), () if model == "pinhole" else coefficients
+    coefficients = () if model == "pinhole" else coefficients
+    if kind == "pinhole":
+        return model, entries.numbers("intrinsics", 4), coefficients
+    if model not in _WHOLE:
+        raise entries.error("distortion_model", "none or radtan for the camera model omni")
+    xi, *intrinsics = entries.numbers("intrinsics", 5)
+    return "omni", tuple(intrinsics), (xi, *coefficients)
 
 
 def _body_from_camera(entries: Entries) -> NDArray[np.float64] | None:
     if entries.name(_FROM_BODY):
-        return invert(_rigid(entries, _FROM_BODY))
+        return invert(entries.rigid(_FROM_BODY))
     to_body = entries.name(*_TO_BODY)
-    return None if to_body is None else _rigid(entries, to_body)
+    return None if to_body is None else entries.rigid(to_body)
 
 
 def _along_chain(entries: Entries, names: list[str]) -> NDArray[np.float64] | None:
@@ -582,36 +548,38 @@ def _along_chain(entries: Entries, names: list[str]) -> NDArray[np.float64] | No
         part = entries.part(name)
         own = _body_from_camera(part)
         if own is None and previous is not None and part.name(_FROM_PREVIOUS):
-            own = previous @ invert(_rigid(part, _FROM_PREVIOUS))
+            own = previous @ invert(part.rigid(_FROM_PREVIOUS))
         previous = own
     return previous
-
-
-def _rigid(entries: Entries, name: str) -> NDArray[np.float64]:
-    (rigid,), _ = checked_poses(entries.matrix(name, 4, 4)[None], [f"{entries.place}: {name}"])
-    return np.asarray(rigid)
 
 
 _JSON = ".json"
 _EXPECTED_CAMERA = (
     "a camera file of Kalibr (cam0: ...), EuRoC (intrinsics), OpenCV or ROS (camera_matrix), "
-    "or width, height, fx, fy, cx and cy"
+    "VINS, ORB-SLAM, OKVIS, SVO, Basalt or OpenSfM, or width, height, fx, fy, cx and cy"
 )
 
 
-def read_camera_file(path: Path, *, camera: str | None = None, size: tuple[int, int] | None = None) -> CameraFile:
-    """Read a camera from a file of Kalibr, EuRoC, TUM-VI, OpenCV, ROS or tracknoise.
+def read_camera_file(
+    path: Path, *, camera: str | None = None, size: tuple[int, int] | None = None, lens: Lens | None = None
+) -> CameraFile:
+    """Read a camera from a file of Kalibr, EuRoC, TUM-VI, OpenCV, ROS, a SLAM system, OpenSfM or tracknoise.
 
-    Positions are not converted: all of these put (0, 0) at the centre of the first pixel.
+    Positions have (0, 0) at the centre of the first pixel.
 
-    `camera`: which camera, where the file has several: ``cam0`` of Kalibr's chains, ``1`` of OpenCV's pairs; by default
-    the first; `size`: width and height of the images, px, for a file that does not say.
+    `camera`: which camera, where the file has several: ``cam0`` of Kalibr's chains and SLAM systems, ``1`` of OpenCV's
+    pairs; by default the first; `size`: width and height of the images, px, for a file that does not say; `lens`: that
+    of a file of OpenCV with 4 coefficients, which does not say.
     """
     entries = Entries(path, _values(path))
+    if lens is not None and not has_matrix(entries, camera):
+        raise DataError(path, f"lens = {lens} for a file that states the model of its camera", "no option lens")
     if cameras_of(entries):
         return read_chain(entries, camera)
+    if system_of(entries):
+        return _of_system(entries, camera, size)
     if has_matrix(entries, camera):
-        return read_matrices(entries, camera, size)
+        return read_matrices(entries, camera, size, lens)
     if camera is not None:
         raise DataError(path, f"no camera {camera}", "a file that names its cameras, or no name")
     if entries.name("intrinsics"):
@@ -619,6 +587,25 @@ def read_camera_file(path: Path, *, camera: str | None = None, size: tuple[int, 
     if path.suffix == _JSON or entries.name(*REQUIRED):
         return read_plain(entries)
     raise DataError(path, "no camera", _EXPECTED_CAMERA)
+
+
+def cameras_in(path: Path) -> list[str]:
+    """Names of the cameras of a file that numbers them, ``cam0`` first; empty for other files."""
+    entries = Entries(path, _values(path))
+    return cameras_of(entries) or camera_names(entries)
+
+
+def _of_system(entries: Entries, camera: str | None, size: tuple[int, int] | None) -> CameraFile:
+    found = read_system_camera(entries, camera, size)
+    return CameraFile(
+        checked_camera(found.place, found.model, found.size, found.intrinsics, found.coefficients),
+        found.body_from_camera,
+        found.time_shift_s,
+        found.rate_hz,
+        found.depth_unit_m,
+        shutter_at(entries),
+        found.notes,
+    )
 
 
 def _values(path: Path) -> dict[str, Any]:

@@ -61,10 +61,23 @@ PARAMETERS = {
     "RADIAL_FISHEYE": 5,
     "THIN_PRISM_FISHEYE": 12,
     "RAD_TAN_THIN_PRISM_FISHEYE": 16,
+    "SIMPLE_DIVISION": 4,
+    "DIVISION": 5,
+    "SIMPLE_FISHEYE": 3,
+    "FISHEYE": 4,
+    "EUCM": 6,
+    "EQUIRECTANGULAR": 2,
 }
 """How many parameters each camera model has, in the order of their numbers in binary files, from 0."""
 
-_ONE_FOCAL_LENGTH = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
+_ONE_FOCAL_LENGTH = (
+    "SIMPLE_PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "SIMPLE_FISHEYE",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+)
 _LENSES = {
     "SIMPLE_PINHOLE": ("pinhole", 0),
     "PINHOLE": ("pinhole", 0),
@@ -75,6 +88,10 @@ _LENSES = {
     "OPENCV_FISHEYE": ("equidistant", 4),
     "SIMPLE_RADIAL_FISHEYE": ("equidistant", 4),
     "RADIAL_FISHEYE": ("equidistant", 4),
+    "SIMPLE_FISHEYE": ("equidistant", 4),
+    "FISHEYE": ("equidistant", 4),
+    "FOV": ("fov", 1),
+    "EUCM": ("eucm", 2),
 }
 """The lens model of tracknoise, and how many coefficients it has; those that COLMAP's model does not have are 0."""
 

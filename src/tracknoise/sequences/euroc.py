@@ -18,7 +18,7 @@ from tracknoise.exceptions import DataError, TracknoiseError, UnknownNameError
 from tracknoise.foreign_files import read_text
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import PosePath, invert
-from tracknoise.sequences.camera_files import CameraFile, read_camera_file, read_yaml
+from tracknoise.sequences.camera_files import CameraFile, cameras_in, read_camera_file, read_yaml
 from tracknoise.sequences.images import Levels, read_gray, require_levels
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence
@@ -208,12 +208,11 @@ def _number(place: str, row: list[str], column: int) -> float:
 
 
 _EXTRINSICS = "T_BS"
-_NAME = re.compile(r"cam[0-9]+")
 
 
 def read_camera(path: Path, camera: str) -> CameraFile:
     """Read the intrinsics of a camera, and its place on the body."""
-    read = read_camera_file(path, camera=camera if names_cameras(path) else None)
+    read = read_camera_file(path, camera=camera if cameras_in(path) else None)
     if read.body_from_camera is None:
         raise DataError(path, f"no place of {camera} on the body", f"{_EXTRINSICS} or T_cam_imu")
     return read
@@ -231,11 +230,6 @@ def read_sensor_from_body(path: Path) -> tuple[NDArray[np.float64], tuple[str, .
     poses, _ = checked_poses(_matrix(path, values[_EXTRINSICS])[None], [path])
     sensor_from_body: NDArray[np.float64] = invert(poses[0])
     return sensor_from_body, ()
-
-
-def names_cameras(path: Path) -> bool:
-    """Whether a file holds several cameras by name, as Kalibr's do; a ``sensor.yaml`` holds one without a name."""
-    return path.suffix in (".yaml", ".yml") and any(map(_NAME.fullmatch, read_yaml(path)))
 
 
 def _matrix(path: Path, values: Any) -> NDArray[np.float64]:
@@ -263,7 +257,7 @@ def find_second(
     if name is None:
         return None, ()
     try:
-        of_both = camera_file if camera_file is not None and names_cameras(camera_file) else None
+        of_both = camera_file if camera_file is not None and cameras_in(camera_file) else None
         calibration = read_camera(of_both or files.calibration(name), name)
         paths = _paths_at(files, name, times_ns)
     except TracknoiseError as error:

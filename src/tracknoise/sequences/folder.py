@@ -22,7 +22,7 @@ from tracknoise.foreign_files import is_there
 from tracknoise.geometry.cameras import COEFFICIENTS, CameraModel, KnownCamera, model_of
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import position_rows
-from tracknoise.sequences.camera_files import CameraFile, read_camera_file
+from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
@@ -55,6 +55,8 @@ class Folder(SceneReader):
         docs/data.md).
     camera
         Which camera of that file, where it has several, such as ``cam1``; by default the first.
+    lens
+        Lens of a file of OpenCV with 4 coefficients and no word for it: ``radtan`` or ``equidistant``.
     image_levels
         Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
         of 8 bits are not changed.
@@ -70,6 +72,7 @@ class Folder(SceneReader):
     depth_unit_m: Positive | None = None
     camera_file: Path | None = None
     camera: str | None = None
+    lens: Lens | None = None
     image_levels: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -80,7 +83,7 @@ class Folder(SceneReader):
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one sequence, except for its images and depths."""
         folder = self._folder(sequence)
-        stated = None if self.camera_file is not None else read_camera_file(folder / _CAMERA)
+        stated = None if self.camera_file is not None else read_camera_file(folder / _CAMERA, lens=self.lens)
         rows, places = read_rows(folder / _POSES, _COLUMNS)
         images, depths = _frame_files(folder, poses=len(rows))
         stated = stated or self._named_camera(first_readable(images))
@@ -107,7 +110,7 @@ class Folder(SceneReader):
     def _named_camera(self, image: Path) -> CameraFile:
         """The camera of the file that the options name; an image says its size where the file does not."""
         assert self.camera_file is not None, "otherwise each scene has its own"
-        return read_camera_file(self.camera_file, camera=self.camera, size=image_size(image))
+        return read_camera_file(self.camera_file, camera=self.camera, size=image_size(image), lens=self.lens)
 
     def _notes(self) -> tuple[str, ...]:
         if self.image_levels is None:

@@ -17,7 +17,8 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import is_regular_file, natural_order, read_json_object
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.sequences.camera_files import CameraFile, Entries, checked_camera
+from tracknoise.sequences.camera_files import CameraFile, checked_camera
+from tracknoise.sequences.entries import Entries
 from tracknoise.sequences.images import (
     first_readable,
     image_size,

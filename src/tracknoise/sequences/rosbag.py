@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tracknoise.checks import NotNegative, Positive, require, require_bounds
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.rosbag_files import BagFile, Position, find_bags
-from tracknoise.sequences.camera_files import CameraFile, read_camera_file
+from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
 from tracknoise.sequences.poses import checked_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
@@ -53,6 +53,8 @@ class Rosbag(SceneReader):
         topic.
     camera_file, camera
         A file with the intrinsics, in place of a topic, and which of its cameras.
+    lens
+        Lens of a file of OpenCV with 4 coefficients and no word for it: ``radtan`` or ``equidistant``.
     world_frame
         Frame of the poses; by default that of the pose topic, or the root of the tf tree.
     camera_frame
@@ -88,6 +90,7 @@ class Rosbag(SceneReader):
     pose_topic: str | None = None
     camera_file: Path | None = None
     camera: str | None = None
+    lens: Lens | None = None
     world_frame: str | None = None
     camera_frame: str | None = None
     pose_frame: str | None = None
@@ -160,7 +163,9 @@ class Rosbag(SceneReader):
         )
 
     def _calibration(self) -> CameraFile | None:
-        return None if self.camera_file is None else read_camera_file(self.camera_file, camera=self.camera)
+        if self.camera_file is None:
+            return None
+        return read_camera_file(self.camera_file, camera=self.camera, lens=self.lens)
 
     def _shift_s(self, calibration: CameraFile | None) -> float:
         stated = None if calibration is None else calibration.time_shift_s

@@ -12,7 +12,7 @@ Bonn RGB-D dynamic: the data set's page; its poses are those of markers on the c
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from functools import partial
@@ -28,7 +28,7 @@ from tracknoise.foreign_files import is_number, read_text
 from tracknoise.geometry.cameras import DISTORTION_COUNTS, Camera, CameraModel
 from tracknoise.geometry.pose import PosePath, nearest, nearest_rigid
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.camera_files import read_camera_file
+from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
@@ -309,12 +309,13 @@ def find_calibration(
     *,
     camera_file: Path | None,
     poses_of: PosesOf,
+    read_camera: Callable[[Path], CameraFile],
 ) -> Calibration:
     """Find the camera: in the given file, in one of the recording's folder, or the published one."""
     candidates = (camera_file, *(folder / name for name in CAMERA_FILES))
     file = next((path for path in candidates if path is not None and (path == camera_file or path.exists())), None)
     if file is not None:
-        return _from_file(file, known, poses_of)
+        return _from_file(file, read_camera(file), known, poses_of)
     if poses_of is PosesOf.body:
         raise DataError(folder, "poses of a body and no camera file", "a camera file that states where the camera is")
     if (folder / PLAIN_CALIBRATION).exists():
@@ -326,9 +327,8 @@ def find_calibration(
     return _published(folder, known)
 
 
-def _from_file(file: Path, known: Recording | None, poses_of: PosesOf) -> Calibration:
+def _from_file(file: Path, read: CameraFile, known: Recording | None, poses_of: PosesOf) -> Calibration:
     """A known recording's poses are of what is published, and in its axes, whatever the file states."""
-    read = read_camera_file(file)
     body_from_camera = None if known is None else known.body_from_camera
     upside_down = known is not None and known.upside_down and poses_of is PosesOf.camera
     notes = [f"the camera is that of {file}", *_upside_down_notes(known, upside_down)]
@@ -429,6 +429,10 @@ class Tum(SceneReader):
         Folder of one recording, or of several at any depth.
     camera_file
         Intrinsics; by default a camera file in the recording's folder, else the published camera that its name fits.
+    camera
+        Which camera of that file, where it has several, such as ``cam1``; by default the first.
+    lens
+        Lens of a file of OpenCV with 4 coefficients and no word for it: ``radtan`` or ``equidistant``.
     poses_of
         What the poses are poses of: the camera, or a body on which the camera file states the camera's place.
     depth_unit_m
@@ -448,6 +452,8 @@ class Tum(SceneReader):
     root: Path
     _: KW_ONLY
     camera_file: Path | None = None
+    camera: str | None = None
+    lens: Lens | None = None
     poses_of: PosesOf = PosesOf.camera
     depth_unit_m: Positive | None = None
     max_gap_s: NotNegative = 0.02
@@ -464,7 +470,12 @@ class Tum(SceneReader):
         images, depths = read_lists(folder)
         known = known_recording(self.root, folder)
         calibration = find_calibration(
-            folder, images.files, known, camera_file=self.camera_file, poses_of=self.poses_of
+            folder,
+            images.files,
+            known,
+            camera_file=self.camera_file,
+            poses_of=self.poses_of,
+            read_camera=partial(self._camera_of, images.files),
         )
         recorded = _read_trajectory(folder)
         poses, pose_notes = poses_at(recorded, images.times_s + self.time_shift_s, max_gap_s=self.max_pose_gap_s)
@@ -490,6 +501,10 @@ class Tum(SceneReader):
             if timestamps_s is None
             else path_through(timestamps_s, world_from_camera, path, max_gap_s=self.max_pose_gap_s),
         )
+
+    def _camera_of(self, images: tuple[Path, ...], file: Path) -> CameraFile:
+        """A file's camera; an image says its size where the file does not."""
+        return read_camera_file(file, camera=self.camera, size=image_size(first_readable(images)), lens=self.lens)
 
     def _scenes(self) -> dict[str, Path]:
         expected = f"folders with {COLOUR} or {PAIRS[0]}"

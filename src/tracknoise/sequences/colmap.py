@@ -365,7 +365,7 @@ class Colmap(SceneReader):
             source=str(images),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(images / name for name in names), cameras[0], as_stored=True),
+            images=ImageFiles(tuple(images / name for name in names), cameras[0]),
             depths=depth_files(depths, cameras[0], read_depth_map),
             notes=(
                 *CameraFile(cameras[0]).notes,

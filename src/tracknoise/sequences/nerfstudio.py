@@ -198,7 +198,7 @@ class Nerfstudio(SceneReader):
             source=str(path),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0], as_stored=True),
+            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0]),
             depths=depth_files(depths, cameras[0], read_depth),
             notes=(
                 *missing,
@@ -292,7 +292,7 @@ def _path(entries: Entries, key: str) -> str:
 
 def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
     """Camera of each frame, all of one size. What is said of a frame precedes what is said of all."""
-    size = image_size(first_readable(frame.image for frame in frames), as_stored=True)
+    size = image_size(first_readable(frame.image for frame in frames))
     made: dict[str, CameraModel] = {}
     cameras = []
     for frame in frames:

@@ -14,6 +14,7 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.images import Levels, read_gray
+from tracknoise.sequences.orientation import orientation_notes
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
 from tracknoise.sequences.timed_poses import require_seconds
@@ -44,7 +45,7 @@ class RecordedSequence:
     depths
         Reads the depth of a frame in the same way, None for a frame without depth; or None where no frame has any.
     notes
-        What was corrected or assumed while reading, one sentence each.
+        What was corrected or assumed while reading, one sentence each. One about turned image files is added.
     caveats
         Which of the notes users should know before they measure, such as images that are missing.
     timestamps_s
@@ -112,6 +113,9 @@ class RecordedSequence:
             raise DataError(place, "a rolling shutter without timestamps", "the time of each frame, seconds")
         if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:
             raise DataError(place, "cameras of different image sizes", "one size for all frames")
+        if isinstance(self.images, ImageFiles):
+            notes = dict.fromkeys((*self.notes, *orientation_notes(self.images.paths)))
+            object.__setattr__(self, "notes", tuple(notes))
 
     def __len__(self) -> int:
         return len(self.world_from_camera)
@@ -208,15 +212,13 @@ class ImageFiles:
     camera: CameraModel  # whose size the images must have
     # values of 16-bit images that become 0 and 255; None where all images must have 8 bits
     levels: Levels | None = None
-    # whether what EXIF data say of the orientation is ignored, as the program that made the poses did
-    as_stored: bool = False
 
     def __len__(self) -> int:
         return len(self.paths)
 
     def __call__(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `tracknoise.sequences.images.read_gray`."""
-        return read_gray(self.paths[index], self.camera, levels=self.levels, as_stored=self.as_stored)
+        return read_gray(self.paths[index], self.camera, levels=self.levels)
 
 
 @dataclass(frozen=True, slots=True)

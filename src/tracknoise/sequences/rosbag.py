@@ -14,6 +14,7 @@ from tracknoise.geometry.cameras import CameraModel
 from tracknoise.rosbag_files import BagFile, Position, find_bags
 from tracknoise.sequences.camera_files import CameraFile, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
+from tracknoise.sequences.orientation import turned_notes
 from tracknoise.sequences.poses import checked_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.rosbag_frames import (
@@ -27,7 +28,7 @@ from tracknoise.sequences.rosbag_frames import (
     matching,
     scan_bag,
 )
-from tracknoise.sequences.rosbag_messages import Wanted, camera_of, frame_name
+from tracknoise.sequences.rosbag_messages import UNNAMED_DEPTH, Wanted, camera_of, frame_name
 from tracknoise.sequences.scenes import SceneReader, parent_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
@@ -142,6 +143,7 @@ class Rosbag(SceneReader):
                 *pose_notes(poses),
                 *depth_notes,
                 *_repeated(scan, positions),
+                *turned_notes(scan.images.topic, scan.images.turned, len(scan.images.positions)),
             ),
             timestamps_s=(times_ns - times_ns[0]) / 1e9,
             clock_start_ns=int(times_ns[0]),
@@ -183,13 +185,15 @@ class Rosbag(SceneReader):
     ) -> tuple[BagDepths | None, tuple[str, ...]]:
         """What reads the depths, and notes on them."""
         if scan.depths is None:
-            return None, ()
+            return None, ("no depth is used: no topic of depth was found or named",)
         depth_ns, messages = in_order(str(file.path), scan.depths, self.time)
         times_s, depth_s = ((times - times_ns[0]) / 1e9 for times in (times_ns, depth_ns))
         positions = matching(times_s, depth_s, messages, max_gap_s=self.max_gap_s)
         topic, missing = scan.depths.topic, positions.count(None)
         have = counted_of(missing, len(positions), "frame", "has", "have")
         notes = [f"{have} no depth"] if missing else []
+        if scan.depths.encoding.lower().startswith(UNNAMED_DEPTH):
+            notes.append(f"{topic} is taken as depth in units of {depth_unit_m:g} m, by its name or the option depth_topic")
         if scan.depths.frame != scan.images.frame:
             frames = f"{scan.depths.frame or '(no name)'} and {scan.images.frame or '(no name)'}"
             notes.append(f"depths and images are in the frames {frames}; they are taken as those of one camera")

@@ -14,8 +14,10 @@ from tracknoise.geometry.pose import PosePath, interpolate_poses, invert, neares
 from tracknoise.parsing_child import LostError, call_in_child
 from tracknoise.rosbag_files import TRANSFORMS, Bag, BagFile, Position, Topic, bag_size
 from tracknoise.sequences.images import Levels
+from tracknoise.sequences.orientation import EXIF_BYTES, UPRIGHT, orientation_of
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.rosbag_messages import (
+    COMPRESSED_IMAGE,
     CameraInfo,
     Link,
     Wanted,
@@ -43,6 +45,8 @@ class Messages:
     stamped_ns: NDArray[np.int64]
     received_ns: NDArray[np.int64]
     positions: tuple[Position, ...]  # n positions in the bag
+    encoding: str  # of the first message, or the format of its file
+    turned: tuple[int, ...] = ()  # orientations that files in them state
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,13 +95,18 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
 
 
 def _messages(bag: Bag, topic: Topic) -> Messages:
-    positions, stamps, frame = [], [], ""
+    positions, stamps, turned, frame, encoding = [], [], [], "", ""
     for position, message in bag.messages(topic.name):
+        is_file = topic.kind == COMPRESSED_IMAGE
         frame = frame or frame_name(message.header.frame_id)
+        encoding = encoding or (message.format if is_file else message.encoding)
+        if is_file and (orientation := orientation_of(bytes(message.data[:EXIF_BYTES]))) != UPRIGHT:
+            turned.append(orientation)
         positions.append(position)
         stamps.append(stamp_ns(message.header))
     received_ns = np.array([position.received_ns for position in positions], np.int64)
-    return Messages(topic.name, frame, np.array(stamps, np.int64), received_ns, tuple(positions))
+    stamped_ns = np.array(stamps, np.int64)
+    return Messages(topic.name, frame, stamped_ns, received_ns, tuple(positions), encoding, tuple(turned))
 
 
 def _require_aligned(place: str, images: CameraInfo, depths: CameraInfo, frame: str) -> None:

@@ -26,8 +26,16 @@ from tracknoise.sequences.camera_files import CameraFile, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
+from tracknoise.sequences.scenes import (
+    SceneReader,
+    find_scenes,
+    numbered_files,
+    parent_of,
+    require_unbroken,
+    with_option,
+)
 from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
+from tracknoise.sequences.time_units import TimeUnit, seconds_of
 from tracknoise.sequences.writing import new_folder, only_camera
 from tracknoise.tables.identity import SequenceId
 
@@ -58,6 +66,8 @@ class Folder(SceneReader):
     image_levels
         Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
         of 8 bits are not changed.
+    time_unit
+        Unit of the timestamps: s, ms, us or ns; by default seconds, at 1 to 1,000 Hz.
     """
 
     name: ClassVar[str] = "folder"
@@ -71,6 +81,7 @@ class Folder(SceneReader):
     camera_file: Path | None = None
     camera: str | None = None
     image_levels: tuple[float, float] | None = None
+    time_unit: TimeUnit | None = None
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -91,7 +102,8 @@ class Folder(SceneReader):
             source=str(folder / _IMAGES),
             camera=camera,
             world_from_camera=_poses(rows[: len(images)], places),
-            timestamps_s=_timestamps(folder / _TIMES, len(images)),
+            timestamps_s=_timestamps(folder / _TIMES, len(images), self.time_unit),
+            time_unit_stated=self.time_unit is not None,
             shutter=stated.shutter,
             images=ImageFiles(images, camera, self.image_levels),
             depths=depth_files(depths, camera, partial(_with_radius, read_depth, self.depth_radius_px)),
@@ -226,12 +238,12 @@ def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
     return poses
 
 
-def _timestamps(path: Path, n_frames: int) -> NDArray[np.float64] | None:
+def _timestamps(path: Path, n_frames: int, unit: TimeUnit | None) -> NDArray[np.float64] | None:
     """(n,) float64, seconds; None where there is no file. Like poses, times beyond the last image are left out."""
     if not is_there(path):
         return None
-    rows, _ = read_rows(path, "timestamp_s")
-    return rows[:n_frames, 0]
+    rows, places = read_rows(path, "timestamp_s")
+    return seconds_of(rows[:n_frames, 0], unit, path, places, partial(with_option, "time_unit"))
 
 
 def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: float | None) -> DepthReader:

@@ -52,9 +52,10 @@ def first_readable(paths: Iterable[Path]) -> Path:
 
 
 def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) -> NDArray[np.uint8]:
-    """Read a PNG, JPEG or BMP file in 8-bit grayscale, as ``cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION`` does.
+    """Read a PNG, JPEG or BMP file in 8-bit grayscale, as ``cv2.imread`` gives it with ``cv2.IMREAD_GRAYSCALE``.
 
-    Rows are those of the file: see `tracknoise.sequences.orientation`. OpenCV would divide an image of 16 bits by 256, although most such images use a part of the range: see `scaled`.
+    Unlike there, rows are those of the file (`tracknoise.sequences.orientation`), and an image of 16 bits is not
+    divided by 256, since most such images use a part of the range: see `scaled`.
 
     Parameters
     ----------

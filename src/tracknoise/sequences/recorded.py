@@ -17,7 +17,7 @@ from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.orientation import orientation_notes
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
-from tracknoise.sequences.timed_poses import require_seconds
+from tracknoise.sequences.time_units import require_likely_times, require_seconds
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.text import counted, counted_of, html_card, one_line
 
@@ -50,6 +50,8 @@ class RecordedSequence:
         Which of the notes users should know before they measure, such as images that are missing.
     timestamps_s
         (n,) float64, seconds, increasing; None where unknown.
+    time_unit_stated
+        Whether somebody stated that they are seconds: otherwise there are 1 to 1,000 per second.
     cameras
         Intrinsics of each frame, where they change.
     pose_accuracy, depth_accuracy
@@ -73,8 +75,8 @@ class RecordedSequence:
     ------
     DataError
         If there is no frame, fewer than two of several frames have a pose, the counts of images, depths, timestamps or
-        cameras differ from that of the poses, the timestamps do not increase or cannot be seconds, there is a shutter
-        without timestamps, or the cameras have different sizes.
+        cameras differ from that of the poses, the timestamps do not increase or are probably not seconds, there is a
+        shutter without timestamps, or the cameras have different sizes.
     """
 
     id: SequenceId
@@ -86,6 +88,7 @@ class RecordedSequence:
     notes: tuple[str, ...] = ()
     caveats: tuple[str, ...] = ()
     timestamps_s: NDArray[np.float64] | None = None
+    time_unit_stated: bool = False
     clock_start_ns: int | None = None
     cameras: tuple[CameraModel, ...] | None = None
     pose_accuracy: PoseAccuracy | None = None
@@ -109,6 +112,7 @@ class RecordedSequence:
             raise DataError(place, f"timestamps that do not increase ({found})", "increasing timestamps")
         if self.timestamps_s is not None:
             require_seconds(self.timestamps_s, [f"{place}: frame {index}" for index in range(len(self))])
+            require_likely_times(self)
         if self.shutter is not None and self.timestamps_s is None:
             raise DataError(place, "a rolling shutter without timestamps", "the time of each frame, seconds")
         if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:

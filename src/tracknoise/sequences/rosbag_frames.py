@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,9 @@ from tracknoise.sequences.rosbag_messages import (
     transform_links,
 )
 from tracknoise.sequences.scenes import with_option
+from tracknoise.sequences.time_units import TimeUnit
 from tracknoise.sequences.timed_poses import path_through
-from tracknoise.text import counted
+from tracknoise.text import counted, counted_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,6 +130,24 @@ def _intrinsics(bag: Bag, topic: Topic) -> CameraInfo:
     return next(iter(contents))
 
 
+_Stamped = TypeVar("_Stamped", Messages, Link)
+
+
+def in_unit(scan: Scan, unit: TimeUnit) -> Scan:
+    """What a bag holds, where the seconds of the times in headers are numbers of another unit."""
+
+    def stamped(of: _Stamped) -> _Stamped:
+        return replace(of, stamped_ns=of.stamped_ns // unit.per_second)
+
+    return replace(
+        scan,
+        images=stamped(scan.images),
+        depths=None if scan.depths is None else stamped(scan.depths),
+        pose=None if scan.pose is None else stamped(scan.pose),
+        transforms=tuple(map(stamped, scan.transforms)),
+    )
+
+
 class Clock(StrEnum):
     """Which time of a message counts: that in its header, or when it was received."""
 
@@ -191,6 +211,10 @@ def in_order(place: str, messages: Messages, clock: Clock) -> tuple[NDArray[np.i
     if clock is Clock.header and not times.any():
         raise DataError(f"{place} {messages.topic}", "the time 0 in all headers", 'times, or time = "received"')
     ordered, first = np.unique(times, return_index=True)
+    if len(times) > 2 * len(ordered):
+        repeat = counted_of(len(times) - len(ordered), len(times), "message", "repeats", "repeat")
+        other = Clock.received if clock is Clock.header else Clock.header
+        raise DataError(f"{place} {messages.topic}", f"{repeat} the time of another one", f'times, or time = "{other}"')
     return ordered, tuple(messages.positions[index] for index in first.tolist())
 
 

@@ -39,7 +39,7 @@ _BAYER = {
     "bayer_gbrg": cv2.COLOR_BayerGBRG2GRAY,
     "bayer_grbg": cv2.COLOR_BayerGRBG2GRAY,
 }
-"""Mosaics by the beginning of their encodings, which 8 or 16 follows: the colours of their first two rows and columns."""
+"""Mosaics by the beginning of their encodings, which 8 or 16 follows: colours of the first two rows and columns."""
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "8uc3": 3, "rgba8": 4, "bgra8": 4, "8uc4": 4}
 _GRAY = ("mono8", "8uc1")
 _GRAY16 = ("mono16", "16uc1")
@@ -78,7 +78,7 @@ def _gray_mosaic(
 ) -> NDArray[np.uint8]:
     """A mosaic of colours in 8-bit grayscale."""
     gray = np.asarray(cv2.cvtColor(pixels, mosaic))
-    return gray if gray.dtype == np.uint8 else _scaled(place, gray, levels)
+    return gray.astype(np.uint8) if gray.dtype == np.uint8 else _scaled(place, gray.astype(np.uint16), levels)
 
 
 def depth_map(place: str, message: Any, metres_per_unit: float) -> DepthMap:
@@ -361,7 +361,7 @@ def _split(topics: list[Topic], deep: set[str]) -> tuple[list[Topic], list[Topic
 
 
 def _is_depth(bag: Bag, topic: Topic) -> bool:
-    """Whether the first message of a topic of images is a depth map: by its encoding, or 16 bits by the topic's name."""
+    """Whether the first message of a topic of images is a depth map: by its encoding, or of 16 bits by the name."""
     written = _encoding(bag, topic)
     if "compresseddepth" in written or written.startswith(_DEPTH_ENCODINGS):
         return True

@@ -175,14 +175,16 @@ def export_command(
         raise SettingsError(f"--tracks {tracks}: found --to {to}, expected the option with --to csv alone")
     model = NoiseModel.read(file)
     require_truth(model.truth, str(file), accepted=accept_truth)
-    files = _files(name, _export(model, file, name, target, tracks))
+    exported = _export(model, file, name, target, tracks)
+    files = _files(name, exported)
     if out is None:
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0
     require_outputs([("--out", out / name) for name in files], inputs=[file, tracks])
     for name, content in files.items():
         write_atomically(out / name, content.encode())
-    context.obj.result("\n".join(f"written: {(out / name).resolve()}" for name in files))
+    used = [] if exported.rate_hz is None else [f"rate: {exported.rate_hz:.6g} frames per second"]
+    context.obj.result("\n".join([*(f"written: {(out / name).resolve()}" for name in files), *used]))
     return 0
 
 

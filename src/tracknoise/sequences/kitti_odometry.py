@@ -6,6 +6,7 @@ X_k = X_0 + t_k. Poses are those of camera 0.
 """
 
 import os
+import re
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, require_bounds
 from tracknoise.exceptions import DataError
+from tracknoise.foreign_files import read_text
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.images import first_readable, image_size
@@ -101,6 +103,10 @@ _VELODYNE_KEY = "Tr"
 def read_projection(path: Path, camera: int) -> NDArray[np.float64]:
     """Read the projection matrix of a camera, (3, 4) float64."""
     key = f"P{camera}"
+    if not re.search(r"^\s*\w+\s*:", read_text(path, f"a calibration with {key}"), re.MULTILINE):
+        layouts = "for reader folder, name the images images/, and the others poses.txt and camera.json"
+        expected = f"a line of {key} and 12 numbers, for reader kitti-odometry; {layouts}"
+        raise DataError(path, "no keys", expected)
     return projection(path, read_values(path, {key: 12}), key)
 
 

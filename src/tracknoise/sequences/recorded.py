@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
@@ -16,6 +16,7 @@ from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.orientation import orientation_notes
 from tracknoise.sequences.poses import require_some_poses
+from tracknoise.sequences.scenes import with_option
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
 from tracknoise.sequences.time_units import require_likely_times, require_seconds
 from tracknoise.tables.identity import SequenceId, readable
@@ -270,6 +271,34 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 def folders_of(names: Iterable[str]) -> list[str]:
     """Folders of files, sorted; "." for files without."""
     return sorted({str(PurePosixPath(name).parent) for name in names})
+
+
+def chosen_folder(names: Iterable[str], folder: str | None, place: str | Path) -> str:
+    """The folder that the option `folder` names, or the only one that images lie in.
+
+    Parameters
+    ----------
+    names
+        Paths of the images.
+    folder
+        The option; None for the only folder.
+    place
+        Where images are listed, for the error.
+
+    Raises
+    ------
+    UnknownNameError
+        If no image lies in the folder of this name.
+    DataError
+        If images lie in several folders, and none is chosen.
+    """
+    folders = folders_of(names)
+    if folder is not None and folder not in folders:
+        raise UnknownNameError("folder of images", folder, folders)
+    if folder is None and len(folders) > 1:
+        found = f"images of several folders: {', '.join(folders)}"
+        raise DataError(place, found, f"one; choose it with {with_option('folder', folders[0])}")
+    return folders[0] if folder is None else folder
 
 
 def image_names(root: Path, folder: str) -> list[str]:

@@ -438,9 +438,10 @@ class Euroc(SceneReader):
         source = files.pose_source(self.pose_source)
         unit = self.pose_time_unit or self.time_unit
         table = read_table(files.poses(source), "a time, a position and a quaternion", unit, _POSE_UNIT)
+        if self.pose_time_unit is None:  # by the times alone: far from those of images, their seconds are rounded
+            recorded_s = _seconds_after(np.unique(table.times_ns), table.times_ns.min())
+            require_pose_rate(recorded_s, times_s, table.path, _POSE_UNIT, taken=unit or TimeUnit.ns)
         recorded = trajectory(table.path, _seconds_after(table.times_ns, start_ns), pose_rows(table), table.places)
-        if self.pose_time_unit is None:
-            require_pose_rate(recorded.times_s, times_s, table.path, _POSE_UNIT, taken=unit or TimeUnit.ns)
         sensor_from_body, sensor_notes = read_sensor_from_body(files.sensor(source))
         sensor_from_camera = sensor_from_body @ body_from_camera
         sensors, notes = poses_at(recorded, times_s + shift_s, max_gap_s=self.max_pose_gap_s)

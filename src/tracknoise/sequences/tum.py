@@ -423,8 +423,8 @@ def _shift_notes(shift_s: float | None) -> tuple[str, ...]:
 
 _GROUND_TRUTH = "groundtruth.txt"
 _LARGEST_FRAME_NUMBER = 1e6
-_LEAST_POSED = 0.5
-"""Share of frames by whose numbers poses are listed: other whole numbers are times."""
+_LARGEST_STEP = 5
+"""Largest usual step between listed numbers of frames, of which only every n-th is kept."""
 _NUMBERS = (
     "the timestamps are whole numbers: they are taken as numbers of frames, so times are unknown; if they are times, "
     "state time_unit"
@@ -518,7 +518,7 @@ class Tum(SceneReader):
     def _timestamps(self, images: FileList, recorded: Trajectory) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
         """Times since the first image; None where small whole numbers show that they are numbers of frames."""
         times_s, unit = images.times_s, self.time_unit
-        if unit is None and _are_numbers(times_s, recorded.times_s):
+        if unit is None and _are_numbers(times_s):
             return None, (_NUMBERS,)
         if unit is None:
             require_likely_rate(times_s, images.path, _UNIT)
@@ -527,11 +527,11 @@ class Tum(SceneReader):
         return times_s - times_s[0], ()
 
 
-def _are_numbers(times: NDArray[np.float64], of_poses: NDArray[np.float64]) -> bool:
-    """Whether times are numbers of frames: small whole ones, in steps of 1 or those by which poses are listed."""
+def _are_numbers(times: NDArray[np.float64]) -> bool:
+    """Whether times are numbers of frames: small whole ones in small steps. Larger steps are those of milliseconds."""
     if len(times) < 2 or times[-1] >= _LARGEST_FRAME_NUMBER or not np.array_equal(times, np.rint(times)):
         return False
-    return bool(np.median(np.diff(times)) == 1.0 or np.isin(times, of_poses).mean() >= _LEAST_POSED)
+    return bool(np.median(np.diff(times)) <= _LARGEST_STEP)
 
 
 def _read_trajectory(folder: Path, unit: TimeUnit) -> Trajectory:

@@ -322,7 +322,7 @@ def export(
     caveats = (*camera.notes, *at.caveats, *exports.caveats(about, noise))
     return Export(
         files={file: _filled(template, values) for file, template in about.files.items()},
-        rate_hz=camera.rate_hz if "rate" in about.needs else None,
+        rate_hz=camera.rate_hz,
         text=exports.text(about, header, (*caveats, *about.notes)),
         patch=None if about.patch is None else _filled(about.patch, values),
         caveats=caveats,

@@ -38,7 +38,7 @@ class Export:
     text: str  # what it is: unit, place, what it makes right, what it cannot express, and what it was checked against
     patch: str | None  # change of the source code of the estimator, None if there is none
     caveats: tuple[str, ...]  # one sentence each
-    rate_hz: float | None = None  # frames per second that its numbers are for; None where none depends on it
+    rate_hz: float | None = None  # frames per second that its numbers are for; None where unknown
 
 
 class FocalChange(StrEnum):

@@ -18,7 +18,7 @@ from tracknoise.sequences.orientation import orientation_notes
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.scenes import with_option
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
-from tracknoise.sequences.time_units import require_likely_times, require_seconds
+from tracknoise.sequences.time_units import SHORTEST_S, require_likely_times, require_seconds
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.text import counted, counted_of, html_card, one_line
 
@@ -194,16 +194,13 @@ class RecordedSequence:
 
 def _out_of_order(times_s: NDArray[np.float64]) -> str:
     """The first time that is not finite, or not later than the one before; empty if there is none."""
-    later = np.append(True, np.diff(times_s) > _LEAST_S) & np.isfinite(times_s)
+    later = np.append(True, np.diff(times_s) > SHORTEST_S) & np.isfinite(times_s)
     if later.all():
         return ""
     number = int(np.argmin(later))
     before = f" after {times_s[number - 1]:.9f}" if number else ""
     return f"frame {number}: {times_s[number]:.9f}{before} s"
 
-
-_LEAST_S = 1e-12
-"""Shorter times between frames are none: poses between those of two frames could not be computed."""
 
 DepthReader = Callable[[Path, CameraModel], DepthMap]
 """Reads one depth file: a module's function, or a `functools.partial` of one, so that it can be pickled."""

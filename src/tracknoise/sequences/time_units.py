@@ -24,6 +24,8 @@ _ROUNDING = 0.05
 _SAME_RATE = 3.0
 """Poses as frequent as frames to this factor have the unit of frames."""
 _USUAL_HZ = 30.0
+SHORTEST_S = 1e-12
+"""Shorter times between frames are none: poses between those of two frames could not be computed."""
 _LATEST_S = 1e11
 """No clock of seconds shows more: it is more than 3000 years."""
 
@@ -88,7 +90,8 @@ def require_seconds(
         unit = unit_of_clock(number)
         how = "convert it to seconds" if stated_by is None else stated_by(unit)
         probably = f"; it is probably in {unit}: {how}" if np.isfinite(number) else ""
-        raise DataError(places[index], f"a timestamp of {number:g} {taken}", f"at most {_LATEST_S:g} s{probably}")
+        stated = "" if taken is TimeUnit.s else f" {taken}"
+        raise DataError(places[index], f"a timestamp of {number:g}{stated}", f"seconds, up to {_LATEST_S:g}{probably}")
 
 
 def require_likely_rate(
@@ -133,15 +136,18 @@ def seconds_of(
 ) -> NDArray[np.float64]:
     """Seconds from the times of frames, (n,) float64, that a file has in a unit; None for one that nobody stated.
 
+    Times that do not increase are left to who reads them.
+
     Raises
     ------
     DataError
         If nobody stated the unit, and it is probably not seconds.
     """
     times_s: NDArray[np.float64] = times / (unit or TimeUnit.s).per_second
-    require_seconds(times_s, places, stated_by, taken=unit or TimeUnit.s)
-    if unit is None:
-        require_likely_rate(times_s, place, stated_by)
+    if np.all(np.diff(times_s) > SHORTEST_S):  # not of NaN
+        require_seconds(times_s, places, stated_by, taken=unit or TimeUnit.s)
+        if unit is None:
+            require_likely_rate(times_s, place, stated_by)
     return times_s
 
 

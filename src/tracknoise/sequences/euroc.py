@@ -152,7 +152,7 @@ class Table:
 
 
 def read_table(path: Path, columns: str, unit: TimeUnit | None, stated_by: StatedBy) -> Table:
-    """Read a file of comma-separated values. `unit`: of its times; None for nanoseconds that nobody stated.
+    """Read a file of comma-separated values. `unit`: of its times; None for nanoseconds that are not stated.
 
     Blank lines and ``#`` comments are skipped; the first may be the header.
     """
@@ -211,7 +211,7 @@ def _is_text(field: str) -> bool:
 def _nanoseconds(place: str, field: str, unit: TimeUnit | None, stated_by: StatedBy) -> int:
     """A time to the nanosecond, which may be written with a point or a power of ten: 1403636579763555584.0 or 1.4e18.
 
-    Nanoseconds that nobody stated are whole numbers: others are probably of a larger unit.
+    Nanoseconds that are not stated are whole numbers: others are probably of a larger unit.
     """
     time = Decimal(field) if _NUMBER.fullmatch(field) else Decimal(-1)
     ns = time * (TimeUnit.ns.per_second // (unit or TimeUnit.ns).per_second)

@@ -134,14 +134,14 @@ def require_likely_rate(
 def seconds_of(
     times: NDArray[np.float64], unit: TimeUnit | None, place: str | Path, places: Items[str], stated_by: StatedBy
 ) -> NDArray[np.float64]:
-    """Seconds from the times of frames, (n,) float64, that a file has in a unit; None for one that nobody stated.
+    """Seconds from the times of frames, (n,) float64, that a file has in a unit; None for one that is not stated.
 
     Times that do not increase are left to who reads them.
 
     Raises
     ------
     DataError
-        If nobody stated the unit, and it is probably not seconds.
+        If the unit is not stated, and is probably not seconds.
     """
     times_s: NDArray[np.float64] = times / (unit or TimeUnit.s).per_second
     if np.all(np.diff(times_s) > SHORTEST_S):  # not of NaN
@@ -175,7 +175,7 @@ def require_pose_rate(
 
 
 def require_likely_times(sequence: Sequence) -> None:
-    """Refuse a sequence, or the one that a view shows, with times of an unlikely rate whose unit nobody stated.
+    """Refuse a sequence, or the one that a view shows, with times of an unlikely rate whose unit is not stated.
 
     Raises
     ------

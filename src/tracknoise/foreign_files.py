@@ -26,7 +26,7 @@ from xml.etree import ElementTree as ET
 from xml.parsers.expat import ErrorString
 
 from tracknoise.exceptions import DataError, TracknoiseError, first_line
-from tracknoise.opened_files import read_noted
+from tracknoise.opened_files import read_head_unnoted, read_noted
 
 MIB = 1 << 20
 MOST_BYTES = 512 * MIB
@@ -59,6 +59,21 @@ def read_bytes(path: Path, expected: str, *, most: int = MOST_BYTES, readable: s
         return read_noted(path)
     except OSError as error:
         raise DataError(path, f"unreadable ({error.strerror})", readable or expected) from error
+
+
+def read_head(path: Path, expected: str, count: int) -> bytes:
+    """Read the first bytes of a regular file, which does not count as read: no number may depend on them.
+
+    Raises
+    ------
+    DataError
+        As `read_bytes`.
+    """
+    require_regular(path, expected)
+    try:
+        return read_head_unnoted(path, count)
+    except OSError as error:
+        raise DataError(path, f"unreadable ({error.strerror})", expected) from error
 
 
 def require_regular(path: Path, expected: str, *, most: int = MOST_BYTES, readable: str | None = None) -> int:

@@ -199,6 +199,22 @@ def read_noted(path: Path) -> bytes:
     return content
 
 
+def read_head_unnoted(path: Path, count: int) -> bytes:
+    """The first bytes of a file, which is not noted: for what no number depends on.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    outer, _busy.now = getattr(_busy, "now", False), True
+    try:
+        with path.open("rb") as file:
+            return file.read(count)
+    finally:
+        _busy.now = outer
+
+
 def _install() -> None:
     """Begin to listen. A hook cannot be removed: it does nothing while nothing is noted."""
     global _hooked

@@ -314,3 +314,57 @@ def test_images_are_used_as_they_are_stored(tmp_path, simulated):
 def test_no_reconstruction(tmp_path):
     with pytest.raises(DataError, match=r"no scene, expected folders with cameras.bin and images.bin, or cameras.txt"):
         make_reader("colmap", tmp_path).sequences()
+
+
+OPENCV = ("OPENCV", *SIZE, [60.0, 60.0, 32.0, 24.0, 0.05, 0.01, 0.0, 0.0])
+UNDISTORTED = ("PINHOLE", *SIZE, [55.0, 55.0, 32.0, 24.0])
+
+
+def write_splatting(folder, simulated, *, original, undistorted=UNDISTORTED):
+    """As programs for Gaussian splatting lay it out: images/ were undistorted, and belong to sparse/0."""
+    names = ["0.png", "1.png", "2.png"]
+    save(folder / "images", simulated, names)
+    write_binary(folder / original, {1: OPENCV}, posed(simulated, names))
+    write_text(folder / "sparse/0", {1: undistorted}, posed(simulated, names))
+
+
+@pytest.mark.parametrize("original", ["distorted/sparse/0", "colmap/sparse/0", "colmap/first/model"])
+def test_undistorted_images_belong_to_the_cameras_without_distortion(tmp_path, simulated, original):
+    write_splatting(tmp_path, simulated, original=original)
+    reader = make_reader("colmap", tmp_path)
+    assert [one.scene for one in reader.sequences()] == ["sparse/0"]
+    assert original in reader.excluded_scenes()
+    assert open_sequence("colmap", tmp_path).camera.fx == 55.0
+    alone = re.escape("images holds the images of ")
+    with pytest.raises(DataError, match=f"{alone}.*sparse/0, whose cameras are others.*--option image_folder=FOLDER"):
+        open_sequence("colmap", tmp_path / original)
+
+
+def test_original_images_are_paired_with_the_cameras_with_distortion(tmp_path, simulated):
+    """Both are one recording, and therefore one group."""
+    write_splatting(tmp_path, simulated, original="distorted/sparse/0")
+    save(tmp_path / "input", simulated, ["1.png", "2.png", "3.png"])
+    (tmp_path / "input/3.png").rename(tmp_path / "input/0.png")
+    found = open_sequence("colmap", tmp_path, scene="distorted/sparse/0")
+    assert found.camera.distortion == (0.05, 0.01, 0.0, 0.0)
+    np.testing.assert_array_equal(found.image(1), simulated.image(0))
+    np.testing.assert_array_equal(open_sequence("colmap", tmp_path, scene="sparse/0").image(1), simulated.image(1))
+    reader = make_reader("colmap", tmp_path)
+    assert len({reader.open(one).group for one in reader.sequences()}) == 1
+
+
+def test_dense_depth_of_undistorted_images_is_not_that_of_the_original_ones(tmp_path, simulated):
+    write_splatting(tmp_path, simulated, original="distorted/sparse/0")
+    save(tmp_path / "input", simulated, ["0.png", "1.png", "2.png"])
+    write_depth_map(tmp_path / "stereo/depth_maps/0.png.geometric.bin", np.full((SIZE[1], SIZE[0]), 2.0))
+    assert open_sequence("colmap", tmp_path, scene="distorted/sparse/0").depth(0) is None
+    assert open_sequence("colmap", tmp_path, scene="sparse/0").depth(0) is not None
+
+
+def test_two_reconstructions_of_the_same_images_keep_them(tmp_path, simulated):
+    names = ["0.png", "1.png"]
+    save(tmp_path / "images", simulated, names)
+    for folder in ("sparse/0", "sparse/1", "refined/sparse/0"):
+        write_binary(tmp_path / folder, {1: OPENCV}, posed(simulated, names))
+    assert len(make_reader("colmap", tmp_path).sequences()) == 3
+    assert make_reader("colmap", tmp_path).excluded_scenes() == {}

@@ -1,6 +1,7 @@
 import json
 import os
 import pickle
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -131,8 +132,11 @@ def test_timestamps_beyond_the_last_image_are_left_out(tmp_path: Path) -> None:
         ("0.1\n0.2\n", "2 timestamps, expected one for each of the 3 poses"),
         ("0.1\n0.2\n0.2\n", "timestamps that do not increase"),
         ("0\n1e-320\n2e-320\n", "timestamps that do not increase"),
-        ("0.1\n0.2\ninf\n", "timestamps that do not increase"),
-        ("1e18\n2e18\n3e18\n", "frame 0: a timestamp of 1e+18, expected seconds, up to 1e+11"),
+        ("0.1\n0.2\ninf\n", "timestamps.txt:3: a timestamp of inf, expected seconds"),
+        (
+            "1e18\n2e18\n3e18\n",
+            "a timestamp of 1e+18, expected seconds, up to 1e+11; it is probably in ns: --option time_unit=ns",
+        ),
         ("0.1\n0.2\nnoon\n", "timestamps.txt:3: 'noon', expected a number (timestamp_s)"),
         ("0.1 0.2 0.3\n", "timestamps.txt:1: 3 fields, expected 1 (timestamp_s)"),
         (None, "a rolling shutter without timestamps, expected the time of each frame, seconds"),
@@ -693,3 +697,32 @@ def test_16_bit_images_need_their_levels(scene: Path) -> None:
 def test_impossible_levels(scene: Path, levels: object) -> None:
     with pytest.raises(SettingsError, match="reader 'folder': image_levels"):
         make_reader("folder", scene, {"image_levels": levels})
+
+
+@pytest.mark.parametrize(
+    ("place", "shown"),
+    [
+        ("rgb/{0:06d}.png", "rgb/000000.png"),
+        ("images/frame_{0:d}.png", "images/frame_0.png"),
+        ("images/cam0/{0:d}.png", "images/cam0/0.png"),
+        ("{0:d}.png", "0.png"),
+    ],
+)
+def test_images_of_another_name_are_found(scene: Path, place: str, shown: str) -> None:
+    for index, path in enumerate(sorted((scene / "images").iterdir())):
+        moved = scene / place.format(index)
+        moved.parent.mkdir(exist_ok=True)
+        path.rename(moved)
+    with pytest.raises(DataError, match=f"no images/000000.png, but {FRAMES} image files such as {re.escape(shown)}"):
+        opened(scene)
+
+
+def test_all_renames_that_are_needed_are_said_at_once(scene: Path) -> None:
+    (scene / "images").rename(scene / "rgb")
+    (scene / "camera.json").rename(scene / "intrinsics.json")
+    with pytest.raises(DataError) as caught:
+        opened(scene)
+    assert str(caught.value) == (
+        f"{scene}: no images/000000.png, no camera.json, but 3 image files such as rgb/000000.png, "
+        "beside intrinsics.json, rgb, expected images/000000.png and so on, poses.txt and camera.json: rename them"
+    )

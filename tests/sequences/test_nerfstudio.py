@@ -9,7 +9,7 @@ import pytest
 from tests.writers.exif import save_turned
 from tests.writers.nerfstudio import write_transforms
 
-from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.cameras import Camera, EquidistantCamera
 from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.truth_faults.check_recording import check_reader
@@ -319,3 +319,19 @@ def test_neither_a_focal_length_nor_an_angle(tmp_path, simulated):
     write_transforms(tmp_path, NAMES, simulated.world_from_camera, camera_angle_x=3.5)
     with pytest.raises(DataError, match=r"camera_angle_x = 3.5, expected an angle below pi, in radians"):
         open_sequence("nerfstudio", tmp_path)
+
+
+def test_images_of_several_folders_are_those_of_several_cameras(tmp_path, simulated, intrinsics):
+    """Left and right of a rig would be joined as one path, with jumps of the baseline."""
+    names = [f"images/{side}/{index}.png" for index in range(2) for side in ("left", "right")]
+    save(tmp_path, simulated, names[:3])
+    save(tmp_path, simulated, names[3:])
+    poses = simulated.world_from_camera[[0, 1, 2, 0]]
+    write_transforms(tmp_path, names, poses, **intrinsics)
+    found = r"transforms.json: images of several folders: images/left, images/right, expected one; choose it with "
+    with pytest.raises(DataError, match=found + "--option folder=images/left"):
+        open_sequence("nerfstudio", tmp_path)
+    right = open_sequence("nerfstudio", tmp_path, folder="images/right")
+    np.testing.assert_allclose(right.world_from_camera, poses[[1, 3]], atol=1e-12)
+    with pytest.raises(UnknownNameError, match="unknown folder of images 'images/top'"):
+        open_sequence("nerfstudio", tmp_path, folder="images/top")

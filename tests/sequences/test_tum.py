@@ -455,3 +455,33 @@ def test_the_real_sample_is_read(sample):
     assert (read.camera.fx, read.camera.distortion[0]) == (517.3, 0.2624)
     depth = read.depth(25)
     assert 0.5 < np.median(depth.depth_m[depth.valid]) < 5.0
+
+
+def rounded(path, digits):
+    """The rows of a file whose times were printed with fewer digits."""
+    rows = [line.split(" ", 1) for line in path.read_text().splitlines() if not line.startswith("#")]
+    path.write_text("".join(f"{float(time):.{digits}g} {rest}\n" for time, rest in rows))
+
+
+@pytest.mark.parametrize("name", ["groundtruth.txt", "rgb.txt"])
+@pytest.mark.parametrize("digits", [6, 10])
+def test_times_that_have_lost_their_digits_are_named(scene, name, digits):
+    rounded(scene / name, digits)
+    with pytest.raises(DataError, match=rf"{name}: 3 of 4 rows repeat the time of an earlier row, expected times with"):
+        open_sequence("tum", scene.parent)
+
+
+def test_rows_that_are_written_twice_do_no_harm(scene):
+    truth = scene / "groundtruth.txt"
+    truth.write_text(truth.read_text() + truth.read_text())
+    found = open_sequence("tum", scene.parent)
+    np.testing.assert_allclose(found.world_from_camera, poses(4), atol=1e-6)
+    assert any("4 of 8 rows repeat the time of an earlier row" in note for note in found.notes)
+
+
+def test_an_error_about_the_times_of_poses_keeps_what_was_found_out_about_them(scene):
+    truth = scene / "groundtruth.txt"
+    rows = truth.read_text().splitlines()
+    truth.write_text("\n".join([*rows, rows[-1].replace("1305031241", "1305031300"), rows[-1]]) + "\n")
+    with pytest.raises(DataError, match=r"after the first image, .*: 1 of 6 rows repeats the time of an earlier row"):
+        open_sequence("tum", scene.parent, time_shift_s=1e4)

@@ -102,6 +102,7 @@ def timed(plain) -> Sequence:
         camera=cameras[0],
         world_from_camera=plain.world_from_camera,
         images=plain.image,
+        time_unit_stated=True,
         timestamps_s=np.array([10.0, 11.0, 13.0, 16.0, 20.0]),
         cameras=cameras,
         pose_accuracy=PoseAccuracy(0.01, 0.002),

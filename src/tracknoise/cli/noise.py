@@ -175,7 +175,10 @@ def export_command(
         raise SettingsError(f"--tracks {tracks}: found --to {to}, expected the option with --to csv alone")
     model = NoiseModel.read(file)
     require_truth(model.truth, str(file), accepted=accept_truth)
-    files = _files(name, _export(model, file, name, target, tracks))
+    exported = _export(model, file, name, target, tracks)
+    files = _files(name, exported)
+    whose = "that of the model" if rate is None else "as stated"
+    context.obj.say("rate: unknown" if exported.rate_hz is None else f"rate: {exported.rate_hz:.6g} Hz, {whose}")
     if out is None:
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0

@@ -48,6 +48,7 @@ from tracknoise.estimators.linear_window import (
 from tracknoise.estimators.model import TOLERANCE, Component, Equivalent, Interval, Landmark, Purpose
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.track_noise import COMPONENTS, TrackNoise
+from tracknoise.sequences.time_units import is_likely, likely_unit
 from tracknoise.text import significant
 
 
@@ -206,9 +207,30 @@ def _thinning(model: ExportedModel, target: Target, caveats: list[str]) -> int:
     if target.rate_change is not RateChange.THINNED:
         raise SettingsError(
             f"rate is {target.rate_hz:g} Hz, expected that of the model, {seen:g} Hz, to {100 * TOLERANCE:g} %; "
-            "`--allow-rate thinned` if features are tracked in every frame and the estimator uses every n-th"
+            f"{_unlikely_rate(model)}"
+            "`--allow-rate thinned` if features are tracked in every frame and the estimator uses every n-th; "
+            "if the rate of the model is wrong, correct the times of its recordings and measure them again"
         )
     return _every(ratio, seen, target.rate_hz, caveats)
+
+
+def _unlikely_rate(model: ExportedModel) -> str:
+    """What is to be done about a rate of the recordings that no camera has; nothing where it is likely."""
+    recorded = model.camera.rate_hz
+    if recorded is None or is_likely(recorded):
+        return ""
+    likely = likely_unit(recorded)
+    unit = "" if likely is None else f", probably {likely[0]} ({significant(likely[1], 3)} Hz)"
+    return (
+        f"the times of its recordings, at {significant(recorded, 3)} Hz, are probably not in seconds{unit}: "
+        "measure them again with time_unit in [dataset.options]; "
+    )
+
+
+def _require_likely(model: ExportedModel, target: Target) -> None:
+    """Refuse a rate that no camera has, unless the user states it."""
+    if target.rate_hz is None and (unlikely := _unlikely_rate(model)):
+        raise SettingsError(f"noise model: {unlikely}if the rate is right, --rate {_seen_rate(model):g}")
 
 
 def _unchecked(target: Target, caveats: list[str]) -> int:
@@ -295,6 +317,8 @@ def export(
     camera = at.model.camera
     known = {"focal length": camera.focal_px, "rate": camera.rate_hz, "observations": observations}
     _require_known(about, known)
+    if "rate" in about.needs:
+        _require_likely(model, wanted)
     if about.family == "data" and at.caveats:
         raise SettingsError(f"{about.title}: found another focal length or rate, expected those of the model")
     header = exports.header(noise, source, model.sha256)
@@ -302,6 +326,7 @@ def export(
     caveats = (*camera.notes, *at.caveats, *exports.caveats(about, noise))
     return Export(
         files={file: _filled(template, values) for file, template in about.files.items()},
+        rate_hz=camera.rate_hz,
         text=exports.text(about, header, (*caveats, *about.notes)),
         patch=None if about.patch is None else _filled(about.patch, values),
         caveats=caveats,

@@ -38,6 +38,7 @@ class Export:
     text: str  # what it is: unit, place, what it makes right, what it cannot express, and what it was checked against
     patch: str | None  # change of the source code of the estimator, None if there is none
     caveats: tuple[str, ...]  # one sentence each
+    rate_hz: float | None = None  # frames per second that its numbers are for; None where unknown
 
 
 class FocalChange(StrEnum):
@@ -381,6 +382,7 @@ def header(noise: Noise, source: str, sha256: str) -> str:
         f"tracknoise {version('tracknoise')}",
         f"{source} sha256 {sha256[:_DIGITS_OF_HASH]}",
         f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
+        *([] if "rate" not in noise.about.needs else [f"{noise.model.camera.rate_hz:.6g} frames per second"]),
         makes_right(noise),
         noise.model.truth.caveat,
     ]

@@ -20,7 +20,7 @@ from tracknoise.truth_faults.check_report import Item, Severity
 from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth, edge_share, sampled_depths
 from tracknoise.truth_faults.image_evidence import FEWEST_POINTS, Evidence, Flow, Pair, seen_by_one_camera
 from tracknoise.truth_faults.motion_checks import mistakes
-from tracknoise.truth_faults.recording_checks import intrinsics, pose_jumps, repeated_frames
+from tracknoise.truth_faults.recording_checks import intrinsics, pose_jumps, repeated_frames, timestamps
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -65,8 +65,13 @@ def depth_edges(measurement: "Measurement") -> float:
 
 
 def _of_poses(sequence: Sequence) -> list[Item]:
-    """Topics that need poses and intrinsics alone."""
-    return [pose_jumps(sequence), intrinsics(sequence), *filter(None, [repeated_frames(sequence)])]
+    """Topics that need times, poses and intrinsics alone."""
+    return [
+        timestamps(sequence),
+        pose_jumps(sequence),
+        intrinsics(sequence),
+        *filter(None, [repeated_frames(sequence)]),
+    ]
 
 
 def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> Doubts:

@@ -20,6 +20,7 @@ from tracknoise.measurement.sequence_tables import SequenceTables, measure_seque
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.time_units import require_likely_times
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
@@ -250,6 +251,8 @@ def measure_together(
 ) -> Iterator[Measurement]:
     """Run trackers on sequences that advance together, because they share what they read."""
     require_sequences([*sequences, *second_truth])
+    for given in (*sequences, *second_truth):
+        require_likely_times(given)
     require_options(corrections, accuracy, max_frames, seed)
     setups = _setups(trackers, speeds)
     sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))

@@ -15,6 +15,7 @@ from tracknoise.geometry.depth import LEAST_DEPTH_M, DepthMap
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import checked_poses, has_pose
 from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.time_units import TimeUnit, by_argument, seconds_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import is_printable
 
@@ -35,6 +36,7 @@ class Sequence(RecordedSequence):
         depths: Items[ArrayLike | None] | NDArray[Any] | None = None,
         *,
         timestamps_s: ArrayLike | None = None,
+        time_unit: str | None = None,
         distortion: Items[float] = (),
         readout_s: float | None = None,
         dataset: str = "arrays",
@@ -57,7 +59,9 @@ class Sequence(RecordedSequence):
             n arrays (height, width) of floats: depth along z, metres; 0, negative or not finite where unknown. None
             for a frame without depth, or for all of them.
         timestamps_s
-            (n,) seconds, increasing.
+            (n,) seconds, increasing, at 1 to 1,000 per second.
+        time_unit
+            Their unit, where it is another one, or seconds with another rate: "s", "ms", "us" or "ns".
         distortion
             Radial-tangential coefficients as OpenCV orders them: 4, 5 or 8.
         readout_s
@@ -90,7 +94,8 @@ class Sequence(RecordedSequence):
             images=pictures,
             depths=maps,
             notes=notes,
-            timestamps_s=None if timestamps_s is None else _floats("timestamps_s", timestamps_s, 1),
+            timestamps_s=None if timestamps_s is None else _times(timestamps_s, time_unit),
+            time_unit_stated=time_unit is not None,
             shutter=_shutter(readout_s),
         )
 
@@ -198,6 +203,16 @@ def _shutter(readout_s: float | None) -> RollingShutter | None:
         return RollingShutter(float(readout_s)) if readout_s else None
     except (TypeError, ValueError) as error:
         raise DataError(_PLACE, f"readout_s {readout_s!r}", "seconds between -1 and 1") from error
+
+
+def _times(timestamps: ArrayLike, unit: str | None) -> NDArray[np.float64]:
+    """(n,) float64, seconds."""
+    units = [one.value for one in TimeUnit]
+    if unit is not None and unit not in units:
+        raise DataError(_PLACE, f"time_unit {unit!r}", f"one of {', '.join(units)}")
+    times = _floats("timestamps_s", timestamps, 1)
+    places = [f"{_PLACE}: timestamps_s[{index}]" for index in range(len(times))]
+    return seconds_of(times, None if unit is None else TimeUnit(unit), _PLACE, places, by_argument)
 
 
 def _poses(poses: ArrayLike) -> tuple[NDArray[np.float64], tuple[str, ...]]:

@@ -8,7 +8,7 @@ import math
 import os
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import (
     MIB,
     damage_reported,
@@ -36,6 +36,7 @@ from tracknoise.sequences.poses import pose_notes, quaternion_poses
 from tracknoise.sequences.recorded import (
     ImageFiles,
     RecordedSequence,
+    chosen_folder,
     depth_files,
     depth_notes,
     folders_of,
@@ -329,6 +330,8 @@ def read_depth_map(path: Path, camera: CameraModel) -> DepthMap:
 
 
 _IMAGES, _DEPTHS = "images", Path("stereo") / "depth_maps"
+_DISTORTED, _ORIGINALS = "distorted", "input"
+"""How programs for Gaussian splatting name what undistorted images and cameras were made from."""
 _LEVELS = 4
 """How far above a reconstruction the folder of its images may be."""
 _SCALE = "COLMAP does not know the scale: its unit of length stands where metres are meant"
@@ -351,7 +354,8 @@ class Colmap(SceneReader):
     root
         Folder of a reconstruction (cameras and images, as .bin or .txt), or a folder with several at any depth.
     image_folder
-        Folder of the images, from `root`; by default ``images`` beside or above the reconstruction.
+        Folder of the images, from `root`; by default ``images`` beside or above the reconstruction. If those are
+        undistorted and belong to another reconstruction, ``input`` beside them.
     folder
         Which folder below it, where the reconstruction has images of several.
     depth_maps
@@ -368,21 +372,34 @@ class Colmap(SceneReader):
     folder: str | None = None
     depth_maps: DepthMaps = DepthMaps.geometric
 
+    def sequences(self) -> list[SequenceId]:
+        """All sequences whose images are there, sorted."""
+        excluded = self.excluded_scenes()
+        listed = [SequenceId(self.name, scene) for scene in self._scenes() if scene not in excluded]
+        return listed or [SequenceId(self.name, scene) for scene in excluded]  # which `open` refuses
+
+    def excluded_scenes(self) -> dict[str, str]:
+        """Reconstructions beside images that are those of another one, such as undistorted ones."""
+        if self.image_folder is not None:
+            return {}
+        found = {scene: _found_images(folder) for scene, folder in self._scenes().items()}
+        return {scene: images.why for scene, images in found.items() if images is not None and images.folder is None}
+
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one reconstruction, except for its images and depths."""
         folder = self._folder(sequence)
         model = _read(folder)
-        images = self._images(folder)
+        images, found = self._images(folder), _found_images(folder)
         names = self._names(images, model)
         cameras = _cameras(folder, names, model)
         poses = _poses(names, model)
-        depths = self._depths(folder, names)
+        depths = self._depths(folder, names, found)
         return RecordedSequence(
             id=sequence,
             source=str(images),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(images / name for name in names), cameras[0], as_stored=True),
+            images=ImageFiles(tuple(images / name for name in names), cameras[0]),
             depths=depth_files(depths, cameras[0], read_depth_map),
             notes=(
                 *CameraFile(cameras[0]).notes,
@@ -392,13 +409,13 @@ class Colmap(SceneReader):
                 _SCALE,
             ),
             cameras=cameras if len(set(cameras)) > 1 else None,
-            group=Path(os.path.relpath(images, self.root)).as_posix(),
+            group=Path(os.path.relpath(images if found is None else found.beside, self.root)).as_posix(),
         )
 
     def _scenes(self) -> dict[str, Path]:
         return find_scenes(
             self.root,
-            lambda _, files: any({f"cameras{kind}", f"images{kind}"} <= {*files} for kind in (".bin", ".txt")),
+            lambda _, files: _is_model(files),
             expected="folders with cameras.bin and images.bin, or cameras.txt and images.txt",
         )
 
@@ -406,34 +423,24 @@ class Colmap(SceneReader):
         """The folder of images."""
         if self.image_folder is not None:
             return self.root / self.image_folder
-        levels = (level / _IMAGES for level in (folder, *folder.absolute().parents[:_LEVELS]))
-        found = next((level for level in levels if is_folder(level)), None)
-        if found is None:
-            raise DataError(
-                folder,
-                "no folder of images",
-                f"{_IMAGES} beside it or above, or {with_option('image_folder', 'FOLDER')}",
-            )
-        return found
+        found = _found_images(folder)
+        if found is None or found.folder is None:
+            why, named = "no folder of images" if found is None else found.why, with_option("image_folder", "FOLDER")
+            beside = f"{_IMAGES} beside it or above" if found is None else f"{_ORIGINALS} beside {found.beside}"
+            raise DataError(folder, why, f"{beside}, or {named}")
+        return found.folder
 
     def _names(self, images: Path, model: Reconstruction) -> list[str]:
         """Images in natural order: those of the model, and those beside them, which are not registered."""
-        folders = folders_of(model.images)
-        if self.folder is not None and self.folder not in folders:
-            raise UnknownNameError("folder of images", self.folder, folders)
-        if self.folder is None and len(folders) > 1:
-            raise DataError(
-                images,
-                f"images of several folders: {', '.join(folders)}",
-                f"one; choose it with {with_option('folder', folders[0])}",
-            )
-        chosen = folders[0] if self.folder is None else self.folder
+        chosen = chosen_folder(model.images, self.folder, images)
         registered = [name for name in model.images if folders_of([name]) == [chosen]]
         return natural_order({*registered, *image_names(images, chosen)})
 
-    def _depths(self, folder: Path, names: list[str]) -> tuple[Path | None, ...]:
-        """Dense depth map of each image; None for one without."""
-        levels = (level / _DEPTHS for level in (folder, *folder.absolute().parents[:_LEVELS]))
+    def _depths(self, folder: Path, names: list[str], images: "_Images | None") -> tuple[Path | None, ...]:
+        """Dense depth map of each image; None for one without. Those beside images of another one are not its own."""
+        levels = [level / _DEPTHS for level in _levels(folder)]
+        if images is not None and images.of_other is not None:
+            levels = [level for level in levels if images.beside.parent not in (level, *level.parents)]
         found = next((level for level in levels if is_folder(level)), None)
         if self.depth_maps is DepthMaps.none or found is None:
             return (None,) * len(names)
@@ -441,13 +448,89 @@ class Colmap(SceneReader):
         return tuple(path if is_regular_file(path) else None for path in paths)
 
 
+@dataclass(frozen=True, slots=True)
+class _Images:
+    """The images of a reconstruction."""
+
+    beside: Path  # the nearest folder of that name
+    of_other: Path | None  # the other reconstruction that it belongs to; None where it is its own
+
+    @property
+    def folder(self) -> Path | None:
+        """Its own images; None where they are not there."""
+        originals = self.beside.parent / _ORIGINALS
+        return self.beside if self.of_other is None else originals if is_folder(originals) else None
+
+    @property
+    def why(self) -> str:
+        """Why the nearest images are not its own."""
+        return f"{self.beside} holds the images of {self.of_other}, whose cameras are others"
+
+
+def _levels(folder: Path) -> list[Path]:
+    """A folder and those above it in which its files are looked for."""
+    return [folder, *folder.absolute().parents[:_LEVELS]]
+
+
+def _found_images(folder: Path) -> _Images | None:
+    """The nearest folder of images, and whose it is; None where there is none."""
+    beside = next((level / _IMAGES for level in _levels(folder) if is_folder(level / _IMAGES)), None)
+    if beside is None:
+        return None
+    depth = len(folder.absolute().relative_to(beside.absolute().parent).parts)
+    nearer = (other for other in _models_below(beside.parent, depth - 1) if _has_other_images(folder, other))
+    return _Images(beside, next(nearer, None))
+
+
+def _models_below(folder: Path, levels: int) -> Iterator[Path]:
+    """Folders of reconstructions down to some levels below a folder, those of upper levels first."""
+    below = [folder]
+    for _ in range(levels + 1):
+        yield from (one for one in below if _is_model({path.name for path in one.iterdir()}))
+        below = sorted(path for one in below for path in one.iterdir() if path.name != _IMAGES and is_folder(path))
+
+
+def _is_model(files: Collection[str]) -> bool:
+    return any({f"cameras{kind}", f"images{kind}"} <= {*files} for kind in (".bin", ".txt"))
+
+
+def _has_other_images(folder: Path, nearer: Path) -> bool:
+    """Whether the images of a nearer reconstruction are not those of another one; not where one is damaged.
+
+    Undistorted images are those of cameras without distortion, or of another size.
+    """
+    if _DISTORTED in folder.absolute().parts and _DISTORTED not in nearer.absolute().parts:
+        return True
+    try:
+        own, others = _read_cameras(folder), _read_cameras(nearer)
+    except DataError:
+        return False
+    sizes = [{(camera.width, camera.height) for camera in cameras} for cameras in (own, others)]
+    return any(map(_has_distortion, own)) != any(map(_has_distortion, others)) or sizes[0].isdisjoint(sizes[1])
+
+
+def _has_distortion(camera: ColmapCamera) -> bool:
+    n_pinhole = PARAMETERS["SIMPLE_PINHOLE" if camera.model in _ONE_FOCAL_LENGTH else "PINHOLE"]
+    return any(camera.parameters[n_pinhole:])
+
+
+def _read_cameras(folder: Path) -> list[ColmapCamera]:
+    is_binary = _is_binary(folder)
+    cameras = read_binary_cameras(folder / "cameras.bin") if is_binary else read_text_cameras(folder / "cameras.txt")
+    return list(cameras.values())
+
+
+def _is_binary(folder: Path) -> bool:
+    return all(is_regular_file(folder / name) for name in ("cameras.bin", "images.bin"))
+
+
 def _read(folder: Path) -> Reconstruction:
     """The reconstruction from binary files, or from text files where there are none."""
-    binaries = [folder / "cameras.bin", folder / "images.bin"]
-    if all(map(is_regular_file, binaries)):
-        return reconstruction(binaries[1], read_binary_cameras(binaries[0]), read_binary_images(binaries[1]))
-    cameras, images = folder / "cameras.txt", folder / "images.txt"
-    return reconstruction(images, read_text_cameras(cameras), read_text_images(images))
+    if _is_binary(folder):
+        images = folder / "images.bin"
+        return reconstruction(images, read_binary_cameras(folder / "cameras.bin"), read_binary_images(images))
+    images = folder / "images.txt"
+    return reconstruction(images, read_text_cameras(folder / "cameras.txt"), read_text_images(images))
 
 
 def _cameras(folder: Path, names: list[str], model: Reconstruction) -> tuple[CameraModel, ...]:

@@ -7,6 +7,7 @@ of columns in a header, or none.
 import re
 from dataclasses import KW_ONLY, dataclass
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -24,7 +25,21 @@ from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
 from tracknoise.sequences.sequence import SecondCamera
-from tracknoise.sequences.timed_poses import in_order, order_notes, path_through, poses_at, trajectory
+from tracknoise.sequences.time_units import (
+    StatedBy,
+    TimeUnit,
+    require_likely_rate,
+    require_pose_rate,
+    unit_of_clock,
+)
+from tracknoise.sequences.timed_poses import (
+    in_order,
+    order_notes,
+    path_through,
+    poses_at,
+    require_distinct,
+    trajectory,
+)
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
 
@@ -113,6 +128,8 @@ def place_of(scene: str) -> str | None:
 
 _NUMBER = re.compile(r"[0-9]{1,19}(?:\.[0-9]{0,30})?(?:[eE]\+?[0-9]{1,2})?")
 _LARGEST_NS = 2**63 - 1
+_IMAGE_COLUMNS = "a time and the name of an image"
+_UNIT, _POSE_UNIT = (partial(with_option, name) for name in ("time_unit", "pose_time_unit"))
 _POSE = ("px", "py", "pz", "qx", "qy", "qz", "qw")
 _USUAL = (1, 2, 3, 5, 6, 7, 4)
 """Columns of `_POSE` where a header does not name them: the scalar of the quaternion is first."""
@@ -134,8 +151,8 @@ class Table:
     places: list[str]  # ``file:line`` of each row
 
 
-def read_table(path: Path, columns: str) -> Table:
-    """Read a file of comma-separated values.
+def read_table(path: Path, columns: str, unit: TimeUnit | None, stated_by: StatedBy) -> Table:
+    """Read a file of comma-separated values. `unit`: of its times; None for nanoseconds that are not stated.
 
     Blank lines and ``#`` comments are skipped; the first may be the header.
     """
@@ -148,7 +165,7 @@ def read_table(path: Path, columns: str) -> Table:
             header = header or [field.lstrip("# ") for field in fields]
         elif line.strip():
             places.append(f"{path}:{number}")
-            times.append(_nanoseconds(places[-1], fields[0]))
+            times.append(_nanoseconds(places[-1], fields[0], unit, stated_by))
             rows.append(fields)
     if not rows:
         raise DataError(path, "no rows", f"rows of {columns}")
@@ -191,12 +208,17 @@ def _is_text(field: str) -> bool:
     return bool(re.match(r"[A-Za-z\"]", field)) and field.lower() not in ("nan", "inf", "infinity")
 
 
-def _nanoseconds(place: str, field: str) -> int:
-    """A whole number, which may be written with a point or a power of ten: 1403636579763555584.0 or 1.4e18."""
+def _nanoseconds(place: str, field: str, unit: TimeUnit | None, stated_by: StatedBy) -> int:
+    """A time to the nanosecond, which may be written with a point or a power of ten: 1403636579763555584.0 or 1.4e18.
+
+    Nanoseconds that are not stated are whole numbers: others are probably of a larger unit.
+    """
     time = Decimal(field) if _NUMBER.fullmatch(field) else Decimal(-1)
-    if not 0 <= time <= _LARGEST_NS or time != int(time):
-        raise DataError(place, f"a time of {field!r}", "a whole number of nanoseconds")
-    return int(time)
+    ns = time * (TimeUnit.ns.per_second // (unit or TimeUnit.ns).per_second)
+    if not 0 <= ns <= _LARGEST_NS or (unit is None and ns != int(ns)):
+        expected = f"a whole number of nanoseconds, or another unit: {stated_by(unit_of_clock(float(time)))}"
+        raise DataError(place, f"a time of {field!r}", expected if unit is None else f"a time in {unit}")
+    return round(ns)
 
 
 def _number(place: str, row: list[str], column: int) -> float:
@@ -248,6 +270,7 @@ def find_second(
     *,
     camera_file: Path | None,
     levels: Levels | None,
+    unit: TimeUnit | None,
 ) -> tuple[SecondCamera | None, tuple[str, ...]]:
     """Find the camera beside another one. It is not needed for other depth or truth, so its faults are no errors.
 
@@ -259,7 +282,7 @@ def find_second(
     try:
         of_both = camera_file if camera_file is not None and cameras_in(camera_file) else None
         calibration = read_camera(of_both or files.calibration(name), name)
-        paths = _paths_at(files, name, times_ns)
+        paths = _paths_at(files, name, times_ns, unit)
     except TracknoiseError as error:
         return None, (f"{name} gives no stereo depth: {error}",)
     assert calibration.body_from_camera is not None, "checked when it was read"
@@ -283,9 +306,9 @@ class _SomeImages:
         return None if path is None else read_gray(path, self.camera, levels=self.levels)
 
 
-def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64]) -> tuple[Path | None, ...]:
+def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64], unit: TimeUnit | None) -> tuple[Path | None, ...]:
     """The image of a camera at each time, to the nanosecond: cameras of a pair are triggered together."""
-    table = read_table(files.list_of_images(camera), "a time and the name of an image")
+    table = read_table(files.list_of_images(camera), _IMAGE_COLUMNS, unit, _UNIT)
     names = dict(zip(table.times_ns.tolist(), file_names(table), strict=True))
     if names.keys().isdisjoint(times_ns.tolist()):
         times = counted(len(times_ns), "time")
@@ -316,6 +339,9 @@ class Euroc(SceneReader):
     image_levels
         Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
         of 8 bits are not changed.
+    time_unit, pose_time_unit
+        Units of the times of images and of poses: s, ms, us or ns. By default nanoseconds, at 1 to 1,000 Hz, and for
+        poses that of the images.
     """
 
     name: ClassVar[str] = "euroc"
@@ -330,6 +356,8 @@ class Euroc(SceneReader):
     time_shift_s: float | None = None
     max_pose_gap_s: NotNegative = 0.1
     image_levels: tuple[float, float] | None = None
+    time_unit: TimeUnit | None = None
+    pose_time_unit: TimeUnit | None = None
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -340,15 +368,18 @@ class Euroc(SceneReader):
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one recording, except for its images."""
         files = Files(self._folder(sequence))
-        images = read_table(files.list_of_images(self.camera), "a time and the name of an image")
+        images = read_table(files.list_of_images(self.camera), _IMAGE_COLUMNS, self.time_unit, _UNIT)
         file = self.camera_file or files.calibration(self.camera)
         calibration = read_camera(file, self.camera)
         assert calibration.body_from_camera is not None, "checked when it was read"
         order = in_order(images.times_ns)
         names = file_names(images)
+        require_distinct(images.path, images.times_ns, names)
         paths = tuple(files.image(self.camera, names[index]) for index in order)
         start_ns = images.times_ns[order[0]]
         times_s = _seconds_after(images.times_ns[order], start_ns)
+        if self.time_unit is None:
+            require_likely_rate(times_s, images.path, _UNIT, taken=TimeUnit.ns)
         shift_s = (calibration.time_shift_s or 0.0) if self.time_shift_s is None else self.time_shift_s
         poses, path, notes = self._camera_poses(files, calibration.body_from_camera, start_ns, times_s, shift_s)
         second, second_notes = find_second(
@@ -358,6 +389,7 @@ class Euroc(SceneReader):
             images.times_ns[order],
             camera_file=self.camera_file,
             levels=self.image_levels,
+            unit=self.time_unit,
         )
         return RecordedSequence(
             id=sequence,
@@ -374,6 +406,7 @@ class Euroc(SceneReader):
                 *second_notes,
             ),
             timestamps_s=times_s,
+            time_unit_stated=self.time_unit is not None,
             clock_start_ns=int(start_ns),
             group=place_of(sequence.scene),
             second=second,
@@ -397,7 +430,11 @@ class Euroc(SceneReader):
     ) -> tuple[NDArray[np.float64], PosePath, tuple[str, ...]]:
         """Poses of the camera at the times of its images, and between them; times are after that of the first image."""
         source = files.pose_source(self.pose_source)
-        table = read_table(files.poses(source), "a time, a position and a quaternion")
+        unit = self.pose_time_unit or self.time_unit
+        table = read_table(files.poses(source), "a time, a position and a quaternion", unit, _POSE_UNIT)
+        if self.pose_time_unit is None:  # by the times alone: far from those of images, their seconds are rounded
+            recorded_s = _seconds_after(np.unique(table.times_ns), table.times_ns.min())
+            require_pose_rate(recorded_s, times_s, table.path, _POSE_UNIT, taken=unit or TimeUnit.ns)
         recorded = trajectory(table.path, _seconds_after(table.times_ns, start_ns), pose_rows(table), table.places)
         sensor_from_body, sensor_notes = read_sensor_from_body(files.sensor(source))
         sensor_from_camera = sensor_from_body @ body_from_camera

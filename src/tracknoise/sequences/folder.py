@@ -5,6 +5,8 @@ Frames are numbered from 0.
 """
 
 import json
+import os
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, asdict, dataclass, replace
 from functools import partial
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, Positive, require_bounds
 from tracknoise.exceptions import DataError
-from tracknoise.foreign_files import is_there
+from tracknoise.foreign_files import is_folder, is_there, natural_order
 from tracknoise.geometry.cameras import COEFFICIENTS, CameraModel, KnownCamera, model_of
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import position_rows
@@ -26,13 +28,25 @@ from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
+from tracknoise.sequences.scenes import (
+    SceneReader,
+    find_scenes,
+    numbered_files,
+    parent_of,
+    require_unbroken,
+    with_option,
+)
 from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
+from tracknoise.sequences.time_units import TimeUnit, seconds_of
 from tracknoise.sequences.writing import new_folder, only_camera
 from tracknoise.tables.identity import SequenceId
+from tracknoise.text import counted
 
 _IMAGES, _DEPTH, _POSES, _CAMERA, _TIMES = "images", "depth", "poses.txt", "camera.json", "timestamps.txt"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
+_IMAGE, _IMAGE_ENDINGS = r"(\d+)\.(?:png|jpe?g)", (".png", ".jpg", ".jpeg", ".bmp")
+_KNOWN = {*_PARTS, _TIMES}
+_MOST_NAMED, _MOST_LEVELS = 8, 3
 _COLUMNS = "tx ty tz qx qy qz qw"
 _DEFAULT_MODEL = "radtan"
 
@@ -60,6 +74,8 @@ class Folder(SceneReader):
     image_levels
         Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
         of 8 bits are not changed.
+    time_unit
+        Unit of the timestamps: s, ms, us or ns; by default seconds, at 1 to 1,000 Hz.
     """
 
     name: ClassVar[str] = "folder"
@@ -74,6 +90,7 @@ class Folder(SceneReader):
     camera: str | None = None
     lens: Lens | None = None
     image_levels: tuple[float, float] | None = None
+    time_unit: TimeUnit | None = None
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -83,6 +100,7 @@ class Folder(SceneReader):
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one sequence, except for its images and depths."""
         folder = self._folder(sequence)
+        _require_names(folder, (_POSES, *(() if self.camera_file is not None else (_CAMERA,))))
         stated = None if self.camera_file is not None else read_camera_file(folder / _CAMERA, lens=self.lens)
         rows, places = read_rows(folder / _POSES, _COLUMNS)
         images, depths = _frame_files(folder, poses=len(rows))
@@ -94,7 +112,8 @@ class Folder(SceneReader):
             source=str(folder / _IMAGES),
             camera=camera,
             world_from_camera=_poses(rows[: len(images)], places),
-            timestamps_s=_timestamps(folder / _TIMES, len(images)),
+            timestamps_s=_timestamps(folder / _TIMES, len(images), self.time_unit),
+            time_unit_stated=self.time_unit is not None,
             shutter=stated.shutter,
             images=ImageFiles(images, camera, self.image_levels),
             depths=depth_files(depths, camera, partial(_with_radius, read_depth, self.depth_radius_px)),
@@ -204,9 +223,37 @@ def _pose_lines(world_from_camera: NDArray[np.float64]) -> str:
     return "\n".join([f"# {_COLUMNS} (world_from_camera, metres; one row per frame)", *lines, ""])
 
 
+def _require_names(folder: Path, files: tuple[str, ...]) -> None:
+    """Refuse a scene that needs several renames, or whose images lie elsewhere: the message has all of them."""
+    images, pattern = folder / _IMAGES, re.compile(_IMAGE)
+    named = is_folder(images) and any(pattern.fullmatch(path.name) for path in images.iterdir())
+    missing = [*([] if named else [f"{_IMAGES}/000000.png"]), *(name for name in files if not is_there(folder / name))]
+    others = [] if named else _other_images(folder)
+    if not others and len(missing) < 2:
+        return
+    found = [f"no {name}" for name in missing]
+    if others:
+        found.append(f"but {counted(len(others), 'image file')} such as {others[0]}")
+    if unknown := sorted(path.name for path in folder.iterdir() if path.name not in _KNOWN):
+        found.append(f"beside {', '.join(unknown[:_MOST_NAMED])}")
+    raise DataError(folder, ", ".join(found), f"{_IMAGES}/000000.png and so on, {' and '.join(files)}: rename them")
+
+
+def _other_images(folder: Path) -> list[str]:
+    """Image files below a folder whose names are not those of the layout, down to some levels, without depth."""
+    found: list[str] = []
+    for name, below, files in os.walk(folder):
+        inside = Path(name).relative_to(folder)
+        if len(inside.parts) >= _MOST_LEVELS:
+            below.clear()
+        below[:] = sorted(one for one in below if one != _DEPTH)
+        found += [(inside / file).as_posix() for file in natural_order(files) if file.lower().endswith(_IMAGE_ENDINGS)]
+    return found
+
+
 def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...]]:
     """Image and depth (None where there is none) of each frame. There may be more poses than images."""
-    images = numbered_files(folder / _IMAGES, r"(\d+)\.(?:png|jpe?g)")
+    images = numbered_files(folder / _IMAGES, _IMAGE)
     depths = numbered_files(folder / _DEPTH, r"(\d+)\.(?:npy|png)") if is_there(folder / _DEPTH) else {}
     frames = require_unbroken(images, {0, *depths}, lambda number: folder / _IMAGES / _image_name(images, number))
     require_poses(folder / _POSES, poses=poses, images=len(frames))
@@ -229,12 +276,12 @@ def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
     return poses
 
 
-def _timestamps(path: Path, n_frames: int) -> NDArray[np.float64] | None:
+def _timestamps(path: Path, n_frames: int, unit: TimeUnit | None) -> NDArray[np.float64] | None:
     """(n,) float64, seconds; None where there is no file. Like poses, times beyond the last image are left out."""
     if not is_there(path):
         return None
-    rows, _ = read_rows(path, "timestamp_s")
-    return rows[:n_frames, 0]
+    rows, places = read_rows(path, "timestamp_s")
+    return seconds_of(rows[:n_frames, 0], unit, path, places, partial(with_option, "time_unit"))
 
 
 def _depth_reader(folder: Path, depths: tuple[Path | None, ...], depth_unit_m: float | None) -> DepthReader:

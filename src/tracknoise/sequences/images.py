@@ -30,15 +30,15 @@ NO_DEPTH = (0, _MOST_LEVEL)
 """16-bit integers that are no depth: nothing was measured, or more than can be written."""
 
 
-def image_size(path: Path, *, as_stored: bool = False) -> tuple[int, int]:
-    """(width, height) of an image file, px; `as_stored` as `read_gray` takes it.
+def image_size(path: Path) -> tuple[int, int]:
+    """(width, height) of an image file, px, as `read_gray` reads it.
 
     Raises
     ------
     DataError
         If the file is missing, truncated or no image.
     """
-    height, width = _decode(path, _gray_flags(as_stored=as_stored)).shape
+    height, width = _decode(path, cv2.IMREAD_GRAYSCALE).shape
     return width, height
 
 
@@ -51,12 +51,11 @@ def first_readable(paths: Iterable[Path]) -> Path:
     return next((path for path in (first, *others) if is_readable(path)), first)
 
 
-def read_gray(
-    path: Path, camera: CameraModel, *, levels: Levels | None = None, as_stored: bool = False
-) -> NDArray[np.uint8]:
-    """Read a PNG, JPEG or BMP file in 8-bit grayscale, exactly as ``cv2.imread(path, cv2.IMREAD_GRAYSCALE)`` gives it.
+def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) -> NDArray[np.uint8]:
+    """Read a PNG, JPEG or BMP file in 8-bit grayscale, as ``cv2.imread`` gives it with ``cv2.IMREAD_GRAYSCALE``.
 
-    That would divide an image of 16 bits by 256, although most such images use a part of the range: see `scaled`.
+    Unlike there, rows are those of the file (`tracknoise.sequences.orientation`), and an image of 16 bits is not
+    divided by 256, since most such images use a part of the range: see `scaled`.
 
     Parameters
     ----------
@@ -66,8 +65,6 @@ def read_gray(
         Whose size the image must have.
     levels
         Values of an image of 16 bits that become 0 and 255; without them, it is refused.
-    as_stored
-        Whether the rows are those of the file, although its EXIF data may say that the image was taken turned.
 
     Returns
     -------
@@ -78,7 +75,7 @@ def read_gray(
     DataError
         If the file is missing, truncated, no image, of another size than the camera's, or of 16 bits without levels.
     """
-    image = _decode(path, _gray_flags(as_stored=as_stored) | cv2.IMREAD_ANYDEPTH)
+    image = _decode(path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     require_size(path, image.shape, camera)
     if image.dtype == np.uint8:
         return image
@@ -160,19 +157,15 @@ def is_readable(path: Path) -> bool:
 
 
 def decode_image(place: str | Path, data: bytes, flags: int) -> NDArray[Any]:
-    """Decode the content of a PNG, JPEG or BMP file that is complete."""
+    """Decode the content of a PNG, JPEG or BMP file that is complete, as stored: no orientation of EXIF is applied."""
     require_whole_image(place, data)
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:
         image = None
     if image is None:
         raise DataError(place, "an image that cannot be decoded", f"a {KINDS}")
     return image
-
-
-def _gray_flags(*, as_stored: bool) -> int:
-    return cv2.IMREAD_GRAYSCALE | (cv2.IMREAD_IGNORE_ORIENTATION if as_stored else 0)
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:

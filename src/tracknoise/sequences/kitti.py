@@ -237,6 +237,7 @@ class Kitti:
             depths=depth_files(frames.depths, camera, read_depth),
             notes=(*notes, *accuracy.notes, source_note(frames.depths), *depth_notes(frames.depths), *time_notes),
             timestamps_s=timestamps_s,
+            time_unit_stated=True,
             pose_accuracy=accuracy.pose,
             truth_accuracy=accuracy.truth,
             group=recording_of(sequence.scene),

@@ -6,7 +6,9 @@ X_k = X_0 + t_k. Poses are those of camera 0.
 """
 
 import os
+import re
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, require_bounds
 from tracknoise.exceptions import DataError
+from tracknoise.foreign_files import read_text
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert
 from tracknoise.sequences.images import first_readable, image_size
@@ -31,8 +34,9 @@ from tracknoise.sequences.kitti_files import (
 )
 from tracknoise.sequences.poses import read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder
+from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder, with_option
 from tracknoise.sequences.sequence import SecondCamera
+from tracknoise.sequences.time_units import TimeUnit, seconds_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
 
@@ -99,6 +103,10 @@ _VELODYNE_KEY = "Tr"
 def read_projection(path: Path, camera: int) -> NDArray[np.float64]:
     """Read the projection matrix of a camera, (3, 4) float64."""
     key = f"P{camera}"
+    if not re.search(r"^\s*\w+\s*:", read_text(path, f"a calibration with {key}"), re.MULTILINE):
+        layouts = "for reader folder, name the images images/, and the others poses.txt and camera.json"
+        expected = f"a line of {key} and 12 numbers, for reader kitti-odometry; {layouts}"
+        raise DataError(path, "no keys", expected)
     return projection(path, read_values(path, {key: 12}), key)
 
 
@@ -122,21 +130,25 @@ def read_reference_poses(path: Path, numbers: range) -> tuple[NDArray[np.float64
     return poses, (*surplus_notes(path, poses=len(rows), images=numbers.stop), *notes)
 
 
-def read_times(path: Path, numbers: range) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Read the times of images. Row i belongs to image i.
+def read_times(
+    path: Path, numbers: range, unit: TimeUnit | None = None
+) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+    """Read the times of images. Row i belongs to image i. `unit`: None for seconds that are not stated.
 
     `timestamps_s`: seconds after the first of the numbered frames. None where the file is missing or its times do not
     increase.
     """
     if not path.exists():
         return None, (f"{path}: no such file, so times are unknown",)
-    rows, _ = read_rows(path, "time")
+    rows, places = read_rows(path, "time")
     if len(rows) < numbers.stop:
         raise DataError(path, counted(len(rows), "time"), f"at least {numbers.stop}, one for each image")
     times_s = rows[numbers.start : numbers.stop, 0]
     if not (np.isfinite(times_s).all() and np.all(np.diff(times_s) > 0.0)):
         return None, (f"{path}: the times do not increase, so they are not used",)
-    return times_s - times_s[0], ()
+    numbered = places[numbers.start : numbers.stop]
+    seconds = seconds_of(times_s, unit, path, numbered, partial(with_option, "time_unit"))
+    return seconds - seconds[0], ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +163,8 @@ class KittiOdometry:
         Number of the camera: 0 and 1 are grey, 2 and 3 are in colour. By default the first whose images are there.
     radius_px
         Largest distance from a feature to the nearest pixel with depth, px, where there are Velodyne scans.
+    time_unit
+        Unit of the times of images: s, ms, us or ns; by default seconds, at 1 to 1,000 Hz.
     """
 
     name: ClassVar[str] = "kitti-odometry"
@@ -161,6 +175,7 @@ class KittiOdometry:
     _: KW_ONLY
     camera: Annotated[int, Ge(0), Le(CAMERAS[-1])] | None = None
     radius_px: NotNegative = 1.0
+    time_unit: TimeUnit | None = None
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -189,7 +204,7 @@ class KittiOdometry:
         P = read_projection(course.folder / CALIBRATION, number)
         camera = _camera(P, frames.images)
         reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
-        timestamps_s, time_notes = read_times(course.folder / TIMES, frames.numbers)
+        timestamps_s, time_notes = read_times(course.folder / TIMES, frames.numbers, self.time_unit)
         depth_of_scans = self._depth(course, number, frames.depths)
         return RecordedSequence(
             id=sequence,
@@ -205,6 +220,7 @@ class KittiOdometry:
                 *(depth_notes(frames.depths) if depth_of_scans else ()),
             ),
             timestamps_s=timestamps_s,
+            time_unit_stated=self.time_unit is not None,
             second=_second(course, number, P, frames.numbers),
             z_depth_from=z_depth_from(frames.depths),
         )

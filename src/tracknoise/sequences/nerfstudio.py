@@ -27,7 +27,14 @@ from tracknoise.sequences.images import (
     read_enlarged_depth_png16,
 )
 from tracknoise.sequences.poses import checked_poses
-from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
+from tracknoise.sequences.recorded import (
+    ImageFiles,
+    RecordedSequence,
+    chosen_folder,
+    depth_files,
+    depth_notes,
+    folders_of,
+)
 from tracknoise.sequences.scenes import SceneReader, find_scenes, parent_of
 from tracknoise.tables.identity import SequenceId
 
@@ -163,6 +170,8 @@ class Nerfstudio(SceneReader):
         Folder of ``transforms.json``, or a folder with several at any depth.
     file
         Name of the file; by default ``transforms.json``, or else ``transforms_train.json``.
+    folder
+        Which folder of images, where it lists images of several.
     depth_files
         Whether depth files are read.
     depth_unit_m
@@ -177,6 +186,7 @@ class Nerfstudio(SceneReader):
     root: Path
     _: KW_ONLY
     file: str | None = None
+    folder: str | None = None
     depth_files: DepthFiles = DepthFiles.listed
     depth_unit_m: Positive | None = None
 
@@ -188,7 +198,7 @@ class Nerfstudio(SceneReader):
         folder = self._folder(sequence)
         path = next(folder / name for name in self._files() if is_regular_file(folder / name))
         common = Entries(path, read_json_object(path, _EXPECTED))
-        frames, missing = _existing(_frames(common))
+        frames, missing = _existing(self._of_one_folder(common.place, _frames(common)))
         cameras = _cameras(common, frames)
         poses, pose_notes = _poses(frames)
         listed = self.depth_files is DepthFiles.listed
@@ -199,7 +209,7 @@ class Nerfstudio(SceneReader):
             source=str(path),
             camera=cameras[0],
             world_from_camera=poses,
-            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0], as_stored=True),
+            images=ImageFiles(tuple(frame.image for frame in frames), cameras[0]),
             depths=depth_files(depths, cameras[0], read_depth),
             notes=(
                 *missing,
@@ -213,6 +223,11 @@ class Nerfstudio(SceneReader):
             cameras=cameras if len(set(cameras)) > 1 else None,
             group=parent_of(sequence.scene),
         )
+
+    def _of_one_folder(self, place: str | Path, frames: list[_Frame]) -> list[_Frame]:
+        """The frames whose images lie in the chosen folder, or in the only one: each camera has one."""
+        chosen = chosen_folder((frame.name for frame in frames), self.folder, place)
+        return [frame for frame in frames if folders_of([frame.name]) == [chosen]]
 
     def _files(self) -> tuple[str, ...]:
         return _FILES if self.file is None else (self.file,)
@@ -293,7 +308,7 @@ def _path(entries: Entries, key: str) -> str:
 
 def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
     """Camera of each frame, all of one size. What is said of a frame precedes what is said of all."""
-    size = image_size(first_readable(frame.image for frame in frames), as_stored=True)
+    size = image_size(first_readable(frame.image for frame in frames))
     made: dict[str, CameraModel] = {}
     cameras = []
     for frame in frames:

@@ -12,7 +12,8 @@ from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert, nearest, transform
 from tracknoise.sequences.poses import read_rows, require_some_poses
 from tracknoise.sequences.sequence import Scan, SecondCamera, Sequence, path_of, second_of, times_of
-from tracknoise.sequences.timed_poses import poses_at, require_seconds, trajectory
+from tracknoise.sequences.time_units import require_seconds
+from tracknoise.sequences.timed_poses import poses_at, trajectory
 from tracknoise.sequences.views import View
 from tracknoise.text import counted
 

@@ -7,16 +7,18 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.images import Levels, read_gray
+from tracknoise.sequences.orientation import orientation_notes
 from tracknoise.sequences.poses import require_some_poses
+from tracknoise.sequences.scenes import with_option
 from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
-from tracknoise.sequences.timed_poses import require_seconds
+from tracknoise.sequences.time_units import SHORTEST_S, require_likely_times, require_seconds
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.text import counted, counted_of, html_card, one_line
 
@@ -44,11 +46,13 @@ class RecordedSequence:
     depths
         Reads the depth of a frame in the same way, None for a frame without depth; or None where no frame has any.
     notes
-        What was corrected or assumed while reading, one sentence each.
+        What was corrected or assumed while reading, one sentence each. One about turned image files is added.
     caveats
         Which of the notes users should know before they measure, such as images that are missing.
     timestamps_s
         (n,) float64, seconds, increasing; None where unknown.
+    time_unit_stated
+        Whether somebody stated that they are seconds: otherwise there are 1 to 1,000 per second.
     cameras
         Intrinsics of each frame, where they change.
     pose_accuracy, depth_accuracy
@@ -72,8 +76,8 @@ class RecordedSequence:
     ------
     DataError
         If there is no frame, fewer than two of several frames have a pose, the counts of images, depths, timestamps or
-        cameras differ from that of the poses, the timestamps do not increase or cannot be seconds, there is a shutter
-        without timestamps, or the cameras have different sizes.
+        cameras differ from that of the poses, the timestamps do not increase or are probably not seconds, there is a
+        shutter without timestamps, or the cameras have different sizes.
     """
 
     id: SequenceId
@@ -85,6 +89,7 @@ class RecordedSequence:
     notes: tuple[str, ...] = ()
     caveats: tuple[str, ...] = ()
     timestamps_s: NDArray[np.float64] | None = None
+    time_unit_stated: bool = False
     clock_start_ns: int | None = None
     cameras: tuple[CameraModel, ...] | None = None
     pose_accuracy: PoseAccuracy | None = None
@@ -108,10 +113,14 @@ class RecordedSequence:
             raise DataError(place, f"timestamps that do not increase ({found})", "increasing timestamps")
         if self.timestamps_s is not None:
             require_seconds(self.timestamps_s, [f"{place}: frame {index}" for index in range(len(self))])
+            require_likely_times(self)
         if self.shutter is not None and self.timestamps_s is None:
             raise DataError(place, "a rolling shutter without timestamps", "the time of each frame, seconds")
         if len({(camera.width, camera.height) for camera in (self.camera, *(self.cameras or ()))}) > 1:
             raise DataError(place, "cameras of different image sizes", "one size for all frames")
+        if isinstance(self.images, ImageFiles):
+            notes = dict.fromkeys((*self.notes, *orientation_notes(self.images.paths)))
+            object.__setattr__(self, "notes", tuple(notes))
 
     def __len__(self) -> int:
         return len(self.world_from_camera)
@@ -185,16 +194,13 @@ class RecordedSequence:
 
 def _out_of_order(times_s: NDArray[np.float64]) -> str:
     """The first time that is not finite, or not later than the one before; empty if there is none."""
-    later = np.append(True, np.diff(times_s) > _LEAST_S) & np.isfinite(times_s)
+    later = np.append(True, np.diff(times_s) > SHORTEST_S) & np.isfinite(times_s)
     if later.all():
         return ""
     number = int(np.argmin(later))
     before = f" after {times_s[number - 1]:.9f}" if number else ""
     return f"frame {number}: {times_s[number]:.9f}{before} s"
 
-
-_LEAST_S = 1e-12
-"""Shorter times between frames are none: poses between those of two frames could not be computed."""
 
 DepthReader = Callable[[Path, CameraModel], DepthMap]
 """Reads one depth file: a module's function, or a `functools.partial` of one, so that it can be pickled."""
@@ -208,15 +214,13 @@ class ImageFiles:
     camera: CameraModel  # whose size the images must have
     # values of 16-bit images that become 0 and 255; None where all images must have 8 bits
     levels: Levels | None = None
-    # whether what EXIF data say of the orientation is ignored, as the program that made the poses did
-    as_stored: bool = False
 
     def __len__(self) -> int:
         return len(self.paths)
 
     def __call__(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `tracknoise.sequences.images.read_gray`."""
-        return read_gray(self.paths[index], self.camera, levels=self.levels, as_stored=self.as_stored)
+        return read_gray(self.paths[index], self.camera, levels=self.levels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,6 +268,34 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 def folders_of(names: Iterable[str]) -> list[str]:
     """Folders of files, sorted; "." for files without."""
     return sorted({str(PurePosixPath(name).parent) for name in names})
+
+
+def chosen_folder(names: Iterable[str], folder: str | None, place: str | Path) -> str:
+    """The folder that the option `folder` names, or the only one that images lie in.
+
+    Parameters
+    ----------
+    names
+        Paths of the images.
+    folder
+        The option; None for the only folder.
+    place
+        Where images are listed, for the error.
+
+    Raises
+    ------
+    UnknownNameError
+        If no image lies in the folder of this name.
+    DataError
+        If images lie in several folders, and none is chosen.
+    """
+    folders = folders_of(names)
+    if folder is not None and folder not in folders:
+        raise UnknownNameError("folder of images", folder, folders)
+    if folder is None and len(folders) > 1:
+        found = f"images of several folders: {', '.join(folders)}"
+        raise DataError(place, found, f"one; choose it with {with_option('folder', folders[0])}")
+    return folders[0] if folder is None else folder
 
 
 def image_names(root: Path, folder: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -14,6 +15,7 @@ from tracknoise.geometry.cameras import CameraModel
 from tracknoise.rosbag_files import BagFile, Position, find_bags
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
+from tracknoise.sequences.orientation import turned_notes
 from tracknoise.sequences.poses import checked_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.rosbag_frames import (
@@ -24,11 +26,13 @@ from tracknoise.sequences.rosbag_frames import (
     Scan,
     camera_poses,
     in_order,
+    in_unit,
     matching,
     scan_bag,
 )
-from tracknoise.sequences.rosbag_messages import Wanted, camera_of, frame_name
-from tracknoise.sequences.scenes import SceneReader, parent_of
+from tracknoise.sequences.rosbag_messages import UNNAMED_DEPTH, Wanted, camera_of, frame_name
+from tracknoise.sequences.scenes import SceneReader, parent_of, with_option
+from tracknoise.sequences.time_units import TimeUnit, require_likely_rate
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
 
@@ -65,6 +69,8 @@ class Rosbag(SceneReader):
         16 numbers, the rows of the pose of the camera in this frame, where neither tf nor the camera file has it.
     time
         Whether the times in the headers count, or those when messages were received.
+    time_unit
+        Unit of the seconds of the times in headers: s, ms, us or ns; by default seconds, at 1 to 1,000 Hz.
     time_shift_s
         Added to the time of an image to get the time of its pose, seconds; by default that of the camera file, or 0.
     max_gap_s, max_pose_gap_s
@@ -96,6 +102,7 @@ class Rosbag(SceneReader):
     pose_frame: str | None = None
     body_from_camera: tuple[float, ...] | None = None
     time: Clock = Clock.header
+    time_unit: TimeUnit | None = None
     time_shift_s: Annotated[float, Gt(-_LONGEST_SHIFT_S), Lt(_LONGEST_SHIFT_S)] | None = None
     max_gap_s: NotNegative = 0.02
     max_pose_gap_s: NotNegative = 0.1
@@ -118,8 +125,13 @@ class Rosbag(SceneReader):
         """Go through one bag once. Images and depths are read later."""
         path = self._folder(sequence)
         file, calibration = BagFile.at(path), self._calibration()
-        scan = scan_bag(path, self._wanted())
+        scan = in_unit(scan_bag(path, self._wanted()), self.time_unit or TimeUnit.s)
         times_ns, positions = in_order(str(path), scan.images, self.time)
+        timestamps_s = (times_ns - times_ns[0]) / 1e9
+        if self.time_unit is None:
+            other = Clock.received if self.time is Clock.header else Clock.header
+            place = f"{path} {scan.images.topic}"
+            require_likely_rate(timestamps_s, place, partial(with_option, "time_unit"), instead=f'time = "{other}"')
         shift_s = self._shift_s(calibration)
         poses, along, sources = camera_poses(
             path,
@@ -145,8 +157,10 @@ class Rosbag(SceneReader):
                 *pose_notes(poses),
                 *depth_notes,
                 *_repeated(scan, positions),
+                *turned_notes(scan.images.topic, scan.images.turned, len(scan.images.positions)),
             ),
-            timestamps_s=(times_ns - times_ns[0]) / 1e9,
+            timestamps_s=timestamps_s,
+            time_unit_stated=self.time_unit is not None,
             clock_start_ns=int(times_ns[0]),
             group=parent_of(sequence.scene),
             shutter=None if calibration is None else calibration.shutter,
@@ -188,13 +202,17 @@ class Rosbag(SceneReader):
     ) -> tuple[BagDepths | None, tuple[str, ...]]:
         """What reads the depths, and notes on them."""
         if scan.depths is None:
-            return None, ()
+            return None, ("no depth is used: no topic of depth was found or named",)
         depth_ns, messages = in_order(str(file.path), scan.depths, self.time)
         times_s, depth_s = ((times - times_ns[0]) / 1e9 for times in (times_ns, depth_ns))
         positions = matching(times_s, depth_s, messages, max_gap_s=self.max_gap_s)
         topic, missing = scan.depths.topic, positions.count(None)
         have = counted_of(missing, len(positions), "frame", "has", "have")
         notes = [f"{have} no depth"] if missing else []
+        if scan.depths.encoding.lower().startswith(UNNAMED_DEPTH):
+            notes.append(
+                f"{topic} is taken as depth in units of {depth_unit_m:g} m, by its name or the option depth_topic"
+            )
         if scan.depths.frame != scan.images.frame:
             frames = f"{scan.depths.frame or '(no name)'} and {scan.images.frame or '(no name)'}"
             notes.append(f"depths and images are in the frames {frames}; they are taken as those of one camera")

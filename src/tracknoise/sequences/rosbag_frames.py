@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,10 @@ from tracknoise.geometry.pose import PosePath, interpolate_poses, invert, neares
 from tracknoise.parsing_child import LostError, call_in_child
 from tracknoise.rosbag_files import TRANSFORMS, Bag, BagFile, Position, Topic, bag_size
 from tracknoise.sequences.images import Levels
+from tracknoise.sequences.orientation import EXIF_BYTES, UPRIGHT, orientation_of
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.rosbag_messages import (
+    COMPRESSED_IMAGE,
     CameraInfo,
     Link,
     Wanted,
@@ -29,8 +32,9 @@ from tracknoise.sequences.rosbag_messages import (
     transform_links,
 )
 from tracknoise.sequences.scenes import with_option
+from tracknoise.sequences.time_units import TimeUnit
 from tracknoise.sequences.timed_poses import path_through
-from tracknoise.text import counted
+from tracknoise.text import counted, counted_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +47,8 @@ class Messages:
     stamped_ns: NDArray[np.int64]
     received_ns: NDArray[np.int64]
     positions: tuple[Position, ...]  # n positions in the bag
+    encoding: str  # of the first message, or the format of its file
+    turned: tuple[int, ...] = ()  # orientations that files in them state
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,13 +97,18 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
 
 
 def _messages(bag: Bag, topic: Topic) -> Messages:
-    positions, stamps, frame = [], [], ""
+    positions, stamps, turned, frame, encoding = [], [], [], "", ""
     for position, message in bag.messages(topic.name):
+        is_file = topic.kind == COMPRESSED_IMAGE
         frame = frame or frame_name(message.header.frame_id)
+        encoding = encoding or (message.format if is_file else message.encoding)
+        if is_file and (orientation := orientation_of(bytes(message.data[:EXIF_BYTES]))) != UPRIGHT:
+            turned.append(orientation)
         positions.append(position)
         stamps.append(stamp_ns(message.header))
     received_ns = np.array([position.received_ns for position in positions], np.int64)
-    return Messages(topic.name, frame, np.array(stamps, np.int64), received_ns, tuple(positions))
+    stamped_ns = np.array(stamps, np.int64)
+    return Messages(topic.name, frame, stamped_ns, received_ns, tuple(positions), encoding, tuple(turned))
 
 
 def _require_aligned(place: str, images: CameraInfo, depths: CameraInfo, frame: str) -> None:
@@ -117,6 +128,24 @@ def _intrinsics(bag: Bag, topic: Topic) -> CameraInfo:
         found = f"{len(contents)} different intrinsics"
         raise DataError(f"{bag.path} {topic.name}", found, "the same intrinsics in all messages")
     return next(iter(contents))
+
+
+_Stamped = TypeVar("_Stamped", Messages, Link)
+
+
+def in_unit(scan: Scan, unit: TimeUnit) -> Scan:
+    """What a bag holds, where the seconds of the times in headers are numbers of another unit."""
+
+    def stamped(of: _Stamped) -> _Stamped:
+        return replace(of, stamped_ns=of.stamped_ns // unit.per_second)
+
+    return replace(
+        scan,
+        images=stamped(scan.images),
+        depths=None if scan.depths is None else stamped(scan.depths),
+        pose=None if scan.pose is None else stamped(scan.pose),
+        transforms=tuple(map(stamped, scan.transforms)),
+    )
 
 
 class Clock(StrEnum):
@@ -182,6 +211,10 @@ def in_order(place: str, messages: Messages, clock: Clock) -> tuple[NDArray[np.i
     if clock is Clock.header and not times.any():
         raise DataError(f"{place} {messages.topic}", "the time 0 in all headers", 'times, or time = "received"')
     ordered, first = np.unique(times, return_index=True)
+    if len(times) > 2 * len(ordered):
+        repeat = counted_of(len(times) - len(ordered), len(times), "message", "repeats", "repeat")
+        other = Clock.received if clock is Clock.header else Clock.header
+        raise DataError(f"{place} {messages.topic}", f"{repeat} the time of another one", f'times, or time = "{other}"')
     return ordered, tuple(messages.positions[index] for index in first.tolist())
 
 

@@ -5,6 +5,7 @@
 - Transforms between frames in a bag: those of a topic of poses, and those of tf.
 """
 
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -31,18 +32,21 @@ _TO_GRAY = {
     "rgba8": cv2.COLOR_RGBA2GRAY,
     "bgra8": cv2.COLOR_BGRA2GRAY,
     "8uc4": cv2.COLOR_BGRA2GRAY,
-    "bayer_rggb8": cv2.COLOR_BayerRGGB2GRAY,
-    "bayer_bggr8": cv2.COLOR_BayerBGGR2GRAY,
-    "bayer_gbrg8": cv2.COLOR_BayerGBRG2GRAY,
-    "bayer_grbg8": cv2.COLOR_BayerGRBG2GRAY,
 }
+_BAYER = {
+    "bayer_rggb": cv2.COLOR_BayerRGGB2GRAY,
+    "bayer_bggr": cv2.COLOR_BayerBGGR2GRAY,
+    "bayer_gbrg": cv2.COLOR_BayerGBRG2GRAY,
+    "bayer_grbg": cv2.COLOR_BayerGRBG2GRAY,
+}
+"""Mosaics by the beginning of their encodings, which 8 or 16 follows: colours of the first two rows and columns."""
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "8uc3": 3, "rgba8": 4, "bgra8": 4, "8uc4": 4}
 _GRAY = ("mono8", "8uc1")
 _GRAY16 = ("mono16", "16uc1")
 _LUMA = {"yuv422": 1, "uyvy": 1, "yuv422_yuy2": 0, "yuyv": 0}
 """Encodings with two bytes for each pixel, and which of them is the brightness."""
 _DEPTH32 = "32fc1"
-_KNOWN = "mono8, mono16, rgb8, bgr8, rgba8, bgra8, bayer_*8 or yuv422"
+_KNOWN = "mono8, mono16, rgb8, bgr8, rgba8, bgra8, bayer_*8, bayer_*16 or yuv422"
 _COMPRESSED_DEPTH = struct.Struct("<iff")
 """Header of a compressed depth map: a format, and the quantisation of inverse depth."""
 
@@ -54,6 +58,9 @@ def gray_image(place: str, message: Any, levels: Levels | None) -> NDArray[np.ui
     encoding = message.encoding.lower()
     if encoding in _GRAY16:
         return _scaled(place, _pixels16(place, message), levels)
+    if (mosaic := _mosaic_of(encoding)) is not None:
+        wide = encoding.endswith("16")
+        return _gray_mosaic(place, _pixels16(place, message) if wide else _raw(place, message, 1), mosaic, levels)
     pixels = _raw(place, message, _bytes_per_pixel(place, encoding))
     if encoding in _TO_GRAY:
         gray: NDArray[np.uint8] = cv2.cvtColor(np.ascontiguousarray(pixels), _TO_GRAY[encoding]).astype(np.uint8)
@@ -61,8 +68,21 @@ def gray_image(place: str, message: Any, levels: Levels | None) -> NDArray[np.ui
     return np.ascontiguousarray(pixels[..., _LUMA[encoding]] if encoding in _LUMA else pixels)
 
 
+def _mosaic_of(encoding: str) -> int | None:
+    """OpenCV's conversion of a mosaic to gray; None of an encoding that is none."""
+    return _BAYER.get(encoding.removesuffix("16")) or _BAYER.get(encoding.removesuffix("8"))
+
+
+def _gray_mosaic(
+    place: str, pixels: NDArray[np.uint8] | NDArray[np.uint16], mosaic: int, levels: Levels | None
+) -> NDArray[np.uint8]:
+    """A mosaic of colours in 8-bit grayscale."""
+    gray = np.asarray(cv2.cvtColor(pixels, mosaic))
+    return gray.astype(np.uint8) if gray.dtype == np.uint8 else _scaled(place, gray.astype(np.uint16), levels)
+
+
 def depth_map(place: str, message: Any, metres_per_unit: float) -> DepthMap:
-    """The depth map of an Image message (16UC1 or 32FC1), or of a CompressedImage message in PNG."""
+    """The depth map of an Image message (16UC1, mono16 or 32FC1), or of a CompressedImage message in PNG."""
     depth_m = _depths(place, message, metres_per_unit)
     return DepthMap(depth_m, np.isfinite(depth_m) & (depth_m > 0.0))
 
@@ -75,7 +95,7 @@ def _depths(place: str, message: Any, metres_per_unit: float) -> NDArray[np.floa
     if encoding in _GRAY16:
         return _metres(_pixels16(place, message), metres_per_unit)
     if encoding != _DEPTH32:
-        raise DataError(place, f"depth with the encoding {message.encoding!r}", "16UC1 or 32FC1")
+        raise DataError(place, f"depth with the encoding {message.encoding!r}", "16UC1, mono16 or 32FC1")
     order = ">" if message.is_bigendian else "<"
     return _raw(place, message, 4).view(f"{order}f4").reshape(message.height, message.width).astype(np.float32)
 
@@ -119,7 +139,15 @@ def _scaled(place: str, pixels: NDArray[np.uint16], levels: Levels | None) -> ND
 
 
 def _compressed_gray(place: str, message: Any, levels: Levels | None) -> NDArray[np.uint8]:
-    """What the content of the file says about its bits counts: not every driver states them in the format."""
+    """What the content of the file says about its bits counts: not every driver states them in the format.
+
+    The format begins with the encoding of what was compressed: a mosaic stays one where the file has one channel.
+    """
+    mosaic = _mosaic_of(message.format.lower().partition(";")[0].strip())
+    if mosaic is not None:
+        stored = decode_image(place, bytes(message.data), cv2.IMREAD_UNCHANGED)
+        if stored.ndim == 2:
+            return _gray_mosaic(place, stored, mosaic, levels)
     pixels = decode_image(place, bytes(message.data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     return pixels if pixels.dtype == np.uint8 else _scaled(place, pixels, levels)
 
@@ -258,6 +286,10 @@ POSE_KINDS = (
 )
 _IMAGE_KINDS = (IMAGE, COMPRESSED_IMAGE)
 _DEPTH_ENCODINGS = ("16uc1", "32fc1")
+_DEPTH_NAME = re.compile(r"(?:^|[/_])depths?(?:[/_]|image|map|$)", re.IGNORECASE)
+"""A word of the name of a topic."""
+UNNAMED_DEPTH = ("mono16", "png")
+"""Beginnings of encodings and formats that images of 16 bits and depth maps have alike."""
 _TRANSPORTS = ("compressed", "compressedDepth")
 _STATIC = "tf_static"
 _SHOWN = 20
@@ -297,7 +329,7 @@ def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
     moving = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if not topic.name.endswith(_STATIC))
     static = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if topic.name.endswith(_STATIC))
     images, depths = _split(_of_kinds(filled, _IMAGE_KINDS), deep)
-    image = _only(bag, "image_topic", wanted.image, images, _IMAGE_KINDS)
+    image = _image(bag, wanted, images)
     depth = _depth(bag, wanted.depth, depths, image)
     infos = _of_kinds(filled, [CAMERA_INFO])
     return Chosen(
@@ -329,14 +361,50 @@ def _split(topics: list[Topic], deep: set[str]) -> tuple[list[Topic], list[Topic
 
 
 def _is_depth(bag: Bag, topic: Topic) -> bool:
-    """Whether the first message of a topic of images is a depth map."""
+    """Whether the first message of a topic of images is a depth map: by its encoding, or of 16 bits by the name."""
+    written = _encoding(bag, topic)
+    if "compresseddepth" in written or written.startswith(_DEPTH_ENCODINGS):
+        return True
+    if not (written.startswith(UNNAMED_DEPTH) and _DEPTH_NAME.search(topic.name)):
+        return False
+    return topic.kind == IMAGE or _has_16_bits(bag, topic)
+
+
+def _encoding(bag: Bag, topic: Topic) -> str:
+    """Encoding of the first message of a topic, or the format of its file, in small letters."""
     _, first = next(bag.messages(topic.name))
-    written = first.encoding if topic.kind == IMAGE else first.format
-    return "compresseddepth" in written.lower() or written.lower().startswith(_DEPTH_ENCODINGS)
+    return str(first.encoding if topic.kind == IMAGE else first.format).lower()
 
 
-def _depth(bag: Bag, name: str | None, depths: list[Topic], image: Topic) -> Topic | None:
+def _has_16_bits(bag: Bag, topic: Topic) -> bool:
+    """Whether the first file of a topic of CompressedImage is a map of 16 bits; not one that is damaged."""
+    _, first = next(bag.messages(topic.name))
+    try:
+        pixels = decode_image(f"{bag.path} {topic.name}", bytes(first.data), cv2.IMREAD_UNCHANGED)
+    except DataError:
+        return False
+    return pixels.dtype == np.uint16 and pixels.ndim == 2
+
+
+def _image(bag: Bag, wanted: Wanted, images: list[Topic]) -> Topic:
+    """The only one that is no depth. Of several, those of 16 bits may be depth: the message says how to state it."""
+    others = [topic for topic in images if topic.name != wanted.depth]
+    wide = [topic for topic in others if _encoding(bag, topic).startswith(UNNAMED_DEPTH[0])]
+    if wanted.image is not None or len(others) < 2 or not wide or wanted.depth is not None:
+        return _only(bag, "image_topic", wanted.image, others, _IMAGE_KINDS)
+    narrow = [topic for topic in others if topic not in wide]
+    image_option = with_option("image_topic", (narrow or wide)[0].name)
+    depth_option = with_option("depth_topic", wide[0].name)
+    raise DataError(
+        bag.path,
+        listing(others),
+        f"one topic of images; choose it with {image_option}; if {wide[0].name} is depth, {depth_option}",
+    )
+
+
+def _depth(bag: Bag, name: str | None, deep: list[Topic], image: Topic) -> Topic | None:
     """In the frame of the images, or the only one."""
+    depths = [topic for topic in deep if topic.name != image.name]
     if name == "" or (name is None and not depths):
         return None
     aligned = [topic for topic in depths if _frame(bag, topic) == _frame(bag, image)]

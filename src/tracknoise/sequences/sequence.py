@@ -191,6 +191,11 @@ class FurtherFacts(Protocol):
         ...
 
     @property
+    def time_unit_stated(self) -> bool:
+        """Whether somebody stated that the times are seconds: without that, rates from 1 to 1,000 Hz are accepted."""
+        ...
+
+    @property
     def group(self) -> str | None:
         """Name of what this scene and others that are not independent have in common: a place, or a recording."""
         ...
@@ -270,6 +275,12 @@ def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
     """(n,) float64: the time of each frame, seconds; None where unknown, as of sequences that have no such property."""
     times: NDArray[np.float64] | None = getattr(sequence, "timestamps_s", None)
     return times
+
+
+def has_stated_times(sequence: Sequence) -> bool:
+    """Whether the unit of a sequence's times is stated, and no assumption that an unlikely rate makes doubtful."""
+    stated: bool = getattr(sequence, "time_unit_stated", False)
+    return stated
 
 
 def clock_start_of(sequence: Sequence) -> int | None:

@@ -277,6 +277,7 @@ class SevenScenes(SceneReader):
             depths=find_depths(depths, cameras),
             notes=(*notes, *depth_notes(depths), _TIMES),
             timestamps_s=(np.array(numbers) - numbers[0]) / _FRAMES_PER_S,
+            time_unit_stated=True,
             group=parent_of(sequence.scene),
         )
 

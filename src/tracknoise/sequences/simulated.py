@@ -70,6 +70,11 @@ class SimulatedSequence:
         return np.arange(len(self)) / rate_hz if rate_hz else None
 
     @property
+    def time_unit_stated(self) -> bool:
+        """True: the rate is a setting."""
+        return True
+
+    @property
     def shutter(self) -> RollingShutter | None:
         """The rolling shutter; None for a global shutter."""
         return self.settings.imaging.shutter

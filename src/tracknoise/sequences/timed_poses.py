@@ -1,26 +1,16 @@
 """Recordings whose images, depths and poses have times of their own: their order, and poses between those recorded."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence as Items
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, NothingToMeasureError
 from tracknoise.geometry.pose import PosePath, interpolate_poses
-from tracknoise.sequences.poses import quaternion_poses
+from tracknoise.sequences.poses import quaternion_poses, require_some_poses
 from tracknoise.text import counted_of
-
-_LATEST_S = 1e11
-"""No clock of seconds shows more: it is more than 3000 years. Stamps in milliseconds or finer do."""
-
-
-def require_seconds(times_s: NDArray[np.float64], places: Sequence[str]) -> None:
-    """Check that times can be seconds."""
-    for index in np.flatnonzero(~(np.abs(times_s) <= _LATEST_S))[:1]:
-        expected = f"seconds, up to {_LATEST_S:g} (milliseconds and nanoseconds must be converted)"
-        raise DataError(places[index], f"a timestamp of {times_s[index]:g}", expected)
 
 
 def in_order(times: NDArray[np.float64] | NDArray[np.int64]) -> NDArray[np.intp]:
@@ -40,6 +30,32 @@ def order_notes(path: Path, times: NDArray[np.float64] | NDArray[np.int64]) -> t
         are = "is" if repeated == 1 else "are"
         notes.append(f"{path}: {repeat} the time of an earlier row and {are} ignored")
     return tuple(notes)
+
+
+_MOST_REPEATED = 0.5
+
+
+def require_distinct(path: Path, times: NDArray[np.float64] | NDArray[np.int64], contents: Items[object]) -> None:
+    """Refuse a file of which half of the rows repeat the time of an earlier row, with another content.
+
+    Their times have lost digits. Rows that are written twice do no harm.
+
+    Parameters
+    ----------
+    path
+        The file.
+    times
+        (n,) times of its rows.
+    contents
+        n contents that can be compared, such as names of files.
+    """
+    first: dict[float, object] = {}
+    other = sum(
+        first.setdefault(time, content) != content for time, content in zip(times.tolist(), contents, strict=True)
+    )
+    if other >= max(_MOST_REPEATED * len(times), 2):
+        repeat = counted_of(other, len(times), "row", "repeats", "repeat")
+        raise DataError(path, f"{repeat} the time of an earlier row", "times with all their digits, one for each row")
 
 
 _BEYOND_S = 1.0
@@ -82,6 +98,7 @@ def trajectory(
     hold = counted_of(lost, len(pose_rows), "row", "holds", "hold")
     lost_notes = (f"{path}: {hold} no pose (NaN or a quaternion of 0)",) * (lost > 0)
     times_s, pose_rows, places = times_s[known], pose_rows[known], [places[index] for index in known]
+    require_distinct(path, times_s, list(map(tuple, pose_rows.tolist())))
     poses = quaternion_poses(pose_rows[:, :3], pose_rows[:, 3:], places)
     order = in_order(times_s)
     return Trajectory(path, times_s[order], poses[order], (*lost_notes, *order_notes(path, times_s)))
@@ -98,7 +115,13 @@ def poses_at(
     poses = interpolate_poses(recorded.times_s, recorded.poses, at_s, max_gap_s=max_gap_s)
     missing = int(np.isnan(poses[:, 0, 0]).sum())
     if missing == len(at_s):
-        raise DataError(recorded.path, _no_overlap(recorded.times_s, at_s, max_gap_s), "poses at the times of images")
+        found = "; ".join((_no_overlap(recorded.times_s, at_s, max_gap_s), *recorded.notes))
+        raise DataError(recorded.path, found, "poses at the times of images")
+    try:
+        require_some_poses(poses, recorded.path)
+    except NothingToMeasureError as error:
+        found = "; ".join((error.found, *recorded.notes))
+        raise NothingToMeasureError(error.place, found, error.expected) from error
     have, them = counted_of(missing, len(at_s), "frame", "has", "have"), "it" if missing == 1 else "them"
     gap = f"{have} no pose: none was recorded around {them} within {max_gap_s:g} s"
     return poses, (*recorded.notes, *((gap,) if missing else ()))

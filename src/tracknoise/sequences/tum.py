@@ -13,6 +13,7 @@ Bonn RGB-D dynamic: the data set's page; its poses are those of markers on the c
 import os
 import re
 from collections.abc import Callable, Iterator
+from collections.abc import Sequence as Items
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from functools import partial
@@ -33,13 +34,14 @@ from tracknoise.sequences.images import first_readable, image_size, read_depth_p
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
+from tracknoise.sequences.time_units import TimeUnit, require_likely_rate, require_pose_rate, require_seconds
 from tracknoise.sequences.timed_poses import (
     Trajectory,
     in_order,
     order_notes,
     path_through,
     poses_at,
-    require_seconds,
+    require_distinct,
     trajectory,
 )
 from tracknoise.tables.identity import SequenceId
@@ -138,17 +140,20 @@ _POSE_FIELDS = (7, 8)
 
 Rows = list[tuple[str, list[str]]]
 
+_UNIT, _POSE_UNIT = (partial(with_option, name) for name in ("time_unit", "pose_time_unit"))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FileList:
     """Files in order of time."""
 
+    path: Path  # of the list
     times_s: NDArray[np.float64]  # (n,) float64, seconds, increasing
     files: tuple[Path, ...]  # one for each
     notes: tuple[str, ...] = ()  # what was corrected, one sentence each
 
 
-NO_FILES = FileList(np.empty(0), ())
+NO_FILES = FileList(Path(), np.empty(0), ())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,20 +164,20 @@ class Pairs:
     depths: dict[Path, tuple[float, Path]]  # by image: time, seconds, and file of its depth map
 
 
-def read_lists(folder: Path) -> tuple[FileList, FileList | Pairs]:
-    """Read which images and depth maps a recording has."""
+def read_lists(folder: Path, unit: TimeUnit = TimeUnit.s) -> tuple[FileList, FileList | Pairs]:
+    """Read which images and depth maps a recording has, at times in a unit."""
     colour, depth = folder / COLOUR, folder / DEPTH
     pairs = next((folder / name for name in PAIRS if (folder / name).exists()), None)
     if not colour.exists():
-        return (_read_list(colour), NO_FILES) if pairs is None else _read_pairs(pairs)
+        return (_read_list(colour, unit), NO_FILES) if pairs is None else _read_pairs(pairs, unit)
     if pairs is not None and _names_pairs(pairs):
-        return _read_list(colour), _read_pairs(pairs)[1]
-    return _read_list(colour), _read_list(depth) if depth.exists() else NO_FILES
+        return _read_list(colour, unit), _read_pairs(pairs, unit)[1]
+    return _read_list(colour, unit), _read_list(depth, unit) if depth.exists() else NO_FILES
 
 
-def _read_list(path: Path) -> FileList:
+def _read_list(path: Path, unit: TimeUnit) -> FileList:
     rows = _rows(path, "timestamp filename")
-    return _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows])
+    return _file_list(path, [(place, fields[0], fields[1]) for place, fields in rows], unit)
 
 
 def _names_pairs(path: Path) -> bool:
@@ -181,7 +186,7 @@ def _names_pairs(path: Path) -> bool:
     return first is not None and not any(map(is_number, first[1][1:4:2]))
 
 
-def _read_pairs(path: Path) -> tuple[FileList, Pairs]:
+def _read_pairs(path: Path, unit: TimeUnit) -> tuple[FileList, Pairs]:
     """The benchmark's script writes colour first, ICL-NUIM depth first: the names of the folders decide."""
     rows = _rows(path, _PAIR, further=_POSE_FIELDS)
     images: list[tuple[str, str, str]] = []
@@ -194,12 +199,10 @@ def _read_pairs(path: Path) -> tuple[FileList, Pairs]:
         pair = (fields[:2], fields[2:4])
         (image_stamp, image), (depth_stamp, depth) = reversed(pair) if _depth_first(fields) else pair
         images.append((place, image_stamp, image))
-        times_s = np.array([_seconds(place, depth_stamp)])
-        require_seconds(times_s, [place])
-        stated = (float(times_s[0]), _file(path, depth))
+        stated = (float(_seconds([place], [depth_stamp], unit)[0]), _file(path, depth))
         if depths.setdefault(_file(path, image), stated)[1] != stated[1]:
             raise DataError(place, f"another depth map of {image}", "one for each image")
-    return _file_list(path, images), Pairs(path, depths)
+    return _file_list(path, images, unit), Pairs(path, depths)
 
 
 def _depth_first(fields: list[str]) -> bool:
@@ -228,21 +231,25 @@ def _file(path: Path, name: str) -> Path:
     return path.parent / name.replace("\\", "/")
 
 
-def _file_list(path: Path, rows: list[tuple[str, str, str]]) -> FileList:
+def _file_list(path: Path, rows: list[tuple[str, str, str]], unit: TimeUnit) -> FileList:
     if not rows:
         raise DataError(path, "no files", "rows of a timestamp and a file")
-    times_s = np.array([_seconds(place, stamp) for place, stamp, _ in rows])
-    require_seconds(times_s, [place for place, _, _ in rows])
+    places, stamps, names = zip(*rows, strict=True)
+    times_s = _seconds(places, stamps, unit)
+    require_distinct(path, times_s, names)
     order = in_order(times_s)
     files = tuple(_file(path, rows[index][2]) for index in order)
-    return FileList(times_s[order], files, order_notes(path, times_s))
+    return FileList(path, times_s[order], files, order_notes(path, times_s))
 
 
-def _seconds(place: str, stamp: str) -> float:
-    try:
-        return float(stamp)
-    except ValueError as error:
-        raise DataError(place, repr(stamp), "a timestamp, seconds") from error
+def _seconds(places: Items[str], stamps: Items[str], unit: TimeUnit) -> NDArray[np.float64]:
+    """(n,) float64: seconds of times that are written in a unit."""
+    for place, stamp in zip(places, stamps, strict=True):
+        if not is_number(stamp):
+            raise DataError(place, repr(stamp), "a timestamp, seconds")
+    times_s = np.array([float(stamp) for stamp in stamps]) / unit.per_second
+    require_seconds(times_s, places, _UNIT, taken=unit)
+    return times_s
 
 
 CAMERA_FILES = ("camera.yaml", "camera.yml", "camera.json", "calibration.yaml", "calibration.yml")
@@ -416,6 +423,12 @@ def _shift_notes(shift_s: float | None) -> tuple[str, ...]:
 
 _GROUND_TRUTH = "groundtruth.txt"
 _LARGEST_FRAME_NUMBER = 1e6
+_LARGEST_STEP = 5
+"""Largest usual step between listed numbers of frames, of which only every n-th is kept."""
+_NUMBERS = (
+    "the timestamps are whole numbers: they are taken as numbers of frames, so times are unknown; if they are times, "
+    "state time_unit"
+)
 _COLUMNS = "timestamp tx ty tz qx qy qz qw"
 
 
@@ -443,6 +456,9 @@ class Tum(SceneReader):
         Longest time between two poses that are interpolated, seconds. Images in longer gaps have no pose.
     time_shift_s
         Added to the times of the images to get the clock of the poses, seconds.
+    time_unit, pose_time_unit
+        Units of the times of images and of poses: s, ms, us or ns. By default seconds, at 1 to 1,000 Hz, and for poses
+        that of the images.
     """
 
     name: ClassVar[str] = "tum"
@@ -459,6 +475,8 @@ class Tum(SceneReader):
     max_gap_s: NotNegative = 0.02
     max_pose_gap_s: NotNegative = 0.1
     time_shift_s: float = 0.0
+    time_unit: TimeUnit | None = None
+    pose_time_unit: TimeUnit | None = None
 
     def __post_init__(self) -> None:
         require_bounds(self)
@@ -467,7 +485,8 @@ class Tum(SceneReader):
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one recording, except for its images and depths."""
         folder = self._folder(sequence)
-        images, depths = read_lists(folder)
+        unit = self.time_unit or TimeUnit.s
+        images, depths = read_lists(folder, unit)
         known = known_recording(self.root, folder)
         calibration = find_calibration(
             folder,
@@ -477,11 +496,11 @@ class Tum(SceneReader):
             poses_of=self.poses_of,
             read_camera=partial(self._camera_of, images.files),
         )
-        recorded = _read_trajectory(folder)
+        recorded = _read_trajectory(folder, self.pose_time_unit or unit)
+        timestamps_s, time_notes = self._timestamps(images, recorded)
         poses, pose_notes = poses_at(recorded, images.times_s + self.time_shift_s, max_gap_s=self.max_pose_gap_s)
         paths, association_notes = _depths_of(images, depths, max_gap_s=self.max_gap_s)
         world_from_camera = calibration.world_from_camera(poses)
-        timestamps_s, time_notes = _timestamps(images)
         start_s = images.times_s[0] + self.time_shift_s
         path = PosePath(recorded.times_s - start_s, calibration.world_from_camera(recorded.poses))
         read_depth = partial(read_depth_png16, metres_per_unit=self.depth_unit_m or calibration.depth_unit_m)
@@ -494,6 +513,7 @@ class Tum(SceneReader):
             depths=depth_files(paths, calibration.camera, read_depth),
             notes=(*calibration.notes, *pose_notes, *images.notes, *time_notes, *association_notes),
             timestamps_s=timestamps_s,
+            time_unit_stated=self.time_unit is not None,
             clock_start_ns=None if timestamps_s is None else round(1e9 * images.times_s[0]),
             group=None if known is None else known.place,
             shutter=calibration.shutter,
@@ -510,22 +530,33 @@ class Tum(SceneReader):
         expected = f"folders with {COLOUR} or {PAIRS[0]}"
         return find_scenes(self.root, lambda _, files: not {COLOUR, *PAIRS}.isdisjoint(files), expected=expected)
 
+    def _timestamps(self, images: FileList, recorded: Trajectory) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+        """Times since the first image; None where small whole numbers show that they are numbers of frames."""
+        times_s, unit = images.times_s, self.time_unit
+        if unit is None and _are_numbers(times_s):
+            return None, (_NUMBERS,)
+        if unit is None:
+            require_likely_rate(times_s, images.path, _UNIT)
+        if self.pose_time_unit is None:
+            require_pose_rate(recorded.times_s, times_s, recorded.path, _POSE_UNIT, taken=unit or TimeUnit.s)
+        return times_s - times_s[0], ()
 
-def _read_trajectory(folder: Path) -> Trajectory:
+
+def _are_numbers(times: NDArray[np.float64]) -> bool:
+    """Whether times are numbers of frames: small whole ones in small steps. Larger steps are those of milliseconds."""
+    if len(times) < 2 or times[-1] >= _LARGEST_FRAME_NUMBER or not np.array_equal(times, np.rint(times)):
+        return False
+    return bool(np.median(np.diff(times)) <= _LARGEST_STEP)
+
+
+def _read_trajectory(folder: Path, unit: TimeUnit) -> Trajectory:
     path = folder / _GROUND_TRUTH
     if not path.exists():
         path = next(iter(sorted(folder.glob("*.gt.freiburg"))), path)
     rows, places = read_rows(path, _COLUMNS, separator=SEPARATOR)
-    require_seconds(rows[:, 0], places)
-    return trajectory(path, rows[:, 0], rows[:, 1:], places)
-
-
-def _timestamps(images: FileList) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Times since the first image; None where small whole numbers show that they are numbers of frames."""
-    times_s = images.times_s
-    if len(times_s) > 1 and times_s[-1] < _LARGEST_FRAME_NUMBER and np.array_equal(times_s, np.rint(times_s)):
-        return None, ("the timestamps are whole numbers: they are taken as numbers of frames, so times are unknown",)
-    return times_s - times_s[0], ()
+    times_s = rows[:, 0] / unit.per_second
+    require_seconds(times_s, places, _POSE_UNIT, taken=unit)
+    return trajectory(path, times_s, rows[:, 1:], places)
 
 
 def _depths_of(

@@ -180,7 +180,8 @@ def _decoded(path: Path) -> NDArray[np.uint8] | None:
     try:
         data = read_bytes(path, "an image")
         require_whole_image(path, data)
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+        as_stored = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), as_stored)
     except (DataError, cv2.error):
         return None
     return None if image is None else np.asarray(image, np.uint8)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.sequence import Reader, Sequence
+from tracknoise.sequences.time_units import rate_of, require_likely_times
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import readable
 from tracknoise.tables.trust import TruthVerdict, ranges
@@ -76,16 +77,9 @@ def overview(sequence: Sequence) -> Overview:
         n_poses=int(np.isfinite(sequence.world_from_camera).all(axis=(1, 2)).sum()),
         width_px=sequence.camera.width,
         height_px=sequence.camera.height,
-        rate_hz=_rate_hz(sequence),
+        rate_hz=rate_of(sequence.timestamps_s),
         depth_share=depth_share(maps) if maps else None,
     )
-
-
-def _rate_hz(sequence: Sequence) -> float | None:
-    times = sequence.timestamps_s
-    if times is None or len(times) < 2:
-        return None
-    return 1.0 / float(np.median(np.diff(times)))
 
 
 MOST_SEQUENCES = 3
@@ -99,6 +93,7 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
     items: list[Item] = []
     evidence = None
     try:
+        require_likely_times(sequence)
         items += (topic(sequence) for topic in _FROM_POSES)
         items += filter(None, [repeated_frames(sequence)])
         items += reader_notes(sequence)

@@ -21,7 +21,6 @@ from tracknoise.text import counted, counted_of, significant
 from tracknoise.truth_faults.check_report import Item, Severity, Values
 from tracknoise.truth_faults.image_evidence import focal_px, principal_point
 
-_SLOWEST_HZ, _FASTEST_HZ = 0.5, 2000.0
 _GAP_STEPS = 1.75
 _FOCAL_RANGE = 0.25, 4.0
 _CENTRE_SHARE = 0.15
@@ -46,7 +45,7 @@ def counts(sequence: Sequence) -> Item:
 
 
 def timestamps(sequence: Sequence) -> Item:
-    """Rate, gaps, and whether the unit of the timestamps can be seconds."""
+    """Rate and gaps."""
     times = sequence.timestamps_s
     if times is None or len(times) < 2:
         return Item("timestamps", Severity.unknown, "There are no timestamps: rates and gaps are unknown.")
@@ -57,9 +56,6 @@ def timestamps(sequence: Sequence) -> Item:
     exceed = counted_of(gaps, len(steps), "interval", "exceeds", "exceed")
     text = f"Images come at {significant(rate, 4)} Hz. {exceed} {_GAP_STEPS:g} times the median."
     values: Values = {"rate_hz": rate, "n_gaps": gaps, "longest_s": float(steps.max())}
-    if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
-        why = f"The median interval is {significant(step, 4)} s. The unit of the timestamps is probably not seconds."
-        return Item("timestamps", Severity.caveat, why, values)
     if gaps > 0.02 * len(steps) and gaps > 1:
         return Item("timestamps", Severity.caveat, f"{text} Ages count frames, not time.", values)
     return Item("timestamps", Severity.ok, text, values)

@@ -73,6 +73,39 @@ def test_a_rate_cannot_be_compared_with_an_unknown_one():
     assert "It is taken to be 20 Hz" in found.caveats[0]
 
 
+MILLISECONDS = replace(CAMERA, rate_hz=0.02)
+"""What 20 Hz are where times in milliseconds were taken as seconds."""
+
+
+def test_the_true_rate_is_refused_beside_a_wrong_one_with_what_to_do():
+    model = lucas_kanade(camera=MILLISECONDS)
+    mended = (
+        r"are probably not in seconds, probably ms \(20 Hz\): measure them again with time_unit in \[dataset.options\]"
+    )
+    with pytest.raises(SettingsError, match=f"rate is 20 Hz, expected that of the model, 0.02 Hz, .*{mended}"):
+        converted(model, Target(rate_hz=20.0))
+
+
+def test_a_rate_that_no_camera_has_reaches_no_file_unless_it_is_stated():
+    model = lucas_kanade(camera=MILLISECONDS)
+    with pytest.raises(
+        SettingsError, match=r"at 0.02 Hz, are probably not in seconds.*if the rate is right, --rate 0.02"
+    ):
+        export(model, "rovio")
+    slow = export(model, "rovio", target=Target(rate_hz=0.02))
+    assert slow.rate_hz == 0.02
+    assert "; 0.02 frames per second; " in slow.files["rovio_noise.info"]
+    assert export(model, "openvins").files  # no number of it depends on the rate
+
+
+def test_files_whose_numbers_depend_on_the_rate_state_it():
+    found = export(lucas_kanade(), "rovio")
+    assert found.rate_hz == 20.0
+    assert "; 20 frames per second; " in found.files["rovio_noise.info"]
+    half = export(lucas_kanade(), "rovio", target=Target(rate_hz=10.0, rate_change=RateChange.THINNED))
+    assert "; 10 frames per second; " in half.files["rovio_noise.info"]
+
+
 def test_what_needs_a_rate_asks_for_it():
     model = lucas_kanade(camera=UNKNOWN_RATE)
     with pytest.raises(SettingsError, match=r"ROVIO: no rate, expected frames per second, with `--rate`"):

@@ -159,6 +159,7 @@ def test_times_that_are_missing_or_do_not_increase_are_not_used(course, tmp_path
         ("poses/00.txt", "2 0 0 0 0 2 0 0 0 0 2 0\n" * 4, ":1: a pose whose singular values differ from 1 by 1"),
         ("sequences/00/times.txt", "0\n0.1\n", "2 times, expected at least 4"),
         ("sequences/00/calib.txt", "P1: 1 2 3\n", "no P0, expected a line of P0 and 12 numbers"),
+        ("sequences/00/calib.txt", "60 61 31 24\n", "no keys, expected a line of P0 and 12 numbers, for reader kitti-"),
         ("sequences/00/calib.txt", f"P0: {row(np.ones(12))}\n", "another P0, expected fx 0 cx"),
     ],
 )

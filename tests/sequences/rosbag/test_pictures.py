@@ -201,3 +201,64 @@ def test_an_image_that_is_shorter_than_it_says_is_refused(tmp_path):
 
     with pytest.raises(DataError, match="40 bytes in rows of 8 for an image of 8x6, expected 6 rows of at least 8"):
         opened(tmp_path, cut).image(0)
+
+
+MOSAIC = cv2.GaussianBlur(np.random.default_rng(5).integers(0, 256, (6, 8), dtype=np.uint8), (0, 0), 1.5)
+
+
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+@pytest.mark.parametrize(
+    ("said", "suffix", "most"), [("png compressed ", ".png", 0), ("jpeg compressed ", ".jpg", 3)], ids=["png", "jpeg"]
+)
+def test_a_compressed_mosaic_is_read_like_a_raw_one(tmp_path, pattern, said, suffix, most):
+    """As `compressed_image_transport` writes it."""
+    raw = opened(tmp_path / "raw", image(f"bayer_{pattern}8", MOSAIC)).image(0)
+    data = cv2.imencode(suffix, MOSAIC, [cv2.IMWRITE_JPEG_QUALITY, 100])[1].tobytes()
+    found = opened(tmp_path / "squeezed", compressed(f"bayer_{pattern}8; {said}", data)).image(0)
+    assert np.abs(found.astype(int) - raw).max() <= most
+
+
+def test_a_mosaic_of_sixteen_bits_is_filled_in_and_scaled(tmp_path):
+    wide = MOSAIC.astype(np.uint16) * 16
+    expected = opened(tmp_path / "narrow", image("bayer_gbrg8", MOSAIC)).image(0)
+    levels = {"image_levels": [0.0, 255.0 * 16]}
+    raw = opened(tmp_path / "raw", image("bayer_gbrg16", wide), **levels)
+    squeezed = opened(tmp_path / "squeezed", compressed("bayer_gbrg16; png compressed ", png(wide)), **levels)
+    for found in (raw.image(0), squeezed.image(0)):
+        assert np.abs(found.astype(int) - expected).max() <= 1
+    with pytest.raises(DataError, match="16-bit images and no image_levels"):
+        open_sequence("rosbag", tmp_path / "squeezed").image(0)
+
+
+def test_a_mosaic_that_was_filled_in_before_it_was_compressed_is_not_one(tmp_path):
+    found = opened(tmp_path, compressed("bayer_rggb8; png compressed bgr8", png(COLOUR))).image(0)
+    assert np.abs(found.astype(int) - cv2.cvtColor(COLOUR, cv2.COLOR_BGR2GRAY)).max() <= 1
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        image("mono16", np.full((6, 8), 1500, np.uint16), "/cam/depth/image_rect"),
+        image("mono16", np.full((6, 8), 1500, np.uint16), "/tof/depth_map"),
+        compressed("mono16; png compressed ", png(np.full((6, 8), 1500, np.uint16)), "/depth_registered/compressed"),
+        compressed("png", png(np.full((6, 8), 1500, np.uint16)), "/cam/depth/image"),
+    ],
+    ids=["rect", "map", "png of mono16", "png"],
+)
+def test_sixteen_bits_are_depth_by_the_name_of_their_topic(tmp_path, part):
+    found = opened(tmp_path, image("mono8", GRAY), part)
+    np.testing.assert_array_equal(found.image(0), GRAY)
+    np.testing.assert_allclose(found.depth(0).depth_m, 1.5)
+    assert any("is taken as depth in units of 0.001 m, by its name" in note for note in found.notes)
+
+
+def test_both_options_are_advised_where_a_name_says_nothing(tmp_path):
+    parts = image("mono16", np.full((6, 8), 1500, np.uint16), "/a/range"), image("mono8", GRAY, "/cam/image_raw")
+    with pytest.raises(DataError, match=r"--option image_topic=/cam/image_raw.*if /a/range is depth, --option depth_t"):
+        opened(tmp_path, *parts)
+    found = open_sequence("rosbag", tmp_path, depth_topic="/a/range")
+    np.testing.assert_array_equal(found.image(0), GRAY)
+    np.testing.assert_allclose(found.depth(0).depth_m, 1.5)
+    without = open_sequence("rosbag", tmp_path, image_topic="/cam/image_raw")
+    assert without.depth(0) is None
+    assert any("no depth is used" in note for note in without.notes)

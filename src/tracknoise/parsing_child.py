@@ -17,12 +17,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from tracknoise.exceptions import TracknoiseError, first_line
 from tracknoise.opened_files import note
-from tracknoise.processes import module_path
+from tracknoise.processes import end_with, module_path
 
 T = TypeVar("T")
 
@@ -33,6 +34,7 @@ _START_S = 600.0
 _CPU_S, _BYTES_PER_SECOND = 5, 1 << 20
 _WALL_PER_CPU = 60.0
 """Limits of CPU time, so that no result depends on what else a machine does, and of time for a child that waits."""
+_LOOK_S = 1.0
 _MEMORY_BYTES = 1 << 30
 _MEMORY_PER_BYTE = 32
 
@@ -159,6 +161,7 @@ def _send(pipe: IO[bytes], message: bytes) -> None:
 def serve() -> None:
     """Answer requests until there are no more. This is what the child does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with(partial(_wait_for_end_of, os.getppid()))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a parser prints is no answer
@@ -166,6 +169,11 @@ def serve() -> None:
     answers.flush()
     while length := requests.read(_LENGTH_BYTES):
         _send(answers, _answer(requests.read(int.from_bytes(length))))
+
+
+def _wait_for_end_of(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_LOOK_S)
 
 
 def _answer(request: bytes) -> bytes:

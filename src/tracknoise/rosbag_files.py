@@ -17,7 +17,6 @@ import os
 import re
 import struct
 import sys
-import tempfile
 import threading
 import weakref
 from collections.abc import Collection, Iterator, Mapping
@@ -35,6 +34,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MIB, damage_reported, is_folder, is_regular_file, require_regular
+from tracknoise.guarded_folder import guarded_folder
 from tracknoise.text import counted
 
 ROS1_SUFFIX = ".bag"
@@ -130,8 +130,8 @@ def plain_files(path: Path) -> Iterator[Path]:
     if path.suffix != COMPRESSED_SUFFIX and not _has_compressed_files(path):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="tracknoise-bag-") as temporary:
-        yield _copied_folder(path, Path(temporary)) if is_folder(path) else _copied_file(path, Path(temporary))
+    with guarded_folder("tracknoise-bag-") as temporary:
+        yield _copied_folder(path, temporary.path) if is_folder(path) else _copied_file(path, temporary.path)
 
 
 def _has_compressed_files(path: Path) -> bool:

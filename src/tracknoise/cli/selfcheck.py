@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -121,8 +120,10 @@ def _areas(checks: "pl.DataFrame") -> list[str]:
 def _folder(out: Path | None) -> Iterator[Path]:
     """The requested folder without what an earlier self-test left there, or a temporary one."""
     if out is None:
-        with TemporaryDirectory(prefix="tracknoise-selfcheck-") as temporary:
-            yield Path(temporary)
+        from tracknoise.guarded_folder import guarded_folder
+
+        with guarded_folder("tracknoise-selfcheck-") as temporary:
+            yield temporary.path
         return
     _clear(out)
     (out / _FILE).touch()

@@ -2,14 +2,9 @@
 
 import os
 import shlex
-import signal
-import subprocess
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
-from io import BufferedRandom
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, ClassVar
 
 import cv2
@@ -20,6 +15,7 @@ from numpy.typing import NDArray
 from tracknoise.checks import Positive, require, require_bounds, require_list
 from tracknoise.exceptions import DataError, SettingsError, TrackerError
 from tracknoise.foreign_files import absolute, number_in, read_bytes, read_text
+from tracknoise.guarded_folder import GuardedFolder, GuardLostError, guarded_folder
 from tracknoise.processes import signal_name
 from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
@@ -30,7 +26,6 @@ from tracknoise.trackers.spacing import places_in
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
 _ABSENT, _WORDS = "0", {"true": 1.0, "false": 0.0}
-_LAST_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +97,11 @@ class External:
         self.detection.require_usable()
         if context.images is None:
             raise SettingsError("external: images come one by one, expected all of a sequence before the first step")
-        with TemporaryDirectory(prefix="tracknoise-external-", ignore_cleanup_errors=True) as name:
-            folder = _Folder(Path(name))
+        with guarded_folder("tracknoise-external-") as guarded:
+            folder = _Folder(guarded.path)
             offset, uv, response = folder.written(context.images(), self)
             if len(offset):
-                _run(self, folder.path)
+                _run(self, guarded)
             tracks = folder.read(offset, uv, response, context)
         return ImportedTracker(tracks, refine=self.refine)
 
@@ -216,43 +211,23 @@ def _is_hidden(text: str, place: str) -> bool:
     return not visible
 
 
-def _run(settings: External, folder: Path) -> None:
-    """Run the command in a folder, and end it and all that it started when its time is over."""
+def _run(settings: External, folder: GuardedFolder) -> None:
+    """Run the command in a folder."""
     words = [*settings.command]
     if settings.script is not None:
         path = absolute(Path(), settings.script)
         read_bytes(path, "the script of a tracker")  # so that a run notes its version
         words.append(str(path))
     shown = f"external: {shlex.join(words)}"
-    with (folder / "output.log").open("w+b") as output:
-        try:
-            process = subprocess.Popen(
-                words,
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-        except OSError as error:
-            raise SettingsError(f"{shown}: cannot be started ({error.strerror}), expected a program") from error
-        try:
-            code = process.wait(settings.timeout_s)
-        except subprocess.TimeoutExpired:
-            message = f"{shown}: still runs after {settings.timeout_s:g} s, expected it to end{_last_line(output)}"
-            raise TrackerError(message) from None
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-        if code:
-            how = f"ended with code {code}" if code > 0 else f"was ended by {signal_name(-code)}"
-            raise TrackerError(f"{shown}: {how}, expected code 0{_last_line(output)}")
-
-
-def _last_line(log: BufferedRandom) -> str:
-    """What a command printed last, for an error. The command may have removed or replaced the file of this name."""
-    number = log.fileno()
-    end = os.pread(number, _LAST_BYTES, max(os.fstat(number).st_size - _LAST_BYTES, 0))
-    lines = [line.strip() for line in end.decode(errors="replace").splitlines() if line.strip()]
-    return f"; it printed last: {lines[-1]}" if lines else ""
+    try:
+        ended = folder.run(words, settings.timeout_s)
+    except GuardLostError as error:
+        raise TrackerError(f"{shown}: {error}, expected it to run") from error
+    except OSError as error:
+        raise SettingsError(f"{shown}: cannot be started ({error.strerror}), expected a program") from error
+    printed = f"; it printed last: {ended.last_line}" if ended.last_line else ""
+    if ended.code is None:
+        raise TrackerError(f"{shown}: still runs after {settings.timeout_s:g} s, expected it to end{printed}")
+    if ended.code:
+        how = f"ended with code {ended.code}" if ended.code > 0 else f"was ended by {signal_name(-ended.code)}"
+        raise TrackerError(f"{shown}: {how}, expected code 0{printed}")

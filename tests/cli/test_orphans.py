@@ -51,7 +51,7 @@ def started(tmp_path):
                 stderr=subprocess.PIPE,
             )
         )
-        while len(names := os.listdir(tmp_path / "pids")) < EACH * workers:
+        while len(names := [path.name for path in (tmp_path / "pids").iterdir()]) < EACH * workers:
             assert runs[-1].poll() is None, runs[-1].communicate()
             time.sleep(0.05)
         programs.extend(psutil.Process(int(name)) for name in names)

@@ -134,9 +134,11 @@ def _clear(out: Path) -> None:
     """Remove an earlier self-test; refuse a folder that holds anything else."""
     from tracknoise.exceptions import StoreError
     from tracknoise.experiments.validation.self_test import FOLDERS
+    from tracknoise.tables.files import require_no_links
 
     out.mkdir(parents=True, exist_ok=True)
     if any(out.iterdir()) and not (out / _FILE).exists():
         raise StoreError(f"{out}: holds other files, expected a new or empty folder or an earlier self-test")
+    require_no_links(out)
     for name in FOLDERS:
         shutil.rmtree(out / name, ignore_errors=True)

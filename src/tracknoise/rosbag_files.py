@@ -13,6 +13,7 @@ messages that come with the library. Those that are stored in a bag are not used
 is executed, and bags without definitions can be read.
 """
 
+import glob
 import os
 import re
 import struct
@@ -437,17 +438,19 @@ class BagFile:
     ----------
     path
         File or folder of the bag.
-    changed_ns
-        When the file or folder was last changed, nanoseconds.
+    version
+        Name, size and time of the last change, nanoseconds, of each of its files.
     """
 
     path: Path
-    changed_ns: int
+    version: tuple[tuple[str, int, int], ...]
 
     @classmethod
     def at(cls, path: Path) -> "BagFile":
         """The bag as it is now."""
-        return cls(path, path.stat().st_mtime_ns)
+        files = path.iterdir() if is_folder(path) else path.parent.glob(f"{glob.escape(path.name)}*")
+        states = [(file.name, file.stat()) for file in sorted(files) if is_regular_file(file)]
+        return cls(path, tuple((name, state.st_size, state.st_mtime_ns) for name, state in states))
 
     def message(self, topic: str, position: Position) -> Any:
         """One message: see `Bag.message`."""

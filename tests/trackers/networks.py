@@ -157,3 +157,13 @@ def _write(
     graph = helper.make_graph(nodes, "small", given, shown, initial)
     onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8), path)
     return path
+
+
+def with_external_data(path: Path, location: str) -> Path:
+    """Move the large tensors of a network into a file beside it, and return that."""
+    import onnx
+
+    (path.parent / location).parent.mkdir(exist_ok=True)
+    options = {"all_tensors_to_one_file": True, "location": location, "size_threshold": 1024}
+    onnx.save_model(onnx.load(path), path, save_as_external_data=True, **options)
+    return path.parent / location

@@ -2,7 +2,8 @@
 
 import os
 import shlex
-from collections.abc import Iterator, Mapping
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds, require_list
 from tracknoise.exceptions import DataError, SettingsError, TrackerError
-from tracknoise.foreign_files import absolute, number_in, read_bytes, read_text
+from tracknoise.foreign_files import absolute, is_there, number_in, read_text, require_regular
 from tracknoise.guarded_folder import GuardedFolder, GuardLostError, guarded_folder
+from tracknoise.opened_files import absolute_path, note, note_stated, note_unknown
 from tracknoise.processes import signal_name
 from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
@@ -47,8 +49,11 @@ class External:
     command
         The program and its arguments. It is looked up on the path; other words are passed as they are.
     script
-        A file that is passed as the last argument, with its absolute path. A run measures again what was measured with
-        another version of it.
+        A file that is passed as the last argument, with its absolute path.
+    inputs
+        Files and folders that the command reads besides, such as modules, weights and settings; ``[]`` if there are
+        none. A run measures again what was measured with another version of them, of the program, the script, or a file
+        that an argument names. None: they are not known, and a run that is started again measures everything again.
     timeout_s
         Longest time that the command may take for one sequence at one speed, seconds.
     detection
@@ -68,6 +73,7 @@ class External:
 
     command: tuple[str, ...]
     script: Path | None = None
+    inputs: tuple[Path, ...] | None = None
     timeout_s: Positive = 600.0
     detection: Detection = field(default_factory=Detection)
     every: Annotated[int, Ge(1)] | None = 10
@@ -80,6 +86,9 @@ class External:
         good = len(words) > 0 and all(_is_argument(word) for word in words) and bool(words[0])
         require(good, "command", self.command, "a program and its arguments, without null characters or surrogates")
         object.__setattr__(self, "command", words)
+        if self.inputs is not None:
+            require_list("inputs", self.inputs, "files and folders")
+            object.__setattr__(self, "inputs", tuple(map(Path, self.inputs)))
         require_bounds(self)
 
     def start(self, context: SequenceContext) -> ImportedTracker:
@@ -88,7 +97,7 @@ class External:
         Raises
         ------
         DataError
-            If the script cannot be read.
+            If the script or a file that is stated is missing.
         SettingsError
             If the command cannot be started.
         TrackerError
@@ -189,6 +198,23 @@ class _Folder:
         return lines
 
 
+def _note_files(settings: External, words: Sequence[str]) -> None:
+    """Let a run note the files that a command consists of and names, and those that are stated.
+
+    An argument may be the name of a file, or end with one, as in ``--weights=/models/a.pth``.
+    """
+    program = shutil.which(words[0])
+    endings = [Path(ending) for word in words for ending in (word, word.partition("=")[2])]
+    for path in [*([] if program is None else [Path(program)]), *filter(Path.is_absolute, endings)]:
+        note_stated(path)
+    for path in settings.inputs or ():
+        if not is_there(path):
+            raise DataError(path, "no such file", "a file or folder that `inputs` of a tracker states")
+        note(absolute_path(path))
+    if settings.inputs is None:
+        note_unknown(shlex.join(words))
+
+
 def _is_argument(word: object) -> bool:
     """Whether a program can be given a word."""
     try:
@@ -216,8 +242,9 @@ def _run(settings: External, folder: GuardedFolder) -> None:
     words = [*settings.command]
     if settings.script is not None:
         path = absolute(Path(), settings.script)
-        read_bytes(path, "the script of a tracker")  # so that a run notes its version
+        require_regular(path, "the script of a tracker")
         words.append(str(path))
+    _note_files(settings, words)
     shown = f"external: {shlex.join(words)}"
     try:
         ended = folder.run(words, settings.timeout_s)

@@ -160,10 +160,9 @@ def _rows(array: NDArray[np.float64], n: int, inner: tuple[int | None, ...]) -> 
     if outer < 0 or any(length != 1 for length in array.shape[:outer]):
         return None
     rows = array.reshape(array.shape[outer:])
-    fits = all(
-        found > 0 if wanted is None else found == wanted for found, wanted in zip(rows.shape[1:], inner, strict=True)
-    )
-    return rows if len(rows) == n and fits else None
+    shape: tuple[int, ...] = rows.shape[1:]
+    lengths = [found if wanted is None else wanted for found, wanted in zip(shape, inner, strict=True)]
+    return rows if rows.shape == (n, *lengths) and all(lengths) else None
 
 
 def _finite_descriptors(path: Path, descriptors: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -72,7 +72,7 @@ class Network:
             )
         except LostError as error:
             cpu_s, memory = limits_of(size)
-            within = f"{expected} within {cpu_s} s and {memory / 2**30:.1f} GiB"
+            within = f"{expected} within {cpu_s} s of processor time and {memory / 2**30:.1f} GiB"
             raise TrackerError(f"{self.path}: the network fails on {on} ({error}), expected {within}") from error
 
 

@@ -42,9 +42,9 @@ from tracknoise.truth.truth_registry import TRUTHS
 
 _SMALL_BYTES = 1 << 20
 """Largest size of a file that is always compared by content."""
-_CODE, _PACKAGED = (*CODE, ".pyc"), (".dist-info", ".egg-info")
-_WRITTEN_BY_READERS = "-shm"
-"""How files end in which SQLite notes who reads a database; they hold no data."""
+_CODE, _PACKAGED = CODE, (".dist-info", ".egg-info")
+_WRITTEN_BY_READERS = ("-shm", ".pyc")
+"""How files end in which SQLite notes who reads a database, and Python what it has compiled; they hold no data."""
 _SYSTEM = ("/proc", "/sys", "/dev", "/etc", "/usr")
 
 
@@ -80,7 +80,7 @@ def recording(batch: list[Task], run: RunFolder) -> Iterator[InputRecorder]:
     sources = _sources(batch[0].experiment)  # refuses code that is not what was loaded
     named = {absolute_path(path) for path in _expanded(batch, option_paths(batch[0].experiment))}
     of_trackers = _tracker_folders(batch)
-    with noting(_Counts(_root(batch[0]), named, absolute_path(run.path))) as opened:
+    with noting(_Counts(_root(batch[0]), named, of_trackers, absolute_path(run.path))) as opened:
         for path in sorted(named):
             if path.is_file() or (path.is_dir() and (sources or path in of_trackers)):
                 opened.read(path)  # compiled code, such as that of a plug-in, may read it
@@ -216,14 +216,17 @@ class _Counts:
 
     root: Path | None  # folder of the data
     named: set[Path]  # files and folders that options name
+    of_trackers: set[Path]  # folders that options of trackers name: code in them counts too
     run: Path  # the run folder
 
     def __call__(self, path: Path) -> bool:
         if path in self.named:  # a script that an option names too
             return True
-        if path.suffix in _CODE or path.parent.suffix in _PACKAGED or path.is_relative_to(self.run):
+        if path.is_relative_to(self.run) or path.name.endswith(_WRITTEN_BY_READERS):
             return False
-        if path.name.endswith(_WRITTEN_BY_READERS):
+        if any(path.is_relative_to(folder) for folder in self.of_trackers):
+            return True
+        if path.suffix in _CODE or path.parent.suffix in _PACKAGED:
             return False
         if any(path.is_relative_to(one) for one in (self.root, *self.named) if one is not None):
             return True

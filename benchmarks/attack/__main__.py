@@ -1,4 +1,4 @@
-"""Run one attack: ``python -m benchmarks.attack fuzz|kills|signals|flips|names [options]``.
+"""Run one attack: ``python -m benchmarks.attack fuzz|kills|signals|flips|names|links [options]``.
 
 Each attack is a module with a function `main(arguments)`, which prints counts and returns the exit code: 0 if
 everything was as expected.
@@ -8,7 +8,7 @@ import argparse
 import sys
 from importlib import import_module
 
-ATTACKS = ("fuzz", "kills", "signals", "flips", "names")
+ATTACKS = ("fuzz", "kills", "signals", "flips", "names", "links")
 
 
 def main(arguments: list[str]) -> int:

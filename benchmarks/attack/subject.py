@@ -25,9 +25,24 @@ reader = "folder"
 root = "data"
 [[trackers]]
 kind = "lucas-kanade"
+[[trackers]]
+kind = "external"
+options = { command = ["PYTHON", "-S"], script = "points.py", inputs = [], every = 4, max_features = 10 }
 [statistics]
 min_features = 5
 """
+_POINTS = """
+import os, time
+from pathlib import Path
+if os.fork() == 0:
+    os.setsid()
+    time.sleep(600)
+images = Path("frames_color.txt").read_text().split()
+for query in Path().glob("query_*.txt"):
+    time.sleep(0.01)
+    Path(query.name.replace("query", "output")).write_text(f"{query.read_text().split()[1]}\\n" * len(images))
+"""
+"""A program of the user, which leaves a process in a session of its own."""
 _MAIN = (  # a program in the background of a shell would ignore Ctrl-C
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     "from tracknoise.cli.app import main; main()"
@@ -39,6 +54,7 @@ first file of the report."""
 OF_REPORT = ("report", "files")
 """Phases that a run without a report does not have."""
 _LIMIT_S = 300
+_TEMPORARY = "temporary"
 
 
 @dataclass(frozen=True)
@@ -83,9 +99,10 @@ class Subject:
         return program.poll() is None
 
     def differences(self, name: str) -> list[str]:
-        """Files of a run that differ from those of the run that was left alone."""
+        """Files of a run that differ from those of the run that was left alone, and temporary folders that are left."""
         found = _contents(self.folder / name)
-        return sorted(path for path in {*found, *self.expected} if found.get(path) != self.expected.get(path))
+        left = [str(path) for path in (self.folder / _TEMPORARY).glob("tracknoise-*")]
+        return left + sorted(path for path in {*found, *self.expected} if found.get(path) != self.expected.get(path))
 
 
 @contextmanager
@@ -121,11 +138,15 @@ def subjects(phases: Sequence[str]) -> Iterator[dict[str, Subject]]:
 
 def workers(pid: int) -> list[psutil.Process]:
     """Worker processes of a program."""
+    return [child for child in below(pid) if _is_worker(child)]
+
+
+def below(pid: int) -> list[psutil.Process]:
+    """All processes that a process started, and those that they started."""
     try:
-        children = psutil.Process(pid).children(recursive=True)
+        return psutil.Process(pid).children(recursive=True)
     except psutil.NoSuchProcess:
         return []
-    return [child for child in children if _is_worker(child)]
 
 
 def wait_for(processes: list[psutil.Process]) -> float:
@@ -165,8 +186,9 @@ def measured(run: Path) -> int:
 def _start(folder: Path, name: str, options: tuple[str, ...]) -> subprocess.Popen[str]:
     command = [*PROGRAM, "run", folder / "x.toml", "--out", folder / name, "--workers", str(WORKERS), "--quiet"]
     command += options
+    environment = {**os.environ, "TMPDIR": str(folder / _TEMPORARY)}
     return subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, process_group=0, env=os.environ
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, process_group=0, env=environment
     )
 
 
@@ -208,7 +230,9 @@ def _write_data(folder: Path) -> None:
     subprocess.run([*PROGRAM, "simulate", "--out", scene, *options], check=True, stdout=subprocess.DEVNULL)
     for number in range(1, SCENES):
         shutil.copytree(scene, folder / "data" / f"scene-{number}")
-    (folder / "x.toml").write_text(EXPERIMENT)
+    (folder / "x.toml").write_text(EXPERIMENT.replace("PYTHON", sys.executable))
+    (folder / "points.py").write_text(_POINTS)
+    (folder / _TEMPORARY).mkdir()
 
 
 def _contents(run: Path) -> dict[str, object]:

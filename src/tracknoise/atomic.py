@@ -92,7 +92,7 @@ def created_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replaced_folder(path: Path) -> Iterator[Path]:
-    """As `created_folder`, but a folder that is there already is replaced.
+    """As `created_folder`, but a folder that is there already is replaced, as is a link to one.
 
     Raises
     ------
@@ -107,6 +107,8 @@ def replaced_folder(path: Path) -> Iterator[Path]:
                 path.rename(old)
             building.rename(path)
         finally:
+            if old.is_symlink():
+                old.unlink()
             shutil.rmtree(old, ignore_errors=True)
 
 
@@ -170,8 +172,8 @@ def discard_abandoned(folder: Path, *, of: str = "") -> None:
         As in `unfinished`.
     """
     for leftover in unfinished(folder, of=of):
-        with suppress(OSError):  # it is a file, or another process removed it
-            _discard_if_abandoned(leftover, os.open(leftover, os.O_RDONLY | os.O_DIRECTORY))
+        with suppress(OSError):  # it is a file or a link, or another process removed it
+            _discard_if_abandoned(leftover, os.open(leftover, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW))
 
 
 def _discard_if_abandoned(leftover: Path, descriptor: int) -> None:

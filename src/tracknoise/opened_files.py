@@ -8,7 +8,7 @@ import os
 import sys
 import threading
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -101,12 +101,18 @@ class Opened:
         Files opened before `started`.
     folders
         Those that were listed, or that a file was read from or looked for in.
+    most
+        Size of the largest file whose content is looked at, bytes. None: of any size.
+    unknown
+        What reads files that nobody knows, in a few words each.
     """
 
     counts: Callable[[Path], bool]
     files: dict[Path, FileState | None] = field(default_factory=dict)
     early: set[Path] = field(default_factory=set)
     folders: set[Path] = field(default_factory=set)
+    most: int | None = None
+    unknown: set[str] = field(default_factory=set)
     _started: bool = False
 
     def started(self) -> None:
@@ -126,9 +132,26 @@ class Opened:
             for inner in sorted(item for item in path.rglob("*") if item.is_file()):
                 self.read(inner, most=most)
         elif path.is_file():
-            self.files[path] = state or FileState.of(path, most=most)
-            if not self._started:
-                self.early.add(path)
+            self._keep(path, state or FileState.of(path, most=self.most if most is None else most))
+
+    def stated(self, path: Path) -> None:
+        """Note a file that is read, whether or not it counts by itself."""
+        if path not in self.files and path.is_file():
+            self._keep(path, FileState.of(path, most=self.most))
+
+    def read_elsewhere(self, path: Path, state: FileState | None) -> None:
+        """Note a file that another process has read, with its state then, whose content is not known."""
+        if path in self.files or not self.counts(path):
+            return
+        now = FileState.of(path)
+        is_same = state is not None and now is not None and (state.size, state.mtime_ns) == (now.size, now.mtime_ns)
+        self.folders.add(path.parent)
+        self._keep(path, now if is_same else None)
+
+    def _keep(self, path: Path, state: FileState | None) -> None:
+        self.files[path] = state
+        if not self._started:
+            self.early.add(path)
 
     def listed(self, folder: Path) -> None:
         """Note that the names in a folder are read."""
@@ -136,6 +159,8 @@ class Opened:
             self.folders.add(folder)
 
 
+_OF_A_DATABASE = ("", "-wal", "-journal")
+"""Files of a database of SQLite, by what follows its name."""
 _noting: dict[int, Opened] = {}
 """What notes at the moment, by the thread that began it."""
 _busy = threading.local()
@@ -144,16 +169,18 @@ _hooked = False
 
 
 @contextmanager
-def noting(counts: Callable[[Path], bool]) -> Iterator[Opened]:
+def noting(counts: Callable[[Path], bool], *, most: int | None = None) -> Iterator[Opened]:
     """Note what this thread reads, and what threads read that do not note themselves, such as those it starts.
 
     Parameters
     ----------
     counts
         Whether an absolute path is of interest.
+    most
+        As in `Opened`.
     """
     _install()
-    opened, thread = Opened(counts), threading.get_ident()
+    opened, thread = Opened(counts, most=most), threading.get_ident()
     outer = _noting.get(thread)
     _noting[thread] = opened
     try:
@@ -174,6 +201,24 @@ def opened_for_reading(event: str, arguments: tuple[Any, ...]) -> object:
 def note(path: Path) -> None:
     """Note that a file is read, or everything in a folder: for what no audit event tells."""
     _tell(Opened.read, path)
+
+
+def note_stated(path: Path) -> None:
+    """Note that a file is read, wherever it lies: what a user names counts, also a program."""
+    _tell(Opened.stated, path)
+
+
+def note_unknown(what: str) -> None:
+    """Note that something reads files that nobody knows."""
+    _tell(lambda opened, _: opened.unknown.add(what), Path())
+
+
+def note_elsewhere(files: Mapping[Path, FileState | None], folders: Iterable[Path]) -> None:
+    """Note what another process has read and listed."""
+    for path, state in files.items():
+        _tell(partial(Opened.read_elsewhere, state=state), path)
+    for folder in folders:
+        _tell(Opened.listed, folder)
 
 
 def read_noted(path: Path) -> bytes:
@@ -232,7 +277,8 @@ def _hear(event: str, arguments: tuple[Any, ...]) -> None:
     elif event in ("os.listdir", "os.scandir"):
         _tell(Opened.listed, "." if arguments[0] is None else arguments[0])
     elif event == "sqlite3.connect":
-        _tell(Opened.read, _database(arguments[0]))
+        for path in _database(arguments[0]):
+            _tell(Opened.read, path)
 
 
 def _tell(what: Callable[[Opened, Path], None], path: object) -> None:
@@ -251,7 +297,9 @@ def _tell(what: Callable[[Opened, Path], None], path: object) -> None:
         _busy.now = False
 
 
-def _database(name: object) -> object:
-    """The file of a database that is given by name, or as ``file:...``."""
-    text = os.fsdecode(name) if isinstance(name, bytes | str | os.PathLike) else ""
-    return unquote(urlsplit(text).path) if text.startswith("file:") else name
+def _database(name: object) -> Iterator[str]:
+    """The files of a database that is given by name, or as ``file:...``."""
+    if isinstance(name, bytes | str | os.PathLike):
+        text = os.fsdecode(name)
+        path = unquote(urlsplit(text).path) if text.startswith("file:") else text
+        yield from (f"{path}{suffix}" for suffix in _OF_A_DATABASE)

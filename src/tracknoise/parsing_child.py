@@ -1,7 +1,7 @@
 """Calls of parsers that can end or block the whole process, in a child process with limits of time and memory.
 
 Compiled parsers abort on some damaged files, and others take forever. The child is started when it is first needed. It
-serves all calls of this process, one after another, and is started again after it was lost.
+serves all calls of this process, one after another, and is started again after it was lost. It says what it has read.
 """
 
 import atexit
@@ -17,12 +17,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from tracknoise.exceptions import TracknoiseError, first_line
-from tracknoise.opened_files import note
-from tracknoise.processes import module_path
+from tracknoise.opened_files import note, note_elsewhere, noting
+from tracknoise.processes import end_with, module_path
 
 T = TypeVar("T")
 
@@ -33,6 +34,7 @@ _START_S = 600.0
 _CPU_S, _BYTES_PER_SECOND = 5, 1 << 20
 _WALL_PER_CPU = 60.0
 """Limits of CPU time, so that no result depends on what else a machine does, and of time for a child that waits."""
+_LOOK_S = 1.0
 _MEMORY_BYTES = 1 << 30
 _MEMORY_PER_BYTE = 32
 
@@ -41,7 +43,12 @@ class LostError(Exception):
     """The child ended, or took too long. The message says which."""
 
 
-def call_in_child(function: Callable[..., T], *arguments: object, size: int) -> T:
+def limits_of(size: int) -> tuple[int, int]:
+    """How many seconds of the processor, and how many bytes of memory, a call may take that parses so many bytes."""
+    return _CPU_S + size // _BYTES_PER_SECOND, _MEMORY_BYTES + _MEMORY_PER_BYTE * size
+
+
+def call_in_child(function: Callable[..., T], *arguments: object, size: int, who: str = "its parser") -> T:
     """Call a function in the child process.
 
     Parameters
@@ -51,7 +58,9 @@ def call_in_child(function: Callable[..., T], *arguments: object, size: int) -> 
     *arguments
         They and the result must be picklable.
     size
-        Size of the file that is parsed, bytes. It determines how much memory and time the call may take.
+        Size of the file that is parsed, bytes. It determines how much memory and time the call may take: `limits_of`.
+    who
+        What ends or takes too long, for the error.
 
     Raises
     ------
@@ -62,11 +71,12 @@ def call_in_child(function: Callable[..., T], *arguments: object, size: int) -> 
     """
     for argument in arguments:
         if isinstance(argument, Path) and argument.is_file():
-            note(argument)  # which the child opens
+            note(argument)  # which compiled code of the child may open
     with _lock:
-        cpu_s = _CPU_S + size // _BYTES_PER_SECOND
-        answer = _child().ask(pickle.dumps((function, arguments, size, cpu_s)), _WALL_PER_CPU * cpu_s)
-    succeeded, value = pickle.loads(answer)
+        cpu_s, memory = limits_of(size)
+        answer = _child().ask(pickle.dumps((function, arguments, memory, cpu_s)), _WALL_PER_CPU * cpu_s, who)
+    succeeded, value, files, folders = pickle.loads(answer)
+    note_elsewhere(files, folders)
     if not succeeded:
         raise value
     result: T = value
@@ -91,7 +101,7 @@ class _Child:
             start_new_session=True,  # Ctrl-C is for this process
         )
         child = cls(process, os.getpid())
-        child._receive(len(_READY), time.monotonic() + _START_S)
+        child._receive(len(_READY), time.monotonic() + _START_S, "the child")
         return child
 
     @property
@@ -99,19 +109,19 @@ class _Child:
         """Whether it runs, and was not inherited from a process that forked this one."""
         return self.owner == os.getpid() and self.process.poll() is None
 
-    def ask(self, request: bytes, seconds: float) -> bytes:
+    def ask(self, request: bytes, seconds: float, who: str) -> bytes:
         """Send a request and wait for the answer."""
         deadline = time.monotonic() + seconds
         try:
             _send(self._pipe(self.process.stdin), request)
-            length = int.from_bytes(self._receive(_LENGTH_BYTES, deadline))
-            return self._receive(length, deadline)
+            length = int.from_bytes(self._receive(_LENGTH_BYTES, deadline, who))
+            return self._receive(length, deadline, who)
         except BaseException as error:  # an interrupt too: a late answer must not become that of the next request
             self.close()
             if self.process.returncode == -signal.SIGXCPU:
-                raise LostError("its parser takes too long") from error
+                raise LostError(f"{who} takes too long") from error
             if isinstance(error, OSError):
-                raise LostError("its parser ended") from error
+                raise LostError(f"{who} ended") from error
             raise
 
     def close(self) -> None:
@@ -120,16 +130,16 @@ class _Child:
             self.process.kill()
             self.process.communicate()
 
-    def _receive(self, count: int, deadline: float) -> bytes:
+    def _receive(self, count: int, deadline: float, who: str) -> bytes:
         descriptor, received = self._pipe(self.process.stdout).fileno(), bytearray()
         poller = select.poll()
         poller.register(descriptor, select.POLLIN)
         while len(received) < count:
             if not poller.poll(max(0.0, 1e3 * (deadline - time.monotonic()))):
-                raise LostError("its parser takes too long")
+                raise LostError(f"{who} takes too long")
             part = os.read(descriptor, count - len(received))
             if not part:
-                raise LostError("its parser ended")
+                raise LostError(f"{who} ended")
             received += part
         return bytes(received)
 
@@ -159,6 +169,7 @@ def _send(pipe: IO[bytes], message: bytes) -> None:
 def serve() -> None:
     """Answer requests until there are no more. This is what the child does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with(partial(_wait_for_end_of, os.getppid()))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a parser prints is no answer
@@ -168,18 +179,24 @@ def serve() -> None:
         _send(answers, _answer(requests.read(int.from_bytes(length))))
 
 
+def _wait_for_end_of(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_LOOK_S)
+
+
 def _answer(request: bytes) -> bytes:
-    function, arguments, size, cpu_s = pickle.loads(request)
-    _limit_memory(_MEMORY_BYTES + _MEMORY_PER_BYTE * size)
+    function, arguments, memory, cpu_s = pickle.loads(request)
+    _limit_memory(memory)
     _limit_time(cpu_s)
     answer: tuple[bool, Any]
-    try:
-        answer = True, function(*arguments)
-    except TracknoiseError as error:
-        answer = False, error
-    except BaseException as error:
-        answer = False, LostError(first_line(error))
-    return pickle.dumps(answer)
+    with noting(lambda _: True, most=0) as opened:
+        try:
+            answer = True, function(*arguments)
+        except TracknoiseError as error:
+            answer = False, error
+        except BaseException as error:
+            answer = False, LostError(first_line(error))
+    return pickle.dumps((*answer, opened.files, opened.folders))
 
 
 def _limit_time(more_s: int) -> None:

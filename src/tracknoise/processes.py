@@ -13,11 +13,11 @@ import resource
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from ctypes import CDLL
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TextIO
 
@@ -143,6 +143,21 @@ def begin() -> None:
     if os.environ.get(_SAFE_PATH) == _OURS:
         del os.environ[_SAFE_PATH]  # programs of plug-ins find what lies beside them
     prepare()
+    from multiprocessing.connection import wait  # not needed by a program without workers
+
+    parent = parent_process()
+    if parent is not None:
+        end_with(lambda: wait([parent.sentinel]))
+
+
+def end_with(wait_for_end: Callable[[], object]) -> None:
+    """End this process when a call returns, such as one that waits for the end of its parent; also amid other work."""
+
+    def end() -> None:
+        wait_for_end()
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
 
 
 ONE_THREAD: Mapping[str, str] = MappingProxyType(

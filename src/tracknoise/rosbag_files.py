@@ -13,11 +13,11 @@ messages that come with the library. Those that are stored in a bag are not used
 is executed, and bags without definitions can be read.
 """
 
+import glob
 import os
 import re
 import struct
 import sys
-import tempfile
 import threading
 import weakref
 from collections.abc import Collection, Iterator, Mapping
@@ -35,6 +35,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MIB, damage_reported, is_folder, is_regular_file, require_regular
+from tracknoise.guarded_folder import guarded_folder
 from tracknoise.text import counted
 
 ROS1_SUFFIX = ".bag"
@@ -130,8 +131,8 @@ def plain_files(path: Path) -> Iterator[Path]:
     if path.suffix != COMPRESSED_SUFFIX and not _has_compressed_files(path):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="tracknoise-bag-") as temporary:
-        yield _copied_folder(path, Path(temporary)) if is_folder(path) else _copied_file(path, Path(temporary))
+    with guarded_folder("tracknoise-bag-") as temporary:
+        yield _copied_folder(path, temporary.path) if is_folder(path) else _copied_file(path, temporary.path)
 
 
 def _has_compressed_files(path: Path) -> bool:
@@ -437,17 +438,19 @@ class BagFile:
     ----------
     path
         File or folder of the bag.
-    changed_ns
-        When the file or folder was last changed, nanoseconds.
+    version
+        Name, size and time of the last change, nanoseconds, of each of its files.
     """
 
     path: Path
-    changed_ns: int
+    version: tuple[tuple[str, int, int], ...]
 
     @classmethod
     def at(cls, path: Path) -> "BagFile":
         """The bag as it is now."""
-        return cls(path, path.stat().st_mtime_ns)
+        files = path.iterdir() if is_folder(path) else path.parent.glob(f"{glob.escape(path.name)}*")
+        states = [(file.name, file.stat()) for file in sorted(files) if is_regular_file(file)]
+        return cls(path, tuple((name, state.st_size, state.st_mtime_ns) for name, state in states))
 
     def message(self, topic: str, position: Position) -> Any:
         """One message: see `Bag.message`."""

@@ -37,6 +37,69 @@ def test_a_program_is_measured_again_when_its_script_changes(tracknoise, experim
     assert "mine.py changed" in " ".join((out + err).split())
 
 
+@pytest.fixture
+def start(tracknoise, experiment):
+    """Run the experiment with some options of the program; what stderr says of measuring it again."""
+
+    def go(options):
+        head = experiment.read_text().partition("[trackers.options]")[0]
+        experiment.write_text(f"{head}[trackers.options]\nevery = 2\n{options}\n")
+        run = ["run", str(experiment), "--out", str(experiment.parent / "run"), "-w", "1", "--no-report"]
+        code, _, err = tracknoise(*run)
+        assert code == 0, err
+        return "".join(line for line in err.splitlines() if "measured again" in line)
+
+    return go
+
+
+@pytest.mark.usefixtures("lean")
+def test_a_program_whose_files_are_not_stated_is_measured_again(start):
+    command = f"command = [{sys.executable!r}]\nscript = 'mine.py'"
+    assert start(command) == ""
+    again = start(command)
+    assert "is measured again: nobody knows which files " in again
+    assert again.endswith("mine.py reads; its `inputs` can state them")
+
+
+CHANGED = {
+    "script": "mine.py",
+    "program": "program",
+    "argument": "settings.ini",
+    "file of inputs": "weights.bin",
+    "file in a folder of inputs": "modules/one.py",
+    "new file in a folder of inputs": "modules/below/new.py",
+}
+
+
+@pytest.mark.usefixtures("lean")
+@pytest.mark.parametrize("changed", CHANGED)
+def test_a_program_is_measured_again_when_a_stated_file_changes_and_not_otherwise(start, experiment, changed):
+    here, path = experiment.parent, experiment.parent / CHANGED[changed]
+    (here / "modules" / "below").mkdir(parents=True)
+    for name in {*CHANGED.values()} - {"mine.py", "program", "modules/below/new.py"}:
+        (here / name).write_text("1")
+    (here / "modules" / "below" / "old.py").touch()
+    (here / "program").write_text(f'#!/bin/sh\nshift\nexec {sys.executable} "$@"\n')
+    (here / "program").chmod(0o755)
+    options = (
+        f"command = [{str(here / 'program')!r}, '--with={here / 'settings.ini'}']\nscript = 'mine.py'\n"
+        "inputs = ['weights.bin', 'modules']"
+    )
+    assert start(options) == ""
+    assert start(options) == ""
+    with path.open("a") as file:
+        file.write("# another version\n")
+    assert f"{path} {'was added' if changed.startswith('new') else 'changed'}" in start(options)
+
+
+def test_inputs_that_are_missing_are_named_in_one_line(tracknoise, experiment):
+    experiment.write_text(experiment.read_text() + "inputs = ['none']\n")
+    code, _, err = tracknoise("run", str(experiment), "--out", str(experiment.parent / "run"), "-w", "1", "--quiet")
+    (line,) = err.splitlines()
+    assert code == 1
+    assert "none: no such file, expected a file or folder that `inputs` of a tracker states" in line
+
+
 def test_a_script_that_is_missing_is_named_in_one_line(tracknoise, experiment):
     (experiment.parent / "mine.py").unlink()
     code, _, err = tracknoise("run", str(experiment), "--out", str(experiment.parent / "run"), "-w", "1", "--quiet")

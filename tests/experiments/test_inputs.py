@@ -1,9 +1,14 @@
 """Input files of options: tracks of other front ends, Gazebo models and networks, of each sequence its own."""
 
+import sqlite3
 from pathlib import Path
 
+import numpy as np
 import pytest
-from tests.trackers.networks import keypoint_network, match_network, require_onnx
+from tests.contract.test_sequences import rosbag
+from tests.trackers.imports.test_bags import cloud, context, written
+from tests.trackers.networks import keypoint_network, match_network, require_onnx, with_external_data
+from tests.writers.bags import Format
 
 from tracknoise.experiments.inputs import InputCheck, digest_of, input_tables, recording
 from tracknoise.experiments.plan import Task, make_trackers, open_batch, plan
@@ -48,13 +53,15 @@ def experiment(tmp_path) -> Experiment:
     return parse_experiment(TEXT.replace("MODELS", str(models)).replace("TRACKS", str(tracks)), place="x.toml")
 
 
-def measured(task: Task, run: RunFolder) -> SequenceEntry:
+def measured(
+    task: Task, run: RunFolder, *, trackers: bool = True, shown: SequenceContext | None = None
+) -> SequenceEntry:
     with recording([task], run) as recorder:
         (sequence,) = open_batch([task], change=recorder.recorded)
         sequence.image(0)
-        for settings in make_trackers(task.experiment).values():
-            context = SequenceContext(sequence=task.sequence, size=(48, 32), n_frames=2, speed=1, seed=0, truth=None)
-            settings.start(context)
+        for settings in make_trackers(task.experiment).values() if trackers else ():
+            of_task = SequenceContext(sequence=task.sequence, size=(48, 32), n_frames=2, speed=1, seed=0, truth=None)
+            settings.start(shown or of_task)
         (table,) = input_tables([task], recorder, [sequence])
     run.write_inputs(task.key, table)
     return SequenceEntry(task.sequence, 2, 48, 32, "raycast", 0, 0.0, inputs=digest_of(table))
@@ -110,3 +117,80 @@ def test_networks_count_by_their_content(tmp_path, changed):
     assert InputCheck(run).change(task, entry) is None
     (tmp_path / changed).write_bytes((tmp_path / changed).read_bytes()[:-1] + b"x")
     assert InputCheck(run).change(task, entry) == f"{tmp_path / changed} changed"
+
+
+BAG = """
+name = "x"
+[dataset]
+reader = "simulated"
+options = { motions = ["sideways"], frames = 4, width = 320, height = 240 }
+[[trackers]]
+kind = "imported"
+options = { path = "PATH", format = "bag" }
+"""
+
+
+@pytest.mark.parametrize("kind", [Format.sqlite, Format.mcap])
+def test_tracks_in_the_folder_of_a_bag_count(tmp_path, kind):
+    folder = written(tmp_path, kind, {"/tracks": cloud})
+    run, (task,) = RunFolder(tmp_path / "of"), plan(parse_experiment(BAG.replace("PATH", str(folder)), place="x.toml"))
+    entry = measured(task, run, shown=context())
+    assert InputCheck(run).change(task, entry) is None
+    (file,) = folder.glob(f"*.{kind}")
+    flip(file)
+    assert InputCheck(run).change(task, entry) == f"{file} changed"
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "metadata.yaml"])
+def test_a_bag_that_this_process_has_open_counts_for_each_measurement(tmp_path, name):
+    rosbag(tmp_path / "data", 3)
+    text = (
+        f'name = "x"\n[dataset]\nreader = "rosbag"\nroot = "{tmp_path / "data"}"\n[[trackers]]\nkind = "lucas-kanade"\n'
+    )
+    runs, (task,) = [RunFolder(tmp_path / f"run-{n}") for n in (1, 2)], plan(parse_experiment(text, place="x.toml"))
+    entries = [measured(task, run, trackers=False) for run in runs]
+    assert [InputCheck(run).change(task, entry) for run, entry in zip(runs, entries, strict=True)] == [None, None]
+    file = tmp_path / "data" / "run" / name
+    flip(file)
+    changes = [InputCheck(run).change(task, entry) for run, entry in zip(runs, entries, strict=True)]
+    assert changes == [f"{file} changed"] * 2
+
+
+def test_what_waits_to_be_written_into_a_database_counts(tmp_path):
+    """SQLite keeps it in a file of its own until the database is closed."""
+    folder = written(tmp_path, Format.sqlite, {"/tracks": cloud})
+    (file,) = folder.glob("*.db3")
+    run, (task,) = RunFolder(tmp_path / "of"), plan(parse_experiment(BAG.replace("PATH", str(folder)), place="x.toml"))
+    writer = sqlite3.connect(file)
+    try:
+        writer.execute("PRAGMA journal_mode = WAL")
+        writer.execute("UPDATE messages SET timestamp = timestamp + 1")
+        writer.commit()
+        entry = measured(task, run, shown=context())
+        assert InputCheck(run).change(task, entry) is None
+        writer.execute("UPDATE messages SET timestamp = timestamp + 1")
+        writer.commit()
+        assert InputCheck(run).change(task, entry) == f"{file}-wal changed"
+    finally:
+        writer.close()
+
+
+def test_external_data_of_a_network_count(tmp_path):
+    require_onnx()
+    data = with_external_data(keypoint_network(tmp_path / "keypoints.onnx"), "weights/keypoints.data")
+    match_network(tmp_path / "matches.onnx")
+    text = NETWORKS
+    for name in ("keypoints.onnx", "matches.onnx"):
+        text = text.replace(name, str(tmp_path / name))
+    run, (task,) = RunFolder(tmp_path / "run"), plan(parse_experiment(text, place="x.toml"))
+    entry = measured(task, run)
+    assert InputCheck(run).change(task, entry) is None
+    data.write_bytes(np.float32(0.5).tobytes() + data.read_bytes()[4:])
+    assert InputCheck(run).change(task, entry) == f"{data} changed"
+
+
+def flip(file: Path) -> None:
+    """Change a byte in the middle of a file."""
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)

@@ -157,3 +157,44 @@ def _write(
     graph = helper.make_graph(nodes, "small", given, shown, initial)
     onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8), path)
     return path
+
+
+def with_external_data(path: Path, location: str) -> Path:
+    """Move the large tensors of a network into a file beside it, and return that."""
+    import onnx
+
+    (path.parent / location).parent.mkdir(exist_ok=True)
+    options = {"all_tensors_to_one_file": True, "location": location, "size_threshold": 1024}
+    onnx.save_model(onnx.load(path), path, save_as_external_data=True, **options)
+    return path.parent / location
+
+
+ATTACKS = ("loop", "memory", "size")
+
+
+def hostile_network(path: Path, attack: str) -> Path:
+    """Write a network of keypoints that takes forever, takes all memory, or gives far too much."""
+    from onnx import TensorProto, helper
+
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Add", ["sum", "sum"], ["next"])],
+        "body",
+        [
+            helper.make_tensor_value_info("count", TensorProto.INT64, []),
+            helper.make_tensor_value_info("go", TensorProto.BOOL, []),
+            helper.make_tensor_value_info("sum", TensorProto.FLOAT, None),
+        ],
+        [
+            helper.make_tensor_value_info("on", TensorProto.BOOL, []),
+            helper.make_tensor_value_info("next", TensorProto.FLOAT, None),
+        ],
+    )
+    rows = {"memory": 1 << 40, "size": 70_000_000}.get(attack, 1)
+    nodes = [helper.make_node("ReduceMax", ["image"], ["first"], keepdims=0)]
+    looped = helper.make_node("Loop", ["times", "true", "first"], ["value"], body=body)
+    nodes.append(looped if attack == "loop" else helper.make_node("Identity", ["first"], ["value"]))
+    nodes.append(helper.make_node("Expand", ["value", "shape"], ["keypoints"]))
+    constants = {
+        "times": np.int64(1 << 62), "true": np.bool_(True), "shape": np.int64([1, rows, 2]),
+    }  # fmt: skip
+    return _write(path, nodes, {"image": [1, 1, None, None]}, ("keypoints",), constants)

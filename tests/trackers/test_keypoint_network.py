@@ -1,12 +1,22 @@
 """Keypoints of networks, by small networks that are made here: bright dots, described by what is around them."""
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.trackers.networks import COVARIANCE, DOTS_SIZE, keypoint_network, require_onnx
+from tests.trackers.networks import (
+    ATTACKS,
+    COVARIANCE,
+    DOTS_SIZE,
+    constant_network,
+    hostile_network,
+    keypoint_network,
+    require_onnx,
+    with_external_data,
+)
 
 from tracknoise.exceptions import DataError, SettingsError, TrackerError
 from tracknoise.trackers.correspondence import Correspondence, Descriptor
@@ -139,6 +149,124 @@ def test_networks_that_cannot_be_used_are_refused_in_one_line(network, dots, set
     plain = Correspondence(detection=Detection(network=network(outputs=("keypoints",))), descriptor=Descriptor.network)
     with pytest.raises(TrackerError, match=r"the network has no output descriptors"):
         plain.start(setting(DOTS_SIZE)).step(dots[0][0])
+
+
+MESSAGES = {
+    "loop": r"fails on images of 48 x 32 px \(it takes too long\), expected keypoints within \d+ s of processor time",
+    "memory": r"fails on images of 48 x 32 px \(.*allocate.*\), expected keypoints$",
+    "size": r"returned keypoints \(1, 70000000, 2\), 560000000 bytes, on images .*, expected keypoints of at most 5",
+}
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_a_network_has_limits_of_time_and_memory(tmp_path, attack):
+    require_onnx()
+    path = hostile_network(tmp_path / "x.onnx", attack)
+    with pytest.raises(TrackerError, match=rf"x.onnx: the network {MESSAGES[attack]}") as caught:
+        find_keypoints(np.zeros((32, 48), np.uint8), path, NetworkUnits.pixels)
+    assert "\n" not in str(caught.value)
+
+
+GOOD = {
+    "keypoints": np.float32([[[3, 4], [5, 6], [7, 8]]]),
+    "scores": np.float32([[0.5, 0.7, 0.6]]),
+    "descriptors": np.ones((1, 3, 8), np.float32),
+    "covariances": np.float32(np.tile(np.eye(2), (1, 3, 1, 1))),
+}
+
+
+@pytest.fixture
+def found_with(tmp_path):
+    """What a network finds that returns some arrays in place of good ones."""
+    require_onnx()
+
+    def find(**arrays):
+        path = constant_network(tmp_path / "x.onnx", {**GOOD, **arrays}, {"image": [1, 1, None, None]})
+        return find_keypoints(np.zeros((32, 48), np.uint8), path, NetworkUnits.pixels)
+
+    return find
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        *(("keypoints", shape) for shape in ((), (0,), (6,), (2, 3), (3, 1, 2), (3, 2, 1), (2, 3, 2))),
+        *(("scores", shape) for shape in ((), (0,), (2,), (3, 2), (2, 3))),
+        *(("descriptors", shape) for shape in ((), (3,), (0,), (1, 3, 0), (8, 3), (3, 1, 8), (2, 3, 8))),
+        *(("covariances", shape) for shape in ((), (0,), (3, 4), (3, 2, 1), (2, 3, 2, 2))),
+    ],
+)
+def test_arrays_of_other_shapes_are_refused_in_one_line(found_with, name, shape):
+    with pytest.raises(
+        TrackerError, match=rf"the network returned .*{name} {re.escape(str(shape))}.*, expected one el"
+    ):
+        found_with(**{name: np.ones(shape, np.float32)})
+
+
+def test_text_is_refused_in_one_line(found_with):
+    for name in GOOD:
+        with pytest.raises(
+            TrackerError, match=rf"the network returned {name} of object values, expected an array of n"
+        ):
+            found_with(**{name: np.array([["a", "b"]], dtype=object)})
+
+
+@pytest.mark.parametrize("shape", [(0, 2), (1, 0, 2)])
+def test_no_keypoints_are_no_error(found_with, shape):
+    outer = shape[:-1]
+    empty = {"keypoints": shape, "scores": outer, "descriptors": (*outer, 8), "covariances": (*outer, 2, 2)}
+    found = found_with(**{name: np.ones(of, np.float32) for name, of in empty.items()})
+    assert [one.shape for one in (found.uv, found.score, found.descriptors, found.covariances)] == [
+        (0, 2),
+        (0,),
+        (0, 8),
+        (0, 3),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "value", "message"),
+    [
+        ("descriptors", (0, 1, 2), np.nan, "of 1 keypoint, expected finite numbers$"),
+        ("descriptors", (0, 1, 2), np.inf, "of 1 keypoint, expected finite numbers$"),
+        ("descriptors", (0, 1, 2), 1e300, "of 1 keypoint, expected finite numbers$"),
+        ("covariances", (0, 1, 0, 1), 0.3, "of 1 keypoint, expected symmetric matrices$"),
+        ("covariances", (0, 1), [[1, 2], [2, 1]], "of 1 keypoint, expected no negative eigenvalue$"),
+        ("covariances", (0, slice(2), 0, 0), -1.0, "of 2 keypoints, expected no negative eigenvalue$"),
+        ("covariances", (0, 1, 0, 0), np.inf, "of 1 keypoint, expected finite numbers; NaN where"),
+    ],
+)
+def test_values_that_none_has_are_refused_in_one_line(found_with, name, at, value, message):
+    values = GOOD[name].astype(np.float64)
+    values[at] = value
+    with pytest.raises(TrackerError, match=rf"the network returned {name} \[.*\] {message}"):
+        found_with(**{name: values})
+
+
+def test_what_belongs_to_no_keypoint_of_the_image_does_not_matter(found_with):
+    """Networks with a fixed number of keypoints fill the rest up."""
+    uv, descriptors, covariances = (GOOD[name].copy() for name in ("keypoints", "descriptors", "covariances"))
+    uv[0, 1] = -1
+    descriptors[0, 1], covariances[0, 2] = np.nan, np.nan
+    found = found_with(keypoints=uv, descriptors=descriptors, covariances=covariances)
+    assert found.uv.tolist() == [[7, 8], [3, 4]]
+    assert np.isnan(found.covariances).tolist() == [[True] * 3, [False] * 3]
+
+
+def test_a_network_is_opened_again_when_its_external_data_change(tmp_path):
+    require_onnx()
+    path = keypoint_network(tmp_path / "x.onnx")
+    image = np.zeros((32, 48), np.uint8)
+    image[8::8, 8::8] = 255
+    inside = find_keypoints(image, path, NetworkUnits.pixels)
+    data = with_external_data(path, "x.data")
+    before = find_keypoints(image, path, NetworkUnits.pixels)
+    assert (before.descriptors == inside.descriptors).all()
+    kernel = np.frombuffer(data.read_bytes(), np.float32)
+    data.write_bytes((kernel[::-1]).tobytes())
+    after = find_keypoints(image, path, NetworkUnits.pixels)
+    assert (after.uv == before.uv).all()
+    assert not np.allclose(after.descriptors, before.descriptors, atol=0.1)
 
 
 def test_options_that_do_not_fit_are_refused(tmp_path):

@@ -57,7 +57,9 @@ def replicate(
     """
     from tracknoise.paper.replication import write_replication
     from tracknoise.paper.variants import Limits, candidates
+    from tracknoise.tables.files import require_no_links
 
+    require_no_links(out)
     found = candidates(data or [])
     for candidate in found:
         context.obj.say(f"{candidate.preset}: {candidate.found}")

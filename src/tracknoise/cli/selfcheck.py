@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -121,8 +120,10 @@ def _areas(checks: "pl.DataFrame") -> list[str]:
 def _folder(out: Path | None) -> Iterator[Path]:
     """The requested folder without what an earlier self-test left there, or a temporary one."""
     if out is None:
-        with TemporaryDirectory(prefix="tracknoise-selfcheck-") as temporary:
-            yield Path(temporary)
+        from tracknoise.guarded_folder import guarded_folder
+
+        with guarded_folder("tracknoise-selfcheck-") as temporary:
+            yield temporary.path
         return
     _clear(out)
     (out / _FILE).touch()
@@ -133,9 +134,11 @@ def _clear(out: Path) -> None:
     """Remove an earlier self-test; refuse a folder that holds anything else."""
     from tracknoise.exceptions import StoreError
     from tracknoise.experiments.validation.self_test import FOLDERS
+    from tracknoise.tables.files import require_no_links
 
     out.mkdir(parents=True, exist_ok=True)
     if any(out.iterdir()) and not (out / _FILE).exists():
         raise StoreError(f"{out}: holds other files, expected a new or empty folder or an earlier self-test")
+    require_no_links(out)
     for name in FOLDERS:
         shutil.rmtree(out / name, ignore_errors=True)

@@ -42,7 +42,7 @@ from tracknoise.statistics.lifetimes import lifetimes, median_survival
 from tracknoise.statistics.scales import scales
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.tables.enumerations import Axis, Trimming
-from tracknoise.tables.files import write_atomically
+from tracknoise.tables.files import require_no_links, write_atomically
 from tracknoise.tables.findings_schema import CLEAN, EFFECT_CHANGES, EFFECT_UNITS, EFFECT_VALUES, EffectStatistic, Size
 from tracknoise.tables.schema import check, check_stored
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings, reports_causes
@@ -417,6 +417,7 @@ def _prepare(folder: Path, study: Study, *, fresh: bool) -> None:
         raise StoreError(f"{folder}: holds other files, expected a new or empty folder, or a study of effects")
     if known and not fresh and path.read_bytes() != settings:
         raise StoreError(f"{folder}: holds a study with other settings, expected the same, another folder or --fresh")
+    require_no_links(folder)
     if fresh or not known:
         shutil.rmtree(folder / _SCENES, ignore_errors=True)
         write_atomically(path, settings)

@@ -1,7 +1,8 @@
 """Files that the numbers of a sequence depend on: a change in them makes its measurement stale.
 
 While a sequence is measured, every file that is read is recorded with a checksum of its content, and so are the source
-files of plug-ins. Before a run is resumed, the files are compared with what was recorded. Paths below the folder of the
+files of plug-ins. Before a run is resumed, the files are compared with what was recorded. Where a program reads files
+that nobody knows, the sequence is measured again. Paths below the folder of the
 data are relative to it, so that data can be moved.
 """
 
@@ -10,7 +11,7 @@ import os
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from collections.abc import Sequence as Items
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -21,11 +22,12 @@ from typing import Any
 import polars as pl
 
 from tracknoise.exceptions import TracknoiseError
-from tracknoise.experiments.load import option_paths
+from tracknoise.experiments.load import option_paths, tracker_paths
 from tracknoise.experiments.plan import Task, open_batch
 from tracknoise.experiments.settings import Experiment
 from tracknoise.measurement.tracking import Progress
 from tracknoise.opened_files import FileState, Opened, absolute_path, content_of, noting, stat_of
+from tracknoise.options import PathTemplate
 from tracknoise.plugins import CODE, Plugins
 from tracknoise.sequences.reader_registry import READERS
 from tracknoise.sequences.sequence import Sequence, files_of
@@ -40,7 +42,9 @@ from tracknoise.truth.truth_registry import TRUTHS
 
 _SMALL_BYTES = 1 << 20
 """Largest size of a file that is always compared by content."""
-_CODE, _PACKAGED = (*CODE, ".pyc"), (".dist-info", ".egg-info")
+_CODE, _PACKAGED = CODE, (".dist-info", ".egg-info")
+_WRITTEN_BY_READERS = ("-shm", ".pyc")
+"""How files end in which SQLite notes who reads a database, and Python what it has compiled; they hold no data."""
 _SYSTEM = ("/proc", "/sys", "/dev", "/etc", "/usr")
 
 
@@ -74,11 +78,12 @@ class InputRecorder:
 def recording(batch: list[Task], run: RunFolder) -> Iterator[InputRecorder]:
     """Record what this thread reads, for the tasks of a batch, and the files that their options name."""
     sources = _sources(batch[0].experiment)  # refuses code that is not what was loaded
-    named = {absolute_path(path) for path in _option_paths(batch)}
-    with noting(_Counts(_root(batch[0]), named, absolute_path(run.path))) as opened:
+    named = {absolute_path(path) for path in _expanded(batch, option_paths(batch[0].experiment))}
+    of_trackers = _tracker_folders(batch)
+    with noting(_Counts(_root(batch[0]), named, of_trackers, absolute_path(run.path))) as opened:
         for path in sorted(named):
-            if path.is_file() or (path.is_dir() and sources):
-                opened.read(path)  # compiled code of a plug-in may read it
+            if path.is_file() or (path.is_dir() and (sources or path in of_trackers)):
+                opened.read(path)  # compiled code, such as that of a plug-in, may read it
         yield InputRecorder(opened)
 
 
@@ -97,7 +102,9 @@ def input_tables(batch: list[Task], recorder: InputRecorder, sequences: Items[Se
     if unseen and root is not None:
         _read_unseen(opened, root)
     rows = [_file_row(path, state, root, always=path in opened.early) for path, state in opened.files.items()]
-    watched = {path.parent for path in opened.files if root is not None and path.parent.is_relative_to(root)}
+    listed = [folder for folder in (root, *_tracker_folders(batch)) if folder is not None]
+    watched = {path.parent for path in opened.files if any(path.parent.is_relative_to(folder) for folder in listed)}
+    rows += [_row(InputKind.unknown, Path(what), None) for what in sorted(opened.unknown)]
     rows += [_row(InputKind.folder, path, root, content=_names(path)) for path in watched]
     rows += [_row(InputKind.code, name, None, content=content) for name, content in _sources(experiment)]
     return [
@@ -148,6 +155,8 @@ class InputCheck:
                     changed.append(f"{path} {'changed' if path.is_file() else 'is missing'}")
             elif row["kind"] == InputKind.folder:
                 row["content"] = _names(path)
+            elif row["kind"] == InputKind.unknown:
+                changed.append(f"nobody knows which files {path} reads; its `inputs` can state them")
             elif row["kind"] == InputKind.code and (path, row["content"]) not in self._sources_of(task):
                 changed.append(f"the source file {path} of a plug-in changed")
             now.append(tuple(row.values()))
@@ -207,12 +216,17 @@ class _Counts:
 
     root: Path | None  # folder of the data
     named: set[Path]  # files and folders that options name
+    of_trackers: set[Path]  # folders that options of trackers name: code in them counts too
     run: Path  # the run folder
 
     def __call__(self, path: Path) -> bool:
         if path in self.named:  # a script that an option names too
             return True
-        if path.suffix in _CODE or path.parent.suffix in _PACKAGED or path.is_relative_to(self.run):
+        if path.is_relative_to(self.run) or path.name.endswith(_WRITTEN_BY_READERS):
+            return False
+        if any(path.is_relative_to(folder) for folder in self.of_trackers):
+            return True
+        if path.suffix in _CODE or path.parent.suffix in _PACKAGED:
             return False
         if any(path.is_relative_to(one) for one in (self.root, *self.named) if one is not None):
             return True
@@ -251,9 +265,15 @@ def _read_unseen(opened: Opened, root: Path) -> None:
             opened.read(path, most=_SMALL_BYTES)
 
 
-def _option_paths(batch: list[Task]) -> Iterator[Path]:
-    """What the options of the reader and the trackers name; of a template, the file of each speed."""
-    for path in option_paths(batch[0].experiment):
+def _tracker_folders(batch: list[Task]) -> set[Path]:
+    """Folders that options of the trackers name, such as of tracks, all of whose files count."""
+    paths = map(absolute_path, _expanded(batch, tracker_paths(batch[0].experiment)))
+    return {path for path in paths if path.is_dir()}
+
+
+def _expanded(batch: list[Task], paths: Iterable[Path | PathTemplate]) -> Iterator[Path]:
+    """Paths among the options; of a template, the file of each speed."""
+    for path in paths:
         if isinstance(path, Path):
             yield path
         else:

@@ -55,6 +55,11 @@ def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
     if second is not None:
         yield from READERS.paths(dataset.reader, second.options, dataset.root)
         yield from [] if second.trajectory is None else [PathTemplate(second.trajectory)]
+    yield from tracker_paths(experiment)
+
+
+def tracker_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
+    """The paths among the options of the trackers."""
     for choice in experiment.trackers:
         yield from TRACKERS.paths(choice.kind, choice.options)
 

@@ -5,7 +5,6 @@ import os
 import pickle
 import signal
 import sys
-import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -13,7 +12,7 @@ from contextlib import contextmanager, suppress
 from ctypes import Array, c_char
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -171,7 +170,6 @@ def _serve(program: Connection, opened: "Array[c_char]") -> None:
     _program = program
     processes.ignore()
     processes.begin()
-    threading.Thread(target=_end_with_program, daemon=True).start()
     _record_opened(opened)
     while True:
         opened.value = b""
@@ -199,14 +197,6 @@ def _portable(error: BaseException) -> BaseException:
         error = RuntimeError(with_type(error))
     error.add_note(f"In a worker:\n{traceback.format_exc()}")
     return error
-
-
-def _end_with_program() -> None:
-    """End this process when the program dies, also in the middle of a call."""
-    program = parent_process()
-    if program is not None:
-        wait([program.sentinel])
-        os._exit(1)
 
 
 def _record_opened(opened: "Array[c_char]") -> None:

@@ -195,7 +195,7 @@ def joined_inputs(parts: Sequence[RunFolder], key: str) -> pl.DataFrame:
     every = (
         pl.concat(tables)
         .filter(pl.col("kind") != InputKind.frames)
-        .unique(["kind", "in_data", "path"], keep="first", maintain_order=True)
+        .unique(["kind", "in_data", "path", "size", "content"], keep="first", maintain_order=True)
     )
     frames = tables[0].filter(pl.col("kind") == InputKind.frames)
     return pl.concat([every, frames]).select(list(INPUTS)).sort("kind", "in_data", "path")

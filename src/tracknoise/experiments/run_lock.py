@@ -13,6 +13,7 @@ import json
 import os
 import secrets
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -25,6 +26,7 @@ from tracknoise import processes
 from tracknoise.atomic import is_running
 from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.experiments.failures import Failure
+from tracknoise.tables.files import require_no_links
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.store import RunFolder
 
@@ -104,8 +106,12 @@ def hold(run: RunFolder) -> Iterator[Claim]:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = _open(path)
     except OSError as error:
+        if error.errno == errno.ELOOP:
+            require_no_links(path.parent)
         raise StoreError(f"{path.parent}: cannot be written ({error.strerror}), expected a writable folder") from error
     try:
+        if run.exists:
+            require_no_links(run.path)
         yield _sign(path, descriptor)
     finally:
         with processes.delayed():  # a lock that is left would have to be deleted by hand on another host
@@ -122,8 +128,9 @@ def _release(path: Path, descriptor: int) -> None:
 def _open(path: Path) -> int:
     """Descriptor of the locked lock file. Retries if the holder removed the file in the meantime."""
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
+            _require_own(path, os.fstat(descriptor))
             _require_free(path, descriptor)
             if path.exists() and os.path.samestat(path.stat(), os.fstat(descriptor)):
                 return descriptor
@@ -131,6 +138,13 @@ def _open(path: Path) -> int:
             os.close(descriptor)
             raise
         os.close(descriptor)
+
+
+def _require_own(path: Path, found: os.stat_result) -> None:
+    """Refuse a file that is elsewhere too, or no file: what it holds is replaced."""
+    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+        what = "a file with other names" if stat.S_ISREG(found.st_mode) else "not a regular file"
+        raise StoreError(f"{path}: {what}, expected the lock of a run; remove it")
 
 
 def _require_free(path: Path, descriptor: int) -> None:

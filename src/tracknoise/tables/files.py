@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -16,6 +17,7 @@ from tracknoise.exceptions import SchemaError, StoreError
 from tracknoise.foreign_files import is_regular_file
 from tracknoise.processes import raise_if_interruption
 from tracknoise.tables import schema
+from tracknoise.text import printable
 
 REMEDY = "`tracknoise run` makes it again"
 _DAMAGE = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
@@ -168,6 +170,27 @@ def is_intact(path: Path, sha256: str) -> bool:
             return hashlib.file_digest(file, "sha256").hexdigest() == sha256
     except OSError:
         return False
+
+
+def require_no_links(folder: Path) -> None:
+    """Refuse a folder with a link below it: what is written or removed there would be elsewhere.
+
+    Links that lead to the folder itself are no fault. What cannot be listed is left to those who use it.
+
+    Raises
+    ------
+    StoreError
+        If there is one, naming it.
+    """
+    folders = [folder]
+    while folders:
+        with suppress(OSError), os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if entry.is_symlink():
+                    leads = printable(str(Path(entry.path).readlink()))
+                    raise StoreError(f"{entry.path}: a link to {leads}, expected no links in this folder; remove it")
+                if entry.is_dir(follow_symlinks=False):
+                    folders.append(Path(entry.path))
 
 
 def remove(path: Path) -> None:

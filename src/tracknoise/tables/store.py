@@ -5,8 +5,8 @@ It holds ``experiment.toml`` (the resolved settings), ``manifest.json``, one Par
 ``failures.jsonl``, and ``report/``. If only statistics are kept, the folders of `OBSERVED` are missing.
 
 Every file is written completely and then renamed. A sequence counts as measured once it is in the manifest, which is
-written last and holds the hash of each of its files. Every file that is read here is compared with its hash. During a
-run, ``.lock`` names the process that writes here.
+written last and holds the hash of each of its files. Every file that is read here is compared with its hash. A folder
+with links below it is refused. During a run, ``.lock`` names the process that writes here.
 """
 
 import json
@@ -29,6 +29,7 @@ from tracknoise.tables.files import (
     read_stacked,
     read_text_checked,
     remove,
+    require_no_links,
     write_atomically,
     write_parquet,
 )
@@ -193,6 +194,7 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
+        self._is_free_of_links = False
         self._last_read: _Hashes | None = None
         self._last_results: tuple[tuple[object, ...], pl.DataFrame] | None = None
         self._views: dict[str, pl.DataFrame] = {}
@@ -688,6 +690,9 @@ class RunFolder:
 
     def _read(self) -> tuple[Manifest, _Hashes]:
         """The manifest, and its hashes, which are remembered."""
+        if not self._is_free_of_links:
+            require_no_links(self.path)
+            self._is_free_of_links = True
         place, version = str(self.path / _MANIFEST), self._version()
         try:
             manifest = Manifest.from_json(self._manifest_content().decode(), place=place)

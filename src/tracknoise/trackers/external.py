@@ -2,14 +2,10 @@
 
 import os
 import shlex
-import signal
-import subprocess
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from io import BufferedRandom
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, ClassVar
 
 import cv2
@@ -19,7 +15,9 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds, require_list
 from tracknoise.exceptions import DataError, SettingsError, TrackerError
-from tracknoise.foreign_files import absolute, number_in, read_bytes, read_text
+from tracknoise.foreign_files import absolute, is_there, number_in, read_text, require_regular
+from tracknoise.guarded_folder import GuardedFolder, GuardLostError, guarded_folder
+from tracknoise.opened_files import absolute_path, note, note_stated, note_unknown
 from tracknoise.processes import signal_name
 from tracknoise.text import counted
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
@@ -30,7 +28,6 @@ from tracknoise.trackers.spacing import places_in
 from tracknoise.trackers.tracker import Frame, SequenceContext
 
 _ABSENT, _WORDS = "0", {"true": 1.0, "false": 0.0}
-_LAST_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +49,11 @@ class External:
     command
         The program and its arguments. It is looked up on the path; other words are passed as they are.
     script
-        A file that is passed as the last argument, with its absolute path. A run measures again what was measured with
-        another version of it.
+        A file that is passed as the last argument, with its absolute path.
+    inputs
+        Files and folders that the command reads besides, such as modules, weights and settings; ``[]`` if there are
+        none. A run measures again what was measured with another version of them, of the program, the script, or a file
+        that an argument names. None: they are not known, and a run that is started again measures everything again.
     timeout_s
         Longest time that the command may take for one sequence at one speed, seconds.
     detection
@@ -73,6 +73,7 @@ class External:
 
     command: tuple[str, ...]
     script: Path | None = None
+    inputs: tuple[Path, ...] | None = None
     timeout_s: Positive = 600.0
     detection: Detection = field(default_factory=Detection)
     every: Annotated[int, Ge(1)] | None = 10
@@ -85,6 +86,9 @@ class External:
         good = len(words) > 0 and all(_is_argument(word) for word in words) and bool(words[0])
         require(good, "command", self.command, "a program and its arguments, without null characters or surrogates")
         object.__setattr__(self, "command", words)
+        if self.inputs is not None:
+            require_list("inputs", self.inputs, "files and folders")
+            object.__setattr__(self, "inputs", tuple(map(Path, self.inputs)))
         require_bounds(self)
 
     def start(self, context: SequenceContext) -> ImportedTracker:
@@ -93,7 +97,7 @@ class External:
         Raises
         ------
         DataError
-            If the script cannot be read.
+            If the script or a file that is stated is missing.
         SettingsError
             If the command cannot be started.
         TrackerError
@@ -102,11 +106,11 @@ class External:
         self.detection.require_usable()
         if context.images is None:
             raise SettingsError("external: images come one by one, expected all of a sequence before the first step")
-        with TemporaryDirectory(prefix="tracknoise-external-", ignore_cleanup_errors=True) as name:
-            folder = _Folder(Path(name))
+        with guarded_folder("tracknoise-external-") as guarded:
+            folder = _Folder(guarded.path)
             offset, uv, response = folder.written(context.images(), self)
             if len(offset):
-                _run(self, folder.path)
+                _run(self, guarded)
             tracks = folder.read(offset, uv, response, context)
         return ImportedTracker(tracks, refine=self.refine)
 
@@ -194,6 +198,23 @@ class _Folder:
         return lines
 
 
+def _note_files(settings: External, words: Sequence[str]) -> None:
+    """Let a run note the files that a command consists of and names, and those that are stated.
+
+    An argument may be the name of a file, or end with one, as in ``--weights=/models/a.pth``.
+    """
+    program = shutil.which(words[0])
+    endings = [Path(ending) for word in words for ending in (word, word.partition("=")[2])]
+    for path in [*([] if program is None else [Path(program)]), *filter(Path.is_absolute, endings)]:
+        note_stated(path)
+    for path in settings.inputs or ():
+        if not is_there(path):
+            raise DataError(path, "no such file", "a file or folder that `inputs` of a tracker states")
+        note(absolute_path(path))
+    if settings.inputs is None:
+        note_unknown(shlex.join(words))
+
+
 def _is_argument(word: object) -> bool:
     """Whether a program can be given a word."""
     try:
@@ -216,43 +237,24 @@ def _is_hidden(text: str, place: str) -> bool:
     return not visible
 
 
-def _run(settings: External, folder: Path) -> None:
-    """Run the command in a folder, and end it and all that it started when its time is over."""
+def _run(settings: External, folder: GuardedFolder) -> None:
+    """Run the command in a folder."""
     words = [*settings.command]
     if settings.script is not None:
         path = absolute(Path(), settings.script)
-        read_bytes(path, "the script of a tracker")  # so that a run notes its version
+        require_regular(path, "the script of a tracker")
         words.append(str(path))
+    _note_files(settings, words)
     shown = f"external: {shlex.join(words)}"
-    with (folder / "output.log").open("w+b") as output:
-        try:
-            process = subprocess.Popen(
-                words,
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-        except OSError as error:
-            raise SettingsError(f"{shown}: cannot be started ({error.strerror}), expected a program") from error
-        try:
-            code = process.wait(settings.timeout_s)
-        except subprocess.TimeoutExpired:
-            message = f"{shown}: still runs after {settings.timeout_s:g} s, expected it to end{_last_line(output)}"
-            raise TrackerError(message) from None
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-        if code:
-            how = f"ended with code {code}" if code > 0 else f"was ended by {signal_name(-code)}"
-            raise TrackerError(f"{shown}: {how}, expected code 0{_last_line(output)}")
-
-
-def _last_line(log: BufferedRandom) -> str:
-    """What a command printed last, for an error. The command may have removed or replaced the file of this name."""
-    number = log.fileno()
-    end = os.pread(number, _LAST_BYTES, max(os.fstat(number).st_size - _LAST_BYTES, 0))
-    lines = [line.strip() for line in end.decode(errors="replace").splitlines() if line.strip()]
-    return f"; it printed last: {lines[-1]}" if lines else ""
+    try:
+        ended = folder.run(words, settings.timeout_s)
+    except GuardLostError as error:
+        raise TrackerError(f"{shown}: {error}, expected it to run") from error
+    except OSError as error:
+        raise SettingsError(f"{shown}: cannot be started ({error.strerror}), expected a program") from error
+    printed = f"; it printed last: {ended.last_line}" if ended.last_line else ""
+    if ended.code is None:
+        raise TrackerError(f"{shown}: still runs after {settings.timeout_s:g} s, expected it to end{printed}")
+    if ended.code:
+        how = f"ended with code {ended.code}" if ended.code > 0 else f"was ended by {signal_name(-ended.code)}"
+        raise TrackerError(f"{shown}: {how}, expected code 0{printed}")

@@ -47,6 +47,17 @@ class Features:
         )
 
 
+_ROUNDING = 1e-3
+
+
+def are_symmetric(matrices: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Whether matrices (n, 2, 2) are symmetric, but for rounding: 0.1 % of the largest entry. Those with NaN are."""
+    with np.errstate(invalid="ignore"):  # of infinite entries
+        apart = np.abs(matrices[:, 0, 1] - matrices[:, 1, 0])
+    lopsided: NDArray[np.bool_] = apart > _ROUNDING * np.abs(matrices).max(axis=(1, 2))
+    return ~lopsided
+
+
 def displacement_px(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance between (n, 2) positions, (n,) px; infinite where float64 cannot hold it."""
     with np.errstate(over="ignore"):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tracknoise.checks import Between0And1, Positive, require
 from tracknoise.exceptions import TrackerError, first_line
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
-from tracknoise.trackers.features import Features
+from tracknoise.trackers.features import Features, are_symmetric
 from tracknoise.trackers.following import Flow, FollowingSettings, FollowingTracker, Order
 from tracknoise.trackers.key_frames import Occasion
 from tracknoise.trackers.preprocessing import Preprocessing
@@ -126,20 +126,15 @@ class _Called:
     def _quality(self, returned: object, found: NDArray[np.bool_]) -> dict[str, NDArray[np.float32]]:
         """Entries of the covariances by name."""
         covariance = self._array("covariances", returned, "fiu", (len(found), 2, 2))
-        with np.errstate(over="ignore", invalid="ignore"):  # of what is refused, lost or infinite
+        with np.errstate(over="ignore", invalid="ignore"):  # of what is refused or lost
             entries = covariance.astype(np.float32)
-            apart = np.abs(entries[:, 0, 1] - entries[:, 1, 0])
         beyond = covariance[found][np.isfinite(covariance[found]) & np.isinf(entries[found])]
         if len(beyond):
             stated = f"a covariance of {beyond[0]!s} px^2"
             raise TrackerError(f"{self.name} returned {stated}, expected numbers within the range of float32")
-        if np.any(apart > _ROUNDING * np.abs(entries).max(axis=(1, 2))):
+        if not are_symmetric(entries).all():
             raise TrackerError(f"{self.name} returned covariances that are not symmetric, expected (n, 2, 2) px^2")
         return {"cov_uu": entries[:, 0, 0], "cov_uv": entries[:, 0, 1], "cov_vv": entries[:, 1, 1]}
-
-
-_ROUNDING = 1e-3
-"""Difference of the two covariances of u and v, relative to the largest entry, that is rounding."""
 
 
 def _array_of(value: object) -> np.ma.MaskedArray[Any, Any]:

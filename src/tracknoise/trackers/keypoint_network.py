@@ -11,10 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, TrackerError
-from tracknoise.foreign_files import read_bytes
-from tracknoise.trackers.onnx_files import described, run_network, session_of
+from tracknoise.foreign_files import MOST_PIXELS
+from tracknoise.text import counted
+from tracknoise.trackers.features import are_symmetric
+from tracknoise.trackers.onnx_files import Network, described, open_network, require_file
 
 _WHAT = "an ONNX network of keypoints"
+_WORK_PER_PIXEL = 128
+"""As `Network.run` has it."""
+_LARGEST_CORRELATION = 1.005
+"""Above 1, for entries that were rounded."""
+_SHOWN = 4
 
 
 class NetworkUnits(StrEnum):
@@ -50,44 +57,40 @@ class NetworkKeypoints:
 
 def require_network(path: Path) -> None:
     """Check that a network can be used."""
-    read_bytes(
-        path, f"{_WHAT}, such as SuperPoint, DISK or ALIKED exported for LightGlue"
-    )  # a run counts it among its files
+    require_file(path, f"{_WHAT}, such as SuperPoint, DISK or ALIKED exported for LightGlue")
     _open(path)
 
 
 def find_keypoints(image: NDArray[np.uint8], path: Path, units: NetworkUnits) -> NetworkKeypoints:
     """Run a network on an image (height, width), which is stretched to the size of its input, if it has one."""
-    network = _open(path)
-    size = network.input_size or image.shape[::-1]
+    opened = _open(path)
+    size = opened.input_size or image.shape[::-1]
     shown = image if size == image.shape[::-1] else cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
-    planes = np.repeat((shown.astype(np.float32) / 255)[None, None], network.channels, axis=1)
-    found = run_network(
-        path,
-        network.session,
-        [*network.outputs.values()],
-        {network.input_name: planes},
+    planes = np.repeat((shown.astype(np.float32) / 255)[None, None], opened.channels, axis=1)
+    found = opened.network.run(
+        [*opened.outputs.values()],
+        {opened.network.inputs[0].name: planes},
+        work=_WORK_PER_PIXEL * size[0] * size[1],
         on=f"images of {size[0]} x {size[1]} px",
         expected="keypoints",
     )
-    return _strongest_first(path, dict(zip(network.outputs, found, strict=True)), size, image.shape[::-1], units)
+    return _strongest_first(path, dict(zip(opened.outputs, found, strict=True)), size, image.shape[::-1], units)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Network:
-    """An open network: its input, and its names of keypoints, scores, descriptors and covariances, as it has them."""
+class _Keypoints:
+    """A network of keypoints: its input, and its names of what it finds: keypoints and others, as it has them."""
 
-    session: Any
-    input_name: str
+    network: Network
     channels: int
     input_size: tuple[int, int] | None
     outputs: Mapping[str, str]
 
 
-def _open(path: Path) -> _Network:
-    session = session_of(path, _WHAT)
-    inputs, names = session.get_inputs(), [output.name for output in session.get_outputs()]
-    shapes = [list(one.shape) for one in inputs]
+def _open(path: Path) -> _Keypoints:
+    network = open_network(path, _WHAT)
+    inputs, names = network.inputs, [output.name for output in network.outputs]
+    shapes = [one.shape for one in inputs]
     if len(inputs) != 1 or len(shapes[0]) != 4 or inputs[0].type != "tensor(float)" or shapes[0][1] not in (1, 3):
         raise DataError(
             path, f"inputs {described(inputs)}", "one input of floats with the shape (1, 1 or 3, height, width)"
@@ -98,35 +101,95 @@ def _open(path: Path) -> _Network:
     outputs = dict(parts)
     if "keypoints" not in outputs:
         raise DataError(path, f"outputs {', '.join(names)}", "one whose name contains keypoints")
-    height, width = shapes[0][2:]
+    _, channels, height, width = shapes[0]
     known = (width, height) if isinstance(width, int) and isinstance(height, int) else None
-    return _Network(session, inputs[0].name, shapes[0][1], known, outputs)
+    if known is not None and not (min(known) > 0 and known[0] * known[1] <= MOST_PIXELS):
+        raise DataError(path, f"an input of {known[0]} x {known[1]} px", f"at least one pixel, at most {MOST_PIXELS}")
+    return _Keypoints(network, 1 if channels == 1 else 3, known, outputs)
 
 
 def _strongest_first(
-    path: Path, found: Mapping[str, Any], size: tuple[int, int], image: tuple[int, int], units: NetworkUnits
+    path: Path,
+    found: Mapping[str, NDArray[Any]],
+    size: tuple[int, int],
+    image: tuple[int, int],
+    units: NetworkUnits,
 ) -> NetworkKeypoints:
     """What a network returned, in pixels of the image."""
-    uv = np.asarray(found["keypoints"], dtype=np.float64).reshape(-1, 2)
-    score = np.asarray(found.get("scores", np.ones(len(uv))), dtype=np.float32).reshape(-1)
-    descriptors = None
-    if "descriptors" in found:
-        descriptors = np.asarray(found["descriptors"], dtype=np.float32)
-        descriptors = descriptors.reshape(-1, descriptors.shape[-1])
-    matrices = np.asarray(found["covariances"], dtype=np.float64) if "covariances" in found else None
-    lengths = {len(score), len(uv if descriptors is None else descriptors)}
-    if lengths != {len(uv)} or (matrices is not None and matrices.shape[-3:] != (len(uv), 2, 2)):
-        shapes = ", ".join(f"{name} {np.shape(one)}" for name, one in found.items())
-        raise TrackerError(f"{path}: the network returned {shapes}, expected one element per keypoint")
+    arrays = {name: one.astype(np.float64) for name, one in found.items()}
+    inner = {"keypoints": (2,), "descriptors": (None,), "covariances": (2, 2)}
+    n = arrays["keypoints"].size // 2
+    rows_of = {name: _rows(one, n, inner.get(name, ())) for name, one in arrays.items()}
+    if any(one is None for one in rows_of.values()):
+        shapes = ", ".join(f"{name} {one.shape}" for name, one in found.items())
+        raise TrackerError(f"{path}: the network returned {shapes}, expected one element per keypoint: {_SHAPES}")
+    uv, score, descriptors, matrices = (
+        rows_of.get(name) for name in ("keypoints", "scores", "descriptors", "covariances")
+    )
+    assert uv is not None, "it is among the outputs"
+    score = np.ones(n) if score is None else score
     scale = np.array(image) / np.array(size)
     if units is NetworkUnits.minus_one_to_one:
         uv = (uv + 1) / 2 * (np.array(size) - 1)
     uv = (uv + 0.5) * scale - 0.5
+    inside = np.all((uv >= 0) & (uv <= np.array(image) - 1), axis=1) & np.isfinite(score)
+    rows = np.flatnonzero(inside)[np.argsort(-score[inside], kind="stable")]
     covariances = None
     if matrices is not None:
         stretch = scale * (np.array(size) - 1) / 2 if units is NetworkUnits.minus_one_to_one else scale
-        entries = (matrices * np.outer(stretch, stretch)).reshape(-1, 4)
-        covariances = entries[:, [0, 1, 3]].astype(np.float32)
-    inside = np.all((uv >= 0) & (uv <= np.array(image) - 1), axis=1) & np.isfinite(score)
-    rows = np.flatnonzero(inside)[np.argsort(-score[inside], kind="stable")]
-    return NetworkKeypoints(uv, score, descriptors, covariances).chosen(rows)
+        covariances = _entries(path, matrices[rows] * np.outer(stretch, stretch))
+    return NetworkKeypoints(
+        uv[rows],
+        score[rows].astype(np.float32),
+        None if descriptors is None else _finite_descriptors(path, descriptors[rows]),
+        covariances,
+    )
+
+
+_SHAPES = "keypoints (n, 2), scores (n,), descriptors (n, d), covariances (n, 2, 2), of one image"
+
+
+def _rows(array: NDArray[np.float64], n: int, inner: tuple[int | None, ...]) -> NDArray[np.float64] | None:
+    """An array with a row for each of n keypoints, without leading axes of length 1; None if it is none.
+
+    `inner`: shape of a row, where None is any length but 0. Scores may have a last axis of length 1.
+    """
+    if not inner and array.ndim > 1 and array.shape[-1] == 1 and n != 1:
+        array = array[..., 0]
+    outer = array.ndim - 1 - len(inner)
+    if outer < 0 or any(length != 1 for length in array.shape[:outer]):
+        return None
+    rows = array.reshape(array.shape[outer:])
+    shape: tuple[int, ...] = rows.shape[1:]
+    lengths = [found if wanted is None else wanted for found, wanted in zip(shape, inner, strict=True)]
+    return rows if rows.shape == (n, *lengths) and all(lengths) else None
+
+
+def _finite_descriptors(path: Path, descriptors: NDArray[np.float64]) -> NDArray[np.float32]:
+    found: NDArray[np.float32]
+    with np.errstate(over="ignore"):  # of what is refused
+        found = descriptors.astype(np.float32)
+    _require(path, ~np.isfinite(found).all(axis=1), "descriptors", descriptors, "finite numbers")
+    return found
+
+
+def _entries(path: Path, matrices: NDArray[np.float64]) -> NDArray[np.float32]:
+    """uu, uv and vv of covariances (n, 2, 2), NaN where they are not known."""
+    found: NDArray[np.float32]
+    with np.errstate(over="ignore"):  # of what is refused
+        found = matrices.astype(np.float32)
+    _require(path, np.isinf(found).any(axis=(1, 2)), "covariances", matrices, "finite numbers; NaN where it is unknown")
+    _require(path, ~are_symmetric(matrices), "covariances", matrices, "symmetric matrices")
+    uu, uv, vv = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
+    largest = _LARGEST_CORRELATION * np.sqrt(np.maximum(uu, 0.0) * np.maximum(vv, 0.0))
+    impossible = (uu < 0.0) | (vv < 0.0) | (np.abs(uv) > largest)
+    _require(path, impossible, "covariances", matrices, "no negative eigenvalue")
+    return found.reshape(-1, 4)[:, [0, 1, 3]]
+
+
+def _require(path: Path, wrong: Any, what: str, values: NDArray[np.float64], expected: str) -> None:
+    """Raise TrackerError if a row is wrong, naming the first. `wrong`: (n,) bool."""
+    for row in np.flatnonzero(wrong)[:1]:
+        shown = np.array2string(values[row].ravel()[:_SHOWN], precision=4, separator=", ", max_line_width=1000)
+        of = counted(int(np.count_nonzero(wrong)), "keypoint")
+        raise TrackerError(f"{path}: the network returned {what} {shown} of {of}, expected {expected}")

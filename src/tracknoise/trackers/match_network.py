@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, TrackerError
-from tracknoise.foreign_files import read_bytes
 from tracknoise.text import counted
 from tracknoise.trackers.matching import Matches
-from tracknoise.trackers.onnx_files import described, run_network, session_of
+from tracknoise.trackers.onnx_files import Network, described, open_network, require_file
 
 _WHAT = "an ONNX network of matches"
 _INPUTS = ("kpts0", "kpts1", "desc0", "desc1")
 _OUTPUTS = ("matches0", "mscores0")
+_WORK_PER_PAIR = 4
+"""As `Network.run` has it: a network compares each keypoint of one image with each of the other."""
 _OF_IMAGES = ("image0", "images")
 """Inputs of pipelines, which find keypoints and match them in one network."""
 
@@ -24,9 +25,7 @@ Keypoints = tuple[NDArray[np.float64], NDArray[np.float32]]
 
 def require_matcher(path: Path) -> None:
     """Check that a network of matches can be used."""
-    read_bytes(
-        path, f"{_WHAT}, such as LightGlue exported for the network of keypoints"
-    )  # a run counts it among its files
+    require_file(path, f"{_WHAT}, such as LightGlue exported for the network of keypoints")
     _open(path)
 
 
@@ -43,7 +42,7 @@ def network_matches(
     height) of both images, px; `least_score`: pairs with a lower score are left out. Returns pairs with
     their scores (``match_score``).
     """
-    session = _open(path)
+    network = _open(path)
     inputs: dict[str, NDArray[np.float32]] = {}
     for number, (uv, descriptors) in enumerate((before, after)):
         centred = (uv - np.array(size) / 2) / (max(size) / 2)
@@ -52,17 +51,18 @@ def network_matches(
     counts = len(before[0]), len(after[0])
     pairs, score = np.empty((0, 2), dtype=np.intp), np.empty(0, dtype=np.float32)
     if all(counts):
-        _require_length(path, session, after[1].shape[1])
+        _require_length(network, after[1].shape[1])
         on = f"{counted(counts[0], 'keypoint')} and {counts[1]}"
-        pairs, score = _pairs(path, run_network(path, session, _OUTPUTS, inputs, on=on, expected="matches"), counts)
+        work = _WORK_PER_PAIR * counts[0] * counts[1]
+        pairs, score = _pairs(path, network.run(_OUTPUTS, inputs, work=work, on=on, expected="matches"), counts)
     kept = np.flatnonzero((score >= least_score) & _is_best(pairs[:, 0], score) & _is_best(pairs[:, 1], score))
     kept = kept[np.argsort(pairs[kept, 0])]
     return Matches(pairs[kept, 0], pairs[kept, 1], {"match_score": score[kept]})
 
 
-def _open(path: Path) -> Any:
-    session = session_of(path, _WHAT)
-    inputs, outputs = session.get_inputs(), session.get_outputs()
+def _open(path: Path) -> Network:
+    network = open_network(path, _WHAT)
+    inputs, outputs = network.inputs, network.outputs
     names = {one.name for one in inputs}
     expected = f"inputs {', '.join(_INPUTS)} of floats, and outputs {' and '.join(_OUTPUTS)}"
     if names & {*_OF_IMAGES}:
@@ -72,15 +72,15 @@ def _open(path: Path) -> Any:
         raise DataError(path, f"inputs {described(inputs)}", expected)
     if not {*_OUTPUTS} <= {one.name for one in outputs}:
         raise DataError(path, f"outputs {described(outputs)}", expected)
-    return session
+    return network
 
 
-def _require_length(path: Path, session: Any, length: int) -> None:
+def _require_length(network: Network, length: int) -> None:
     """Raise TrackerError unless descriptors have the length that the network states, if it states one."""
-    for one in session.get_inputs():
+    for one in network.inputs:
         stated = one.shape[-1] if one.name.startswith("desc") and one.shape else None
         if isinstance(stated, int) and stated != length:
-            raise TrackerError(f"{path}: descriptors of {length} numbers, expected {stated} for {one.name}")
+            raise TrackerError(f"{network.path}: descriptors of {length} numbers, expected {stated} for {one.name}")
 
 
 def _pairs(path: Path, found: list[Any], counts: tuple[int, int]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:

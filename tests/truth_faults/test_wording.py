@@ -57,7 +57,7 @@ def test_one_interval_and_one_pose():
 
 
 def test_a_slow_recording_whose_unit_is_stated_is_no_fault():
-    item = timestamps(sequence(5, timestamps_s=np.arange(5) * 250.0))
+    item = timestamps(sequence(5, timestamps_s=np.arange(5) * 250.0, time_unit_stated=True))
     assert item.text.startswith("Images come at 0.004 Hz. 0 of 4 intervals exceed")
     assert item.severity == "ok"
 

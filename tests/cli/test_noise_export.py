@@ -34,7 +34,7 @@ def file(tmp_path):
 
 def test_files_are_printed(tracknoise, file):
     code, out, err = tracknoise("noise", "export", file, "--to", "openvins", "--focal", "458.6", "--rate", "20")
-    assert (code, err) == (0, "rate: 20 Hz, as stated\n")
+    assert (code, err) == (0, "")
     assert "==> openvins_noise.yaml <==\n%YAML:1.0\n# tracknoise" in out
     assert "lk.noise.json sha256" in out
     assert "up_msckf_sigma_px: 0.300" in out
@@ -50,8 +50,9 @@ def test_the_source_is_named_as_its_file_is(tracknoise, tmp_path):
 
 def test_or_written(tracknoise, file, tmp_path):
     out = tmp_path / "config"
-    code, printed, said = tracknoise("noise", "export", file, "--to", "msckf_vio", "-o", str(out))
-    assert (code, said) == (0, "rate: 20 Hz, that of the model\n")
+    code, printed, _ = tracknoise("noise", "export", file, "--to", "msckf_vio", "-o", str(out))
+    assert code == 0
+    assert printed.endswith("\nrate: 20 Hz, that of the model\n")
     assert sorted(path.name for path in out.iterdir()) == ["msckf_vio.patch", "msckf_vio.txt", "msckf_vio_noise.launch"]
     assert all(str(path) in printed for path in out.iterdir())
 

@@ -52,6 +52,7 @@ def test_or_written(tracknoise, file, tmp_path):
     out = tmp_path / "config"
     code, printed, _ = tracknoise("noise", "export", file, "--to", "msckf_vio", "-o", str(out))
     assert code == 0
+    assert printed.endswith("\nrate: 20 Hz, that of the model\n")
     assert sorted(path.name for path in out.iterdir()) == ["msckf_vio.patch", "msckf_vio.txt", "msckf_vio_noise.launch"]
     assert all(str(path) in printed for path in out.iterdir())
 

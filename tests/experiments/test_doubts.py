@@ -71,6 +71,13 @@ def test_a_planted_mistake_is_named_where_the_camera_changes():
     assert doubts(measured(changing), KINDS) == Doubts()
 
 
+def test_gaps_between_images_are_named():
+    """Where frames were lost, ages count others than the times of images."""
+    times = np.cumsum(np.where(np.arange(30) % 5 == 0, 0.2, 0.05))
+    found = doubts(measured(replace(simulated(), timestamps_s=times)), KINDS)
+    assert any("Ages count frames, not time." in sentence for sentence in found.cautions), found
+
+
 def test_clipped_depths_are_named():
     first = simulated().depth(0)
     largest = float(np.quantile(first.depth_m[first.valid], 0.6))

@@ -177,15 +177,15 @@ def export_command(
     require_truth(model.truth, str(file), accepted=accept_truth)
     exported = _export(model, file, name, target, tracks)
     files = _files(name, exported)
-    whose = "that of the model" if rate is None else "as stated"
-    context.obj.say("rate: unknown" if exported.rate_hz is None else f"rate: {exported.rate_hz:.6g} Hz, {whose}")
     if out is None:
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0
     require_outputs([("--out", out / name) for name in files], inputs=[file, tracks])
     for name, content in files.items():
         write_atomically(out / name, content.encode())
-    context.obj.result("\n".join(f"written: {(out / name).resolve()}" for name in files))
+    whose = "that of the model" if rate is None else "as stated"
+    used = "rate: unknown" if exported.rate_hz is None else f"rate: {exported.rate_hz:.6g} Hz, {whose}"
+    context.obj.result("\n".join([*(f"written: {(out / name).resolve()}" for name in files), used]))
     return 0
 
 

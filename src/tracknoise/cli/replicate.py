@@ -58,6 +58,7 @@ def replicate(
     from tracknoise.paper.replication import write_replication
     from tracknoise.paper.variants import Limits, candidates
 
+    context.obj.resumes(fresh=fresh)
     found = candidates(data or [])
     for candidate in found:
         context.obj.say(f"{candidate.preset}: {candidate.found}")

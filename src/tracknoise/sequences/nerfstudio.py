@@ -28,6 +28,7 @@ from tracknoise.sequences.images import (
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, parent_of
+from tracknoise.sequences.sequence import OPENGL_AXES
 from tracknoise.tables.identity import SequenceId
 
 CORNER_PX = 0.5
@@ -211,6 +212,7 @@ class Nerfstudio(SceneReader):
             caveats=missing,
             cameras=cameras if len(set(cameras)) > 1 else None,
             group=parent_of(sequence.scene),
+            recorded_axes=OPENGL_AXES,
         )
 
     def _files(self) -> tuple[str, ...]:

@@ -35,6 +35,7 @@ from tracknoise.truth_faults.recording_checks import (
     repeated_frames,
     rotations,
     timestamps,
+    view_changes,
 )
 
 
@@ -94,11 +95,21 @@ MOST_SEQUENCES = 3
 _FROM_POSES: tuple[Callable[[Sequence], Item], ...] = (counts, timestamps, rotations, pose_jumps, intrinsics, depths)
 
 
+_SEVERITY = {
+    Trust.trusted: Severity.ok,
+    Trust.unknown: Severity.unknown,
+    Trust.limited: Severity.caveat,
+    Trust.not_trusted: Severity.fatal,
+}
+"""Of what decided a verdict, if no other topic did."""
+
+
 def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], None] | None = None) -> SequenceReport:
     """Check one sequence."""
     items: list[Item] = []
     evidence = None
     try:
+        items += filter(None, [view_changes(sequence)])
         items += (topic(sequence) for topic in _FROM_POSES)
         items += filter(None, [repeated_frames(sequence)])
         items += reader_notes(sequence)
@@ -110,7 +121,10 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
     except DataError as error:
         items.append(_unreadable(error))
     trust = sequence_trust(sequence, evidence, items)
-    return SequenceReport(readable(sequence.id.key), tuple(items), TruthVerdict.of(trust), ranges(trust))
+    verdict = TruthVerdict.of(trust)
+    if all(item.text not in verdict.text for item in items):
+        items.append(Item("truth", _SEVERITY[verdict.verdict], verdict.text))
+    return SequenceReport(readable(sequence.id.key), tuple(items), verdict, ranges(trust))
 
 
 def check_reader(

@@ -22,7 +22,7 @@ from tracknoise.phrases.measures import (
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import because, joined
 from tracknoise.phrases.withheld import audited_rise, growth_cover, withheld_growth
-from tracknoise.tables.enumerations import Axis, Behaviour, Verdict
+from tracknoise.tables.enumerations import Axis, Behaviour, Trimming, Verdict
 from tracknoise.words import count, coverage_sentence, format_estimate, listing, ratio, sentence_case
 
 _PARTS: Mapping[str, tuple[str, str]] = {
@@ -57,12 +57,13 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     rows = conditions.reported(tables["time_structure"]).filter(trimming=conditions.trimmings[0])
     ages = [_from_to(conditions, row) for row in rows.drop_nulls("growth_ratio").to_dicts()]
     shared = f" Growth is {ages[0]}." if len(set(ages)) == 1 else ""
+    beside = _BESIDE_MODELS if conditions.trimmings[0] == Trimming.untrimmed else ""
     errors = f"{trimmed_word(conditions)}errors of the same tracks"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _growth_of(tables, conditions, tracker, names_ages=not shared),
         opening=f"Growth of {errors} {conditions.where(tables['summary'])}.{shared}",
-        closing=f"Scenes count alike. Growth by less than the margin counts as none.{_BESIDE_MODELS}",
+        closing=f"Scenes count alike. Growth by less than the margin counts as none.{beside}",
         topic="growth",
         figure="time-structure",
         table="time_structure",

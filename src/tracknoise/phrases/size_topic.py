@@ -54,7 +54,7 @@ _OVER_SCENES = f" Core and {RMS_OF_SCENE} are geometric means over scenes."
 def _is_one_scene(tables: RunTables, conditions: ReportedConditions) -> bool:
     """Whether errors are of one scene: its RMS is that of all tracks, and no typical one, which n features raise."""
     scenes = conditions.reported(tables["intervals"]).filter(weighting=Weighting.geometric)["n_scenes"]
-    return bool((scenes.drop_nulls() == 1).all())
+    return scenes.drop_nulls().unique().to_list() == [1]
 
 
 def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:

@@ -394,7 +394,8 @@ def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequen
         return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _correct_data(evidence))
     if evidence.is_fitted:
         known = f"{evidence.of_images} {_FITTED}".lstrip()
-        return _Found(Trust.unknown, f"{known}{_caution(evidence)}", _FITTED_STEP)
+        compared = "" if evidence.is_check else " `tracknoise check` says how well poses fit the images."
+        return _Found(Trust.unknown, f"{known}{_caution(evidence)}", f"{_FITTED_STEP}{compared}")
     worst = max(bounds, key=lambda one: one.high, default=None)
     if faults.share.value > SMALL:
         high = 0.0 if worst is None else worst.high

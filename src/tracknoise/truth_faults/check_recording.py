@@ -122,8 +122,9 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
         items.append(_unreadable(error))
     trust = sequence_trust(sequence, evidence, items)
     verdict = TruthVerdict.of(trust)
-    if all(item.text not in verdict.text for item in items):
-        items.append(Item("truth", _SEVERITY[verdict.verdict], verdict.text))
+    severity = _SEVERITY[verdict.verdict]
+    if not any(item.severity is severity and item.text in verdict.text for item in items):
+        items.append(Item("truth", severity, verdict.text))
     return SequenceReport(readable(sequence.id.key), tuple(items), verdict, ranges(trust))
 
 
@@ -177,13 +178,13 @@ def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
     named = mistakes(evidence)
     yield named
     yield warping(evidence)
-    if named.severity is not Severity.fatal:  # otherwise a focal length would be fitted to the mistake
+    if named.severity is not Severity.fatal:  # otherwise a focal length and an offset would be fitted to the mistake
         yield focal_length(evidence)
         if (clipped := clipped_depth(evidence)) is not None:
             yield clipped
         if (repeated := repeatability(evidence)) is not None:
             yield repeated
-    yield clock(evidence, sequence.timestamps_s)
+        yield clock(evidence, sequence.timestamps_s)
 
 
 def _unreadable(error: DataError) -> Item:

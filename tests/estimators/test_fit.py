@@ -151,9 +151,9 @@ def test_a_model_of_other_scenes_is_not_replaced_unless_that_is_asked_for(
     other.write(tmp_path / "oracle@1.noise.json")
     code, _, error = tracknoise(*command)
     assert code == 1
-    assert "other scenes of" in error
+    assert "found a model that was fitted to other data (" in error
     assert "expected another folder, or --force" in error
-    assert tn.NoiseModel.read(tmp_path / "oracle@1.noise.json") == other
+    assert tn.NoiseModel.read(tmp_path / "oracle@1.noise.json").sha256 == other.sha256
     for further in (["--force"], []):  # again: of the same scenes
         assert tracknoise(*command, *further)[0] == 0
         assert tn.NoiseModel.read(tmp_path / "oracle@1.noise.json").training.tracker == "oracle"

@@ -171,6 +171,12 @@ def test_positions_in_another_unit_are_no_errors(factor, said):
             "recorded poses have axes of OpenGL (x right, y up, z backward), where the format of the reader has axes "
             "of NED (x forward, y right, z down)",
         ),
+        (
+            NED_AXES,
+            np.array([[0, 0, -1], [1, 0, 0], [0, -1, 0]]),
+            "poses have the axes of OpenGL (x right, y up, z backward), not those of a camera image, once the reader "
+            "has turned axes of NED (x forward, y right, z down) into those",
+        ),
     ],
 )
 def test_axes_are_told_by_what_the_reader_expects_and_what_the_data_have(expected, recorded, said):
@@ -217,8 +223,8 @@ def test_without_depth_a_camera_that_is_said_to_stay_is_compared_with_its_rotati
 
 
 def test_views_without_a_common_part_are_no_path():
-    poses = np.tile(np.eye(4), (12, 1, 1))
-    poses[:, :3, :3] = Rotation.from_rotvec(np.radians(97.0) * np.outer(np.arange(12), [0, 1, 0])).as_matrix()
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    poses[:, :3, :3] = Rotation.from_rotvec(np.radians(97.0) * np.outer(np.arange(FRAMES), [0, 1, 0])).as_matrix()
     item = view_changes(found(poses)[1])
     assert "turn by 97 degrees in the median; the field of view is 6" in item.text
     assert "No tracker can follow: these are probably photos in no order" in item.text

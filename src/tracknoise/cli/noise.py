@@ -363,12 +363,13 @@ def _require_same_data(path: Path, model: "NoiseModel", *, force: bool) -> None:
     from tracknoise.estimators.noise_model import NoiseModel
     from tracknoise.exceptions import SettingsError
     from tracknoise.foreign_files import is_regular_file
+    from tracknoise.text import counted
 
     if force or not is_regular_file(path):
         return
     earlier = NoiseModel.read(path).training
     if (earlier.dataset, earlier.scenes) != (model.training.dataset, model.training.scenes):
-        of = f"a model of {len(earlier.scenes)} other scenes of {earlier.dataset}"
+        of = f"a model that was fitted to other data ({counted(len(earlier.scenes), 'scene')} of {earlier.dataset})"
         raise SettingsError(f"--out {path}: found {of}, expected another folder, or --force")
 
 

@@ -123,9 +123,11 @@ def corrections(data: ReportData) -> str | None:
 
 
 def tables(data: ReportData) -> list[Cells]:
-    """The audit: each parameter alone, and the faults that were found."""
+    """The audit: each parameter alone, and the faults that were found; then what the verdict rests on."""
     shown = data.audit.filter(pl.col("family").is_in(_SHOWN))
-    return [] if shown.is_empty() else [parameter_cells(shown)]
+    found = [] if shown.is_empty() else [parameter_cells(shown)]
+    causes = cause_cells(data.trust)
+    return [*found, causes] if causes.rows else found
 
 
 def _floor(data: ReportData) -> list[str]:

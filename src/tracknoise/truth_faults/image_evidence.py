@@ -263,13 +263,20 @@ def _axes(expected: Axes) -> tuple[list[Hypothesis], list[Hypothesis]]:
 
 def _of_axes(signed: Axes, expected: Axes) -> Hypothesis:
     turn = _turn(expected).T @ _turn(signed)
+    return Hypothesis("axes", _name_of_axes(signed, expected, _signed(turn[:3, :3])), lambda poses: poses @ turn)
+
+
+def _name_of_axes(recorded: Axes, expected: Axes, read: Axes) -> str:
+    """What is wrong with axes. `read`: those that poses have once the reader turned its own into those of the image."""
+    other = f"poses have axes ({_directions(read)}) that are not those of a camera image"
+    name = _KNOWN_AXES.get(read, other)
     if expected == IMAGE_AXES:
-        other = f"poses have axes ({_directions(signed)}) that are not those of a camera image"
-        name = _KNOWN_AXES.get(signed, other)
-    else:
-        found, wanted = (f"axes {_NAMED_AXES.get(one, '')}({_directions(one)})" for one in (signed, expected))
-        name = f"recorded poses have {found}, where the format of the reader has {wanted}"
-    return Hypothesis("axes", name, lambda poses: poses @ turn)
+        return name
+    wanted = f"axes {_NAMED_AXES[expected]}({_directions(expected)})"
+    if recorded in _NAMED_AXES:
+        found = f"axes {_NAMED_AXES[recorded]}({_directions(recorded)})"
+        return f"recorded poses have {found}, where the format of the reader has {wanted}"
+    return f"{name}, once the reader has turned {wanted} into those"
 
 
 def _directions(signed: Axes) -> str:

@@ -214,6 +214,20 @@ def test_without_depth_small_distances_from_epipolar_lines_are_said_and_large_on
     assert "Rotations of the poses, directions of their motion, or the intrinsics are wrong." in wrong.text
 
 
+def test_without_depth_traffic_does_not_convict_the_poses():
+    rng = np.random.default_rng(2)
+
+    def with_traffic(pair):
+        moves = rng.random(len(pair.uv_first)) < 0.6
+        return replace(pair, uv_second=pair.uv_second + moves[:, None] * np.array([3.0, 4.0]))
+
+    seen = flow(depth=False)
+    busy = Flow(*(tuple(map(with_traffic, pairs)) for pairs in (seen.steps, seen.wide)))
+    item = warping(found(EXACT, busy)[0])
+    assert max(item.values["short_residual_px"], item.values["long_residual_px"]) > 1.0
+    assert item.severity is not Severity.fatal
+
+
 def test_without_depth_a_camera_that_is_said_to_stay_is_compared_with_its_rotation():
     turning = EXACT.copy()
     turning[:, :3, 3] = 0.0

@@ -200,8 +200,8 @@ def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
     if row is None:
         return None
     shown = card_number(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
-    note = "standard deviation of one coordinate, corrected for the fit"
     most = at_most(TruthVerdict.of(subject.data.trust))
+    note = f"{'upper bound of the ' if most else ''}standard deviation of one coordinate, corrected for the fit"
     sentence = f"The noise of {subject.tracker} in one coordinate is {most}{with_interval(shown)}."
     return Measure("noise", "px", shown, None, smallest, note, sentence, "findings")
 

@@ -319,7 +319,8 @@ _NOISE_PX = 0.3
 _MOST_EPIPOLAR_PX, _MOST_EPIPOLAR_SHARE, _FEWEST_OFF = 1.0, 0.05, 3
 """Medians of distances from epipolar lines above both, px and relative to the motion, are no errors of the tracking.
 
-They are of at least so many pairs. Points that were not found on the way back to within 0.5 px are left out.
+They are of at least so many pairs. Points that were not found on the way back to within 0.5 px are left out. Three
+quarters of the points have to be off by more than the tracking too.
 """
 _OFF = "Rotations of the poses, directions of their motion, or the intrinsics are wrong."
 _AGREE = (
@@ -349,6 +350,7 @@ def warping(evidence: Evidence) -> Item:
     differs = _depth_disagreement(evidence)
     sentences += [f"Depths of two images differ by {differs:.1%}."] if differs is not None else []
     if not evidence.has_depth:
+        is_off = is_off and _nearest_quarter_px(evidence) > _NOISE_PX
         severity = Severity.fatal if is_off else Severity.ok
     moving = moving_scene(evidence) if severity is not Severity.ok else None
     if not evidence.has_depth and moving is None:
@@ -361,6 +363,20 @@ def warping(evidence: Evidence) -> Item:
     return Item(
         "warping", severity, " ".join(sentences), {**values, "share_of_motion": share, "depth_disagreement": differs}
     )
+
+
+def _nearest_quarter_px(evidence: Evidence) -> float:
+    """Distance from the epipolar line within which a quarter of the points of a median pair are, px.
+
+    Errors of the poses move nearly all points off their lines; traffic moves its own.
+    """
+    relative = [relative_pose(evidence.poses, pair) for pair in evidence.pairs]
+    found = [
+        np.quantile(np.abs(epipolar_px(pair, one, evidence.camera, AS_GIVEN)), 0.25)
+        for pair, one in zip(evidence.pairs, relative, strict=True)
+        if np.isfinite(one).all()
+    ]
+    return float(np.median(found))
 
 
 def _opening(evidence: Evidence) -> str:

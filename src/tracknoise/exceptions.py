@@ -1,6 +1,7 @@
 """Exceptions and warnings of tracknoise. All exceptions have one base class."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -59,18 +60,48 @@ def missing_extra(what: str, extra: str) -> SettingsError:
 
 
 class UnknownNameError(TracknoiseError):
-    """A name (tracker, reader, scene, preset, ...) is unknown."""
+    """A name (tracker, reader, scene, preset, ...) is unknown. `aliases`: known names by others that people use."""
 
-    def __init__(self, kind: str, name: object, known: Iterable[object]) -> None:
+    def __init__(
+        self, kind: str, name: object, known: Iterable[object], aliases: Mapping[str, str] | None = None
+    ) -> None:
         self.kind, self.name, self.known = kind, name, sorted(map(str, known))  # members of enumerations too
-        super().__init__(kind, name, self.known)
+        self.aliases = dict(aliases or {})
+        super().__init__(kind, name, self.known, self.aliases)
 
     def _message(self) -> str:
-        spelt = (self.name, self.name.lower()) if isinstance(self.name, str) else ()
-        close = next(filter(None, (get_close_matches(name, self.known, n=1) for name in spelt)), None)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        found = str(self.name) if spelt else self.name  # a member of an enumeration as its text
+        is_text = isinstance(self.name, str)
+        found = str(self.name) if is_text else self.name  # a member of an enumeration as its text
+        hint = did_you_mean(found, self.known, self.aliases) if isinstance(found, str) else ""
         return f"unknown {self.kind} {found!r}{hint}; known: {', '.join(self.known) or 'none'}"
+
+
+_SHORTEST = 2
+"""A shorter name is the beginning, or the initials, of too many."""
+
+
+def did_you_mean(name: str, known: Iterable[str], aliases: Mapping[str, str] | None = None) -> str:
+    """`` (did you mean 'lucas-kanade'?)`` for ``lucas``, ``lk`` or a misspelling; empty where no name is like it.
+
+    Case does not matter, nor do signs between words. In this order: an alias, what begins with the name, what is
+    spelt much alike, what has these initials, what has a word that begins with it, what the name begins with.
+    """
+    names, spelt = list(known), _plain(name)
+    words = {one: [part for part in re.split(r"[^a-z0-9]+", one.lower()) if part] for one in names}
+    is_long = len(spelt) >= _SHORTEST
+    found = [
+        *filter(None, [(aliases or {}).get(spelt)]),
+        *sorted((one for one in names if is_long and _plain(one).startswith(spelt)), key=len),
+        *(get_close_matches(name, names, n=1) or get_close_matches(name.lower(), names, n=1)),
+        *(one for one in names if is_long and spelt == "".join(part[0] for part in words[one])),
+        *(one for one in names if is_long and any(part.startswith(spelt) for part in words[one])),
+        *(one for one in names if len(_plain(one)) > _SHORTEST and spelt.startswith(_plain(one))),
+    ]
+    return f" (did you mean {found[0]!r}?)" if found else ""
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
 class TrackerError(TracknoiseError):

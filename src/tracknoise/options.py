@@ -5,12 +5,12 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, asdict, fields, is_dataclass
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, NewType, TypeVar, get_args, get_type_hints
 
 from tracknoise.checks import MOST_LEVELS, bounds_of, in_words, likeliest_problem, require_storable
+from tracknoise.exceptions import did_you_mean
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -284,6 +284,4 @@ def _known(settings_type: type, location: tuple[Any, ...], given: Mapping[str, o
     for part in location[:-1]:
         settings_type = _nested(settings_type).get(part, settings_type)
     known = sorted(field.name for field in fields(settings_type) if field.name not in given)
-    close = get_close_matches(str(location[-1]), known, n=1)
-    hint = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"{hint}; known: {', '.join(known) or 'none'}"
+    return f"{did_you_mean(str(location[-1]), known)}; known: {', '.join(known) or 'none'}"

@@ -50,6 +50,8 @@ def test_the_answer_then_the_numbers_are_printed(tracknoise, finished):
     assert lines[0] == "Truth: trusted. The truth is stated to be exact, and the tracks do not contradict it."
     assert lines[2] == "No constant fault of the stated truth was found."
     assert "Corrections of the stated truth" in out
+    shares = out[out.index("What the verdict rests on") :].splitlines()
+    assert [line.split("  ")[0] for line in shares[3:8]] == ["all together", "poses", "any fault", "depths", "stated"]
     assert "[truth.corrections]" not in out
     assert any(line.startswith("alone") and "focal length" in line for line in lines)
 

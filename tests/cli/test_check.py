@@ -7,6 +7,7 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.writers import euroc, kitti_odometry
 
 from tracknoise.experiments.load import load_experiment
@@ -39,8 +40,6 @@ def inverted(recording, folder):
         if part.name != "poses.txt":
             (folder / "walk" / part.name).symlink_to(part)
     rows = np.loadtxt(recording / "walk" / "poses.txt").reshape(16, -1)
-    from scipy.spatial.transform import Rotation
-
     turned = Rotation.from_quat(rows[:, -4:]).inv()
     rows[:, -7:-4] = -turned.apply(rows[:, -7:-4])
     rows[:, -4:] = turned.as_quat()
@@ -80,6 +79,44 @@ def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recor
     assert "poses are inverted" in html
     assert "data:image/png;base64," in html
     assert "http" not in html.replace("http-equiv", "")
+
+
+def table_of(tracknoise, folder):
+    """Exit status, verdict, and the items of the one sequence by topic, as the command prints and writes them."""
+    code, out, _ = tracknoise("check", str(folder), "--json", "--quiet")
+    (sequence,) = json.loads(out)["sequences"]
+    return code, sequence["truth"], {item["topic"]: item for item in sequence["items"]}
+
+
+@pytest.mark.usefixtures("without_clock")
+def test_the_table_has_what_decided_the_verdict(tracknoise, recording, tmp_path):
+    shutil.copytree(recording / "walk", tmp_path / "walk")
+    rows = np.loadtxt(tmp_path / "walk/poses.txt").reshape(16, -1)
+    step_m = np.median(np.linalg.norm(np.diff(rows[:, -7:-4], axis=0), axis=1))
+    rows[:, -7:-4] += np.random.default_rng(1).normal(0.0, step_m, (16, 3))
+    np.savetxt(tmp_path / "walk/poses.txt", rows)
+    severities = {"trusted": "ok", "limited": "caveat", "unknown": "unknown", "not trusted": "fatal"}
+    for folder in (tmp_path, recording):
+        _, truth, items = table_of(tracknoise, folder)
+        deciding = [one for one in items.values() if one["text"] in truth["text"]]
+        assert severities[truth["verdict"]] in {one["severity"] for one in deciding}
+        assert "audit` prints" not in truth["step"], "a check prints no corrections"
+
+
+@pytest.mark.usefixtures("without_clock")
+def test_without_depth_the_verdict_says_how_well_poses_fit_the_images(tracknoise, recording, tmp_path):
+    shutil.copytree(recording / "walk", tmp_path / "walk")
+    shutil.rmtree(tmp_path / "walk/depth")
+    code, truth, items = table_of(tracknoise, tmp_path)
+    assert (code, truth["verdict"], items["truth"]["severity"]) == (4, "unknown", "unknown")
+    assert items["warping"]["text"] in truth["text"]
+    rows = np.loadtxt(tmp_path / "walk/poses.txt").reshape(16, -1)
+    turned = Rotation.from_rotvec(np.random.default_rng(1).normal(0.0, np.radians(2.0), (16, 3)))
+    rows[:, -4:] = (Rotation.from_quat(rows[:, -4:]) * turned).as_quat()
+    np.savetxt(tmp_path / "walk/poses.txt", rows)
+    code, truth, items = table_of(tracknoise, tmp_path)
+    assert (code, truth["verdict"], items["warping"]["severity"]) == (4, "not trusted", "fatal")
+    assert items["warping"]["text"] in truth["text"]
 
 
 @pytest.mark.usefixtures("without_clock")

@@ -17,8 +17,9 @@ import pytest
 from tests.lean import measured_by_command
 
 from tracknoise import processes
+from tracknoise.cli import recording_arguments
 from tracknoise.cli.app import Interruption, main
-from tracknoise.experiments import task
+from tracknoise.experiments import load, task
 from tracknoise.sequences import reader_registry
 
 pytestmark = pytest.mark.usefixtures("pipes_are_files")
@@ -185,8 +186,27 @@ def test_a_panic_that_an_interruption_caused_ends_like_it(signalled, monkeypatch
         panicked(KeyboardInterrupt)
 
     monkeypatch.setattr(reader_registry, "READERS", SimpleNamespace(descriptions=interrupted))
-    text = "tracknoise: error: interrupted; run the same command again to resume\n"
-    assert tracknoise("datasets") == (130, "", text)
+    assert tracknoise("datasets") == (130, "", "tracknoise: error: interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (("run", "x"), "; run the same command again to resume"),
+        (("run", "x", "--fresh"), "; run the same command again without --fresh to resume"),
+        (("tournament", "x"), "; run the same command again to resume"),
+        (("demo",), ""),
+        (("check", "x"), ""),
+        (("init", "x"), ""),
+    ],
+)
+def test_only_commands_that_resume_say_so(command, said, monkeypatch, tracknoise):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(load, "load_experiment", interrupted)
+    monkeypatch.setattr(recording_arguments, "open_recording", interrupted)
+    assert tracknoise(*command) == (130, "", f"tracknoise: error: interrupted{said}\n")
 
 
 def test_another_panic_is_an_internal_error_of_one_line(monkeypatch, tracknoise):

@@ -57,6 +57,21 @@ def test_or_written(tracknoise, file, tmp_path):
     assert all(str(path) in printed for path in out.iterdir())
 
 
+def test_files_of_another_model_are_not_replaced_unless_that_is_asked_for(tracknoise, file, tmp_path):
+    other, out = tmp_path / "other.noise.json", tmp_path / "config"
+    detections().write(other)
+    export = ("noise", "export"), ("--to", "msckf_vio", "-o", str(out))
+    assert tracknoise(*export[0], file, *export[1])[0] == 0
+    written = {path: path.read_text() for path in out.iterdir()}
+    code, _, err = tracknoise(*export[0], str(other), *export[1])
+    assert (code, err.count("\n")) == (1, 1)
+    assert f"--out {out}: found msckf_vio.txt of another model, expected another folder, or --force" in err
+    assert {path: path.read_text() for path in out.iterdir()} == written
+    assert tracknoise(*export[0], file, *export[1])[0] == 0, "the same model"
+    assert tracknoise(*export[0], str(other), *export[1], "--force")[0] == 0
+    assert "other.noise.json sha256" in (out / "msckf_vio.txt").read_text()
+
+
 def test_files_are_named_by_the_estimator_however_it_is_spelled(tracknoise, file, tmp_path):
     code, _, err = tracknoise("noise", "export", file, "--to", "VINS-Mono", "-o", str(tmp_path / "config"))
     assert (code, err) == (0, "")

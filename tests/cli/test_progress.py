@@ -17,7 +17,7 @@ from tracknoise.tables.identity import SequenceId
         (1, 10, 20.0, "3.0/min, 3 min left"),
         (2, 60, 1200.0, "6.0/h, 9 h 40 min left"),
         (1, 3, 7200.0, "0.5/h, 4 h 00 min left"),
-        (10, 10, 20.0, "30.0/min, 0 s left"),
+        (10, 10, 20.0, "30.0/min"),
     ],
 )
 def test_rate_and_time_left(done, to_do, elapsed_s, said):
@@ -86,7 +86,20 @@ def test_without_a_terminal_it_is_said_where_a_run_stands(capsys):
     progress.failed(["d"], "dark")
     clock.now_s = 900
     progress.heartbeat.beat()
-    assert "sequences" not in capsys.readouterr().err
+    assert capsys.readouterr().err.splitlines()[-1] == "5 of 5 sequences done after 15 min; results are being computed"
+
+
+def test_no_time_is_said_to_be_left_while_results_of_all_frames_are_computed(capsys):
+    clock = Clock()
+    progress = RunProgress(Terminal(), clock)
+    progress.planned(["a"], 0)
+    for done in range(1, 31):
+        clock.now_s += 1.0
+        progress.frame("a", done, 30, 0)
+    clock.now_s = 300.0
+    progress.heartbeat.beat()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "0 of 1 sequence done after 5 min; a at frame 30 of 30; results are being computed"
 
 
 def test_names_of_scenes_are_shown_as_they_are_written(capsys):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.estimators.exports.models import lucas_kanade
 from tests.estimators.models import TEXTURE, made
 
 import tracknoise as tn
@@ -141,6 +142,21 @@ def test_commands(planted_run: Path, tmp_path: Path, tracknoise) -> None:
     assert code == 0
     assert "agrees with the covariance" in out
     assert "was fitted to 8 of these scenes" in out
+
+
+def test_a_model_of_other_scenes_is_not_replaced_unless_that_is_asked_for(
+    planted_run: Path, tmp_path: Path, tracknoise
+) -> None:
+    other, command = lucas_kanade(), ("noise", "fit", planted_run, "--speed", "1", "-o", tmp_path)
+    other.write(tmp_path / "oracle@1.noise.json")
+    code, _, error = tracknoise(*command)
+    assert code == 1
+    assert "found a model that was fitted to other data (" in error
+    assert "expected another folder, or --force" in error
+    assert tn.NoiseModel.read(tmp_path / "oracle@1.noise.json").sha256 == other.sha256
+    for further in (["--force"], []):  # again: of the same scenes
+        assert tracknoise(*command, *further)[0] == 0
+        assert tn.NoiseModel.read(tmp_path / "oracle@1.noise.json").training.tracker == "oracle"
 
 
 def test_a_speed_without_a_model_does_not_stop_the_others(

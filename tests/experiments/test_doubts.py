@@ -6,8 +6,10 @@ from functools import cache
 import numpy as np
 import polars as pl
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.lean import without_depths
 from tests.truth_faults.planted import MISTAKES, Planted, scaled_positions
+from tests.truth_faults.test_still import MOVING, K
 
 import tracknoise
 from tracknoise.experiments.doubts import Doubts, depth_edges, doubts
@@ -199,3 +201,22 @@ def test_noise_of_depths_looks_like_edges():
     assert depth_edges(noisy) > 0.7
     assert depth_edges(measured(exact, most=2)) < 0.2
     assert depth_edges(replace(noisy, truth="raycast")) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("errors_deg", "said"),
+    [
+        (0.0, "The unit of the positions is not metres, or the parallax is too small to show depths."),
+        (1.0, "px in the median. Errors of the poses are probably larger than the parallax."),
+    ],
+)
+def test_fitted_points_that_are_too_near_are_told_from_poses_with_errors_above_the_parallax(errors_deg, said):
+    """The camera moves by micrometres for pixels, or by so little that errors of its rotation are larger."""
+    poses = np.tile(np.eye(4), (len(MOVING), 1, 1))
+    poses[:, :2, 3] = 1e-5 * np.outer(np.arange(len(MOVING)), (-2.0, -1.0))
+    errors = np.random.default_rng(2).normal(0.0, np.radians(errors_deg), (len(MOVING), 3))
+    poses[:, :3, :3] = Rotation.from_rotvec(errors).as_matrix()
+    found = measure(Sequence.from_arrays(MOVING, poses, K), LucasKanade(), truth="triangulated")
+    (mistake,) = doubts(found, KINDS).mistakes
+    assert mistake.startswith("The median depth of points that are fitted to the tracks is 0.00")
+    assert mistake.endswith(said)

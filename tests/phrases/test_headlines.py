@@ -161,6 +161,22 @@ def test_the_size_of_untrimmed_errors_leads_with_the_core_and_names_the_weightin
     assert "Core and RMS of a typical scene are geometric means over scenes." in noise["text"]
 
 
+def test_the_error_of_a_single_scene_is_one_number_wherever_it_stands() -> None:
+    """The RMS of a typical scene is raised by 1/(2n) for n features; of one scene there is no typical one."""
+    scale = {**POINT, "trimming": "untrimmed", "n_scenes": 1, "resampled": "blocks"}
+    rows = [
+        {**scale, "weighting": weighting, "statistic": statistic, "coordinate": "u", "value": value}
+        for weighting, statistic, value in (
+            ("geometric", "core", 0.08), ("geometric", "Phi", 1.2**2 * 1.01), ("features", "Phi", 1.2**2),
+        )
+    ]  # fmt: skip
+    text = read(UNTRIMMED, summary=table(SUMMARY, {**SUMMED, **CORES}), intervals=table(INTERVALS, *rows))["noise"][
+        "text"
+    ]
+    assert "Its RMS over all tracks in u is 1.200 px." in text
+    assert "typical scene" not in text
+
+
 def test_the_spread_between_scenes_and_the_next_scene_stand_beside_the_core() -> None:
     scale = {**POINT, "trimming": "untrimmed", "weighting": "geometric", "statistic": "core", "value": 0.08}
     scale |= {"low": 0.04, "high": 0.16, "spread": 0.642, "next_low": 0.02, "next_high": 0.31, "unit": "px"}
@@ -317,6 +333,14 @@ def test_fitted_noise_names_the_scenes_of_the_interval_that_it_shows() -> None:
     assert found.endswith("In brackets: 95 % intervals over 7 scenes.")
 
 
+@pytest.mark.parametrize(("verdict", "most"), [("trusted", ""), ("unknown", "at most "), ("not trusted", "at most ")])
+def test_fitted_noise_has_the_errors_of_a_truth_that_is_not_trusted_in_it(verdict: str, most: str) -> None:
+    row = {"coordinate": "both", "n": 100, "measure": "triangulated", "sigma_px": 26.5, "n_scenes": 1}
+    noise = table(TRIANGULATED_NOISE, {**row, "trimming": "trimmed"})
+    found = read(replace(SCOPE, fitted=True), triangulated_noise=noise, trust=trust(verdict, "It is."))["noise"]["text"]
+    assert f"the noise of lk is {most}26.5 px." in found
+
+
 @pytest.mark.parametrize("verdict", ["limited", "not trusted", "unknown"])
 def test_a_truth_that_is_not_trusted_comes_before_all_else(verdict: str) -> None:
     given = trust(verdict, "Poses explain 40 %.", "Use other poses.")
@@ -409,6 +433,14 @@ def test_a_mean_that_the_errors_of_the_truth_can_cause_is_no_bias() -> None:
     )
     assert "not zero" not in bias["text"]
     assert bias["value"] is None
+
+
+@pytest.mark.parametrize(("floor_px", "withheld"), [(0.41, True), (1.2, True), (12.0, False)])
+def test_a_floor_above_the_whole_error_withholds_no_more_than_that_error_can(floor_px, withheld) -> None:
+    """It is stated too large, by 10 times here: then as much of the mean can be the truth's as the error allows."""
+    summed = {**SUMMED, "floor_mean_u_px": 0.08, "floor_mean_v_px": 0.03, "floor_u_px": floor_px, "floor_v_px": 0.1}
+    text = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=table(SUMMARY, summed))["bias"]["text"]
+    assert ("No bias of lk is claimed" in text) is withheld
 
 
 def corrected(left: float) -> pl.DataFrame:
@@ -510,6 +542,20 @@ def test_growth_says_by_how_much_and_which_parts_are_established() -> None:
     assert growth["value"] == 1.5
 
 
+def test_growth_whose_interval_spans_all_sizes_is_unknown() -> None:
+    row = {"grows": "undecided", "growth_ratio": 2.1, "growth_ratio_low": 5.7e-4, "growth_ratio_high": 4e4}
+    rows = growing({"coordinate": "u", "verdict": "undecided", "why": "there are 2 blocks", **row})
+    text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
+    assert "lk in u: growth is undecided. How it grows is open: there are 2 blocks." in text
+    assert "more than" not in text
+
+
+def test_growth_of_all_errors_is_told_from_components_of_a_noise_model() -> None:
+    rows = [{**row, "trimming": "untrimmed"} for row in growing({"coordinate": "u", "verdict": "drift"})]
+    text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
+    assert "a noise model leaves them out" in text
+
+
 def test_growth_is_not_denied_beside_a_wide_interval() -> None:
     row = {"grows": "undecided", "growth_ratio": 1.05, "growth_ratio_low": 0.9, "growth_ratio_high": 1.2}
     rows = growing({"coordinate": "u", "verdict": "undecided", **row})
@@ -528,6 +574,9 @@ def test_growth_that_the_errors_of_the_truth_can_cause_is_withheld(floor_uu, wit
     given = {"curves": table(CURVES, *curves), "floor": table(FLOOR, *floor)}
     text = read(time_structure=table(TIME_STRUCTURE, *rows), **given)["growth"]["text"]
     assert ("lk in u: the RMS grows" in text) is not withheld
+    too_large = {**SUMMED, "floor_u_px": 10.0, "floor_v_px": 0.1}
+    other = read(time_structure=table(TIME_STRUCTURE, *rows), summary=table(SUMMARY, too_large), **given)["growth"]
+    assert "lk in u: the RMS grows" in other["text"], "a floor above the whole error says less"
     sentence = (
         "No growth of lk in u is claimed: errors of the truth can cause it. At age 10, the error has grown by 0.300 px "
         "in u; these errors can cause 0.315 px."
@@ -648,6 +697,15 @@ def test_outliers_and_lifetimes_have_their_intervals() -> None:
     assert text.startswith(f"{opening} lk: the median is 7 frames")
     assert "7 frames (6 to 9). The restricted mean is 8.50 frames (8 to 9). Until failure it is 12 frames." in text
     assert "which assumes that they would have failed like the others" in text
+
+
+def test_a_mean_lifetime_that_no_track_can_exceed_is_no_number_with_an_interval() -> None:
+    means = {"restricted_mean_lifetime": 20.0, "restricted_mean_until_failure": 20.0}
+    rows = [{**BASE, "statistic": name, "value": 20.0, "low": 20.0, "high": 20.0} for name in means]
+    summed = table(SUMMARY, {**SUMMED, "restricted_to": 20, "median_lifetime": None, **means})
+    text = read(summary=summed, intervals=table(INTERVALS, *rows))["lifetimes"]["text"]
+    assert "No track ends before the horizon of the mean. No track fails before the horizon of the mean." in text
+    assert "(20" not in text
 
 
 def test_a_bound_that_lies_beyond_the_data_is_open() -> None:

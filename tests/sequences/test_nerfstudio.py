@@ -11,7 +11,10 @@ from tests.writers.nerfstudio import write_transforms
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.cameras import Camera, EquidistantCamera
+from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.reader_registry import make_reader, open_sequence
+from tracknoise.sequences.sequence import IMAGE_AXES, OPENGL_AXES, recorded_axes
+from tracknoise.sequences.views import view
 from tracknoise.truth_faults.check_recording import check_reader
 
 NAMES = ["images/frame_1.png", "images/frame_2.png", "images/frame_10.png"]
@@ -67,6 +70,10 @@ def test_what_was_simulated_is_read(tmp_path, simulated, intrinsics):
     found = open_sequence("nerfstudio", tmp_path)
     assert found.id.scene == "scene"
     assert found.camera == simulated.camera
+    assert recorded_axes(found) == OPENGL_AXES
+    assert recorded_axes(view(found, n_frames=2, direction="backward", rotation=0)) == OPENGL_AXES
+    assert recorded_axes(view(found, n_frames=2, direction="forward", rotation=90)) == IMAGE_AXES
+    assert recorded_axes(OtherPoses(found, found.world_from_camera, "a file")) == IMAGE_AXES
     np.testing.assert_allclose(found.world_from_camera, simulated.world_from_camera, atol=1e-12)
     for index in range(3):
         np.testing.assert_array_equal(found.image(index), simulated.image(index))

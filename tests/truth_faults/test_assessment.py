@@ -439,3 +439,19 @@ def test_what_contradicts_a_statement_by_one_tracker_does_so_for_all(is_by_maps:
         curves=pl.DataFrame(rows, schema=dict(AUDIT_CURVES)),
     )
     assert found.verdict == Trust.not_trusted
+
+
+def test_a_check_has_one_tracker_and_prints_no_corrections() -> None:
+    faulty = {"audit": audit(named=(0.4, 0.3, 0.5))}
+    of_run, of_check = verdict(**faulty), verdict(**faulty, is_check=True)
+    assert of_run.text == of_check.text
+    assert "corrections that `tracknoise audit` prints" in of_run.step
+    assert "several trackers (`tracknoise run`)" in of_check.step
+    assert "corrections that" not in of_check.step
+
+
+def test_points_that_are_fitted_leave_the_verdict_open_and_say_how_poses_fit_the_images() -> None:
+    found = verdict(is_fitted=True, of_images="Rotations agree to 0.05 px.", is_check=True)
+    assert found.verdict is Trust.unknown
+    assert found.text.startswith("Rotations agree to 0.05 px. True positions are fitted to the tracks")
+    assert "`tracknoise check` says how well poses fit the images." in verdict(is_fitted=True).step

@@ -66,10 +66,9 @@ class Interruption:
 
     @property
     def text(self) -> str:
-        """Message to the user."""
+        """What happened, for the user."""
         number = signal.Signals(self._number or signal.SIGINT)
-        how = "interrupted" if number is signal.SIGINT else f"ended by {number.name}"
-        return f"{how}; run the same command again to resume"
+        return "interrupted" if number is signal.SIGINT else f"ended by {number.name}"
 
     def record(self) -> None:
         """Take note of a KeyboardInterrupt that no signal caused, as one of Ctrl-C."""
@@ -130,7 +129,7 @@ def main(arguments: list[str] | None = None) -> None:
         interruption.end()
         if interruption:
             status = interruption.status
-            terminal.error(interruption.text)
+            terminal.error("; ".join(filter(None, [interruption.text, terminal.to_resume])))
         status = _finished(terminal, status)
     if arguments is None:
         processes.ignore()  # while the interpreter exits, it would give them their default effect again

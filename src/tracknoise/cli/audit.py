@@ -57,7 +57,7 @@ def audit(
     write_json(context.obj, document, as_json=as_json, file=json_file)
     if not as_json:
         context.obj.result(f"{textwrap.fill(verdict.sentence, WIDTH)}\n")
-        _print(context.obj, found, curves, corrections, accuracy)
+        _print(context.obj, trust, found, curves, corrections, accuracy)
     return 0 if verdict.is_usable else UNUSABLE
 
 
@@ -79,10 +79,15 @@ def _json(
 
 
 def _print(
-    terminal: Terminal, found: "pl.DataFrame", curves: "pl.DataFrame", corrections: str | None, accuracy: str | None
+    terminal: Terminal,
+    trust: "pl.DataFrame",
+    found: "pl.DataFrame",
+    curves: "pl.DataFrame",
+    corrections: str | None,
+    accuracy: str | None,
 ) -> None:
     from tracknoise.cli.text_table import show
-    from tracknoise.report.truth_section import curve_cells, parameter_cells
+    from tracknoise.report.truth_section import cause_cells, curve_cells, parameter_cells
     from tracknoise.truth_faults.audit_summary import audit_sentences
 
     for sentence in audit_sentences(found, every=True):
@@ -94,7 +99,7 @@ def _print(
         terminal.result(
             f"\nThe trackers agree on errors of the poses. To include them in the truth floor, add:\n\n{accuracy}"
         )
-    for cells in (parameter_cells(found), curve_cells(curves)):
+    for cells in (cause_cells(trust), parameter_cells(found), curve_cells(curves)):
         if cells.rows:
             terminal.result("")
             show(terminal.result, cells)

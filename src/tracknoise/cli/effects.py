@@ -34,6 +34,7 @@ def effects(
     from tracknoise.inference.conventions import LEVEL
     from tracknoise.report.effect_files import effect_cells, write_effects
 
+    context.obj.resumes(fresh=fresh)
     options = merged(base_options(), {"motions": [motion], "worlds": scenes, "frames": frames})
     study = Study(options, chosen_effects(None if only is None else parse_names(only)), ages=(age,))
     changes = run_study(

@@ -37,6 +37,9 @@ ForOption = Annotated[
 ]
 
 
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace the files of another model.")]
+
+
 def check(
     context: typer.Context,
     file: Annotated[Path | None, typer.Argument(help="Noise model, as `tracknoise noise fit` writes it.")] = None,
@@ -146,6 +149,7 @@ def export_command(
         Path | None, typer.Option("--tracks", help="Tracks for `--to csv`: a run folder, or a file of tracks.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the files (default: print them).")] = None,
+    force: ForceOption = False,
     accept_truth: AcceptTruthOption = False,
     show_list: Annotated[bool, typer.Option("--list", help="List the estimators.")] = False,
     quiet: QuietOption = False,
@@ -181,12 +185,24 @@ def export_command(
         context.obj.result("\n".join(f"==> {name} <==\n{content}" for name, content in files.items()).rstrip())
         return 0
     require_outputs([("--out", out / name) for name in files], inputs=[file, tracks])
+    _require_same_model(out / f"{name}.txt", model, force=force)
     for name, content in files.items():
         write_atomically(out / name, content.encode())
     whose = "that of the model" if rate is None else "as stated"
     used = "rate: unknown" if exported.rate_hz is None else f"rate: {exported.rate_hz:.6g} Hz, {whose}"
     context.obj.result("\n".join([*(f"written: {(out / name).resolve()}" for name in files), used]))
     return 0
+
+
+def _require_same_model(path: Path, model: "NoiseModel", *, force: bool) -> None:
+    """Refuse to replace the export of another model. `path`: of its text, which every export has."""
+    from tracknoise.estimators.exports import is_of
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.foreign_files import is_regular_file
+
+    if force or not is_regular_file(path) or is_of(path.read_text(encoding="utf-8", errors="replace"), model.sha256):
+        return
+    raise SettingsError(f"--out {path.parent}: found {path.name} of another model, expected another folder, or --force")
 
 
 def _target(focal: float | None, rate: float | None, window: int | None, named: Mapping[str, str | None]) -> "Target":
@@ -291,6 +307,7 @@ def fit(
     window: Annotated[int, typer.Option("--window", min=2, help="Length of the windows that are shown, frames.")] = 11,
     name: ForOption = "filter",
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the models.")] = Path(),
+    force: ForceOption = False,
     accept_truth: AcceptTruthOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
@@ -334,6 +351,7 @@ def fit(
             failed.append(error)
             context.obj.warn(f"{label} at speed {played} has no model: {error}")
             continue
+        _require_same_data(path, model, force=force)
         model.write(path)
         _tell(context, model_sentences(model, about))
         _show(context, model, window)
@@ -341,6 +359,21 @@ def fit(
     if len(failed) == len(wanted):
         raise failed[-1]
     return 0
+
+
+def _require_same_data(path: Path, model: "NoiseModel", *, force: bool) -> None:
+    """Refuse to replace a model that was fitted to other scenes."""
+    from tracknoise.estimators.noise_model import NoiseModel
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.foreign_files import is_regular_file
+    from tracknoise.text import counted
+
+    if force or not is_regular_file(path):
+        return
+    earlier = NoiseModel.read(path).training
+    if (earlier.dataset, earlier.scenes) != (model.training.dataset, model.training.scenes):
+        of = f"a model that was fitted to other data ({counted(len(earlier.scenes), 'scene')} of {earlier.dataset})"
+        raise SettingsError(f"--out {path}: found {of}, expected another folder, or --force")
 
 
 def _why_anew(kept: "RunModels", speed: int, scenes: list[str] | None) -> str:

@@ -32,6 +32,10 @@ SILENCE_S = 10.0
 """Shortest time between two status lines, seconds. They are printed only where there are no bars."""
 
 
+_COMPUTED = "results are being computed"
+"""Said once nothing is left to measure: how long the rest takes is not known."""
+
+
 class Pace:
     """Rate of a run since its start, and the time left at that rate."""
 
@@ -47,8 +51,7 @@ class Pace:
         elapsed_s = self._clock() - self._started
         if not self._done or not elapsed_s:
             return ""
-        rate, left_s = self._done / elapsed_s, (self._to_do - self._done) * elapsed_s / self._done
-        return f"{_rate(rate)}, {_duration(left_s)} left"
+        return f"{_rate(self._done / elapsed_s)}{_left((self._to_do - self._done) * elapsed_s / self._done)}"
 
 
 class FramePace:
@@ -93,8 +96,8 @@ class FramePace:
         elapsed_s = 0.0 if self._started is None else self._clock() - self._started
         if not self._done or not self._measured or not elapsed_s:
             return ""
-        rate = self._measured / elapsed_s
-        return f"{rate:.1f} frames/s, {_duration((self.total - self.done) / rate)} left"
+        rate, left = self._measured / elapsed_s, self.total - self.done
+        return f"{rate:.1f} frames/s{_left(left / rate)}" if left else _COMPUTED
 
 
 class Heartbeat:
@@ -212,17 +215,20 @@ class RunProgress:
         self._done += 1
         self._pace.advance()
         if self._all is not None:
-            self._bars.update(self._all, completed=self._done, pace=str(self._pace))
+            pace = _COMPUTED if self._done == self._total else str(self._pace)
+            self._bars.update(self._all, completed=self._done, pace=pace)
 
     def _position(self) -> str:
         of_all = f"{self._done} of {self._total}"
         return f"{of_all}; {self._pace}" if self._done < self._total else of_all
 
     def _status(self, elapsed_s: float) -> str:
-        """Status line while sequences are measured; empty before and after."""
-        if self._done == self._total:
+        """Status line while sequences are measured, and while the results of all are computed; empty before."""
+        if not self._total:
             return ""
         of_all = f"{self._done} of {counted(self._total, 'sequence')} done after {_duration(elapsed_s)}"
+        if self._done == self._total:
+            return f"{of_all}; {_COMPUTED}"
         found = self._of_frames
         at = f"{printable(found.name)} at frame {found.done} of {found.total}" if found.total else ""
         return "; ".join(filter(None, [of_all, str(self._pace), at, str(found)]))
@@ -241,6 +247,11 @@ def _rate(per_second: float) -> str:
     units = {"s": 1, "min": 60, "h": 3600}
     unit = next((name for name, seconds in units.items() if per_second * seconds >= 1), "h")
     return f"{per_second * units[unit]:.1f}/{unit}"
+
+
+def _left(seconds: float) -> str:
+    """Time left to measure, after a comma; empty where nothing is left."""
+    return f", {_duration(max(seconds, 1.0))} left" if seconds > 0.0 else ""
 
 
 def _duration(seconds: float) -> str:

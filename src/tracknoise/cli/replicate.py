@@ -60,6 +60,7 @@ def replicate(
     from tracknoise.tables.files import require_no_links
 
     require_no_links(out)
+    context.obj.resumes(fresh=fresh)
     found = candidates(data or [])
     for candidate in found:
         context.obj.say(f"{candidate.preset}: {candidate.found}")

@@ -86,6 +86,7 @@ def run(
     from tracknoise.tables.store import RunFolder
     from tracknoise.truth_faults.check_change import CHECK_JSON, read_check
 
+    context.obj.resumes(fresh=fresh)
     checked = None if check is None else read_check(check)
     options = {} if models is None else {"models": str(models.resolve())}
     loaded = load_experiment(

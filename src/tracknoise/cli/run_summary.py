@@ -11,6 +11,7 @@ from tracknoise.cli.terminal import Terminal, wrapped
 from tracknoise.cli.text_table import aligned, show
 from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.sentences import by_statement, together
+from tracknoise.phrases.truth_topic import at_most
 from tracknoise.report.answer import accuracy
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.ranking_table import ranking_table
@@ -179,7 +180,8 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
     Where true positions are fitted to the tracks, their noise, because errors about fitted points are smaller.
     """
     if data.truth_is_fitted:
-        return list(_NOISE)
+        bound = f"noise {at_most(TruthVerdict.of(data.trust))}by"
+        return [(heading.replace("noise by", bound), name, form) for heading, name, form in _NOISE]
     shown = [
         (
             heading.replace("{axis}", axis).replace("{tracks}", _TRACKS_OF[data.trimming]),

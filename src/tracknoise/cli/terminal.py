@@ -39,11 +39,18 @@ class Terminal:
         Show tracebacks.
     quiet
         Print nothing on stderr but errors and warnings.
+    to_resume
+        How a command that was interrupted is resumed; empty where it would start over.
     """
 
     def __init__(self) -> None:
         self.debug = False
         self.quiet = False
+        self.to_resume = ""
+
+    def resumes(self, *, fresh: bool) -> None:
+        """Say that the command resumes what it began. `fresh`: with --fresh, which would delete that."""
+        self.to_resume = f"run the same command again{' without --fresh' if fresh else ''} to resume"
 
     def result(self, text: str, *, coloured: str = "", colour: str = "") -> None:
         """Print a result. In a terminal, the first `coloured` in it has a colour, unless NO_COLOR is set."""

@@ -50,6 +50,7 @@ def tournament(
     from tracknoise.tables.costs import write_costs
     from tracknoise.tables.store import RunFolder
 
+    context.obj.resumes(fresh=fresh)
     own = load_experiment(experiment, root=data)
     named = entrants(own) if trackers is None else parse_names(trackers)
     loaded = load_experiment(

@@ -375,12 +375,21 @@ _TRACK = "track_covariance."
 """In templates that include the covariance of a track, with all components."""
 
 
+def is_of(text: str, sha256: str) -> bool:
+    """Whether a file that an export wrote, with its `header`, is of the model of this checksum."""
+    return _hash_text(sha256) in text
+
+
+def _hash_text(sha256: str) -> str:
+    return f"sha256 {sha256[:_DIGITS_OF_HASH]}"
+
+
 def header(noise: Noise, source: str, sha256: str) -> str:
     """Write the first line of a file: tool, model, tracker, and what is right. It can stand in a comment."""
     training = noise.model.training
     parts = [
         f"tracknoise {version('tracknoise')}",
-        f"{source} sha256 {sha256[:_DIGITS_OF_HASH]}",
+        f"{source} {_hash_text(sha256)}",
         f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
         *([] if "rate" not in noise.about.needs else [f"{noise.model.camera.rate_hz:.6g} frames per second"]),
         makes_right(noise),

@@ -14,13 +14,19 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
-from tracknoise.sequences.sequence import Sequence, TruthKind, z_depth_from
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, recorded_axes, z_depth_from
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity
 from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth, edge_share, sampled_depths
 from tracknoise.truth_faults.image_evidence import FEWEST_POINTS, Evidence, Flow, Pair, seen_by_one_camera
 from tracknoise.truth_faults.motion_checks import mistakes
-from tracknoise.truth_faults.recording_checks import intrinsics, pose_jumps, repeated_frames, timestamps
+from tracknoise.truth_faults.recording_checks import (
+    intrinsics,
+    pose_jumps,
+    repeated_frames,
+    timestamps,
+    view_changes,
+)
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -66,12 +72,9 @@ def depth_edges(measurement: "Measurement") -> float:
 
 def _of_poses(sequence: Sequence) -> list[Item]:
     """Topics that need times, poses and intrinsics alone."""
-    return [
-        timestamps(sequence),
-        pose_jumps(sequence),
-        intrinsics(sequence),
-        *filter(None, [repeated_frames(sequence)]),
-    ]
+    changes, repeated = view_changes(sequence), repeated_frames(sequence)
+    found = [timestamps(sequence), changes, pose_jumps(sequence), intrinsics(sequence), repeated]
+    return [item for item in found if item is not None]
 
 
 def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> Doubts:
@@ -97,7 +100,7 @@ def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Ite
     pairs = tuple(_pairs(observed, _depths_at_birth(measurement, observed) if born else {}))
     poses = sequence.world_from_camera[: measurement.n_frames]
     seen = seen_by_one_camera(Flow(pairs, ()), sequence)
-    evidence = Evidence.of(seen, poses, sequence.camera, z_depth_from(sequence))
+    evidence = Evidence.of(seen, poses, sequence.camera, z_depth_from(sequence), recorded_axes(sequence))
     named = mistakes(evidence)
     clipped = clipped_depth(evidence) if named.severity is not Severity.fatal else None
     return [named, *filter(None, [clipped])]
@@ -168,6 +171,17 @@ def _rivals(observed: pl.DataFrame, young: pl.DataFrame) -> Iterator[str]:
 def _of_depths(measurement: "Measurement") -> Iterator[str]:
     """A median depth of features that cannot be in metres."""
     depths_m: NDArray[np.float64] = measurement.tracks["depth_m"].drop_nulls().to_numpy()
-    if len(depths_m) and not NEAREST_M <= float(np.median(depths_m)) <= FARTHEST_M:
-        median = significant(float(np.median(depths_m)), 3)
+    if not len(depths_m) or NEAREST_M <= float(np.median(depths_m)) <= FARTHEST_M:
+        return
+    median = significant(float(np.median(depths_m)), 3)
+    if measurement.truth != TRIANGULATED:
         yield f"The median depth of features is {median} m. The unit is probably not metres."
+        return
+    missed = measurement.observations.select(pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).drop_nulls().to_series()
+    missed_px = float(np.sqrt(np.median(missed.to_numpy()))) if len(missed) else 0.0
+    fitted = f"The median depth of points that are fitted to the tracks is {median} m"
+    if missed_px > _LEAST_ERROR_PX:
+        missing = f"these points miss the tracks by {significant(missed_px, 2)} px in the median"
+        yield f"{fitted}, and {missing}. Errors of the poses are probably larger than the parallax."
+    else:
+        yield f"{fitted}. The unit of the positions is not metres, or the parallax is too small to show depths."

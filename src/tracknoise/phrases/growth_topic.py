@@ -22,7 +22,7 @@ from tracknoise.phrases.measures import (
 from tracknoise.phrases.run_data import RunData
 from tracknoise.phrases.sentences import because, joined
 from tracknoise.phrases.withheld import audited_rise, growth_cover, withheld_growth
-from tracknoise.tables.enumerations import Axis, Behaviour, Verdict
+from tracknoise.tables.enumerations import Axis, Behaviour, Trimming, Verdict
 from tracknoise.words import count, coverage_sentence, format_estimate, listing, ratio, sentence_case
 
 _PARTS: Mapping[str, tuple[str, str]] = {
@@ -46,6 +46,9 @@ _CHANGES: Mapping[Verdict, str] = {
     Verdict.no: "the RMS does not grow; it becomes {} as large",
     Verdict.undecided: "growth of the RMS is open; it becomes {} as large",
 }
+_MOST_SPAN = 1000.0
+"""A ratio whose interval spans more, from a fall to a rise, is unknown."""
+_BESIDE_MODELS = " Outliers count; a noise model leaves them out, so that its walk and drift can be far smaller."
 _KNOWN = (Behaviour.white, Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 
 
@@ -54,12 +57,13 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     rows = conditions.reported(tables["time_structure"]).filter(trimming=conditions.trimmings[0])
     ages = [_from_to(conditions, row) for row in rows.drop_nulls("growth_ratio").to_dicts()]
     shared = f" Growth is {ages[0]}." if len(set(ages)) == 1 else ""
+    beside = _BESIDE_MODELS if conditions.trimmings[0] == Trimming.untrimmed else ""
     errors = f"{trimmed_word(conditions)}errors of the same tracks"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _growth_of(tables, conditions, tracker, names_ages=not shared),
         opening=f"Growth of {errors} {conditions.where(tables['summary'])}.{shared}",
-        closing="Scenes count alike. Growth by less than the margin counts as none.",
+        closing=f"Scenes count alike. Growth by less than the margin counts as none.{beside}",
         topic="growth",
         figure="time-structure",
         table="time_structure",
@@ -113,9 +117,14 @@ def _parts(row: Mapping[str, Any]) -> dict[str, Estimate]:
 
 
 def growth_ratio(row: Mapping[str, Any]) -> Estimate | None:
-    """RMS at the last age that is compared over that at the first, by a row of `TIME_STRUCTURE`; None where unknown."""
+    """RMS at the last age that is compared over that at the first, by a row of `TIME_STRUCTURE`; None where unknown.
+
+    Unknown it is too where the interval spans three orders of magnitude, from a fall to a rise.
+    """
     found = Estimate.of_row(row, "growth_ratio", "growth_ratio_low", "growth_ratio_high")
-    return None if found.value is None else found
+    low, high = found.low, found.high
+    is_open = low is not None and high is not None and low < _NO_GROWTH < high and low * _MOST_SPAN < high
+    return None if found.value is None or is_open else found
 
 
 def _grows(row: Mapping[str, Any]) -> Verdict:
@@ -148,7 +157,8 @@ def growth_verdict(data: RunData, conditions: ReportedConditions, row: Mapping[s
     verdict = _grows(row)
     if verdict != Verdict.yes or at is None:
         return verdict
-    tables = {"curves": data.curves, "floor": data.floor, "audit_curves": data.audit_curves}
+    names = ("curves", "floor", "audit_curves", "summary")
+    tables = {name: getattr(data, name) for name in names}
     where = tables, conditions, row["tracker"], row["coordinate"], at
     cover = growth_cover(*where)
     is_covered = (cover is not None and cover.is_covered) or audited_rise(*where) is not None

@@ -22,9 +22,10 @@ from tracknoise.phrases.headline import (
 )
 from tracknoise.phrases.measures import POOLED_WORDS, Subject, card_number, first, short, trimmed_word, with_interval
 from tracknoise.phrases.sentences import each_axis, joined
-from tracknoise.phrases.truth_topic import fitted_measure
+from tracknoise.phrases.truth_topic import at_most, fitted_measure
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent
 
 _SECTION = "error-by-tracker"
@@ -40,11 +41,20 @@ def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
     """Core and root mean square of all tracks, and the share of far errors."""
     closing = (
         "The core is the sigma of the Gaussian with the same median error. Of the errors of a Gaussian, "
-        f"0.3{SPACE}% exceed three cores. Core and {RMS_OF_SCENE} are geometric means over "
-        f"scenes.{_population(conditions)}"
+        f"0.3{SPACE}% exceed three cores.{'' if _is_one_scene(tables, conditions) else _OVER_SCENES}"
+        f"{_population(conditions)}"
         f"{_brackets(tables, conditions, Weighting.geometric)}"
     )
     return _of_trackers(tables, conditions, _robust_of, "of all tracks", closing)
+
+
+_OVER_SCENES = f" Core and {RMS_OF_SCENE} are geometric means over scenes."
+
+
+def _is_one_scene(tables: RunTables, conditions: ReportedConditions) -> bool:
+    """Whether errors are of one scene: its RMS is that of all tracks, and no typical one, which n features raise."""
+    scenes = conditions.reported(tables["intervals"]).filter(weighting=Weighting.geometric)["n_scenes"]
+    return scenes.drop_nulls().unique().to_list() == [1]
 
 
 def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
@@ -61,7 +71,8 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
         for axis in "uv"
     ]
     sentences = list(_cores(intervals, conditions, row["at"], tracker, cores))
-    which, roots = (RMS_OF_SCENE, lengths) if all(lengths) else (conditions.rms, [*pooled.values()])
+    is_typical = all(lengths) and not _is_one_scene(tables, conditions)
+    which, roots = (RMS_OF_SCENE, lengths) if is_typical else (conditions.rms, [*pooled.values()])
     sentences += each_axis([format_estimate(one) for one in roots if one is not None], f"Its {which} in u is")
     sentences += [*_beyond(row, conditions.trimming), *_grid(tables, conditions, tracker)]
     return Part(" ".join(sentences), [one for one in (*cores.values(), *roots) if one is not None])
@@ -234,5 +245,6 @@ def size_measure(subject: Subject, smallest: Answer | None, *, shown: tuple[str,
         sentence = f"The error of {subject.tracker} is {missing}."
         return Measure("error", "px", number, None, smallest, f"{what} in {axis} {missing}", sentence, _SECTION)
     note = f"{what} in {axis} {place}; in {rest} {other.text}"
-    sentence = f"The {what} of {subject.tracker} in {axis} is {with_interval(number)}."
+    most = at_most(TruthVerdict.of(subject.data.trust))
+    sentence = f"The {what} of {subject.tracker} in {axis} is {most}{with_interval(number)}."
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)

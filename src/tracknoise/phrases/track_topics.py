@@ -1,5 +1,9 @@
 """Outliers and lifetimes of tracks."""
 
+import math
+from collections.abc import Mapping
+from typing import Any
+
 import polars as pl
 
 from tracknoise.phrases.answer_summary import Answer, Measure
@@ -23,6 +27,11 @@ _LIFETIMES = {
     "restricted_mean_until_failure": "Until failure it is {}.",
 }
 """Lifetimes that are reported, and their sentences after that of the median."""
+_ALL_LIVE = {
+    "restricted_mean_lifetime": "No track ends before the horizon of the mean.",
+    "restricted_mean_until_failure": "No track fails before the horizon of the mean.",
+}
+"""Sentences where the mean is the number of frames to which it is restricted, which no bound can exceed."""
 _FAILURE = (
     "A failure is a lost track or an outlier. Masked and displaced tracks then count as censored, which assumes that "
     "they would have failed like the others."
@@ -98,9 +107,18 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     scenes = scalar_scenes(intervals, "restricted_mean_lifetime", of="Of the restricted mean")
     texts = [
         f"{tracker}: the median is {median}.",
-        *(text.format(known[name]) for name, text in _LIFETIMES.items() if name in known),
+        *(
+            _ALL_LIVE[name] if _is_longest(row, name) else text.format(known[name])
+            for name, text in _LIFETIMES.items()
+            if name in known and text
+        ),
     ]
     return Part(" ".join(filter(None, [*texts, scenes])), [*found.values()])
+
+
+def _is_longest(row: Mapping[str, Any], name: str) -> bool:
+    """Whether a mean is the number of frames to which it is restricted: no track ended, or failed, before."""
+    return name in _ALL_LIVE and math.isclose(row[name], row["restricted_to"])
 
 
 def _value(rows: pl.DataFrame, column: str) -> float | None:

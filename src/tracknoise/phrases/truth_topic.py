@@ -147,7 +147,7 @@ def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     brackets = in_brackets(conditions.reported(known))
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(conditions.of(known, tracker), tracker),
+        lambda tracker: _noise_of(conditions.of(known, tracker), tracker, at_most(TruthVerdict.of(tables["trust"]))),
         opening=f"Noise of one coordinate {conditions.where(tables['summary'])}, as standard deviation.",
         closing=f"A track of N observations has 2 N - 3 degrees of freedom, which the noise allows for.{brackets}",
         topic="noise",
@@ -156,14 +156,19 @@ def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     )
 
 
-def _noise_of(table: pl.DataFrame, tracker: str) -> Part | None:
+def at_most(truth: TruthVerdict) -> str:
+    """What stands before a size of errors: where the truth cannot be trusted, its own are in it."""
+    return "" if truth.is_usable else "at most "
+
+
+def _noise_of(table: pl.DataFrame, tracker: str, most: str) -> Part | None:
     sentences: list[str] = []
     estimates: list[Estimate] = []
     for measure, source in _MEASURES.items():
         for row in table.filter(measure=measure).to_dicts():
             estimates.append(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
             of = " it is" if sentences else f", the noise of {tracker} is"
-            sentences.append(f"{source}{of} {format_estimate(estimates[-1])}.")
+            sentences.append(f"{source}{of} {most}{format_estimate(estimates[-1])}.")
     return Part(" ".join(sentences), estimates) if sentences else None
 
 
@@ -195,8 +200,9 @@ def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
     if row is None:
         return None
     shown = card_number(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
-    note = "standard deviation of one coordinate, corrected for the fit"
-    sentence = f"The noise of {subject.tracker} in one coordinate is {with_interval(shown)}."
+    most = at_most(TruthVerdict.of(subject.data.trust))
+    note = f"{'upper bound of the ' if most else ''}standard deviation of one coordinate, corrected for the fit"
+    sentence = f"The noise of {subject.tracker} in one coordinate is {most}{with_interval(shown)}."
     return Measure("noise", "px", shown, None, smallest, note, sentence, "findings")
 
 

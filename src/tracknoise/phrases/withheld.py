@@ -1,4 +1,7 @@
-"""Findings that are withheld, because the errors of the truth can explain what was measured."""
+"""Findings that are withheld, because the errors of the truth can explain what was measured.
+
+Where the truth floor is above the whole error, it is stated too large: as much of it counts as the whole error has.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,9 +18,10 @@ from tracknoise.analysis.truth_shares import (
     covered_by_floor,
 )
 from tracknoise.phrases.headline import ReportedConditions, RunTables
+from tracknoise.phrases.measures import first
 from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.definitions import NAMES
-from tracknoise.tables.enumerations import FloorSource, Weighting
+from tracknoise.tables.enumerations import FloorSource, Trimming, Weighting
 from tracknoise.words import listing, px, sentence_case
 
 
@@ -31,7 +35,22 @@ def bias_covers(summary: Mapping[str, Any], means: Mapping[str, Any]) -> dict[st
     means
         Row of the means there, with mean_u_px and mean_v_px.
     """
-    return {axis: cover_of_mean(means[f"mean_{axis}_px"], summary[f"floor_mean_{axis}_px"]) for axis in "uv"}
+    return {
+        axis: cover_of_mean(
+            means[f"mean_{axis}_px"], _times(summary[f"floor_mean_{axis}_px"], _largest_floor(summary, axis))
+        )
+        for axis in "uv"
+    }
+
+
+def _times(size: float | None, factor: float) -> float | None:
+    return None if size is None else factor * size
+
+
+def _largest_floor(summary: Mapping[str, Any], axis: str, trimming: str = Trimming.untrimmed) -> float:
+    """The whole error relative to the floor, at most 1: errors of the truth are no larger than the whole error."""
+    floor, error = summary[f"floor_{axis}_px"], summary[f"{trimming}_rms_{axis}_px"]
+    return 1.0 if not floor or error is None else min(error / floor, 1.0)
 
 
 def withheld_bias(tracker: str, place: str, covers: Mapping[str, FloorCover | None]) -> str | None:
@@ -103,7 +122,7 @@ def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
     `summary`: row of a condition, schema `SUMMARY`.
     """
     pairs = {axis: (summary[f"floor_{axis}_px"], summary[f"{trimming}_rms_{axis}_px"]) for axis in "uv"}
-    larger = {axis: pair for axis, pair in pairs.items() if None not in pair and pair[0] > pair[1]}
+    larger = {axis: pair for axis, pair in pairs.items() if _largest_floor(summary, axis, trimming) < 1.0}
     if not larger:
         return ""
     claim = f"Errors of the truth are smaller than stated: the floor is above the whole error of {summary['tracker']}."
@@ -138,10 +157,10 @@ def growth_cover(
         axis=axis,
     )
     floor = conditions.of(tables["floor"], tracker).filter(source=FloorSource.all, axis=axis)
-    grown = [
-        _rise(table, value, at) for table, value in ((second, coordinate), (floor, f"floor_{coordinate}{coordinate}"))
-    ]
-    return cover_of_second(*grown)
+    summary = first(conditions.of(tables["summary"], tracker)) or {}
+    largest = _largest_floor(summary, coordinate, conditions.trimmings[0]) if summary else 1.0
+    of_floor = _rise(floor, f"floor_{coordinate}{coordinate}", at)
+    return cover_of_second(_rise(second, coordinate, at), _times(of_floor, largest**2))
 
 
 def _rise(table: pl.DataFrame, column: str, at: int) -> float | None:

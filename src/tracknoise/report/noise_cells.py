@@ -57,7 +57,8 @@ def component_cells(model: NoiseModel) -> Cells:
     for one in COMPONENTS:
         part = getattr(model, one.name)
         rows.append([one.title, *interval_cells(part.sigma), one.unit, part.why_dropped or ""])
-    return Cells("Components", ["component", "sigma", "low", "high", "unit", "dropped because"], rows, _NUMERIC)
+    described = f"Components, of the {_percent(1.0 - model.outlier_share)} of the observations that are no outliers"
+    return Cells(described, ["component", "sigma", "low", "high", "unit", "dropped because"], rows, _NUMERIC)
 
 
 _NUMERIC = (False, True, True, True, False, False)

@@ -13,6 +13,7 @@ from tracknoise.phrases.bands import Axis
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.enumerations import TruthCause
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml
 from tracknoise.truth_faults.check_change import truth_change
@@ -29,6 +30,11 @@ _FAMILIES = {
 _CAPTION = (
     "Corrections of the stated truth, fitted to the errors of all trackers. Explained: share of the second moment that "
     "a correction removes from data that took no part in its fit."
+)
+
+
+_CAUSES = (
+    "What the verdict rests on: shares of the squared errors of each tracker that causes in the truth may explain."
 )
 
 
@@ -50,6 +56,22 @@ def parameter_cells(audit: pl.DataFrame) -> Cells:
     ]
     numeric = [False, False, True, True, True, True, False, True, True, False]
     return Cells(_CAPTION + _resampled(audit), headings, rows, numeric)
+
+
+def cause_cells(trust: pl.DataFrame) -> Cells:
+    """What the verdict rests on: shares of the squared errors by cause, and what is established."""
+    headings = ["cause", "tracker", "explains", "low", "high", "at most (px)", "what is established"]
+    rows = [
+        [
+            "all together" if row["cause"] == TruthCause.every else row["cause"].replace("_", " "),
+            row["tracker"] or DASH,
+            *(DASH if row[name] is None else percent(row[name]) for name in ("share", "low", "high")),
+            DASH if row["bound_px"] is None else pixels(row["bound_px"]),
+            row["text"] or "",
+        ]
+        for row in trust.filter(pl.col("verdict").is_null()).iter_rows(named=True)
+    ]
+    return Cells(_CAUSES, headings, rows, [False, False, True, True, True, True, False])
 
 
 def curve_cells(curves: pl.DataFrame) -> Cells:
@@ -101,9 +123,11 @@ def corrections(data: ReportData) -> str | None:
 
 
 def tables(data: ReportData) -> list[Cells]:
-    """The audit: each parameter alone, and the faults that were found."""
+    """The audit: each parameter alone, and the faults that were found; then what the verdict rests on."""
     shown = data.audit.filter(pl.col("family").is_in(_SHOWN))
-    return [] if shown.is_empty() else [parameter_cells(shown)]
+    found = [] if shown.is_empty() else [parameter_cells(shown)]
+    causes = cause_cells(data.trust)
+    return [*found, causes] if causes.rows else found
 
 
 def _floor(data: ReportData) -> list[str]:

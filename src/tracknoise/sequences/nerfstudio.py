@@ -36,6 +36,7 @@ from tracknoise.sequences.recorded import (
     folders_of,
 )
 from tracknoise.sequences.scenes import SceneReader, find_scenes, parent_of
+from tracknoise.sequences.sequence import OPENGL_AXES
 from tracknoise.tables.identity import SequenceId
 
 CORNER_PX = 0.5
@@ -222,6 +223,7 @@ class Nerfstudio(SceneReader):
             caveats=missing,
             cameras=cameras if len(set(cameras)) > 1 else None,
             group=parent_of(sequence.scene),
+            recorded_axes=OPENGL_AXES,
         )
 
     def _of_one_folder(self, place: str | Path, frames: list[_Frame]) -> list[_Frame]:

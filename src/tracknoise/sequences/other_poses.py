@@ -11,7 +11,16 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert, nearest, transform
 from tracknoise.sequences.poses import read_rows, require_some_poses
-from tracknoise.sequences.sequence import Scan, SecondCamera, Sequence, path_of, second_of, times_of
+from tracknoise.sequences.sequence import (
+    IMAGE_AXES,
+    Axes,
+    Scan,
+    SecondCamera,
+    Sequence,
+    path_of,
+    second_of,
+    times_of,
+)
 from tracknoise.sequences.time_units import require_seconds
 from tracknoise.sequences.timed_poses import poses_at, trajectory
 from tracknoise.sequences.views import View
@@ -44,6 +53,11 @@ class OtherPoses(View):
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64: the other poses."""
         return self.poses
+
+    @property
+    def recorded_axes(self) -> Axes:
+        """Those of the image: the other poses did not pass the reader of the sequence shown."""
+        return IMAGE_AXES
 
     @property
     def pose_accuracy(self) -> None:

@@ -17,7 +17,15 @@ from tracknoise.sequences.images import Levels, read_gray
 from tracknoise.sequences.orientation import orientation_notes
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.scenes import with_option
-from tracknoise.sequences.sequence import TRIANGULATED, SecondCamera, TruthKind, facts_of, require_directory
+from tracknoise.sequences.sequence import (
+    IMAGE_AXES,
+    TRIANGULATED,
+    Axes,
+    SecondCamera,
+    TruthKind,
+    facts_of,
+    require_directory,
+)
 from tracknoise.sequences.time_units import SHORTEST_S, require_likely_times, require_seconds
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.text import counted, counted_of, html_card, one_line
@@ -69,6 +77,8 @@ class RecordedSequence:
         How images are read out; None where all rows of an image are exposed together. It needs timestamps.
     path
         Camera poses at other times than those of frames, on the clock of the timestamps; None where there are none.
+    recorded_axes
+        Axes of the camera in the poses that were read, before they were turned into those of the image.
     z_depth_from
         What depths were computed from, along z; None where they are read from files, or there are none.
 
@@ -99,6 +109,7 @@ class RecordedSequence:
     second: SecondCamera | None = None
     shutter: RollingShutter | None = None
     path: PosePath | None = None
+    recorded_axes: Axes = IMAGE_AXES
     z_depth_from: str | None = None
 
     def __post_init__(self) -> None:

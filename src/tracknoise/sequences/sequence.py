@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,6 +183,13 @@ class SecondCamera:
     images: Callable[[int], NDArray[np.uint8] | None]
 
 
+Axes: TypeAlias = tuple[int, int, int]
+"""For x, y and z of poses: which axis of the image it is (1 right, 2 down, 3 forward), negative if opposite."""
+IMAGE_AXES: Axes = (1, 2, 3)
+OPENGL_AXES: Axes = (1, -2, -3)
+NED_AXES: Axes = (3, 1, 2)
+
+
 class FurtherFacts(Protocol):
     """What a `Sequence` may state besides. Any of these may be missing; the functions below read them."""
 
@@ -235,6 +242,11 @@ class FurtherFacts(Protocol):
     @property
     def second(self) -> SecondCamera | None:
         """A second camera, from which `tracknoise.sequences.stereo` computes depth."""
+        ...
+
+    @property
+    def recorded_axes(self) -> Axes:
+        """Axes of the camera in recorded poses, which the reader turned into those of the image."""
         ...
 
     @property
@@ -320,6 +332,12 @@ def second_of(sequence: Sequence) -> SecondCamera | None:
     """The second camera of a sequence; None where there is none."""
     second: SecondCamera | None = getattr(sequence, "second", None)
     return second
+
+
+def recorded_axes(sequence: Sequence) -> Axes:
+    """Axes of the camera that the reader of a sequence expects in its poses; those of the image if it states none."""
+    axes: Axes = getattr(sequence, "recorded_axes", IMAGE_AXES)
+    return axes
 
 
 def z_depth_from(sequence: Sequence) -> str | None:

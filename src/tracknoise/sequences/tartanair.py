@@ -25,6 +25,7 @@ from tracknoise.sequences.images import first_readable, image_size, read_depth_n
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
+from tracknoise.sequences.sequence import NED_AXES
 from tracknoise.tables.identity import SequenceId
 
 SKY_M = 10_000.0
@@ -116,6 +117,7 @@ class TartanAir(SceneReader):
             depths=depth_files(depths, version.intrinsics, version.read_depth),
             notes=depth_notes(depths),
             group=parent_of(sequence.scene, levels=2),  # <environment>/<difficulty>/<trajectory>
+            recorded_axes=NED_AXES,
             pose_accuracy=EXACT_POSE,
             depth_accuracy=_FLOAT32,
         )

@@ -15,6 +15,8 @@ from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.frame_range import frame_range, range_note
 from tracknoise.sequences.sequence import (
+    IMAGE_AXES,
+    Axes,
     Scan,
     Sequence,
     Surface,
@@ -23,6 +25,7 @@ from tracknoise.sequences.sequence import (
     clock_start_of,
     group_of,
     path_of,
+    recorded_axes,
     shutter_of,
     stated_accuracy,
     z_depth_from,
@@ -191,6 +194,11 @@ class View:
     def shutter(self) -> RollingShutter | None:
         """That of the sequence shown."""
         return shutter_of(self.sequence)
+
+    @property
+    def recorded_axes(self) -> Axes:
+        """That of the sequence shown."""
+        return recorded_axes(self.sequence)
 
     @property
     def z_depth_from(self) -> str | None:
@@ -435,6 +443,11 @@ class Turned(View):
         """(n, 4, 4) float64: the same positions, with the axes of the camera turned."""
         turned: NDArray[np.float64] = self.sequence.world_from_camera @ _UPRIGHT_FROM_TURNED
         return turned
+
+    @property
+    def recorded_axes(self) -> Axes:
+        """Those of the turned image: what is in a file is said of upright images alone."""
+        return IMAGE_AXES
 
     @property
     def path(self) -> PosePath | None:

@@ -47,8 +47,16 @@ def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> Trac
         preset = load_preset(kind)
         return TRACKERS.make(preset.tracker, preset.merged(options or {}))
     if kind not in TRACKERS:
-        raise UnknownNameError("tracker", kind, tracker_names())
+        raise _unknown(kind)
     return TRACKERS.make(kind, options)
+
+
+_ALIASES = {"klt": "lucas-kanade", "opticalflow": "dense-flow", "sift": "correspondence"}
+"""Trackers by what people also call them, without signs and capitals."""
+
+
+def _unknown(name: str) -> UnknownNameError:
+    return UnknownNameError("tracker", name, tracker_names(), _ALIASES)
 
 
 def tracker_names() -> list[str]:
@@ -79,7 +87,7 @@ def tracker_defaults(kind: str) -> str:
     if is_preset(kind):
         return preset_text(kind).rstrip()
     if kind not in TRACKERS:
-        raise UnknownNameError("tracker", kind, tracker_names())
+        raise _unknown(kind)
     return plugin_defaults(TRACKERS, kind)
 
 

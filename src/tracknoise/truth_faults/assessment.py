@@ -88,6 +88,10 @@ class TruthEvidence:
         Share of the pixels with depth at which depths of neighbours differ: features there have no true position.
     is_fitted
         Whether points are fitted to the tracks.
+    of_images
+        How well rotations and directions of motion fit images without depth, in sentences; empty where this is unknown.
+    is_check
+        Whether it is that of a check, which has one tracker and prints no corrections.
     scene_shares
         Share that poses explain in single scenes, by their names.
     """
@@ -100,6 +104,8 @@ class TruthEvidence:
     cautions: Sequence[str] = ()
     depth_edges: float = 0.0
     is_fitted: bool = False
+    of_images: str = ""
+    is_check: bool = False
     scene_shares: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -385,15 +391,17 @@ def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequen
     if evidence.mistakes:
         more = len(evidence.mistakes) - 1
         others = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
-        return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _CORRECT_DATA)
+        return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _correct_data(evidence))
     if evidence.is_fitted:
-        return _Found(Trust.unknown, _FITTED, _FITTED_STEP)
+        known = f"{evidence.of_images} {_FITTED}".lstrip()
+        compared = "" if evidence.is_check else " `tracknoise check` says how well poses fit the images."
+        return _Found(Trust.unknown, f"{known}{_caution(evidence)}", f"{_FITTED_STEP}{compared}")
     worst = max(bounds, key=lambda one: one.high, default=None)
     if faults.share.value > SMALL:
         high = 0.0 if worst is None else worst.high
         rest = f" In all, up to {percent(high)} can be due to the truth." if high > faults.share.value else ""
         text = f"{_faults_text(faults)} {_explains(faults)}.{rest}"
-        return _Found(Trust.not_trusted, text, _corrected(faults))
+        return _Found(Trust.not_trusted, text, _corrected(evidence, faults))
     return _unmeasured(evidence, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
@@ -408,7 +416,7 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
     known = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
-    step = _corrected(faults) if faults.rows else _of_cause(evidence, worst, cause)
+    step = _corrected(evidence, faults) if faults.rows else _of_cause(evidence, worst, cause)
     if worst.high > MOST:
         nothing = "" if faults.rows else ", and nothing is established"
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}{noise}"
@@ -428,7 +436,7 @@ def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     stated = [size.stated_share for size in sizes.values()]
     why = (evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW])[0]
     noise, caution = _noise_text(evidence), _caution(evidence)
-    step = _SMOOTH if noise else _CORRECT_DATA if evidence.cautions else _MORE_DATA
+    step = _SMOOTH if noise else _correct_data(evidence) if evidence.cautions else _MORE_DATA
     if stated and not noise and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
     known = [share for share in stated if share is not None]
@@ -502,9 +510,15 @@ def _explains(faults: _Named) -> str:
     return f"{verb} {percent(faults.share.value)} of the squared errors{faults.of_tracker}"
 
 
-def _corrected(faults: _Named) -> str:
+def _correct_data(evidence: TruthEvidence) -> str:
+    return _CORRECT_DATA if evidence.is_check else f"{_CORRECT_DATA} `tracknoise check` shows what fits."
+
+
+def _corrected(evidence: TruthEvidence, faults: _Named) -> str:
     """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
     undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults.rows]
+    if evidence.is_check:
+        return f"{_CONFIRM}{', and what corrects it' if any(undone) else '; no setting undoes this'}."
     if not any(undone):
         return "No setting undoes this: use other poses, and measure again."
     block = "Apply the corrections that `tracknoise audit` prints, and measure again"
@@ -530,7 +544,11 @@ def _of_cause(evidence: TruthEvidence, bounds: _Bounds, cause: TruthCause) -> st
 _MOST_OTHERS = 2
 """Of more parameters than this beside the first, only these are named."""
 _TOO_FEW = "Too few tracks have a true position to tell."
-_CORRECT_DATA = "Correct the data, and measure again; `tracknoise check` shows what fits."
+_CORRECT_DATA = "Correct the data, and measure again."
+_CONFIRM = (
+    "Measure it with several trackers (`tracknoise run`): errors of the one of a check can look like this. "
+    "`tracknoise audit` says whether they agree"
+)
 _FITTED = "True positions are fitted to the tracks, so that errors of the poses cannot be separated from theirs."
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."

@@ -36,6 +36,7 @@ from tracknoise.truth_faults.recording_checks import (
     repeated_frames,
     rotations,
     timestamps,
+    view_changes,
 )
 
 
@@ -88,12 +89,22 @@ MOST_SEQUENCES = 3
 _FROM_POSES: tuple[Callable[[Sequence], Item], ...] = (counts, timestamps, rotations, pose_jumps, intrinsics, depths)
 
 
+_SEVERITY = {
+    Trust.trusted: Severity.ok,
+    Trust.unknown: Severity.unknown,
+    Trust.limited: Severity.caveat,
+    Trust.not_trusted: Severity.fatal,
+}
+"""Of what decided a verdict, if no other topic did."""
+
+
 def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], None] | None = None) -> SequenceReport:
     """Check one sequence."""
     items: list[Item] = []
     evidence = None
     try:
         require_likely_times(sequence)
+        items += filter(None, [view_changes(sequence)])
         items += (topic(sequence) for topic in _FROM_POSES)
         items += filter(None, [repeated_frames(sequence)])
         items += reader_notes(sequence)
@@ -105,7 +116,11 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
     except DataError as error:
         items.append(_unreadable(error))
     trust = sequence_trust(sequence, evidence, items)
-    return SequenceReport(readable(sequence.id.key), tuple(items), TruthVerdict.of(trust), ranges(trust))
+    verdict = TruthVerdict.of(trust)
+    severity = _SEVERITY[verdict.verdict]
+    if not any(item.severity is severity and item.text in verdict.text for item in items):
+        items.append(Item("truth", severity, verdict.text))
+    return SequenceReport(readable(sequence.id.key), tuple(items), verdict, ranges(trust))
 
 
 def check_reader(
@@ -158,13 +173,13 @@ def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
     named = mistakes(evidence)
     yield named
     yield warping(evidence)
-    if named.severity is not Severity.fatal:  # otherwise a focal length would be fitted to the mistake
+    if named.severity is not Severity.fatal:  # otherwise a focal length and an offset would be fitted to the mistake
         yield focal_length(evidence)
         if (clipped := clipped_depth(evidence)) is not None:
             yield clipped
         if (repeated := repeatability(evidence)) is not None:
             yield repeated
-    yield clock(evidence, sequence.timestamps_s)
+        yield clock(evidence, sequence.timestamps_s)
 
 
 def _unreadable(error: DataError) -> Item:

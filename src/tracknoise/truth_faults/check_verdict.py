@@ -43,6 +43,7 @@ def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[
     cautions = [item.text for item in items if item.severity is Severity.caveat and item.topic in CAUTIONS]
     followed = "its images were not read" if evidence is None else Followed.of(evidence, sequence)
     samples = followed if isinstance(followed, str) else check_samples(followed)
+    is_fitted = evidence is not None and not evidence.has_depth and set(TruthKind).isdisjoint(sequence.truths)
     dataset = sequence.id.dataset
     tables = tables_of(samples, dataset)
     if isinstance(followed, str) or isinstance(samples, str):
@@ -58,7 +59,9 @@ def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[
         mistakes=[*mistakes, *usual_mistakes(tables.audit)],
         cautions=cautions,
         depth_edges=max((float(item.values.get("edges") or 0.0) for item in items), default=0.0),
-        is_fitted=evidence is not None and not evidence.has_depth and set(TruthKind).isdisjoint(sequence.truths),
+        is_fitted=is_fitted,
+        of_images=" ".join(item.text for item in items if is_fitted and item.topic == "warping"),
+        is_check=True,
     )
     return assess(found, dataset)
 

@@ -24,7 +24,17 @@ from scipy.spatial.transform import Rotation
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap, sample
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.sequences.sequence import Sequence, camera_at, z_depth_from
+from tracknoise.sequences.sequence import (
+    IMAGE_AXES,
+    NED_AXES,
+    OPENGL_AXES,
+    Axes,
+    Sequence,
+    camera_at,
+    recorded_axes,
+    z_depth_from,
+)
+from tracknoise.text import significant
 
 
 def focal_px(camera: CameraModel) -> float:
@@ -98,7 +108,8 @@ class Flow:
 Poses: TypeAlias = NDArray[np.float64]
 MOST_SHIFT_FRAMES = 3
 """Poses that are off by up to this many frames are recognised, frames."""
-_SCALES = (1000.0, 0.001, 10.0, 0.1, 5.0, 0.2)
+_SCALES = (1000.0, 0.001, 100.0, 0.01, 10.0, 0.1, 5.0, 0.2)
+_ANY_FACTORS = np.geomspace(1.5, 1000.0, 40)
 _RESOLUTIONS = (2.0, 0.5)
 
 
@@ -124,6 +135,8 @@ class Hypothesis:
         Factor of the focal lengths alone.
     moves_frames
         Whether the poses of other frames are used.
+    is_about
+        Whether the factor is the nearest one of a series.
     """
 
     kind: str
@@ -134,6 +147,7 @@ class Hypothesis:
     resolution: float = 1.0
     zoom: float = 1.0
     moves_frames: bool = False
+    is_about: bool = False
 
     def project(self, camera: CameraModel, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2) float64: pixels of points (n, 3) of the camera frame."""
@@ -159,22 +173,35 @@ AS_RAY_DEPTH = Hypothesis(
 )
 
 
-def hypotheses(*, has_depth: bool = True, is_z: bool = False) -> list[Hypothesis]:
-    """All mistakes that are looked for, the most usual first."""
+AS_TURNING = Hypothesis(
+    "positions",
+    "errors of the camera's positions are larger than the parallax",
+    lambda poses: _turning(poses),
+)
+"""The camera only turns: a scale of positions that fits no better is none, but makes their errors smaller."""
+
+
+def _turning(poses: Poses) -> Poses:
+    changed = poses.copy()
+    changed[:, :3, 3] = np.where(np.isfinite(poses[:, :3, 3]), 0.0, np.nan)
+    return changed
+
+
+def hypotheses(*, has_depth: bool = True, is_z: bool = False, expected: Axes = IMAGE_AXES) -> list[Hypothesis]:
+    """All mistakes that are looked for, the most usual first. `expected`: axes that the reader expects of poses."""
     orders = _quaternion_orders()
-    axes = _axes()
-    known = [one for one in axes if one.name in _KNOWN_AXES.values()]
+    known, others = _axes(expected)
     return [
-        Hypothesis("inverted", "poses are inverted: they are camera_from_world, not world_from_camera", invert),
+        *_inversions(expected),
         *known,
         *orders[:2],
-        *(_scales() if has_depth else []),
+        *([AS_TURNING, *_scales()] if has_depth else []),
         *([AS_RAY_DEPTH] if has_depth and not is_z else []),
         *(_resolution(factor) for factor in _RESOLUTIONS),
         *(_shifted(n) for n in range(-MOST_SHIFT_FRAMES, MOST_SHIFT_FRAMES + 1) if n),
         Hypothesis("transposed", "rotations are transposed, but positions are right", _transposed),
         *orders[2:],
-        *(one for one in axes if one not in known),
+        *others,
     ]
 
 
@@ -205,35 +232,69 @@ def axis_rotations() -> list[NDArray[np.float64]]:
     return sorted(found, key=lambda matrix: -float(np.trace(matrix)))
 
 
-_KNOWN_AXES: dict[tuple[int, ...], str] = {
-    (1, -2, -3): "poses have the axes of OpenGL (x right, y up, z backward), not those of a camera image",
-    (3, 1, 2): "poses have NED axes (x forward, y right, z down), not those of a camera image",
+_KNOWN_AXES: dict[Axes, str] = {
+    OPENGL_AXES: "poses have the axes of OpenGL (x right, y up, z backward), not those of a camera image",
+    NED_AXES: "poses have NED axes (x forward, y right, z down), not those of a camera image",
     (3, -1, -2): "poses have body axes (x forward, y left, z up): the rotation of the camera in the body is missing",
     (2, 3, 1): "poses were converted from NED axes (x forward, y right, z down) although they did not have them",
     (-2, -3, 1): "poses were converted from body axes (x forward, y left, z up) although they did not have them",
 }
-"""Names of axes. For x, y and z of the poses: which axis of the image it is (1 right, 2 down, 3 forward), with sign."""
+"""What is wrong where a reader expects the axes of an image."""
+_NAMED_AXES: dict[Axes, str] = {IMAGE_AXES: "of a camera image ", OPENGL_AXES: "of OpenGL ", NED_AXES: "of NED "}
 _DIRECTIONS = {1: "right", 2: "down", 3: "forward", -1: "left", -2: "up", -3: "backward"}
 
 
-def _axes() -> list[Hypothesis]:
-    """Other axes of the camera, in the order of `_KNOWN_AXES`, then all others."""
-    named = {_signed(matrix): matrix for matrix in axis_rotations()[1:]}
-    return [_of_axes(signed, named[signed]) for signed in (*_KNOWN_AXES, *(named.keys() - _KNOWN_AXES.keys()))]
+def _inversions(expected: Axes) -> Iterator[Hypothesis]:
+    """Inverted poses: as they are, and inverted before the reader turned their axes into those of the image."""
+    name = "poses are inverted: they are camera_from_world, not world_from_camera"
+    yield Hypothesis("inverted", name, invert)
+    if expected != IMAGE_AXES:
+        turn = _turn(expected)
+        yield Hypothesis("inverted", name, lambda poses: invert(poses @ turn.T) @ turn)
 
 
-def _of_axes(signed: tuple[int, ...], matrix: NDArray[np.float64]) -> Hypothesis:
+def _axes(expected: Axes) -> tuple[list[Hypothesis], list[Hypothesis]]:
+    """Other axes of the camera than those that the reader expects of poses: the known ones, and all others."""
+    every = [_signed(matrix) for matrix in axis_rotations()]
+    named = [IMAGE_AXES, *_KNOWN_AXES]
+    known, others = ([one for one in some if one != expected] for some in (named, sorted({*every} - {*named})))
+    return [_of_axes(one, expected) for one in known], [_of_axes(one, expected) for one in others]
+
+
+def _of_axes(signed: Axes, expected: Axes) -> Hypothesis:
+    turn = _turn(expected).T @ _turn(signed)
+    return Hypothesis("axes", _name_of_axes(signed, expected, _signed(turn[:3, :3])), lambda poses: poses @ turn)
+
+
+def _name_of_axes(recorded: Axes, expected: Axes, read: Axes) -> str:
+    """What is wrong with axes. `read`: those that poses have once the reader turned its own into those of the image."""
+    other = f"poses have axes ({_directions(read)}) that are not those of a camera image"
+    name = _KNOWN_AXES.get(read, other)
+    if expected == IMAGE_AXES:
+        return name
+    wanted = f"axes {_NAMED_AXES[expected]}({_directions(expected)})"
+    if recorded in _NAMED_AXES:
+        found = f"axes {_NAMED_AXES[recorded]}({_directions(recorded)})"
+        return f"recorded poses have {found}, where the format of the reader has {wanted}"
+    return f"{name}, once the reader has turned {wanted} into those"
+
+
+def _directions(signed: Axes) -> str:
+    return ", ".join(f"{name} {_DIRECTIONS[axis]}" for name, axis in zip("xyz", signed, strict=True))
+
+
+def _turn(signed: Axes) -> NDArray[np.float64]:
+    """(4, 4): poses with these axes times it have those of the image."""
     turn = np.eye(4)
-    turn[:3, :3] = matrix
-    each = ", ".join(f"{name} {_DIRECTIONS[axis]}" for name, axis in zip("xyz", signed, strict=True))
-    name = _KNOWN_AXES.get(signed, f"poses have axes ({each}) that are not those of a camera image")
-    return Hypothesis("axes", name, lambda poses: poses @ turn)
+    turn[:3, :3] = [np.sign(axis) * np.eye(3)[abs(axis) - 1] for axis in signed]
+    return turn
 
 
-def _signed(matrix: NDArray[np.float64]) -> tuple[int, ...]:
-    """Key of a rotation in `_KNOWN_AXES`: row i holds axis i of the poses in the axes of the image."""
+def _signed(matrix: NDArray[np.float64]) -> Axes:
+    """Row i of a rotation holds axis i of the poses in the axes of the image."""
     columns = np.argmax(np.abs(matrix), axis=1)
-    return tuple(int((column + 1) * matrix[row, column]) for row, column in enumerate(columns))
+    x, y, z = (int((column + 1) * matrix[row, column]) for row, column in enumerate(columns))
+    return x, y, z
 
 
 def _quaternion_orders() -> list[Hypothesis]:
@@ -258,8 +319,27 @@ def _reordered(poses: Poses, source: tuple[int, ...], axes: NDArray[np.float64])
 
 def _scales() -> Iterator[Hypothesis]:
     for factor in _SCALES:
-        size = f"{factor:g} times too small" if factor > 1 else f"{1 / factor:g} times too large"
-        yield Hypothesis("scale", f"depths are {size} for the positions of the camera", depth_scale=factor)
+        name = f"depths are {_times(factor, '{:g}'.format)} for the positions of the camera"
+        yield Hypothesis("scale", name, depth_scale=factor)
+
+
+@lru_cache
+def any_scale() -> tuple[Hypothesis, ...]:
+    """Other factors of depths than the usual ones."""
+    factors = (*_ANY_FACTORS, *(1.0 / _ANY_FACTORS))
+    about = [f"depths are about {_times(one, _rounded)} for the positions of the camera" for one in factors]
+    return tuple(
+        Hypothesis("scale", name, depth_scale=float(one), is_about=True)
+        for name, one in zip(about, factors, strict=True)
+    )
+
+
+def _times(factor: float, shown: Callable[[float], str]) -> str:
+    return f"{shown(factor)} times too small" if factor > 1.0 else f"{shown(1.0 / factor)} times too large"
+
+
+def _rounded(factor: float) -> str:
+    return significant(factor, 2)
 
 
 def _resolution(factor: float) -> Hypothesis:
@@ -308,13 +388,19 @@ def reprojection_px(
 def epipolar_px(
     pair: Pair, relative: NDArray[np.float64], camera: CameraModel, assumed: Hypothesis
 ) -> NDArray[np.float64]:
-    """(n,) float64: signed distance of each point from its epipolar line, px at the centre of the image."""
+    """(n,) float64: signed distance of each point from its epipolar line, px at the centre of the image.
+
+    From where the rotation alone moves it, if the camera stays at its place: there are no such lines then.
+    """
     first, second = _rays(pair, camera, assumed.resolution, assumed.zoom)
     turned = first @ relative[:3, :3].T
     lines = np.cross(relative[:3, 3], turned)
     norm = np.linalg.norm(lines[:, :2], axis=1)
     with np.errstate(all="ignore"):
-        distance = np.einsum("ni,ni->n", lines, second) / norm * focal_px(camera) * assumed.resolution
+        distance = np.einsum("ni,ni->n", lines, second) / norm
+        if not relative[:3, 3].any():
+            distance = np.linalg.norm(second[:, :2] - turned[:, :2] / turned[:, 2:], axis=1)
+        distance = distance * focal_px(camera) * assumed.resolution
     return np.where(np.isfinite(distance), distance, np.inf)
 
 
@@ -516,6 +602,8 @@ class Evidence:
         Pairs of frames with image motion and poses, by their first frame; with depths if `has_depth`.
     z_depth_from
         What depths that are along z by construction were computed from; None where their kind is only stated.
+    expected
+        Axes of the camera that the reader expects in recorded poses.
     """
 
     flow: Flow
@@ -524,10 +612,16 @@ class Evidence:
     has_depth: bool
     pairs: tuple[Pair, ...]
     z_depth_from: str | None = None
+    expected: Axes = IMAGE_AXES
 
     @classmethod
     def of(
-        cls, flow: Flow, poses: NDArray[np.float64], camera: CameraModel, z_depth_from: str | None = None
+        cls,
+        flow: Flow,
+        poses: NDArray[np.float64],
+        camera: CameraModel,
+        z_depth_from: str | None = None,
+        expected: Axes = IMAGE_AXES,
     ) -> "Evidence":
         """Choose the pairs that can be compared with poses."""
         known: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
@@ -540,7 +634,7 @@ class Evidence:
         with_depth = [pair for pair in moving if pair.has_depth]
         has_depth = bool(with_depth) and 2 * len(with_depth) >= len(moving)
         pairs = tuple(with_depth if has_depth else moving)
-        return cls(flow, poses, camera, has_depth, pairs, z_depth_from if has_depth else None)
+        return cls(flow, poses, camera, has_depth, pairs, z_depth_from if has_depth else None, expected)
 
     @property
     def stands_still(self) -> bool:
@@ -559,7 +653,9 @@ class Evidence:
         """
         flow = measure_flow(sequence, windows(len(sequence)))
         seen = seen_by_one_camera(flow, sequence)
-        return cls.of(seen, sequence.world_from_camera, sequence.camera, z_depth_from(sequence))
+        return cls.of(
+            seen, sequence.world_from_camera, sequence.camera, z_depth_from(sequence), recorded_axes(sequence)
+        )
 
 
 def thinned(pairs: ListOf[Pair]) -> list[Pair]:

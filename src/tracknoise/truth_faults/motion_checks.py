@@ -20,13 +20,16 @@ from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, depth_ki
 from tracknoise.truth_faults.image_evidence import (
     AS_GIVEN,
     AS_RAY_DEPTH,
+    AS_TURNING,
     LEAST_MOTION_PX,
     LONG_PX,
     SHORT_PX,
     Evidence,
     Hypothesis,
     Pair,
+    any_scale,
     corrected,
+    epipolar_px,
     focal_px,
     hypotheses,
     relative_pose,
@@ -83,6 +86,8 @@ _MISTAKE_FEWEST_PAIRS = 6
 _MISTAKE_FLOOR_PX, _CAP_PX, _CAP_MOTION = 0.05, 20.0, 3.0
 _TIE = 0.15
 """Mistakes whose logarithmic gains differ by less than this cannot be distinguished."""
+_MOST_OF_PARALLAX = 0.5
+"""Positions in another unit leave at most this part of what the camera's rotation alone leaves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +124,9 @@ def mistakes(evidence: Evidence) -> Item:
         few = f"only {counted(len(evidence.pairs), 'pair')}" if evidence.pairs else "no pair"
         text = f"Mistakes in poses cannot be looked for: {few} of images with motion."
         return Item("usual mistakes", Severity.unknown, text)
-    candidates = hypotheses(has_depth=evidence.has_depth, is_z=evidence.z_depth_from is not None)
+    is_z = evidence.z_depth_from is not None
+    candidates = hypotheses(has_depth=evidence.has_depth, is_z=is_z, expected=evidence.expected)
+    n_usual = len(candidates)
     pairs = thinned(evidence.pairs)
     motion_px = np.array([pair.motion_px for pair in pairs])
     most_px = _CAP_MOTION * motion_px + _CAP_PX
@@ -128,8 +135,12 @@ def mistakes(evidence: Evidence) -> Item:
     are_few = len(pairs) < FEW_PAIRS or len({one for pair in pairs for one in (pair.first, pair.second)}) < FEW_FRAMES
     even = np.arange(len(pairs)) % 2 == 0
     choosing, judging = even | are_few, ~even | are_few
-    gains = np.array([_fit(one, row, given_px, choosing).gain for one, row in zip(candidates, tried, strict=True)])
-    tied = np.flatnonzero(np.log(gains) <= np.log(gains.min()) + _TIE)
+    gains = _gains(candidates, tried, given_px, choosing)
+    if candidates[int(np.argmin(gains))].kind == "scale":  # the usual factors are tried first
+        candidates = [*candidates, *any_scale()]
+        tried = np.concatenate([tried, [_residuals(evidence, pairs, one, most_px) for one in any_scale()]])
+        gains = _gains(candidates, tried, given_px, choosing)
+    tied = _tied(candidates, np.log(gains))
     fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]
     is_clear = fits[0].gain <= (MOST_GAIN_OF_FEW if are_few else MOST_GAIN) and fits[0].better >= LEAST_BETTER
     rival_motion = np.nanmedian(given_px / np.maximum(motion_px, 1.0)) >= _CAVEAT_SHARE
@@ -137,8 +148,31 @@ def mistakes(evidence: Evidence) -> Item:
         return _named(evidence, fits, float(np.median(given_px)))
     if (ray := _ray_depth(evidence)) is not None:
         return ray
-    text = f"None of {len(candidates)} usual mistakes explains the image motion clearly better than what is given."
+    text = f"None of {n_usual} usual mistakes explains the image motion clearly better than what is given."
     return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
+
+
+def _gains(
+    candidates: ListOf[Hypothesis], tried: NDArray[np.float64], given: NDArray[np.float64], chosen: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    return np.array([_fit(one, row, given, chosen).gain for one, row in zip(candidates, tried, strict=True)])
+
+
+def _tied(candidates: ListOf[Hypothesis], log_gains: NDArray[np.float64]) -> list[int]:
+    """Places of those that fit best, and as well, the most usual first.
+
+    Where larger depths fit best, positions of the camera must explain the parallax then. Otherwise their errors are
+    larger than the parallax, and the factor only makes them smaller.
+    """
+    best = int(np.argmin(log_gains))
+    if candidates[best].depth_scale > 1.0:
+        turning = candidates.index(AS_TURNING)
+        if log_gains[best] > log_gains[turning] + np.log(_MOST_OF_PARALLAX):
+            near = np.flatnonzero(np.abs(log_gains - log_gains[turning]) <= _TIE).tolist()
+            return [turning, *(place for place in near if place != turning)]
+    near = np.flatnonzero(log_gains <= log_gains[best] + _TIE).tolist()
+    is_usual = any(candidates[place].kind == "scale" and not candidates[place].is_about for place in near)
+    return [place for place in near if not (is_usual and candidates[place].is_about)]
 
 
 def _without_motion(evidence: Evidence) -> Item:
@@ -175,10 +209,13 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
     """The item about the first fit; others that fit as well are named too."""
     best = fits[0]
     name = _with_unit(evidence, best.hypothesis)
-    others = list(dict.fromkeys(fit.hypothesis.name for fit in fits[1:] if fit.hypothesis.name != best.hypothesis.name))
+    is_seen = best.hypothesis is AS_TURNING and best.residual_px > _NOISE_PX  # a parallax that no factor explains
+    rivals = [fit.hypothesis for fit in fits[1:] if not (is_seen and fit.hypothesis.kind == "scale")]
+    others = list(dict.fromkeys(one.name for one in rivals if one.name != best.hypothesis.name))
+    undone = "without any motion of the positions" if best.hypothesis is AS_TURNING else "if this is undone"
     text = (
         f"It looks as if {name}. The median residual falls from {significant(given_px, 3)} to "
-        f"{significant(best.residual_px, 2)} px if this is undone; "
+        f"{significant(best.residual_px, 2)} px {undone}; "
         f"it is smaller in {best.better:.0%} of the pairs of images that test it."
     )
     if others:
@@ -202,16 +239,16 @@ def _not_tried(evidence: Evidence) -> str:
 
 def _with_unit(evidence: Evidence, mistake: Hypothesis) -> str:
     """Name of a mistake; of one in scale, with the unit that was probably mistaken."""
-    if mistake.depth_scale not in (1000.0, 0.001):
+    if mistake.depth_scale not in (1000.0, 100.0, 0.01, 0.001):
         return mistake.name
     depth_m = float(np.nanmedian(np.concatenate([pair.depth_first_m for pair in evidence.pairs])))
     are_metres = NEAREST_M <= depth_m <= FARTHEST_M / 5
-    if mistake.depth_scale == 1000.0:
-        unit = "positions are probably in millimetres, read as metres"
-        other = "depths are probably divided by 1000 once too often"
-    else:
-        unit = "positions are probably divided by 1000 once too often"
-        other = "depths are probably in millimetres, read as metres"
+    factor = round(max(mistake.depth_scale, 1.0 / mistake.depth_scale))
+    of_metres = {1000: "millimetres", 100: "centimetres"}[factor]
+    read, divided = f"are probably in {of_metres}, read as metres", f"are probably divided by {factor} once too often"
+    unit, other = f"positions {read}", f"depths {divided}"
+    if mistake.depth_scale < 1.0:
+        unit, other = f"positions {divided}", f"depths {read}"
     return f"{mistake.name} ({unit if are_metres else other})"
 
 
@@ -253,9 +290,7 @@ class MovingScene:
 
 
 def moving_scene(evidence: Evidence) -> MovingScene | None:
-    """Both groups of points; None without depth, or where points do not form two groups."""
-    if not evidence.has_depth:
-        return None
+    """Both groups of points; None where points do not form two groups."""
     points = np.concatenate([_points(evidence, pair) for pair in evidence.pairs])
     points = points[points[:, 1] >= _MOVING_LEAST_MOTION_PX]
     fits: NDArray[np.bool_] = points[:, 0] <= _FIT_SHARE * points[:, 1]
@@ -266,19 +301,32 @@ def moving_scene(evidence: Evidence) -> MovingScene | None:
 
 
 def _points(evidence: Evidence, pair: Pair) -> NDArray[np.float64]:
-    """(m, 2) float64: residual and motion of each point with depth, px; none where a pose is missing."""
+    """(m, 2) float64: residual and motion of each point, px, with depth if there is; none where a pose is missing."""
     relative = relative_pose(evidence.poses, pair)
     if not np.isfinite(relative).all():
         return np.empty((0, 2))
+    motion = np.linalg.norm(pair.uv_second - pair.uv_first, axis=1)
+    if not evidence.has_depth:
+        return np.column_stack([np.abs(epipolar_px(pair, relative, evidence.camera, AS_GIVEN)), motion])
     residual = np.linalg.norm(reprojection_px(pair, relative, evidence.camera, AS_GIVEN), axis=1)
-    motion = np.linalg.norm(pair.uv_second - pair.uv_first, axis=1)[np.isfinite(pair.depth_first_m)]
-    return np.column_stack([residual, motion])
+    return np.column_stack([residual, motion[np.isfinite(pair.depth_first_m)]])
 
 
 _CAVEAT_SHARE, _FATAL_SHARE = 0.3, 0.8
 """Residuals relative to the image motion above which poses are doubtful, or explain next to nothing."""
 _NOISE_PX = 0.3
 """Residuals below this are those of the tracking."""
+_MOST_EPIPOLAR_PX, _MOST_EPIPOLAR_SHARE, _FEWEST_OFF = 1.0, 0.05, 3
+"""Medians of distances from epipolar lines above both, px and relative to the motion, are no errors of the tracking.
+
+They are of at least so many pairs. Points that were not found on the way back to within 0.5 px are left out. Three
+quarters of the points have to be off by more than the tracking too.
+"""
+_OFF = "Rotations of the poses, directions of their motion, or the intrinsics are wrong."
+_AGREE = (
+    "To this, rotations of the poses and directions of their motion agree with the images. Errors along the lines, and "
+    "the scale of the positions, are not seen."
+)
 _BOUNDARY_PX = (SHORT_PX * LONG_PX) ** 0.5
 
 
@@ -290,24 +338,45 @@ def warping(evidence: Evidence) -> Item:
         text = "Images could not be compared with poses: too few points were found again, or poses are missing."
         return Item("warping", Severity.unknown, text)
     values: dict[str, float | int | str | None] = {"n_pairs": len(known)}
-    sentences = [_opening(evidence)]
+    sentences, is_off = [_opening(evidence)], False
     for name, part in (("short", known[known[:, 0] < _BOUNDARY_PX]), ("long", known[known[:, 0] >= _BOUNDARY_PX])):
         if len(part):
             motion, residual = np.median(part, axis=0).tolist()
             values |= {f"{name}_motion_px": motion, f"{name}_residual_px": residual}
             sentences.append(f"At an image motion of {significant(motion, 3)} px the residual is {residual:.2f} px.")
+            is_off |= len(part) >= _FEWEST_OFF and residual > max(_MOST_EPIPOLAR_PX, _MOST_EPIPOLAR_SHARE * motion)
     share = float(np.median(known[:, 1] / np.maximum(known[:, 0], 1.0)))
     severity = _severity(share, float(np.median(known[:, 1])))
     differs = _depth_disagreement(evidence)
     sentences += [f"Depths of two images differ by {differs:.1%}."] if differs is not None else []
-    if severity is not Severity.ok:
+    if not evidence.has_depth:
+        is_off = is_off and _nearest_quarter_px(evidence) > _NOISE_PX
+        severity = Severity.fatal if is_off else Severity.ok
+    moving = moving_scene(evidence) if severity is not Severity.ok else None
+    if not evidence.has_depth and moving is None:
+        sentences.append(_OFF if is_off else _AGREE)
+    elif severity is not Severity.ok:
         sentences.append(f"Errors of the truth would rival the motion: residuals are {share:.0%} of it.")
-        if (moving := moving_scene(evidence)) is not None:
-            severity = Severity.caveat
-            sentences.append(_of_moving_parts(moving))
+    if moving is not None:
+        severity = Severity.caveat
+        sentences.append(_of_moving_parts(moving))
     return Item(
         "warping", severity, " ".join(sentences), {**values, "share_of_motion": share, "depth_disagreement": differs}
     )
+
+
+def _nearest_quarter_px(evidence: Evidence) -> float:
+    """Distance from the epipolar line within which a quarter of the points of a median pair are, px.
+
+    Errors of the poses move nearly all points off their lines; traffic moves its own.
+    """
+    relative = [relative_pose(evidence.poses, pair) for pair in evidence.pairs]
+    found = [
+        np.quantile(np.abs(epipolar_px(pair, one, evidence.camera, AS_GIVEN)), 0.25)
+        for pair, one in zip(evidence.pairs, relative, strict=True)
+        if np.isfinite(one).all()
+    ]
+    return float(np.median(found))
 
 
 def _opening(evidence: Evidence) -> str:

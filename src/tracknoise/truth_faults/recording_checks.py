@@ -141,6 +141,30 @@ def pose_jumps(sequence: Sequence) -> Item:
     return Item("pose jumps", Severity.caveat, text, {**values, "worst_frame": worst})
 
 
+_MOST_OF_VIEW = 0.5
+"""Neighbouring views that turn by more than this part of the field of view have too little in common."""
+
+
+def view_changes(sequence: Sequence) -> Item | None:
+    """Whether neighbouring views turn so far that no feature is in both; None where they do not."""
+    turned_deg = steps_of(sequence.world_from_camera)[1]
+    if not np.isfinite(turned_deg).any():
+        return None
+    camera = sequence.camera
+    middle = (camera.height - 1) / 2
+    left, right = camera.bearings(np.array([[0.0, middle], [camera.width - 1.0, middle]]))
+    seen_deg = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
+    median_deg = float(np.nanmedian(turned_deg))
+    if not median_deg > _MOST_OF_VIEW * seen_deg:
+        return None
+    text = (
+        f"Neighbouring views turn by {significant(median_deg, 2)} degrees in the median; the field of view is "
+        f"{significant(seen_deg, 2)} degrees. No tracker can follow: these are probably photos in no order, not frames "
+        "of one camera path."
+    )
+    return Item("views", Severity.caveat, text, {"turned_deg": median_deg, "field_of_view_deg": seen_deg})
+
+
 _MOST_REPEATED = 0.1
 
 

@@ -56,7 +56,7 @@ def test_metrics_are_means_over_sequences_with_intervals(run):
     options = tomllib.loads(TOML)["dataset"]["options"]
     reader = Simulated(**{**options, "motions": tuple(options["motions"])})
     each = [tn.tap_metrics(tn.measure(reader.open(scene), tn.LucasKanade())) for scene in reader.sequences()]
-    for metric in ("delta_avg", "average_jaccard", "occlusion_accuracy", "expected_feature_age"):
+    for metric in ("delta_avg_reported", "average_jaccard", "occlusion_accuracy", "expected_feature_age"):
         row = table.filter(metric=metric, raster="256x256").row(0, named=True)
         values = [one.filter(raster="256x256")[metric][0] for one in each]
         assert row["value"] == pytest.approx(np.mean(values))

@@ -129,6 +129,12 @@ ESTIMANDS: Mapping[str, Estimand] = {
         "Consistent sigma of windows, divided by their residual core: geometric mean over scenes and lengths.",
     ),
     "tap_delta_avg": Estimand("position accuracy (TAP)", f"Delta average, {_TAP}.", Unit.share, larger_is_better=True),
+    "tap_delta_avg_reported": Estimand(
+        "accuracy of reported positions",
+        f"Delta average of the positions that are reported as visible, {_TAP}.",
+        Unit.share,
+        larger_is_better=True,
+    ),
     "tap_average_jaccard": Estimand(
         "average Jaccard (TAP)", f"Average Jaccard, {_TAP}.", Unit.share, larger_is_better=True
     ),

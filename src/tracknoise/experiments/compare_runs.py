@@ -261,6 +261,7 @@ _WINDOWS = {
 }
 _TAP = {
     "tap_delta_avg": "delta_avg",
+    "tap_delta_avg_reported": "delta_avg_reported",
     "tap_average_jaccard": "average_jaccard",
     "tap_occlusion_accuracy": "occlusion_accuracy",
     "expected_feature_age": "expected_feature_age",
@@ -361,9 +362,10 @@ def _point_tracking(folder: RunFolder, keys: Sequence[str]) -> dict[str, TablesB
     entries = folder.manifest().sequences
     there = (folder.sequence_table("point_tracking", key) for key in keys if "point_tracking" in entries[key].sha256)
     tables = by_condition((table.filter(raster=_RASTER) for table in there), POINT_TRACKING, "point tracking")
+    known = {name: {key: table.drop_nulls(of) for key, table in tables.items()} for name, of in _TAP.items()}
     return {
-        name: {key: _numbers(table.with_columns(value=column)) for key, table in tables.items()}
-        for name, column in _TAP.items()
+        name: {key: _numbers(table.with_columns(value=_TAP[name])) for key, table in found.items() if table.height}
+        for name, found in known.items()
         if tables
     }
 

@@ -32,7 +32,7 @@ from tracknoise.tables.identity import readable
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, POSE_DIFFERENCES, TruthStatus, empty
 from tracknoise.text import html_card, html_table, one_line
 from tracknoise.trackers.function import Follow, Function
-from tracknoise.trackers.tracker import TrackerSettings
+from tracknoise.trackers.tracker import StatedPoints, TrackerSettings
 from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.scan import SCAN_RULE, ScanRule
@@ -142,6 +142,8 @@ class Measurement:
         Whether the errors of its poses, and of its depths where they count, are stated; 0 where they are exact.
     images
         Images of the first frames, (height, width) uint8, as far as they were to be kept.
+    points
+        By tracker and speed: all positions of trackers that state some of points that they say are not visible.
     """
 
     sequence: Sequence = field(repr=False)
@@ -162,6 +164,7 @@ class Measurement:
     notes: tuple[str, ...] = ()
     states_accuracy: bool = False
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
+    points: Mapping[tuple[str, int], StatedPoints] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return one_line("Measurement", readable(self.sequence.id.key), self._facts)
@@ -328,6 +331,7 @@ def complete(
         notes=measured.notes,
         states_accuracy=measured.states_accuracy,
         images=measured.images,
+        points=measured.points,
     )
 
 
@@ -373,8 +377,9 @@ def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
     -------
     polars.DataFrame
         Schema `POINT_TRACKING`, two rows per tracker and speed. `delta_avg`, `average_jaccard` and `occlusion_accuracy`
-        are those of `tracknoise.statistics.tap.tap_vid`, followed by `expected_feature_age` and the values of
-        each threshold. Benchmarks report means over sequences.
+        are those of TAP-Vid (`tracknoise.statistics.tap.tap_vid`), followed by `expected_feature_age` and the values of
+        each threshold. `delta_avg` is null for trackers without positions under predicted occlusion, and
+        `delta_avg_reported` counts none of them. Benchmarks report means over sequences.
 
     Raises
     ------
@@ -393,35 +398,55 @@ def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
     rows = []
     for condition, seen in measurement.observations.group_by(list(ORIGIN), maintain_order=True):
         labels = dict(zip(ORIGIN, condition, strict=True))
-        points = point_tracks(truth, seen, speed=int(labels["speed"]), n_frames=measurement.n_frames)
+        stated = measurement.points.get((labels["tracker"], int(labels["speed"])))
+        points = point_tracks(truth, seen, stated, speed=int(labels["speed"]), n_frames=measurement.n_frames)
         rows += [labels | {"raster": name} | _metrics(points, scale) for name, scale in scales.items()]
     return pl.DataFrame(rows, schema=dict(POINT_TRACKING)).with_columns(pl.col(_METRICS).fill_nan(None))
 
 
-def point_tracks(truth: LocatingTruth, seen: pl.DataFrame, *, speed: int, n_frames: int) -> PointTracks:
-    """True positions of all tracks with a known point, in every frame that the tracker saw."""
-    track, column = (seen[name].to_numpy().astype(np.int64) for name in ("track", "frame"))
-    column //= speed
-    shape = int(track.max(initial=-1)) + 1, -(-n_frames // speed)
-    reported = np.full((*shape, 2), np.nan)
-    reported[track, column] = seen.select("u_px", "v_px").to_numpy()
-    first = np.isfinite(reported[..., 0]).argmax(axis=1)
+def point_tracks(
+    truth: LocatingTruth, seen: pl.DataFrame, stated: StatedPoints | None = None, *, speed: int, n_frames: int
+) -> PointTracks:
+    """True positions of all tracks with a known point, in every frame that the tracker saw.
+
+    `stated`: the positions of a tracker that states some of points that are not visible; its points count, which it may
+    see again, and not its tracks, which end where they are not seen.
+    """
+    of_frame = stated or _as_stated(seen)
+    kept = (of_frame.frame % speed == 0) & (of_frame.frame < n_frames)
+    column, uv, visible = of_frame.frame[kept] // speed, of_frame.uv[kept], of_frame.visible[kept]
+    point = np.unique(of_frame.point[kept], return_inverse=True)[1]
+    shape = int(point.max(initial=-1)) + 1, -(-n_frames // speed)
+    predicted, reported = np.full((*shape, 2), np.nan), np.full((*shape, 2), np.nan)
+    predicted[point, column] = uv
+    reported[point[visible], column[visible]] = uv[visible]
+    there = np.isfinite(reported[..., 0])
+    first = there.argmax(axis=1)
     world, true_px = np.full((shape[0], 3), np.nan), np.full((*shape, 2), np.nan)
     status = np.full(shape, TruthStatus.no_pose, dtype=np.int8)
     anchored = np.zeros(shape[0], dtype=np.bool_)
     for place in range(shape[1]):
-        new = np.flatnonzero(first == place)
+        new = np.flatnonzero(there.any(axis=1) & (first == place))
         world[new], found = truth.anchor(place * speed, reported[new, place])
         anchored[new] = found == TruthStatus.valid
         begun = np.flatnonzero(anchored & (first <= place))
         true_px[begun, place], status[begun, place] = truth.locate(place * speed, world[begun])
+    after = np.arange(shape[1]) > first[anchored, None]
+    complete = stated is not None and bool(np.isfinite(predicted[anchored, :, 0])[after].all())
     return PointTracks(
         reported[anchored],
         true_px[anchored],
         (status == TruthStatus.valid)[anchored],
         (status != TruthStatus.no_pose)[anchored],
         first[anchored],
+        predicted[anchored] if complete else None,
     )
+
+
+def _as_stated(seen: pl.DataFrame) -> StatedPoints:
+    """Observations as positions of points, one point for each track."""
+    track, frame = (seen[name].to_numpy().astype(np.int64) for name in ("track", "frame"))
+    return StatedPoints(track, frame, seen.select("u_px", "v_px").to_numpy(), np.ones(len(track), dtype=np.bool_))
 
 
 def _metrics(points: PointTracks, scale: tuple[float, float]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from tracknoise.tables.enumerations import EdgeSide
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.text import counted
-from tracknoise.trackers.tracker import reports_causes
+from tracknoise.trackers.tracker import StatedPoints, reports_causes
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.scan import SCAN_RULE, ScanRule
 from tracknoise.truth.truth import TruePositions, Truth
@@ -201,6 +201,8 @@ class SequenceTables:
     states_accuracy: bool = False
     # images of the first frames, (height, width) uint8, as far as they were to be kept
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
+    # by tracker and speed: all positions of trackers that state some of points that they say are not visible
+    points: Mapping[tuple[str, int], StatedPoints] = field(default_factory=dict, repr=False)
 
 
 def measure_sequences(
@@ -312,6 +314,7 @@ def _sequence_tables(
         notes=(*result.notes, *floor.notes),
         states_accuracy=floor.is_stated,
         images=result.images,
+        points=result.points,
     )
 
 

@@ -11,9 +11,18 @@ from numpy.typing import NDArray
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
 from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, times_of
-from tracknoise.sequences.views import first_of_part, source_frames
+from tracknoise.sequences.views import first_of_part, image_names_of, source_frames
 from tracknoise.trackers.gradient import dominant_gradient
-from tracknoise.trackers.tracker import Frame, NotedTracker, OracleTruth, SequenceContext, Tracker, TrackerSettings
+from tracknoise.trackers.tracker import (
+    Frame,
+    NotedTracker,
+    OracleTruth,
+    PointTracker,
+    SequenceContext,
+    StatedPoints,
+    Tracker,
+    TrackerSettings,
+)
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
 Progress = Callable[[int, int], None]
@@ -42,6 +51,8 @@ class TrackingResult:
     second_positions: list[TruePositions] | None = None
     # images of the first frames, (height, width) uint8, as far as they were to be kept
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
+    # by tracker and speed: all positions of trackers that state some of points that they say are not visible
+    points: Mapping[tuple[str, int], StatedPoints] = field(default_factory=dict, repr=False)
 
 
 def run_trackers(
@@ -128,6 +139,7 @@ class _Pass:
             for condition in conditions
         ]
         self._notes = _notes(conditions, [run.tracker for run in self.runs])
+        self._points = _points(conditions, [run.tracker for run in self.runs])
         self._snapshot_frame = snapshot_frame
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
         self._images: dict[int, NDArray[np.uint8]] = {}
@@ -150,7 +162,14 @@ class _Pass:
             positions.append(run.truths[0].resolve())
             second += [one.resolve() for one in run.truths[1:]]
         return TrackingResult(
-            recordings, positions, self._snapshot_frame, self._snapshot, self._notes, second or None, self._images
+            recordings,
+            positions,
+            self._snapshot_frame,
+            self._snapshot,
+            self._notes,
+            second or None,
+            self._images,
+            self._points,
         )
 
 
@@ -175,6 +194,7 @@ def start_tracker(
             camera_at=partial(camera_at, sequence),
             rotation_at=(lambda index: sequence.world_from_camera[index, :3, :3]) if posed.any() else None,
             images=lambda: map(sequence.image, range(0, n_frames, condition.speed)),
+            image_names=image_names_of(sequence),
         )
     )
 
@@ -184,6 +204,13 @@ def _notes(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> tuple[s
     pairs = [(one.tracker, tracker) for one, tracker in zip(conditions, trackers, strict=True)]
     noted = (f"{name}: {note}" for name, one in pairs if isinstance(one, NotedTracker) for note in one.notes)
     return tuple(dict.fromkeys(noted))
+
+
+def _points(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> dict[tuple[str, int], StatedPoints]:
+    """What trackers state of points that they say are not visible, by name and speed."""
+    pairs = zip(conditions, trackers, strict=True)
+    stated = {(one.tracker, one.speed): it.points for one, it in pairs if isinstance(it, PointTracker)}
+    return {condition: points for condition, points in stated.items() if points is not None}
 
 
 def _snapshot_frame(n_frames: int, conditions: Items[TrackerSetup], key_frame: int | None) -> int:

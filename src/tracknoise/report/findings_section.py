@@ -16,6 +16,7 @@ from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estim
 
 _METRICS = {
     "delta_avg": "position accuracy",
+    "delta_avg_reported": "accuracy of positions reported as visible",
     "average_jaccard": "average Jaccard",
     "occlusion_accuracy": "occlusion accuracy",
     "expected_feature_age": "expected feature age",

@@ -245,6 +245,19 @@ def source_frames(sequence: Sequence) -> range | None:
     return source_frames(sequence.sequence) if isinstance(sequence, Turned) else None
 
 
+def image_names_of(sequence: Sequence) -> tuple[str, ...] | None:
+    """The image file of each frame of a sequence; None where images are no files."""
+    if isinstance(sequence, View):
+        names = image_names_of(sequence.sequence)
+        if names is None:
+            return None
+        if isinstance(sequence, ChosenFrames):
+            return tuple(names[index] for index in sequence.frames)
+        return names[::-1] if isinstance(sequence, Backward) else names
+    paths = getattr(getattr(sequence, "images", None), "paths", None)
+    return None if paths is None else tuple(path.name for path in paths)
+
+
 def first_of_part(sequence: Sequence) -> int:
     """Where the part of a sequence begins that is played; 0 where all of it is."""
     if isinstance(sequence, PartOfSequence):

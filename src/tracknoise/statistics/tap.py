@@ -1,7 +1,8 @@
 """Metrics of point trackers: those of TAP-Vid, and the expected feature age of event trackers. Arrays only.
 
 The metrics of TAP-Vid are those of its query mode "first": a point is evaluated in all frames after its own first one.
-It is predicted to be visible where the tracker reports it.
+It is predicted to be visible where the tracker reports it. TAP-Vid has a position of each point in each frame, also
+where it is predicted to be occluded. Most trackers have none there.
 
 Sources: C. Doersch et al., TAP-Vid: A Benchmark for Tracking Any Point in a Video, 2022 (arXiv:2211.03726);
 N. Messikommer et al., Data-driven Feature Tracking for Event Cameras, 2023 (arXiv:2211.12826).
@@ -27,6 +28,8 @@ class PointTracks:
     visible: NDArray[np.bool_]  # (n, k): whether the true position is known and visible
     known: NDArray[np.bool_]  # (n, k): whether it is known that the point is visible or that it is not
     first: NDArray[np.int64]  # (n,): column in which each point begins; it is reported there
+    # (n, k, 2): positions also where the tracker predicts that a point is occluded; None unless it states all of them
+    predicted_px: NDArray[np.float64] | None = None
 
     @property
     def reported(self) -> NDArray[np.bool_]:
@@ -40,7 +43,14 @@ class PointTracks:
 
     def distance(self, scale: ArrayLike) -> NDArray[np.float64]:
         """Distance of reported and true positions, (n, k), after scaling u and v; NaN where not reported."""
-        offset = (self.reported_px - self.true_px) * np.asarray(scale)
+        return self._distance(self.reported_px, scale)
+
+    def predicted_distance(self, scale: ArrayLike) -> NDArray[np.float64] | None:
+        """The same of all positions, also under predicted occlusion; None where the tracker does not state them."""
+        return None if self.predicted_px is None else self._distance(self.predicted_px, scale)
+
+    def _distance(self, position_px: NDArray[np.float64], scale: ArrayLike) -> NDArray[np.float64]:
+        offset = (position_px - self.true_px) * np.asarray(scale)
         distance: NDArray[np.float64] = np.hypot(offset[..., 0], offset[..., 1])
         return distance
 
@@ -48,8 +58,9 @@ class PointTracks:
 def tap_vid(points: PointTracks, scale: ArrayLike = (1.0, 1.0)) -> dict[str, float]:
     """Position accuracy, Jaccard index and occlusion accuracy of TAP-Vid.
 
-    With v for visible, r for reported and d for closer than a threshold, all of evaluated frames:
-    delta = |v r d| / |v|, Jaccard = |v r d| / (|v| + |r and not (v d)|), and OA = |v = r| / |all|.
+    With v for visible, r for reported, p for a position closer than a threshold, and d for one that is reported and
+    closer, all of evaluated frames: delta = |v p| / |v|, delta_reported = |v d| / |v|, Jaccard = |v d| /
+    (|v| + |r and not (v d)|), and OA = |v = r| / |all|. delta_reported is no metric of TAP-Vid: it is at most delta.
 
     Parameters
     ----------
@@ -61,20 +72,25 @@ def tap_vid(points: PointTracks, scale: ArrayLike = (1.0, 1.0)) -> dict[str, flo
     Returns
     -------
     dict
-        ``delta_<threshold>`` and ``jaccard_<threshold>`` of each of `THRESHOLDS`, their means ``delta_avg`` and
-        ``average_jaccard``, and ``occlusion_accuracy``. NaN where nothing is evaluated.
+        ``delta_<threshold>``, ``delta_reported_<threshold>`` and ``jaccard_<threshold>`` of each of `THRESHOLDS`, their
+        means ``delta_avg``, ``delta_avg_reported`` and ``average_jaccard``, and ``occlusion_accuracy``. NaN where
+        nothing is evaluated, and delta where the tracker states no positions under predicted occlusion.
     """
     evaluated = points.evaluated
     visible, reported = points.visible & evaluated, points.reported & evaluated
-    distance = points.distance(scale)
+    distance, predicted = points.distance(scale), points.predicted_distance(scale)
+    n_visible = int(visible.sum())
     found: dict[str, float] = {}
     for threshold in THRESHOLDS:
         correct = int((visible & reported & (distance < threshold)).sum())
         wrong = int(reported.sum()) - correct
-        found[f"delta_{threshold}"] = _ratio(correct, int(visible.sum()))
-        found[f"jaccard_{threshold}"] = _ratio(correct, int(visible.sum()) + wrong)
-    found["delta_avg"] = float(np.mean([found[f"delta_{threshold}"] for threshold in THRESHOLDS]))
-    found["average_jaccard"] = float(np.mean([found[f"jaccard_{threshold}"] for threshold in THRESHOLDS]))
+        near = None if predicted is None else int((visible & (predicted < threshold)).sum())
+        found[f"delta_{threshold}"] = float("nan") if near is None else _ratio(near, n_visible)
+        found[f"delta_reported_{threshold}"] = _ratio(correct, n_visible)
+        found[f"jaccard_{threshold}"] = _ratio(correct, n_visible + wrong)
+    means = {"delta_avg": "delta", "delta_avg_reported": "delta_reported", "average_jaccard": "jaccard"}
+    for mean, name in means.items():
+        found[mean] = float(np.mean([found[f"{name}_{threshold}"] for threshold in THRESHOLDS]))
     found["occlusion_accuracy"] = _ratio(int((evaluated & (visible == reported)).sum()), int(evaluated.sum()))
     return found
 

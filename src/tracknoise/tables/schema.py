@@ -515,14 +515,16 @@ POINT_TRACKING: Schema = {
     **ORIGIN,
     "raster": pl.String,
     "n_points": pl.Int64,
-    **dict.fromkeys(("delta_avg", "average_jaccard", "occlusion_accuracy", "expected_feature_age"), pl.Float64),
-    **{f"{name}_{px}": pl.Float64 for name in ("delta", "jaccard") for px in (1, 2, 4, 8, 16)},
+    **dict.fromkeys(("delta_avg", "delta_avg_reported", "average_jaccard", "occlusion_accuracy"), pl.Float64),
+    "expected_feature_age": pl.Float64,
+    **{f"{name}_{px}": pl.Float64 for name in ("delta", "delta_reported", "jaccard") for px in (1, 2, 4, 8, 16)},
 }
 """Metrics of TAP-Vid and expected feature age of one sequence: two rows per tracker and speed.
 
 raster says whether distances are px of images scaled to 256 x 256 (``256x256``), as TAP-Vid defines them, or px of the
 images themselves (``image``). n_points counts the tracks with a known point. A metric is null where no frame can be
-evaluated.
+evaluated. delta counts all positions, and is null where the tracker states none of points that it predicts to be
+occluded; delta_reported counts those that it reports as visible.
 """
 
 TRUTH_DIFFERENCES: Schema = {

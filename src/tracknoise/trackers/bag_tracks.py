@@ -1,26 +1,29 @@
 """Tracks in bags of ROS 1 and ROS 2: topics on which front ends publish the features of each image.
 
 - VINS-Mono and its descendants: ``sensor_msgs/PointCloud`` with the channels id, u, v, or id, camera, u, v and more.
-- MSCKF-VIO: ``CameraMeasurement``, whose positions are normalised. The first camera counts.
+  Channels with names may have any order, and say what was seen: see `tracknoise.trackers.track_columns`.
+- MSCKF-VIO: ``CameraMeasurement``, whose positions are normalised.
 - OAK cameras: ``TrackedFeatures``.
-- DL-VINS: ``FeatureObservations``, of whose cameras the left one counts.
+- DL-VINS: ``FeatureObservations``.
 
-A message has the time of its image. Definitions of messages are those of these packages; see
-`tracknoise.rosbag_files` for why those in bags are not used.
+Of several cameras the first counts, unless another is chosen. A message has the time of its image. Definitions of
+messages are those of these packages; see `tracknoise.rosbag_files` for why those in bags are not used.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.parsing_child import LostError, call_in_child
 from tracknoise.rosbag_files import Bag, bag_size
 from tracknoise.trackers.imported_rows import Rows, whole_numbers
+from tracknoise.trackers.track_columns import Selection, has_meaning, known_name, meant, unused_notes
 
 _DEFINITIONS: Mapping[str, str] = {
     "msckf_vio/msg/FeatureMeasurement": "uint64 id\nfloat64 u0\nfloat64 v0\nfloat64 u1\nfloat64 v1",
@@ -50,6 +53,8 @@ class _Seen:
     uv: NDArray[np.float64]  # (n, 2): positions
     response: NDArray[np.float32]  # (n,): of the detector; NaN where it is unknown
     quality: Mapping[str, NDArray[np.float32]]  # (n,): by name, the same names in all messages of a topic
+    more: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # (n,): what else the message names
+    several: bool = False  # whether another camera saw features too
 
 
 def _plain(track: Any, *positions: Any) -> _Seen:
@@ -61,24 +66,31 @@ def _plain(track: Any, *positions: Any) -> _Seen:
     return _Seen(track, uv, np.full(len(uv), np.nan, dtype=np.float32), {})
 
 
-def _of_cloud(message: Any) -> _Seen:
-    channels = [channel.values for channel in message.channels]
-    if len(channels) < 3:
-        raise ValueError(f"a cloud of {len(channels)} channels, which are not id, u and v")
-    if len(channels) < _WITH_CAMERA:
-        return _plain(*channels[:3])
-    first = np.asarray(channels[1]) == 0
-    track, u, v = (np.asarray(channels[place])[first] for place in (0, 2, 3))
-    return _plain(track, u, v)
+def _of_cloud(message: Any, camera: int | str | None) -> _Seen:
+    channels = {channel.name.strip(): np.asarray(channel.values) for channel in message.channels}
+    named = {known_name(name): values for name, values in channels.items()}
+    if {"track", "u_px", "v_px"} <= named.keys():
+        seen = _plain(named.pop("track"), named.pop("u_px"), named.pop("v_px"))
+        more = {name: values.astype(np.float64) for name, values in named.items() if len(values) == len(seen.uv)}
+        return replace(seen, more=more)
+    values = [channel.values for channel in message.channels]
+    if len(values) < 3:
+        raise ValueError(f"a cloud of {len(values)} channels, which are not id, u and v")
+    if len(values) < _WITH_CAMERA:
+        return _plain(*values[:3])
+    mine = np.asarray(values[1]) == (0 if camera is None else camera)
+    track, u, v = (np.asarray(values[place])[mine] for place in (0, 2, 3))
+    return replace(_plain(track, u, v), several=not mine.all())
 
 
-def _of_msckf(message: Any) -> _Seen:
+def _of_msckf(message: Any, camera: int | str | None) -> _Seen:
     features = message.features
     track = np.array([one.id for one in features], dtype=np.uint64)
-    return _plain(track, *([getattr(one, name) for one in features] for name in ("u0", "v0")))
+    names = ("u1", "v1") if camera == 1 else ("u0", "v0")
+    return replace(_plain(track, *([getattr(one, name) for one in features] for name in names)), several=True)
 
 
-def _of_oak(message: Any) -> _Seen:
+def _of_oak(message: Any, camera: int | str | None) -> _Seen:
     features = message.features
     track = np.array([one.id for one in features], dtype=np.uint32)
     seen = _plain(track, *([getattr(one.position, name) for one in features] for name in "xy"))
@@ -89,38 +101,51 @@ def _of_oak(message: Any) -> _Seen:
     return _Seen(seen.track, seen.uv, scores, {"tracking_error": errors})
 
 
-def _of_dl_vins(message: Any) -> _Seen:
-    return _plain(message.feature_ids, message.pixel_left_x, message.pixel_left_y)
+def _of_dl_vins(message: Any, camera: int | str | None) -> _Seen:
+    if camera == 1:
+        return replace(_plain(message.feature_ids, message.pixel_right_x, message.pixel_right_y), several=True)
+    seen = _plain(message.feature_ids, message.pixel_left_x, message.pixel_left_y)
+    return replace(seen, several=len(message.pixel_right_x) > 0)
 
 
-_KINDS: Mapping[str, Callable[[Any], _Seen]] = {
+_KINDS: Mapping[str, Callable[[Any, int | str | None], _Seen]] = {
     "sensor_msgs/msg/PointCloud": _of_cloud,
     "msckf_vio/msg/CameraMeasurement": _of_msckf,
     "depthai_ros_msgs/msg/TrackedFeatures": _of_oak,
     "dl_vins/msg/FeatureObservations": _of_dl_vins,
 }
+_CAMERAS: Mapping[str, tuple[int, ...]] = {
+    "msckf_vio/msg/CameraMeasurement": (0, 1),
+    "depthai_ros_msgs/msg/TrackedFeatures": (0,),
+    "dl_vins/msg/FeatureObservations": (0, 1),
+}
+"""The cameras of messages whose definition says how many there are."""
 
 
-def read_bag(path: Path, topic: str | None) -> Rows:
+def read_bag(path: Path, chosen: Selection) -> Rows:
     """Read the tracks of one topic, in a process of its own, because a damaged bag may take all memory.
 
-    `path`: file or folder of the bag; `topic`: its name. None: the only one that has tracks.
+    `path`: file or folder of the bag; `chosen`: the topic, None for the only one that has tracks, and the camera.
     """
     try:
-        return call_in_child(_read, path, topic, size=bag_size(path))
+        return call_in_child(_read, path, chosen, size=bag_size(path))
     except LostError as error:
         raise DataError(path, f"a damaged bag ({error})", "a bag that can be read") from error
 
 
-def _read(path: Path, topic: str | None) -> Rows:
+def _read(path: Path, chosen: Selection) -> Rows:
     bag = Bag(path, _DEFINITIONS)
-    name = _chosen(bag, topic)
-    read = _KINDS[bag.topics[name].kind]
+    name = _chosen(bag, chosen.topic)
+    kind = bag.topics[name].kind
+    cameras = _CAMERAS.get(kind)
+    if cameras is not None and chosen.camera not in (None, *cameras):
+        raise DataError(f"{path} {name}", f"no camera {chosen.camera}", f"one of {', '.join(map(str, cameras))}")
+    read = _KINDS[kind]
     seen: list[_Seen] = []
     times: list[int] = []
     for place, (_, message) in enumerate(bag.messages(name)):
         try:
-            seen.append(read(message))
+            seen.append(read(message, chosen.camera))
         except ValueError as error:
             raise DataError(
                 f"{path} {name}: message {place + 1}", str(error), "one position for each feature"
@@ -129,23 +154,46 @@ def _read(path: Path, topic: str | None) -> Rows:
         times.append(int(stamp.sec) * _NS + int(stamp.nanosec))
     counts = [len(one.uv) for one in seen]
     if not sum(counts):
-        raise DataError(f"{path} {name}", "no feature", "at least one")
+        of_camera = "" if chosen.camera is None else f" of camera {chosen.camera}"
+        raise DataError(f"{path} {name}", f"no feature{of_camera}", "at least one")
     uv = np.concatenate([one.uv for one in seen])
-    if not np.isfinite(uv).all():
-        found = uv[~np.isfinite(uv).all(axis=1)][0].tolist()
-        raise DataError(f"{path} {name}", f"a position {found}", "finite numbers")
 
     def message_of(row: int) -> str:
         return f"{path} {name}: message {np.searchsorted(np.cumsum(counts), row, side='right') + 1}"
 
-    return Rows(
+    more = {key for one in seen if len(one.uv) for key in one.more}
+    columns = {key: np.concatenate([one.more.get(key, np.full(len(one.uv), np.nan)) for one in seen]) for key in more}
+    by_channel = bool(more) or cameras is not None
+    said = meant(
+        path,
+        {key: pl.Series(values) for key, values in sorted(columns.items()) if has_meaning(key)},
+        len(uv),
+        chosen if by_channel and cameras is None else replace(chosen, camera=None),
+        message_of,
+    )
+    seen_there = said.mine if said.seen is None else said.mine & said.seen
+    bad = ~np.isfinite(uv).all(axis=1) & seen_there
+    if bad.any():
+        raise DataError(f"{path} {name}", f"a position {uv[bad][0].tolist()}", "finite numbers")
+    if not seen_there.any():
+        raise DataError(f"{path} {name}", "no feature that was seen", "at least one")
+    unused = (*said.unused, *sorted(key for key in columns if not has_meaning(key)))
+    left_out = f"features of camera {chosen.camera or 0} are read: camera = ... chooses another"
+    rows = Rows(
         path,
         whole_numbers(message_of, np.concatenate([one.track for one in seen]), "id"),
         uv,
         time_ns=np.repeat(np.array(times, dtype=np.int64), counts),
         response=np.concatenate([one.response for one in seen]),
         quality={key: np.concatenate([one.quality[key] for one in seen]) for key in seen[0].quality},
+        seen=said.seen,
+        notes=(
+            *said.notes,
+            *unused_notes(path, unused),
+            *((left_out,) if chosen.camera is None and any(one.several for one in seen) else ()),
+        ),
     )
+    return rows if said.mine.all() else rows.where(said.mine)
 
 
 def _chosen(bag: Bag, topic: str | None) -> str:

@@ -25,7 +25,7 @@ from tracknoise.trackers.imported import ImportedTracker
 from tracknoise.trackers.imported_rows import Tracks, are_far, expected_near
 from tracknoise.trackers.refinement import Refinement
 from tracknoise.trackers.spacing import places_in
-from tracknoise.trackers.tracker import Frame, SequenceContext
+from tracknoise.trackers.tracker import Frame, SequenceContext, StatedPoints
 
 _ABSENT, _WORDS = "0", {"true": 1.0, "false": 0.0}
 
@@ -151,18 +151,20 @@ class _Folder:
     ) -> Tracks:
         """What the command wrote about all queries, in frames of the nominal sequence."""
         speed = context.speed
-        parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
+        parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]] = []
         for number, (first, position) in enumerate(zip(offset.tolist(), uv, strict=True), 1):
-            seen = self._output(number)
-            seen[:first] = np.nan
-            seen[first] = position
-            rows = np.flatnonzero(np.isfinite(seen[:, 0]))
-            parts.append((np.full(len(rows), number - 1, dtype=np.int64), rows * speed, seen[rows]))
+            stated, visible = self._output(number)
+            stated[:first] = np.nan
+            stated[first], visible[first] = position, True
+            rows = np.flatnonzero(np.isfinite(stated[:, 0]))
+            parts.append((np.full(len(rows), number - 1, dtype=np.int64), rows * speed, stated[rows], visible[rows]))
         nothing = np.empty(0, dtype=np.int64)
-        track, frame, at = (
+        track, frame, at, seen = (
             np.concatenate([empty, *(part[place] for part in parts)])
-            for place, empty in enumerate((nothing, nothing, np.empty((0, 2))))
+            for place, empty in enumerate((nothing, nothing, np.empty((0, 2)), np.empty(0, dtype=np.bool_)))
         )
+        points = None if seen.all() else StatedPoints(track, frame, at, seen)
+        track, frame, at = track[seen], frame[seen], at[seen]
         for row in np.flatnonzero(are_far(at, context.size))[:1]:
             place = f"output_{track[row] + 1}.txt:{frame[row] // speed + 1}"
             raise TrackerError(f"external: found {at[row].tolist()} in {place}, expected {expected_near(context.size)}")
@@ -170,20 +172,20 @@ class _Folder:
         first_row = frame == offset[track] * speed
         responses = np.where(first_row, response[track], np.float32(np.nan)).astype(np.float32)
         quality: Mapping[str, NDArray[np.float32]] = {}
-        return Tracks(track[order], frame[order], at[order], responses[order], quality)
+        return Tracks(track[order], frame[order], at[order], responses[order], quality, points=points)
 
-    def _output(self, number: int) -> NDArray[np.float64]:
-        """Positions (n, 2) of a query in all images, NaN where it is not seen."""
+    def _output(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Positions (n, 2) of a query in all images, NaN where none is stated, and whether it is visible (n,)."""
         name = f"output_{number}.txt"
-        seen = np.full((self.n_images, 2), np.nan)
+        stated, visible = np.full((self.n_images, 2), np.nan), np.ones(self.n_images, dtype=np.bool_)
         for row, text in enumerate(self._lines(name)):
             if text != _ABSENT:
-                seen[row] = _position(text, f"{name}:{row + 1}")
-        visible = f"output_{number}_visible.txt"
-        if (self.path / visible).exists():
-            lines = self._lines(visible)
-            seen[[_is_hidden(text, f"{visible}:{row}") for row, text in enumerate(lines, 1)]] = np.nan
-        return seen
+                stated[row] = _position(text, f"{name}:{row + 1}")
+        of_visible = f"output_{number}_visible.txt"
+        if (self.path / of_visible).exists():
+            lines = self._lines(of_visible)
+            visible[[_is_hidden(text, f"{of_visible}:{row}") for row, text in enumerate(lines, 1)]] = False
+        return stated, visible
 
     def _lines(self, name: str) -> list[str]:
         try:

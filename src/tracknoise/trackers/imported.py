@@ -21,6 +21,7 @@ from tracknoise.trackers.imported_rows import (
     LARGEST_EXACT,
     LARGEST_OFFSET_S,
     Assignment,
+    Ids,
     Normalised,
     PixelOrigin,
     Raster,
@@ -29,8 +30,9 @@ from tracknoise.trackers.imported_rows import (
     Units,
 )
 from tracknoise.trackers.refinement import SHIFT, Refinement
+from tracknoise.trackers.track_columns import Moment, Selection, TimeUnit
 from tracknoise.trackers.track_files import SUFFIXES, TrackFormat, detected, origin_of, read_rows
-from tracknoise.trackers.tracker import Frame, SequenceContext, Step, is_quality_name
+from tracknoise.trackers.tracker import Frame, SequenceContext, StatedPoints, Step, is_quality_name
 
 
 def _subsampled(tracks: Tracks, context: SequenceContext) -> tuple[str, ...]:
@@ -42,13 +44,15 @@ def _subsampled(tracks: Tracks, context: SequenceContext) -> tuple[str, ...]:
 
 
 _AS_REPORTED = Refinement()
+LARGEST_SCORE = 1e300
+"""Largest limit of a score, so that it is finite."""
 
 
 class ImportedTracker:
     """Imported tracks, reported frame by frame.
 
     A track begins with its first row among the frames that the tracker sees. It ends as ``lost`` in the first frame
-    without a row; later rows are a new track, since a lifetime counts consecutive frames.
+    in which others have a row and it has none; later rows are a new track, since a lifetime counts consecutive frames.
     """
 
     def __init__(self, tracks: Tracks, notes: tuple[str, ...] = (), refine: Refinement = _AS_REPORTED) -> None:
@@ -60,8 +64,15 @@ class ImportedTracker:
         self._names = np.empty(0, dtype=np.int64)
         self._next_id = 0
 
+    @property
+    def points(self) -> StatedPoints | None:
+        """See `tracknoise.trackers.tracker.PointTracker`; None where positions are refined."""
+        return self._tracks.points if self._refiner is None else None
+
     def step(self, frame: Frame) -> Step:
         """Report the rows of a frame."""
+        if frame.index in self._tracks.silent:
+            return self._unchanged()
         start, stop = np.searchsorted(self._tracks.frame, [frame.index, frame.index + 1])
         names, uv = self._tracks.track[start:stop], self._tracks.uv[start:stop]
         before = self._features
@@ -84,6 +95,19 @@ class ImportedTracker:
             new=new,
             response=self._tracks.response[start:stop][first],
             quality={name: values[shown] for name, values in self._tracks.quality.items()} | quality,
+        )
+
+    def _unchanged(self) -> Step:
+        """The report of a frame of which nothing is known: all features stay alive, and none is observed."""
+        nothing = Features.begin(self._next_id, np.empty((0, 2)))
+        return report(
+            offered=self._features.ids,
+            end=np.full(len(self._features), ALIVE, dtype=np.int8),
+            matched=0,
+            found=nothing,
+            new=nothing,
+            response=np.empty(0, dtype=np.float32),
+            missed=len(self._features),
         )
 
     def _refined(
@@ -277,6 +301,17 @@ class Imported:
         between them. Default: half of the median time between frames; for events one and a half of it.
     topic
         Of a bag: the topic that has the tracks. Default: the only one that may have some.
+    camera
+        Number or name of the camera whose observations are read, where a file has those of several.
+    visible_above
+        Rows are observations where a score, such as the column ``confidence``, is larger.
+    time_unit
+        Unit of times whose column does not name it: ``s``, ``ms``, ``us`` or ``ns``. Default: seconds, and nanoseconds
+        for whole numbers of 15 digits or more.
+    frames_by
+        What shows the frame where a file has several that contradict each other: ``frame``, ``time`` or ``image``.
+    ids
+        What ids name: ``tracks``, or ``slots`` of an array. In a slot a new track begins where the position jumps.
     refine
         Whether positions are refined by Lucas-Kanade: see `tracknoise.trackers.refinement.Refinement`.
     """
@@ -297,13 +332,18 @@ class Imported:
     time_offset_s: Annotated[float, Ge(-LARGEST_OFFSET_S), Le(LARGEST_OFFSET_S)] = 0.0
     max_gap_s: Positive | None = None
     topic: str | None = None
+    camera: int | str | None = None
+    visible_above: Annotated[float, Ge(-LARGEST_SCORE), Le(LARGEST_SCORE)] | None = None
+    time_unit: TimeUnit | None = None
+    frames_by: Moment | None = None
+    ids: Ids = Ids.tracks
     refine: Refinement = field(default_factory=Refinement)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", str(self.path))
-        optional = {"format": TrackFormat, "origin": PixelOrigin}
+        optional = {"format": TrackFormat, "origin": PixelOrigin, "time_unit": TimeUnit, "frames_by": Moment}
         stated = {name: kind for name, kind in optional.items() if getattr(self, name) is not None}
-        settle_members(self, units=Units, **stated)
+        settle_members(self, units=Units, ids=Ids, **stated)
         try:
             SequenceId("", "").expand(self.path, speed=1)
             known = True
@@ -350,13 +390,16 @@ class Imported:
         path = context.sequence.expand(self.path, speed=context.speed)
         kind = self.format or detected(path)
         whole = context.source_frames is None
-        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None, topic=self.topic)
+        chosen = Selection(self.topic, self.camera, self.visible_above, self.time_unit, self.frames_by)
+        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None, chosen=chosen)
         assignment = Assignment(
             Normalised() if self.units == Units.normalised else Raster(self.origin or origin_of(kind), self.raster),
             self.first_frame,
             self.time_offset_s,
             self.max_gap_s,
             asynchronous=kind is TrackFormat.events,
+            frames_by=self.frames_by,
+            ids=self.ids,
         )
         tracks, notes = assignment.tracks(rows, context)
         of_speed = () if "{speed}" in self.path else _subsampled(tracks, context)

@@ -8,7 +8,7 @@
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -21,30 +21,33 @@ from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import nearest
 from tracknoise.geometry.projection import projection_jacobian
 from tracknoise.tables.schema import covariances
-from tracknoise.text import counted_of, significant
-from tracknoise.trackers.tracker import SequenceContext
+from tracknoise.text import counted, counted_of, significant
+from tracknoise.trackers.id_slots import jumps_note, split_at_births
+from tracknoise.trackers.image_names import frames_named, numbers_named, times_named
+from tracknoise.trackers.track_columns import Moment
+from tracknoise.trackers.tracker import SequenceContext, StatedPoints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """What a file states about each observation, in its order.
-
-    Exactly one of `frame`, `time_s` and `time_ns` is given.
-    """
+    """What a file states about each observation, in its order. At least one of frame, time and image is given."""
 
     path: Path  # the file
     track: NDArray[np.int64]  # (n,): which track
-    uv: NDArray[np.float64]  # (n, 2): position as the file states it
-    # (n,): number of the frame as the file states it; None where it states times
-    frame: NDArray[np.int64] | None = None
-    time_s: NDArray[np.float64] | None = None  # (n,): time, seconds; None where the file states frames
-    # (n,): time, whole nanoseconds, which float64 does not hold exactly; None where the file states another time
-    time_ns: NDArray[np.int64] | None = None
+    uv: NDArray[np.float64]  # (n, 2): position as the file states it; any where the feature was not seen
+    frame: NDArray[np.int64] | None = None  # (n,): number of the frame as the file states it
+    time_s: NDArray[np.float64] | None = None  # (n,): time, seconds; NaN where unknown, if there are frames
+    time_ns: NDArray[np.int64] | None = None  # (n,): time, whole nanoseconds, which float64 does not hold exactly
+    image: NDArray[np.str_] | None = None  # (n,): name of the image file
     # (n,): number of the line, or of the row if the file has no lines; None where it has neither
     line: NDArray[np.int64] | None = None
     has_lines: bool = True  # whether `line` counts lines
     response: NDArray[np.float32] | None = None  # (n,): NaN where unknown; None where no response is known
     quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (n,): by name; NaN where unknown
+    seen: NDArray[np.bool_] | None = None  # (n,): whether the feature was seen; None where it was in all rows
+    states_all: bool = False  # whether the file speaks of all frames, so that one without rows has no feature
+    names: Mapping[Moment, str] = field(default_factory=dict)  # what the file calls frames, times and images
+    notes: tuple[str, ...] = ()  # what the reader left out, one sentence each
 
     def place(self, row: int) -> str:
         """Where a row is, for an error."""
@@ -53,18 +56,33 @@ class Rows:
             return f"{self.path}: track {self.track[row]}{frame}"
         return f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
 
+    def where(self, kept: NDArray[np.intp] | NDArray[np.bool_]) -> "Rows":
+        """Some of the rows, by index or mask."""
+        arrays = {one.name: getattr(self, one.name) for one in fields(self)}
+        some: dict[str, Any] = {name: values[kept] for name, values in arrays.items() if isinstance(values, np.ndarray)}
+        return replace(self, **some, quality={name: values[kept] for name, values in self.quality.items()})
+
     def chosen(self, kept: NDArray[np.intp], frame: NDArray[np.intp], uv: NDArray[np.float64]) -> "Rows":
         """Some of the rows, by index, with frames and positions."""
-        return Rows(
-            self.path,
-            self.track[kept],
-            uv,
-            frame=frame.astype(np.int64),
-            line=None if self.line is None else self.line[kept],
-            has_lines=self.has_lines,
-            response=None if self.response is None else self.response[kept],
-            quality={name: values[kept] for name, values in self.quality.items()},
-        )
+        framed = replace(self.where(kept), frame=frame.astype(np.int64), uv=uv)
+        return replace(framed, time_s=None, time_ns=None, image=None)
+
+    @property
+    def observed(self) -> "Rows":
+        """The rows in which the feature was seen."""
+        return self if self.seen is None else self.where(self.seen)
+
+    def has(self, by: Moment) -> bool:
+        """Whether the file states frames, times or images."""
+        if by is Moment.time:
+            return self.time_s is not None or self.time_ns is not None
+        return (self.frame if by is Moment.frame else self.image) is not None
+
+    def stated(self, by: Moment, row: int) -> str:
+        """What a row states of its frame, time or image, for an error."""
+        time = self.time_s if self.time_ns is None else self.time_ns
+        values = {Moment.frame: self.frame, Moment.time: time, Moment.image: self.image}[by]
+        return f"{self.names.get(by, by)} {'' if values is None else values[row]}"
 
     def refuse(self, bad: NDArray[np.bool_], name: str, values: NDArray[np.generic], expected: str) -> None:
         """Raise an error that shows the first bad value; values (n,) or (n, k)."""
@@ -112,6 +130,8 @@ class Tracks:
     uv: NDArray[np.float64]  # (n, 2): px; an integer is the centre of a pixel
     response: NDArray[np.float32]  # (n,): NaN where unknown
     quality: Mapping[str, NDArray[np.float32]]  # (n,): columns ``quality_<name>`` by name; NaN where unknown
+    silent: frozenset[int] = frozenset()  # frames of which nothing is stated: no track ends there
+    points: StatedPoints | None = None  # all positions, where some are stated of features that were not seen
 
 
 _LARGEST_NORMALISED = 2.0
@@ -361,17 +381,22 @@ def nearest_frames(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) 
 
 def interpolated(rows: Rows, frames_s: NDArray[np.float64], max_gap_s: float) -> _Taken:
     """Positions of each track at the times of frames, linear between the observations before and after."""
-    time_s = _times(rows)
+    time_s = _times(rows).copy()
+    at_frame = nearest(time_s, frames_s, max_gap_s=_ROUNDING_S)
+    time_s[at_frame >= 0] = frames_s[at_frame[at_frame >= 0]]
+    rows = replace(rows, time_s=time_s)
+    seen = np.ones(len(time_s), dtype=np.bool_) if rows.seen is None else rows.seen
     order = np.lexsort([time_s, rows.track])
-    _require_one_row_each_time(rows, order)
-    track, time_s, uv = rows.track[order], time_s[order], rows.uv[order]
-    same = np.append(track[1:] == track[:-1], np.False_)  # whether the next row is of the same track
+    _require_one_row_each_time(rows, order[seen[order]])
+    track, time_s, uv, seen = rows.track[order], time_s[order], rows.uv[order], seen[order]
+    # whether the next row is of the same track, and the feature was seen in both
+    same = np.append((track[1:] == track[:-1]) & seen[1:] & seen[:-1], np.False_)
     following = np.append(time_s[1:], np.nan)
     with np.errstate(over="ignore"):
         linked = same & (following - time_s <= max_gap_s)
     first = np.searchsorted(frames_s, time_s)
     last = np.where(linked, np.searchsorted(frames_s, np.where(linked, following, time_s)), first)
-    at_row = (first < len(frames_s)) & (frames_s[np.minimum(first, len(frames_s) - 1)] == time_s)
+    at_row = seen & (first < len(frames_s)) & (frames_s[np.minimum(first, len(frames_s) - 1)] == time_s)
     counts = np.where(linked, last - first, at_row)
     row = np.repeat(np.arange(len(track)), counts)
     frame = first[row] + np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -397,16 +422,17 @@ def _require_any(rows: Rows, used: NDArray[np.intp], frames_s: NDArray[np.float6
 
 def _time_advice(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str:
     if (unit := _likely_unit(time_s, frames_s)) is not None:
-        return f"these look like {unit}"
+        return f'these look like {unit}: set time_unit = "{_SYMBOLS[unit]}"'
     offset_s = float(frames_s[0] - time_s.min())
     if abs(offset_s) > LARGEST_OFFSET_S:
-        return "these are no seconds: divide nanoseconds by 1e9"
+        return 'these are no seconds: set time_unit = "ns", "us" or "ms"'
     advice = "if the clocks differ, set time_offset_s, which is added"
     return f"{advice}: {offset_s:.9f} would put the first row into the first frame"
 
 
 _SIZES_S: Mapping[float, str] = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds", 1e3: "microseconds"}
 """Units that are taken for seconds, by their size; and one that whole numbers of many digits hide as nanoseconds."""
+_SYMBOLS: Mapping[str, str] = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}
 
 
 def _likely_unit(time_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> str | None:
@@ -433,9 +459,22 @@ NEAREST_GAP = 0.5
 """Largest distance between a row and its frame, as a share of the median time between frames."""
 INTERPOLATED_GAP = 1.5
 """Largest distance between two rows with a frame between them, as such a share."""
+_ROUNDING_S = 4e-7
+"""Times of events that differ less from that of a frame are the same: microseconds, and seconds since 1970."""
 _LARGEST_POSITION = 1e30
+_MOST_CONTRADICTING = 0.01
+"""Share of rows whose frame and time may differ, as times between two frames are rounded."""
+_LEAST_COMPARED = 0.5
+"""Share of rows that must show a frame in two ways, so that the two are compared."""
 _LEAST_FRAMES = 3
 """With fewer frames, a regular distance between them proves nothing."""
+
+
+class Ids(StrEnum):
+    """What ids name: ``tracks``, or the ``slots`` of an array, each of which has one feature after another."""
+
+    tracks = "tracks"
+    slots = "slots"
 
 
 @dataclass(frozen=True, slots=True)
@@ -450,29 +489,129 @@ class Assignment:
     max_gap_s: float | None = None
     # Whether positions are interpolated at the times of frames. Otherwise each row belongs to the nearest frame.
     asynchronous: bool = False
+    frames_by: Moment | None = None  # what counts where rows have two of them; None: they must agree
+    ids: Ids = Ids.tracks
 
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
         """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
-        _require_computable(rows)
-        self.raster.check(rows, context)
-        _require_covariances(rows)
-        taken = self._framed(rows, context)
+        observed = rows.observed
+        _require_computable(observed)
+        self.raster.check(observed, context)
+        _require_covariances(observed)
+        by = self._moment(rows, context)
+        compared = tuple(self._compared(observed, by, context))
+        taken = self._framed(rows, by, context)
         framed, unseen = self._in_pixels(taken.rows, context)
         _require_near(framed, context.size)
         frame, uv, quality = _frames(framed), framed.uv, framed.quality
-        _require_steps(framed, frame, context.speed)
         order = np.lexsort([framed.track, frame])
         _require_one_row_each_frame(framed, frame, order)
+        hidden = None if rows.seen is None else self._hidden(rows.where(~rows.seen), by, context)
+        stated = np.unique(frame if hidden is None else np.concatenate([frame, hidden.frame]))
+        silent = np.empty(0, dtype=np.int64) if rows.states_all else _silent(rows.path, stated, context)
+        track, named = self._named(framed.track[order], frame[order], uv[order], context.size)
         unknown = np.full(len(order), np.nan, dtype=np.float32)
         tracks = Tracks(
-            framed.track[order],
+            track,
             frame[order],
             uv[order],
             unknown if framed.response is None else framed.response[order],
             {name: values[order] for name, values in quality.items()},
+            frozenset(silent.tolist()),
+            None if hidden is None or self.ids is Ids.slots else _with_hidden(track, frame[order], uv[order], hidden),
         )
-        notes = _notes(rows, tracks, taken, context)
-        return tracks, (*_unseen_notes(unseen), *notes)
+        notes = _notes(observed, tracks, taken, context)
+        return tracks, (
+            *rows.notes,
+            *compared,
+            *_unseen_notes(unseen),
+            *notes,
+            *_silent_notes(stated, silent, context),
+            *named,
+        )
+
+    def _named(
+        self, track: NDArray[np.int64], frame: NDArray[np.int64], uv: NDArray[np.float64], size: tuple[int, int]
+    ) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+        """Which track each observation is of, sorted by frame and track, and what ids show: see `Ids`."""
+        if self.ids is Ids.slots:
+            return split_at_births(track, frame, uv)
+        note = jumps_note(track, frame, uv)
+        return track, () if note is None else (note,)
+
+    def _moment(self, rows: Rows, context: SequenceContext) -> Moment:
+        """What says in which frame an observation is."""
+        if self.frames_by is not None:
+            if not rows.has(self.frames_by):
+                raise DataError(rows.path, f"no {self.frames_by}", f"a column of it where frames_by = {self.frames_by}")
+            return self.frames_by
+        given = [by for by in Moment if rows.has(by)]
+        return next((by for by in given if by is not Moment.time or context.timestamps_s is not None), given[0])
+
+    def _compared(self, rows: Rows, by: Moment, context: SequenceContext) -> Iterator[str]:
+        """Refuse frames, times and images of a file that contradict each other, unless one of them is chosen.
+
+        A sentence for each that could not be compared.
+        """
+        others = [] if self.frames_by is not None else [other for other in Moment if other is not by]
+        frame = self._frame_by(rows, by, context)
+        for other in others:
+            if not rows.has(other) or (other is Moment.image and context.image_names is None):
+                continue
+            named = self._frame_by(rows, other, context, beside=True)
+            both = (frame >= 0) & (named >= 0)
+            differ = both & (frame != named)
+            if np.count_nonzero(both) < _LEAST_COMPARED * len(frame):
+                yield f"column {rows.names[other]} of {rows.path.name} fits to no frame, and is not used"
+            elif np.count_nonzero(differ) > _MOST_CONTRADICTING * np.count_nonzero(both):
+                row = int(np.flatnonzero(differ)[0])
+                apart = np.unique(np.abs(named - frame)[differ])
+                span = counted(int(apart[0]), "frame") if len(apart) == 1 else f"{apart[0]} to {apart[-1]} frames"
+                found = f"{rows.stated(by, row)} and {rows.stated(other, row)}, which is that of frame {named[row]}"
+                share = f"they differ by {span} in {differ.sum() / both.sum():.0%} of the rows"
+                expected = f'columns that agree; frames_by = "{by}" or "{other}" chooses one of them'
+                raise DataError(rows.place(row), f"{found}: {share}", expected)
+
+    def _frame_by(self, rows: Rows, by: Moment, context: SequenceContext, *, beside: bool = False) -> NDArray[np.int64]:
+        """The frame of each row by one of the things that the file states, -1 where it shows none.
+
+        `beside`: whether frames are known by another, so that times count that are near to one of a frame, in any unit.
+        """
+        if by is Moment.image:
+            assert rows.image is not None, "rows have images"
+            return self._imaged(rows, rows.image, context)
+        if by is Moment.frame:
+            return _placed(_frames(rows) - self.first_frame, context)
+        frame = np.full(len(rows.track), -1, dtype=np.int64)
+        if context.timestamps_s is None:
+            return frame
+        time_s = _times(self._timed(rows, context.timestamps_s, context.clock_start_ns))
+        known = np.flatnonzero(np.isfinite(time_s))
+        limit = self._largest_gap_s(context.timestamps_s, context.source_frames) * (0.5 if beside else 1.0)
+        for unit in (1.0, *_SIZES_S) if beside else (1.0,):
+            frame[known] = nearest(unit * time_s[known], context.timestamps_s, max_gap_s=limit)
+            if np.count_nonzero(frame >= 0) >= _LEAST_COMPARED * len(frame):
+                break
+        return frame
+
+    def _imaged(self, rows: Rows, image: NDArray[np.str_], context: SequenceContext) -> NDArray[np.int64]:
+        """The frame of each row by the name of its image: by the files of the sequence, or a time or number in it."""
+        if context.image_names is not None:
+            return frames_named(image, context.image_names)
+        if (time_s := times_named(image)) is not None:
+            timed = replace(rows, time_s=time_s, time_ns=None)
+            return self._frame_by(timed, Moment.time, context)
+        return _placed(numbers_named(image) - self.first_frame, context)
+
+    def _hidden(self, rows: Rows, by: Moment, context: SequenceContext) -> "_Hidden":
+        """Rows of features that were not seen, in frames of the sequence; positions in px where they are stated."""
+        frame = self._frame_by(rows, by, context)
+        there = frame >= 0
+        track, frame, uv = rows.track[there], frame[there], rows.uv[there]
+        known = np.isfinite(uv).all(axis=1) & (np.abs(np.nan_to_num(uv)) <= _LARGEST_POSITION).all(axis=1)
+        pixels = np.full(uv.shape, np.nan)
+        pixels[known] = self.raster.to_pixels(uv[known], frame[known], context)
+        return _Hidden(track, frame, pixels)
 
     def _in_pixels(self, rows: Rows, context: SequenceContext) -> tuple[Rows, NDArray[np.bool_]]:
         """Rows in pixels, covariances too; and which rows the camera has no image of: they are left out."""
@@ -488,17 +627,34 @@ class Assignment:
         kept = np.flatnonzero(~unseen)
         return in_px.chosen(kept, frame[kept], uv[kept]) if unseen.any() else in_px, unseen
 
-    def _framed(self, rows: Rows, context: SequenceContext) -> _Taken:
-        if rows.frame is not None:
-            return _Taken(self._numbered(rows, rows.frame, context))
+    def _framed(self, rows: Rows, by: Moment, context: SequenceContext) -> _Taken:
+        """The observations with their frames."""
+        if by is Moment.frame:
+            observed = rows.observed
+            return _Taken(self._numbered(observed, _frames(observed), context))
+        if by is Moment.image:
+            return _Taken(self._by_image(rows.observed, context))
         if context.timestamps_s is None:
             expected = "frame numbers, because the times of the sequence's frames are unknown"
             raise DataError(rows.path, "times", expected)
         assign = interpolated if self.asynchronous else nearest_frames
         limit = self._largest_gap_s(context.timestamps_s, context.source_frames)
-        timed = self._timed(rows, context.timestamps_s, context.clock_start_ns)
+        given = rows if self.asynchronous else rows.observed
+        timed = self._timed(given, context.timestamps_s, context.clock_start_ns)
         taken = assign(timed, context.timestamps_s, limit)
         return replace(taken, far=0) if context.source_frames else taken
+
+    def _by_image(self, rows: Rows, context: SequenceContext) -> Rows:
+        """Rows with the frames of their images. Images of a recording that were not chosen go."""
+        image = rows.image
+        assert image is not None, "rows have images"
+        frame = self._imaged(rows, image, context)
+        kept = np.flatnonzero(frame >= 0)
+        if context.source_frames is None or not len(kept):
+            names = context.image_names
+            expected = "an image of the sequence" + ("" if names is None else f", such as {names[0]}")
+            rows.refuse(frame < 0, rows.names.get(Moment.image, "image"), image, expected)
+        return rows.chosen(kept, frame[kept], rows.uv[kept])
 
     def _timed(self, rows: Rows, frames_s: NDArray[np.float64], start_ns: int | None) -> Rows:
         """Rows with times in seconds of the sequence. Those of the clock of the recording are nearer to its start."""
@@ -518,21 +674,29 @@ class Assignment:
     def _numbered(self, rows: Rows, frame: NDArray[np.int64], context: SequenceContext) -> Rows:
         """Rows whose frames count from the first of the sequence. Frames of a recording that were not chosen go."""
         if context.source_frames is not None:
-            return _chosen(rows, frame - self.first_frame, context.source_frames)
+            return _chosen(rows, frame - self.first_frame, context)
         n_frames = context.n_frames
         first, last = self.first_frame, self.first_frame + n_frames - 1
         expected = f"a frame from {first} to {last} of the sequence"
         if first == 0 and frame.min() == 1 and frame.max() == n_frames:
             expected += "; frames are counted from 1: set first_frame = 1"
         rows.refuse((frame < first) | (frame > last), "frame", frame, expected)
-        return replace(rows, frame=frame - first)
+        return rows.chosen(np.arange(len(frame)), frame - first, rows.uv)
 
 
-def _chosen(rows: Rows, frame: NDArray[np.int64], source: range) -> Rows:
-    """The rows in frames of a recording that were chosen, with their numbers among these."""
+def _placed(frame: NDArray[np.int64], context: SequenceContext) -> NDArray[np.int64]:
+    """Frames of a recording as those of the sequence, -1 for what it does not have."""
+    source = context.source_frames or range(context.n_frames)
     place, skipped = np.divmod(frame - source.start, source.step)
-    kept = np.flatnonzero((skipped == 0) & (place >= 0) & (place < len(source)))
+    return np.where((skipped == 0) & (place >= 0) & (place < len(source)), place, -1)
+
+
+def _chosen(rows: Rows, frame: NDArray[np.int64], context: SequenceContext) -> Rows:
+    """The rows in frames of a recording that were chosen, with their numbers among these."""
+    place = _placed(frame, context)
+    kept = np.flatnonzero(place >= 0)
     if not len(kept):
+        source = context.source_frames or range(context.n_frames)
         found = f"frames from {frame.min()} to {frame.max()}"
         raise DataError(rows.path, found, f"some of the chosen frames, {source[0]} to {source[-1]} of the recording")
     return rows.chosen(kept, place[kept], rows.uv[kept])
@@ -543,16 +707,56 @@ def _frames(rows: Rows) -> NDArray[np.int64]:
     return rows.frame
 
 
-def _require_steps(rows: Rows, frame: NDArray[np.int64], speed: int) -> None:
-    """Refuse frames of which only every k-th has rows, unless the tracker sees no others."""
-    present = np.unique(frame)
-    if len(present) < _LEAST_FRAMES:
-        return
-    step = int(np.gcd.reduce(np.diff(present)))
-    if step > 1 and (speed % step or present[0] % step):
-        found = f"rows in one of {step} frames only: {', '.join(map(str, present[:3]))}, ..."
-        expected = f"rows in consecutive frames that are seen at speed {speed}; for such tracks set speeds = [{step}]"
-        raise DataError(rows.path, found, expected)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hidden:
+    """Rows of features that were not seen, in frames of a sequence."""
+
+    track: NDArray[np.int64]  # (n,)
+    frame: NDArray[np.int64]  # (n,)
+    uv: NDArray[np.float64]  # (n, 2): px; NaN where the file states no position
+
+
+def _with_hidden(
+    track: NDArray[np.int64], frame: NDArray[np.int64], uv: NDArray[np.float64], hidden: _Hidden
+) -> StatedPoints | None:
+    """All positions that are stated, those of observations and others; None where there are no others."""
+    known = np.isfinite(hidden.uv).all(axis=1)
+    if not known.any():
+        return None
+    return StatedPoints(
+        np.concatenate([hidden.track[known], track]),
+        np.concatenate([hidden.frame[known], frame]),
+        np.concatenate([hidden.uv[known], uv]),
+        np.arange(np.count_nonzero(known) + len(track)) >= np.count_nonzero(known),
+    )
+
+
+def _silent(path: Path, stated: NDArray[np.int64], context: SequenceContext) -> NDArray[np.int64]:
+    """Frames that the tracker sees and of which the file says nothing, after the first of which it says something.
+
+    Refuses frames of which only every k-th has rows, where the tracker would see these at speed k.
+    """
+    speed, present = context.speed, stated[stated % context.speed == 0]
+    if len(stated) >= _LEAST_FRAMES:
+        step = int(np.gcd.reduce(np.diff(stated)))
+        if step > 1 and speed % step and stated[0] % step == 0:
+            found = f"rows in one of {step} frames only: {', '.join(map(str, stated[:3]))}, ..."
+            rest = f"that are seen at speed {speed}; for such tracks set speeds = [{step}]"
+            raise DataError(path, found, f"rows in consecutive frames {rest}")
+    if not len(present):
+        found = f"rows in no frame that is seen at speed {speed}: {', '.join(map(str, stated[:3]))}, ..."
+        raise DataError(path, found, "rows in some of these frames, or speeds = [1]")
+    return np.setdiff1d(np.arange(present[0], context.n_frames, speed), present)
+
+
+def _silent_notes(stated: NDArray[np.int64], silent: NDArray[np.int64], context: SequenceContext) -> Iterator[str]:
+    """A sentence about frames without rows between frames with rows."""
+    between = silent[silent < stated.max(initial=0)]
+    if len(between):
+        total = len(range(int(stated[0]), int(stated[-1]) + 1, context.speed))
+        some = ", ".join(map(str, between[:3])) + (", ..." if len(between) > 3 else "")
+        have = counted_of(total - len(between), total, "frame", "has", "have")
+        yield f"{have} rows of imported tracks, not {some}: a track ends where it is absent and others are present"
 
 
 def _require_computable(rows: Rows) -> None:

@@ -23,7 +23,7 @@ import sqlite3
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, TextIO
@@ -33,11 +33,27 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, one_line
-from tracknoise.foreign_files import MIB, damage_reported, natural_order, number_in, require_regular
+from tracknoise.foreign_files import MIB, damage_reported, is_number, natural_order, number_in, require_regular
 from tracknoise.parsing_child import call_in_child
 from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
 from tracknoise.text import counted
+from tracknoise.trackers.image_names import is_image_name
 from tracknoise.trackers.imported_rows import IN_FLOAT32, LARGEST, PixelOrigin, Rows, whole_numbers
+from tracknoise.trackers.track_columns import (
+    IMAGES,
+    PER_SECOND,
+    PLAIN,
+    TIMES,
+    Moment,
+    Selection,
+    TimeUnit,
+    has_meaning,
+    key,
+    known_name,
+    meant,
+    renamed,
+    unused_notes,
+)
 from tracknoise.trackers.tracker import is_quality_name
 
 _MOST_BYTES = 4096 * MIB
@@ -47,25 +63,68 @@ _COMPRESSED = {b"\x1f\x8b": "gzip", b"PK\x03\x04": "zip"}
 """How files begin that programs compress, and what they are."""
 
 
-def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> tuple[NDArray[np.float64], list[int]]:
+def read_numbers(path: Path, separator: str | None, names: tuple[str, ...]) -> "_Numbers":
     """The first numbers of each line, without empty lines and comments that start with ``#``.
 
-    Returns rows (n, columns), lines (n,). `rows`: finite. `lines`: the line of each row. `separator`: None for white
-    space. `names`: of the columns that are read, for errors.
+    `separator`: None for white space. `names`: of the columns that are read, for errors.
     """
     require_regular(path, "a file of tracks", most=_MOST_BYTES)
-    values, lines = array("d"), []
+    values, lines, more = array("d"), [], _More()
     try:
         _require_text(path)
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             for line, text in _lines(path, file):
-                values.extend(_numbers(f"{path}:{line}", text.split(separator, len(names)), names))
+                cells = text.split(separator, len(names))
+                values.extend(_numbers(f"{path}:{line}", cells, names))
                 lines.append(line)
+                more.add("".join(cells[len(names) :]), separator)
     except OSError as error:
         raise DataError(path, f"unreadable ({error.strerror})", "a file of tracks") from error
     if not lines:
         raise DataError(path, "no track", "at least one row")
-    return np.array(values).reshape(-1, len(names)), lines
+    return _Numbers(np.array(values).reshape(-1, len(names)), lines, more)
+
+
+@dataclass(slots=True)
+class _More:
+    """Columns without a name behind those that are read: how many, and which of them have had no cell but 0 and 1."""
+
+    count: int = 0
+    flags: dict[int, set[str]] = field(default_factory=dict)
+
+    def add(self, rest: str, separator: str | None) -> None:
+        """Take what follows in a line. A descriptor, which has many columns, is not looked at."""
+        if not rest or self.count >= _LEAST_DESCRIPTOR:
+            return
+        cells = rest.split(separator)
+        if not self.count:
+            self.flags = {place: set() for place in range(len(cells))}
+        self.count = max(self.count, len(cells))
+        for place in [place for place in self.flags if place < len(cells)]:
+            known = {"0", "1"} & {cells[place].strip().removesuffix(".0")}
+            if known:
+                self.flags[place] |= known
+            else:
+                del self.flags[place]
+
+    def notes(self, path: Path, first: int, header: str) -> tuple[str, ...]:
+        """A sentence about columns without a name; refuses one that seems to say which features were seen."""
+        if not 0 < self.count < _LEAST_DESCRIPTOR:
+            return ()
+        flag = next((place for place, known in self.flags.items() if len(known) > 1), None)
+        if flag is not None:
+            found = f"column {first + flag + 1} without a name, of 0 and 1"
+            raise DataError(path, found, f"a first line that names all columns, such as: {header}")
+        return unused_notes(path, [f"number {first + place + 1}" for place in range(self.count)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Numbers:
+    """The numbers of a text file."""
+
+    values: NDArray[np.float64]  # (n, columns): finite
+    lines: list[int]  # (n,): the line of each row
+    more: _More  # columns behind these
 
 
 def _lines(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
@@ -93,37 +152,103 @@ def _number(place: str, cell: str, name: str) -> float:
     return value
 
 
-def read_events(path: Path) -> Rows:
-    """Read lines with the number of a track, a time in seconds, u and v, separated by white space."""
-    values, lines = read_numbers(path, None, ("id", "t", "x", "y"))
-    track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 0], "id")
-    return Rows(path, track, values[:, 2:].copy(), time_s=values[:, 1].copy(), line=np.array(lines))
+_EVENTS, _XIVO = ("id", "t", "x", "y"), ("timestamp", "id", "u", "v")
 
 
-def read_xivo(path: Path) -> Rows:
+def read_events(path: Path, chosen: Selection = PLAIN) -> Rows:
+    """Read lines with the number of a track, a time in seconds, u and v, separated by white space.
+
+    A first line or comment that names the columns may give them another order, and further ones.
+    """
+    names, is_row = _named_columns(path)
+    if names and (is_row or not _are_events(names)):
+        return _rows(path, _split_table(path, names), chosen)
+    found = read_numbers(path, None, _EVENTS)
+    track = whole_numbers(lambda row: f"{path}:{found.lines[row]}", found.values[:, 0], "id")
+    time_s = found.values[:, 1] / PER_SECOND[chosen.time_unit or TimeUnit.s]
+    notes = found.more.notes(path, len(_EVENTS), "# id t x y visible")
+    return Rows(path, track, found.values[:, 2:].copy(), time_s=time_s, line=np.array(found.lines), notes=notes)
+
+
+def _are_events(names: tuple[str, ...]) -> bool:
+    """Whether columns are those of events in their order, and their times in seconds."""
+    known = [known_name(name) for name in names]
+    return (
+        len(known) == len(_EVENTS)
+        and known[0::2] == ["track", "u_px"]
+        and known[3] == "v_px"
+        and (TIMES.get(key(known[1]), TimeUnit.ns) in (None, TimeUnit.s))
+    )
+
+
+def _named_columns(path: Path) -> tuple[tuple[str, ...], bool]:
+    """The names that a line before the first number gives the columns of a text file, and whether it is no comment.
+
+    Without such a line there are no names.
+    """
+    require_regular(path, "a file of tracks", most=_MOST_BYTES)
+    found: tuple[str, ...] = ()
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        while text := file.readline(_BEGINNING):
+            names = tuple(_plain_name(name) for name in text.strip().lstrip("#").split())
+            is_row = bool(text.strip()) and not text.lstrip().startswith("#")
+            found = names if _are_columns(names) else found
+            if is_row:
+                return found, found == names
+    return found, False
+
+
+def _are_columns(names: Iterable[str]) -> bool:
+    """Whether words name a track and its position."""
+    return {"track", "u_px", "v_px"} <= {known_name(name) for name in names}
+
+
+def _split_table(path: Path, names: tuple[str, ...]) -> "_Table":
+    """A text file with columns of these names, separated by white space, as a table of text."""
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for line, text in _lines(path, file):
+            cells = text.split()
+            if not lines and tuple(map(_plain_name, cells)) == names:
+                continue
+            if len(cells) != len(names):
+                found = counted(len(cells), "column")
+                raise DataError(f"{path}:{line}", found, f"{len(names)}: {', '.join(names)}")
+            rows.append(cells)
+            lines.append(line)
+    table = pl.DataFrame(rows, schema=dict.fromkeys(names, pl.String), orient="row").rename(renamed(names))
+    _require_columns(path, table.schema)
+    return _Table.of(table, np.array(lines, dtype=np.int64))
+
+
+def read_xivo(path: Path, chosen: Selection = PLAIN) -> Rows:
     """Read a dump of XIVO's tracker. Descriptors are ignored."""
-    values, lines = read_numbers(path, ",", ("timestamp", "id", "u", "v"))
+    found = read_numbers(path, ",", _XIVO)
+    values, lines = found.values, found.lines
     track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 1], "id")
     time_ns = whole_numbers(lambda row: f"{path}:{lines[row]}", np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
-    return Rows(path, track, values[:, 2:4].copy(), time_ns=time_ns, line=np.array(lines))
+    if chosen.time_unit is not None:
+        time_ns *= PER_SECOND[TimeUnit.ns] // PER_SECOND[chosen.time_unit]
+    between = np.diff(np.unique(time_ns))
+    if len(between) and np.median(between) < _LEAST_BETWEEN_NS:
+        first = ", ".join(map(str, np.unique(time_ns)[:3]))
+        raise DataError(path, f"no header line, and times {first}, ... ns", _HEADER)
+    notes = found.more.notes(path, len(_XIVO), "timestamp_ns,id,u,v,visible")
+    return Rows(path, track, values[:, 2:4].copy(), time_ns=time_ns, line=np.array(lines), notes=notes)
 
 
 _COLUMNS: dict[str, type[pl.DataType]] = {"track": pl.Int64, "frame": pl.Int64, "u_px": pl.Float64, "v_px": pl.Float64}
-_SYNONYMS: Mapping[str, tuple[str, ...]] = {
-    "track": ("track_id", "feature_id", "point_id", "feature", "id"),
-    "frame": ("frame_id", "frame_index", "frame_number", "image_id", "image_index"),
-    "u_px": ("u", "x", "x_px"),
-    "v_px": ("v", "y", "y_px"),
-}
-"""Other names of columns, for files that lack the first; ``id`` comes last, as it may count rows. Upper and lower case
-are the same."""
 _NO_NUMBER = ("", "nan", "null", "none", "na")
-_TIMES = ("time_s", "time", "timestamp")
-"""Columns that can replace ``frame``."""
+_HEADER = f"{', '.join(_COLUMNS)} in a header line"
 _COVARIANCE = ("cov_uu", "cov_uv", "cov_vv")
 """Columns that are kept as if their names started with `QUALITY_PREFIX`."""
 _RESPONSE = "response"
-_USED = {*_COLUMNS, *_TIMES, *_COVARIANCE, _RESPONSE}
+_USED = {*_COLUMNS, *_COVARIANCE, _RESPONSE}
+_OPENSFM = "OPENSFM_TRACKS_VERSION"
+_OF_OPENSFM = (
+    "a table with the columns image, track, u_px = x max(width, height) + width / 2 - 0.5, and v_px of y and height"
+)
 _TABLE_LEAST_NANOSECONDS = 1e14
 """Whole timestamps from here on are nanoseconds: as seconds they would be 3 million years."""
 _MOST_NANOSECONDS = 4.1e18
@@ -131,47 +256,87 @@ _SEPARATORS = ",;\t"
 _MOST_ROWS, _MOST_COLUMNS = 1 << 20, 1000
 
 
-def read_table(path: Path) -> Rows:
+def read_table(path: Path, chosen: Selection = PLAIN) -> Rows:
     """Read a CSV file with a header, or a Parquet file; see `tracknoise.trackers.imported.Imported`.
 
     Rows without a position, such as blank lines, are frames in which the track was not observed.
     """
-    observed = _Observed.of(path, _read_table(path))
-    if observed.table.is_empty():
-        raise DataError(path, "no track", "at least one row")
+    return _rows(path, _read_table(path), chosen)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    """The columns of a file that are used, those that are not, and the line or number of each row."""
+
+    columns: pl.DataFrame
+    unused: tuple[str, ...]
+    line: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, table: pl.DataFrame, line: NDArray[np.int64]) -> "_Table":
+        used = _used(table.columns)
+        return cls(table.select(used), tuple(name for name in table.columns if name not in used), line)
+
+
+def _rows(path: Path, table: _Table, chosen: Selection) -> Rows:
+    """The rows of a table that are of one camera: observations, and what says that a track was not observed."""
+    empty = [_is_empty(table.columns[name]) for name in ("u_px", "v_px")]
+    there = (~(empty[0] & empty[1])).to_numpy()
+    of_frame = [name for name in table.columns.columns if name == "frame" or key(name) in TIMES or key(name) in IMAGES]
+    known = [~_is_empty(table.columns[name]).to_numpy() for name in ("track", *of_frame[:1])]
+    given = _Observed(path, table.columns, table.line).filtered(there | np.logical_and.reduce(known))
+    columns = {name: given.table[name] for name in given.table.columns if _says(name)}
+    said = meant(path, columns, len(given.line), chosen, given.place)
+    mine = given.filtered(said.mine)
+    seen = ~np.logical_and.reduce([_is_empty(mine.table[name]).to_numpy() for name in ("u_px", "v_px")])
+    if said.seen is not None:
+        seen &= said.seen[said.mine]
+    if not len(mine.line) or not seen.any():
+        raise DataError(
+            path, "no row with a feature that was seen" if len(mine.line) else "no track", "at least one row"
+        )
+    when, names = _when(mine, seen, chosen)
+    unused = [*table.unused, *(name for name in of_frame if name not in names.values()), *said.unused]
     return Rows(
         path,
-        observed.numbers("track", pl.Int64),
-        np.column_stack([observed.numbers(name, pl.Float64) for name in ("u_px", "v_px")]),
-        **_when(observed),
-        line=observed.line,
-        has_lines=observed.has_lines,
-        response=_optional(observed, _RESPONSE) if _RESPONSE in observed.table.columns else None,
-        quality=_quality(observed),
+        mine.numbers("track", pl.Int64),
+        np.column_stack([mine.numbers(name, pl.Float64, among=seen) for name in ("u_px", "v_px")]),
+        **when,
+        line=mine.line,
+        has_lines=mine.has_lines,
+        response=_optional(mine, _RESPONSE) if _RESPONSE in mine.table.columns else None,
+        quality=_quality(mine),
+        seen=None if seen.all() else seen,
+        names=names,
+        notes=(*said.notes, *unused_notes(path, unused)),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Observed:
-    """The rows of a table that have a position, and their lines or numbers in the file."""
+    """Rows of a table, and their lines or numbers in the file."""
 
     path: Path
     table: pl.DataFrame
     line: NDArray[np.int64]
 
-    @classmethod
-    def of(cls, path: Path, table: pl.DataFrame) -> "_Observed":
-        first = 2 if path.suffix == ".csv" else 1
-        empty = [_is_empty(table[name]) for name in ("u_px", "v_px")]
-        there = ~(empty[0] & empty[1])
-        return cls(path, table.filter(there), first + np.flatnonzero(there.to_numpy()))
-
     @property
     def has_lines(self) -> bool:
-        return self.path.suffix == ".csv"
+        return self.path.suffix != ".parquet"
 
-    def numbers(self, name: str, kind: type[pl.DataType], *, optional: bool = False) -> NDArray[Any]:
-        """The finite numbers of a column, NaN where they may be missing; an error shows the first that is none."""
+    def filtered(self, kept: NDArray[np.bool_]) -> "_Observed":
+        return _Observed(self.path, self.table.filter(pl.Series(kept, dtype=pl.Boolean)), self.line[kept])
+
+    def place(self, row: int) -> str:
+        return f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
+
+    def numbers(
+        self, name: str, kind: type[pl.DataType], *, optional: bool = False, among: NDArray[np.bool_] | None = None
+    ) -> NDArray[Any]:
+        """The finite numbers of a column, NaN where they may be missing; an error shows the first that is none.
+
+        `among`: the rows that must have one.
+        """
         column = self.table[name]
         text = _stripped(column)
         cast = _whole(text) if kind is pl.Int64 else text.cast(kind, strict=False)
@@ -180,15 +345,15 @@ class _Observed:
             number = text.cast(pl.Float64, strict=False)
             large = bad & ((number.abs() >= LARGEST) & number.is_finite()).fill_null(value=False)
             self.refuse(large.to_numpy(), name, f"{_expected(kind)} of at most {LARGEST}")
-        self.refuse((bad & ~_is_empty(column) if optional else bad).to_numpy(), name, _expected(kind))
-        return cast.fill_null(np.nan).to_numpy() if optional else cast.to_numpy()
+        wrong = (bad & ~_is_empty(column) if optional else bad).to_numpy()
+        self.refuse(wrong if among is None else wrong & among, name, _expected(kind))
+        return cast.to_numpy() if kind is pl.Int64 else cast.fill_null(np.nan).to_numpy()
 
     def refuse(self, bad: NDArray[np.bool_], name: str, expected: str) -> None:
         rows = np.flatnonzero(bad)
         if len(rows):
             row = int(rows[0])
-            place = f"{self.path}:{self.line[row]}" if self.has_lines else f"{self.path}: row {self.line[row]}"
-            raise DataError(place, f"{name} {self.table[name][row]!r}", expected)
+            raise DataError(self.place(row), f"{name} {self.table[name][row]!r}", expected)
 
 
 def _is_empty(column: pl.Series) -> pl.Series:
@@ -198,17 +363,47 @@ def _is_empty(column: pl.Series) -> pl.Series:
     return column.is_null() | (column.is_nan() if column.dtype.is_float() else False)
 
 
-def _when(observed: _Observed) -> dict[str, NDArray[Any]]:
-    """The frames or times, by the name that `Rows` has for them. Whole numbers of 15 digits or more are nanoseconds."""
-    if "frame" in observed.table.columns:
-        return {"frame": observed.numbers("frame", pl.Int64)}
-    name = next(name for name in _TIMES if name in observed.table.columns)
-    seconds = observed.numbers(name, pl.Float64)
+def _when(observed: _Observed, seen: NDArray[np.bool_], chosen: Selection) -> tuple[dict[str, Any], dict[Moment, str]]:
+    """Frames, times and images, by the names that `Rows` has for them, and the names that the file has for them."""
+    columns = observed.table.columns
+    found: dict[str, NDArray[Any]] = {}
+    names: dict[Moment, str] = {}
+    images = [name for name in ("frame", *columns) if name in columns and (name == "frame" or key(name) in IMAGES)]
+    for name in images:
+        texts = observed.table[name].cast(pl.String).fill_null("").to_list()
+        if all(is_image_name(text) for text, one in zip(texts, seen, strict=True) if one):
+            found["image"], names[Moment.image] = np.array(texts, dtype=np.str_), name
+            break
+    if "frame" in columns and names.get(Moment.image) != "frame" and chosen.frames_by in (None, Moment.frame):
+        found["frame"], names[Moment.frame] = observed.numbers("frame", pl.Int64), "frame"
+    times = sorted((name for name in columns if key(name) in TIMES), key=lambda name: [*TIMES].index(key(name)))
+    if times and chosen.frames_by in (None, Moment.time):
+        beside = bool(found) and chosen.frames_by is None
+        found |= _times(observed, times[0], TIMES[key(times[0])] or chosen.time_unit, beside=beside)
+        names[Moment.time] = times[0]
+    return found, names
+
+
+def _times(observed: _Observed, name: str, unit: TimeUnit | None, *, beside: bool) -> dict[str, NDArray[Any]]:
+    """The times of a column. Whole numbers of 15 digits or more are nanoseconds, where no unit is stated.
+
+    `beside`: whether frames are known too, so that a time that is no number is unknown.
+    """
+    if beside:
+        text = _stripped(observed.table[name])
+        times = text.cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy().copy()
+        times[~np.isfinite(times)] = np.nan
+    else:
+        times = observed.numbers(name, pl.Float64)
     whole = _whole(_stripped(observed.table[name]))
-    if name == "time_s" or whole.null_count() or np.abs(seconds).min() < _TABLE_LEAST_NANOSECONDS:
-        return {"time_s": seconds}
-    observed.refuse(np.abs(seconds) > _MOST_NANOSECONDS, name, "a time before the year 2100")
-    return {"time_ns": whole.to_numpy()}
+    are_whole = not whole.null_count()
+    if unit is None and are_whole and np.abs(times).min() >= _TABLE_LEAST_NANOSECONDS:
+        unit = TimeUnit.ns
+    if unit in (None, TimeUnit.s) or not are_whole:
+        return {"time_s": times / PER_SECOND[unit or TimeUnit.s]}
+    factor = PER_SECOND[TimeUnit.ns] // PER_SECOND[unit]
+    observed.refuse(factor * np.abs(times) > _MOST_NANOSECONDS, name, "a time before the year 2100")
+    return {"time_ns": factor * whole.to_numpy()}
 
 
 def _quality(observed: _Observed) -> dict[str, NDArray[np.float32]]:
@@ -229,7 +424,7 @@ def _optional(observed: _Observed, name: str) -> NDArray[np.float32]:
     return narrow
 
 
-def _read_table(path: Path) -> pl.DataFrame:
+def _read_table(path: Path) -> _Table:
     """The columns that are used, without spaces around their names.
 
     Polars ends the whole process on some damaged files, and panics on others. Therefore a child process reads them.
@@ -240,7 +435,7 @@ def _read_table(path: Path) -> pl.DataFrame:
         return call_in_child(_read_parquet if path.suffix == ".parquet" else _read_csv, path, size, size=size)
 
 
-def _read_csv(path: Path, size: int) -> pl.DataFrame:
+def _read_csv(path: Path, size: int) -> _Table:
     """All columns are read as text, so that errors can show the cell. The header shows what separates them."""
     _require_text(path)
     _require_no_null(path)
@@ -257,9 +452,9 @@ def _read_csv(path: Path, size: int) -> pl.DataFrame:
     if table.to_series(-1).null_count():  # where a row ends early, Polars fills its last columns
         _require_whole_rows(path, separator, table.width)
     table = table.rename(_plain_name)
-    table = table.rename(_known_names(table.columns))
+    table = table.rename(renamed(table.columns))
     _require_columns(path, table.schema)
-    return table.select(_used(table.columns))
+    return _Table.of(table, 2 + np.arange(table.height))
 
 
 def _require_text(path: Path) -> None:
@@ -287,7 +482,11 @@ def _require_header(path: Path, header: str, names: list[str]) -> None:
         raise DataError(place, "a carriage return within the line", "lines that end with a line feed")
     if len(names) > _MOST_COLUMNS:
         raise DataError(path, f"{len(names)} columns", f"at most {_MOST_COLUMNS}")
-    if header.startswith("#") and not _USED & {*names, *_known_names(names).values()}:
+    if header.startswith(_OPENSFM):
+        raise DataError(path, "tracks of OpenSfM, whose x and y are shares of the longer side", _OF_OPENSFM)
+    if sum(is_number(name) for name in names) > 1 and not _are_columns(names):
+        raise DataError(place, "no header line", _HEADER)
+    if header.startswith("#") and not {*_COLUMNS} & {*names, *renamed(names).values()}:
         raise DataError(place, "a comment", expected)
     if twice := next((name for name in names if _is_used(name) and names.count(name) > 1), None):
         raise DataError(place, f"column {twice} twice", expected)
@@ -314,36 +513,30 @@ def _plain_name(column: str) -> str:
     return column.strip().removeprefix("#").strip(' "')
 
 
-def _known_names(columns: Iterable[str]) -> dict[str, str]:
-    """New names of the columns that have another one of `_SYNONYMS`."""
-    found = {column.lower(): column for column in reversed([*columns])}
-    renamed = {}
-    for name, others in _SYNONYMS.items():
-        used = next((found[other] for other in (name, *others) if other in found), name)
-        if used != name:
-            renamed[used] = name
-    return renamed
-
-
-def _read_parquet(path: Path, size: int) -> pl.DataFrame:
+def _read_parquet(path: Path, size: int) -> _Table:
     """The number of rows is limited by the size of the file: a column of one repeated value takes almost no space."""
     file = pl.scan_parquet(path, glob=False).rename(str.strip)
-    file = file.rename(_known_names(file.collect_schema()))
+    file = file.rename(renamed(file.collect_schema()))
     _require_columns(path, file.collect_schema())
     rows = file.select(pl.len()).collect().item()
     if rows > max(_MOST_ROWS, size):
         raise DataError(path, f"{rows} rows in {size} bytes", "at most one row per byte")
-    return file.select(_used(file.collect_schema())).collect()
+    schema = file.collect_schema()
+    used = _used(schema)
+    table = file.select(used).collect()
+    return _Table(table, tuple(name for name in schema if name not in used), 1 + np.arange(table.height))
 
 
 def _require_columns(path: Path, columns: pl.Schema) -> None:
-    """Check that the columns that are needed are there, and that all that are used may contain numbers."""
-    has_time = any(name in columns for name in _TIMES)
-    missing = [name for name in _COLUMNS if name not in columns and not (name == "frame" and has_time)]
+    """Check that the columns that are needed are there, and that all that are used may contain what they should."""
+    has_moment = any(key(name) in TIMES or key(name) in IMAGES for name in columns)
+    missing = [name for name in _COLUMNS if name not in columns and not (name == "frame" and has_moment)]
     if missing:
         raise DataError(path, f"no column {', '.join(missing)} among {', '.join(columns)}", ", ".join(_COLUMNS))
     for name, dtype in columns.items():
-        if _is_used(name) and not (dtype.is_integer() or dtype.is_float() or dtype in (pl.String, pl.Null)):
+        plain = dtype.is_integer() or dtype.is_float() or dtype in (pl.String, pl.Null)
+        words = dtype in (pl.Boolean, pl.Categorical, pl.Enum) and (_says(name) or key(name) in IMAGES)
+        if _is_used(name) and not (plain or words):
             raise DataError(path, f"column {name} of type {dtype}", f"{_expected(_COLUMNS.get(name))} in each row")
 
 
@@ -352,7 +545,13 @@ def _used(columns: Iterable[str]) -> list[str]:
 
 
 def _is_used(column: str) -> bool:
-    return column in _USED or column.startswith(QUALITY_PREFIX)
+    named = column in _USED or column.startswith(QUALITY_PREFIX)
+    return named or key(column) in TIMES or key(column) in IMAGES or has_meaning(column)
+
+
+def _says(column: str) -> bool:
+    """Whether a column says of its rows what `meant` reads."""
+    return has_meaning(column) and column not in _USED and not column.startswith(QUALITY_PREFIX)
 
 
 def _expected(kind: type[pl.DataType] | None) -> str:
@@ -376,47 +575,64 @@ _FRAMES_FIRST = "pred_tracks"
 """The name of positions of shape (frames, points, 2), which are those of CoTracker."""
 _NAMES: Mapping[str, tuple[str, ...]] = {
     "positions": ("tracks", "points", "target_points", _FRAMES_FIRST),
-    "hidden": ("occluded", "pred_occluded"),
-    "seen": ("visible", "visibles", "visibility", "pred_visibility"),
     "queries": ("query_points", "queries"),
 }
 """Names that models and data sets give the arrays, by what they hold."""
-_AXES = {"positions": 3, "hidden": 2, "seen": 2, "queries": 2}
+_AXES = {"positions": 3, "queries": 2}
 _Arrays = Mapping[str, tuple[str, NDArray[Any]]]
 """Arrays with their names, by what they hold."""
+_NOT_OF_POINTS = ("video", "frames", "images", "intrinsics", "fps", "size", "height", "width")
+"""Arrays that say nothing of single observations."""
 
 
-def read_tap(path: Path, *, n_frames: int | None) -> Rows:
+def read_tap(path: Path, chosen: Selection = PLAIN, *, n_frames: int | None) -> Rows:
     """Read an archive with ``tracks``, (points, frames, 2): u and v, and ``occluded``, (points, frames).
 
-    ``visible`` can replace ``occluded``. With ``query_points``, (points, 3), whose first column is the frame, the
-    frames before that of the query are left out. Each point is a track with one row per frame in which it is not
-    occluded. `_NAMES` has further names. An additional first axis of length 1 is ignored. ``pred_tracks`` have frames
-    before points, and so has what states where these are seen.
+    ``visible`` and others can replace ``occluded``: see `tracknoise.trackers.track_columns`. With ``query_points``,
+    (points, 3), whose first column is the frame, the frames before that of the query are left out. Each point is a
+    track with one row per frame. `_NAMES` has further names. An additional first axis of length 1 is ignored.
+    ``pred_tracks`` have frames before points, and so has what states where these are seen.
     """
     size = require_regular(path, _TAP_EXPECTED, most=_TAP_MOST_BYTES)
     with damage_reported(path, "not readable", _TAP_EXPECTED, with_reason=True):
-        arrays = call_in_child(_read_tap, path, size=size)
-    tracks, seen = _positions(path, arrays, n_frames), _seen(path, arrays)
+        arrays, stated, unused = call_in_child(_read_tap, path, size=size)
+    tracks = _positions(path, arrays, n_frames)
+    evaluated = np.ones(tracks.shape[:2], dtype=np.bool_)
     if "queries" in arrays:
         first = _query_frames(path, *arrays["queries"], len(tracks))
-        seen = seen & (np.arange(tracks.shape[1]) >= first[:, None])
-    track, frame = np.nonzero(seen)
+        evaluated &= np.arange(tracks.shape[1]) >= first[:, None]
+    track, frame = np.nonzero(evaluated)
     uv = tracks[track, frame]
-    if not np.isfinite(uv).all():
-        place = int(np.flatnonzero(~np.isfinite(uv).all(axis=1))[0])
+    columns = {name: pl.Series(values[track, frame]) for name, values in _stated(path, arrays, stated).items()}
+    said = meant(path, columns, len(track), chosen, lambda row: f"{path}: point {track[row]}, frame {frame[row]}")
+    seen = said.mine if said.seen is None else said.mine & said.seen
+    bad = seen & ~np.isfinite(uv).all(axis=1)
+    if bad.any():
+        place = int(np.flatnonzero(bad)[0])
         found = f"tracks of point {track[place]} in frame {frame[place]} are {uv[place].tolist()}"
         raise DataError(path, found, "finite positions where a point is not occluded")
-    if not len(track):
+    if not seen.any():
         raise DataError(path, "no visible point", "at least one")
-    return Rows(path, track.astype(np.int64), uv, frame=frame.astype(np.int64))
+    return Rows(
+        path,
+        track.astype(np.int64),
+        uv,
+        frame=frame.astype(np.int64),
+        seen=seen,
+        states_all=True,
+        notes=unused_notes(path, (*said.unused, *unused)),
+    )
 
 
-def _read_tap(path: Path) -> dict[str, tuple[str, NDArray[Any]]]:
+def _read_tap(path: Path) -> tuple[dict[str, tuple[str, NDArray[Any]]], dict[str, NDArray[Any]], tuple[str, ...]]:
+    """Arrays by what they hold, arrays that may say where points are seen, and names of others."""
     with np.load(path, allow_pickle=False) as archive:
         present = {role: next((name for name in names if name in archive), None) for role, names in _NAMES.items()}
         found = {role: (name, archive[name]) for role, name in present.items() if name is not None}
-    return {role: (name, _without_batch(values, _AXES[role])) for role, (name, values) in found.items()}
+        stated = {name: _without_batch(archive[name], 2) for name in archive.files if has_meaning(name)}
+        known = {*stated, *_NOT_OF_POINTS, *(name for name, _ in found.values())}
+        unused = tuple(name for name in archive.files if name not in known)
+    return {role: (name, _without_batch(values, _AXES[role])) for role, (name, values) in found.items()}, stated, unused
 
 
 def _without_batch(values: NDArray[Any], axes: int) -> NDArray[Any]:
@@ -449,19 +665,17 @@ def _are_frames_first(first: int, second: int, n_frames: int) -> bool:
     return first == n_frames != second or first <= n_frames < second
 
 
-def _seen(path: Path, arrays: _Arrays) -> NDArray[np.bool_]:
-    """Where each point is seen, (points, frames)."""
-    role = next((role for role in ("hidden", "seen") if role in arrays), None)
-    if role is None:
+def _stated(path: Path, arrays: _Arrays, stated: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """What arrays state of each point and frame, (points, frames) each."""
+    if not stated:
         raise DataError(path, "no array occluded or visible", _TAP_EXPECTED)
-    name, stated = arrays[role]
     of, positions = arrays["positions"]
     expected = positions.shape[:2]
-    if stated.shape != expected or stated.dtype.kind not in "buif" or not np.isin(stated, (0, 1)).all():
-        found = f"{name} of shape {stated.shape} and type {stated.dtype}"
-        raise DataError(path, found, f"true or false, of shape {expected}")
-    seen = stated.astype(np.bool_) == (role == "seen")
-    return np.asarray(seen.T if of == _FRAMES_FIRST else seen)
+    for name, values in stated.items():
+        if values.shape != expected or values.dtype.kind not in "buif":
+            found = f"{name} of shape {values.shape} and type {values.dtype}"
+            raise DataError(path, found, f"true or false, of shape {expected}")
+    return {name: values.T if of == _FRAMES_FIRST else values for name, values in stated.items()}
 
 
 def _query_frames(path: Path, name: str, queries: NDArray[Any], count: int) -> NDArray[np.float64]:
@@ -497,7 +711,7 @@ def read_colmap(path: Path, *, n_frames: int | None) -> Rows:
     if not sum(counts):
         raise DataError(path, "no keypoint", "at least one")
     frame = np.repeat(np.arange(len(counts)), counts)
-    return Rows(path, _chained(counts, matches), np.concatenate(keypoints), frame=frame)
+    return Rows(path, _chained(counts, matches), np.concatenate(keypoints), frame=frame, states_all=True)
 
 
 def _require_closed(path: Path) -> None:
@@ -577,6 +791,10 @@ def _chained(counts: list[int], matches: _Matches) -> NDArray[np.int64]:
 
 _BEGINNING = 4096
 _FORMAT_LEAST_NANOSECONDS = 1e9
+_LEAST_DESCRIPTOR = 8
+"""Columns of numbers behind the position from which on they are a descriptor."""
+_LEAST_BETWEEN_NS = 1e5
+"""Between two images, as no camera takes 10,000 per second."""
 
 
 class TrackFormat(StrEnum):
@@ -596,6 +814,7 @@ class TrackFormat(StrEnum):
 
 _BY_SUFFIX: Mapping[str, TrackFormat] = {
     ".csv": TrackFormat.table,
+    ".tsv": TrackFormat.table,
     ".parquet": TrackFormat.table,
     ".txt": TrackFormat.events,
     ".npz": TrackFormat.tap,
@@ -606,27 +825,26 @@ SUFFIXES = tuple(_BY_SUFFIX)
 """Endings of file names that show a format."""
 
 
-def _read_bag(path: Path, topic: str | None) -> Rows:
+def _read_bag(path: Path, chosen: Selection) -> Rows:
     from tracknoise.trackers.bag_tracks import read_bag  # the library of bags takes a quarter of a second
 
-    return read_bag(path, topic)
+    return read_bag(path, chosen)
 
 
-_READERS: Mapping[TrackFormat, Callable[[Path, int | None, str | None], Rows]] = {
-    TrackFormat.table: lambda path, _, __: read_table(path),
-    TrackFormat.xivo: lambda path, _, __: read_xivo(path),
-    TrackFormat.events: lambda path, _, __: read_events(path),
-    TrackFormat.tap: lambda path, n_frames, _: read_tap(path, n_frames=n_frames),
+_READERS: Mapping[TrackFormat, Callable[[Path, int | None, Selection], Rows]] = {
+    TrackFormat.table: lambda path, _, chosen: read_table(path, chosen),
+    TrackFormat.xivo: lambda path, _, chosen: read_xivo(path, chosen),
+    TrackFormat.events: lambda path, _, chosen: read_events(path, chosen),
+    TrackFormat.tap: lambda path, n_frames, chosen: read_tap(path, chosen, n_frames=n_frames),
     TrackFormat.colmap: lambda path, n_frames, _: read_colmap(path, n_frames=n_frames),
-    TrackFormat.bag: lambda path, _, topic: _read_bag(path, topic),
+    TrackFormat.bag: lambda path, _, chosen: _read_bag(path, chosen),
 }
 
 
 def detected(path: Path) -> TrackFormat:
     """The format that the name and the beginning of a file show.
 
-    A text file whose first line begins with four numbers, and has a descriptor or a time in nanoseconds, is a dump of
-    XIVO.
+    A text file without a header whose first line has a whole time in nanoseconds, or a descriptor, is a dump of XIVO.
 
     Raises
     ------
@@ -635,10 +853,12 @@ def detected(path: Path) -> TrackFormat:
     """
     require_regular(path, "a file of tracks")
     found = _BY_SUFFIX[path.suffix]
+    if found is TrackFormat.events and _is_table(path):
+        return TrackFormat.table
     return TrackFormat.xivo if path.suffix in (".csv", ".txt") and _is_xivo(path) else found
 
 
-def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None, topic: str | None = None) -> Rows:
+def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None, chosen: Selection = PLAIN) -> Rows:
     """Read a file of tracks.
 
     Parameters
@@ -649,15 +869,15 @@ def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None, topic: str
         Its format.
     n_frames
         Number of frames of the sequence; None if it is a part of the recording.
-    topic
-        Of a bag; None for the only one that has tracks.
+    chosen
+        Which rows are read, where the file has several kinds of rows.
 
     Raises
     ------
     DataError
         If the file is missing, damaged or of another format.
     """
-    return _READERS[kind](path, n_frames, topic)
+    return _READERS[kind](path, n_frames, chosen)
 
 
 def origin_of(kind: TrackFormat) -> PixelOrigin:
@@ -666,14 +886,29 @@ def origin_of(kind: TrackFormat) -> PixelOrigin:
 
 
 def _is_xivo(path: Path) -> bool:
-    """Whether the first line has numbers only, separated by commas: a descriptor, or a time that is one in nanoseconds.
+    """Whether the first line has numbers only, separated by commas: a time that is one in nanoseconds, or a descriptor.
 
-    A table without a header, track, frame, u, v, has neither.
+    A table without a header, such as track, frame, u, v, score, has neither.
     """
     try:
-        with path.open("rb") as file:
-            cells = file.readline(_BEGINNING).removeprefix(codecs.BOM_UTF8).split(b",")
+        cells = _first_line(path).split(",")
         numbers = [float(cell) for cell in cells[:4]]
-        return len(numbers) == 4 and (len(cells) > 4 or numbers[0] >= _FORMAT_LEAST_NANOSECONDS)
-    except (OSError, ValueError):
+        described = len(cells) >= len(numbers) + _LEAST_DESCRIPTOR
+        stamped = numbers[0] >= _FORMAT_LEAST_NANOSECONDS and numbers[0].is_integer()
+        return len(numbers) == 4 and (described or stamped)
+    except (OSError, ValueError, IndexError):
         return False
+
+
+def _is_table(path: Path) -> bool:
+    """Whether the first line of a text file names columns that commas or semicolons separate."""
+    try:
+        first = _first_line(path)
+    except OSError:
+        return False
+    return any(_are_columns(map(_plain_name, first.split(separator))) for separator in ",;")
+
+
+def _first_line(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.readline(_BEGINNING).removeprefix(codecs.BOM_UTF8).decode(errors="replace")

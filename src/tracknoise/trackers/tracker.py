@@ -249,6 +249,8 @@ class SequenceContext:
     images
         All images that the tracker will see, in order, each (height, width) uint8, for trackers that need them before
         the first step; None where images come one by one only.
+    image_names
+        The image file of each frame; None where images are no files, or their names are unknown.
     """
 
     sequence: SequenceId
@@ -266,6 +268,7 @@ class SequenceContext:
     camera_at: Callable[[int], CameraModel] | None = field(default=None, compare=False)
     rotation_at: Callable[[int], NDArray[np.float64]] | None = field(default=None, compare=False)
     images: Callable[[], Iterator[NDArray[np.uint8]]] | None = field(default=None, compare=False)
+    image_names: tuple[str, ...] | None = field(default=None, compare=False)
 
 
 @runtime_checkable
@@ -275,6 +278,26 @@ class NotedTracker(Protocol):
     @property
     def notes(self) -> tuple[str, ...]:
         """One sentence each, known when the tracker starts."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StatedPoints:
+    """Positions that a tracker states of its points, also in frames in which it says that they are not visible."""
+
+    point: NDArray[np.int64]  # (n,): which point
+    frame: NDArray[np.int64]  # (n,): frame of the nominal sequence
+    uv: NDArray[np.float64]  # (n, 2): px
+    visible: NDArray[np.bool_]  # (n,): whether the tracker says that the point is visible
+
+
+@runtime_checkable
+class PointTracker(Protocol):
+    """A `Tracker` that may state positions of points that it says are not visible."""
+
+    @property
+    def points(self) -> StatedPoints | None:
+        """All that it states about its points, known when it starts; None where it states no such position."""
         ...
 
 

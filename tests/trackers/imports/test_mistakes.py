@@ -163,11 +163,15 @@ def test_times_belong_to_the_nearest_frame_and_far_ones_are_left_out_and_counted
 
 
 @pytest.mark.parametrize(("per_s", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
-def test_times_in_another_unit_are_named(per_s, unit, tmp_path):
-    rows = timed().with_columns(pl.col("time_s") * per_s)
-    with pytest.raises(DataError, match=rf"times of the frames, from 100 to 100.9 s; these look like {unit}$"):
+def test_times_in_another_unit_are_named_and_the_option_corrects_them(per_s, unit, tmp_path):
+    rows = timed().with_columns(time=pl.col("time_s") * per_s).drop("time_s")
+    symbol = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
+    corrected = rf'these look like {unit}: set time_unit = "{symbol}"$'
+    with pytest.raises(DataError, match=rf"times of the frames, from 100 to 100.9 s; {corrected}"):
         start(tmp_path, rows, context(times=TIMES))
-    since_start = rows.with_columns(pl.col("time_s") - 100.0 * per_s)
+    tracker = start(tmp_path, rows, context(times=TIMES), time_unit=symbol)
+    np.testing.assert_array_equal(positions(tracker, 0), table().filter(frame=0)[["u_px", "v_px"]].to_numpy())
+    since_start = rows.with_columns(pl.col("time") - 100.0 * per_s)
     assert f"left out; their times look like {unit}" in " ".join(
         start(tmp_path, since_start, context(times=TIMES - 100.0)).notes
     )
@@ -175,7 +179,7 @@ def test_times_in_another_unit_are_named(per_s, unit, tmp_path):
 
 def test_microseconds_that_look_like_nanoseconds_are_named(tmp_path):
     rows = table().with_columns(timestamp=1_700_000_000_000_000 + 100_000 * pl.col("frame")).drop("frame")
-    with pytest.raises(DataError, match=r"these look like microseconds$"):
+    with pytest.raises(DataError, match=r'these look like microseconds: set time_unit = "us"$'):
         start(tmp_path, rows, context(times=1.7e9 + 0.1 * np.arange(N_FRAMES)))
 
 
@@ -230,7 +234,7 @@ def test_events_are_interpolated_between_their_updates_but_not_over_gaps(tmp_pat
             f"{2**53} 0.0 5 6\n",
             r"tracks.txt:1: id 9007199254740992.0, expected a whole number of at most 9007199254740991$",
         ),
-        ("1 123456789012 5 6\n", r"times of the frames, from .* s; these are no seconds: divide nanoseconds by 1e9$"),
+        ("1 123456789012 5 6\n", r"times of the frames, from .* s; these are no seconds: set time_unit"),
         ("1 0 5 6\n1 0 7 8\n", r"tracks.txt:2: track 1, expected one row for each track and time$"),
         ("# nothing\n", r"no track, expected at least one row$"),
         ("1 0.0 5 6" + " 7" * 40000, r"tracks.txt:1: a line of 65536 characters or more"),
@@ -253,7 +257,7 @@ def test_bad_lines_of_event_text_are_named(text, message, tmp_path):
             {"tracks": np.zeros((2, 10)), "occluded": np.zeros((2, 10))},
             r"expected numbers of shape \(points, frames, 2",
         ),
-        ({"tracks": np.zeros((2, 10, 2)), "occluded": np.full((2, 10), 0.5)}, "expected true or false"),
+        ({"tracks": np.zeros((2, 10, 2)), "occluded": np.full((2, 10), 0.5)}, "the option visible_above"),
         ({"tracks": np.full((2, 10, 2), np.nan), "occluded": np.zeros((2, 10))}, "tracks of point 0 in frame 0"),
         ({"tracks": np.zeros((2, 10, 2)), "occluded": np.ones((2, 10))}, "no visible point"),
         (

@@ -164,7 +164,8 @@ class Columns(StrEnum):
 
     def then(self, axes: tuple[int, int]) -> "Columns":
         """What the numbers are if u and v of these columns have to be read as `axes` again."""
-        return Columns.of(tuple(self.axes[abs(axis) - 1] * (1 if axis > 0 else -1) for axis in axes))  # type: ignore[arg-type]
+        u, v = (self.axes[abs(axis) - 1] * (1 if axis > 0 else -1) for axis in axes)
+        return Columns.of((u, v))
 
     def ordered(self, rows: "Rows", extent: tuple[float, float]) -> "Rows":
         """Rows whose positions are u and v, covariances too. `extent`: sum of a position and that from the other end."""

@@ -39,7 +39,8 @@ class Tracked:
     size
         (width, height) of the images, px.
     raster
-        The same in the units of the positions that were read: those of a file of tracks of resized images.
+        The same in the units of the positions that were read: those of a file of tracks of resized images. None for
+        positions that were read as rays, whose columns are turned about the centre of the image.
     n_frames
         Number of frames of the sequence.
     """
@@ -49,7 +50,7 @@ class Tracked:
     uv: Positions
     true: Positions
     size: tuple[int, int]
-    raster: tuple[float, float]
+    raster: tuple[float, float] | None
     n_frames: int
 
 
@@ -60,7 +61,7 @@ class Reading:
     Attributes
     ----------
     columns
-        For u and v: which number of a position it is, from 1, negative where it counts from the other side.
+        For u and v: which number of a position it is, from 1, negative where it counts from the other end.
     raster
         Size of the images of which the positions would be; None as given.
     later
@@ -76,14 +77,18 @@ class Reading:
 
     def moved(self, tracked: Tracked, uv: Positions) -> Positions:
         """Positions in px under this reading."""
-        stated, size = np.array(tracked.raster), np.array(tracked.size)
-        at = (uv + 0.5) * (stated / size)
+        size = np.array(tracked.size)
         chosen = [abs(column) - 1 for column in self.columns]
+        if tracked.raster is None:
+            centre = (size - 1) / 2
+            return np.asarray(centre + np.sign(self.columns) * (uv - centre)[:, chosen])
+        stated = np.array(tracked.raster)
+        at = (uv + 0.5) * (stated / size)
         turned = np.where(np.array(self.columns) < 0, stated - at[:, chosen], at[:, chosen])
         return np.asarray(turned * (size / np.array(self.raster or tracked.raster)) - 0.5)
 
 
-AS_GIVEN = Reading()
+AS_GIVEN, STRAY = Reading(), Reading(columns=(0, 0))
 _MOST_FRAMES = 3
 _SQUARES = (64, 96, 112, 128, 160, 192, 224, 240, 256, 320, 336, 384, 448, 480, 512, 518, 640, 768, 1024)
 _SIZES = (
@@ -104,7 +109,7 @@ def readings(tracked: Tracked) -> Iterator[Reading]:
         columns = (order[0] * signs[0], order[1] * signs[1])
         if columns != AS_GIVEN.columns:
             yield Reading(columns)
-    width, height = tracked.raster
+    width, height = tracked.raster or (0.0, 0.0)
     factors = ((round(width * factor), round(height * factor)) for factor in _FACTORS)
     for raster in dict.fromkeys((*_SIZES, *factors)):
         if _is_possible(raster, tracked):
@@ -114,6 +119,8 @@ def readings(tracked: Tracked) -> Iterator[Reading]:
 
 def _is_possible(raster: tuple[float, float], tracked: Tracked) -> bool:
     """Whether positions may be of images of another size: most are inside of it, and some outside of a smaller one."""
+    if tracked.raster is None:
+        return False
     ratio = np.array(raster) / np.array(tracked.raster)
     if np.abs(ratio - 1.0).max() < _SAME:
         return False
@@ -204,7 +211,7 @@ class _Patches:
 
 
 def _prepared(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _BLUR_PX)
+    smooth = np.asarray(cv2.GaussianBlur(image.astype(np.float32), (0, 0), _BLUR_PX), np.float32)
     response = np.log(cv2.cornerMinEigenVal(smooth, 5) + 1e-3)
     mean, square = (cv2.blur(values, (_AROUND_PX, _AROUND_PX)) for values in (response, response * response))
     return smooth, np.asarray((response - mean) / np.sqrt(np.maximum(square - mean * mean, 1e-2)), np.float32)
@@ -245,12 +252,14 @@ class Agreement:
     @property
     def is_better(self) -> bool:
         """Whether the images show that this reading is right, and that as given wrong."""
-        if self.n_pairs < _FEWEST_PAIRS or self.corner_t < -_AGAINST:
+        if self.n_pairs < _FEWEST_PAIRS or (self.corner_t < -_AGAINST and self.reading != STRAY):
             return False
         if self.reading.shuffled:
             return self.ratio < _MUCH and self.motion_t > _SURE
         if not self.loss < _UNRELATED:
             return False
+        if self.reading == STRAY:
+            return self.loss < _CLOSE and self.ratio < _MUCH and self.motion_t > _SURE
         is_close = self.loss < _CLOSE or self.corner_t > _LIKELY
         by_motion = is_close and self.ratio < _MUCH and self.motion_t > _SURE
         by_corners = self.corner - self.corner_given > _CORNER and self.corner_t > _SURE and not self.ratio > 1.0
@@ -265,6 +274,8 @@ class Agreement:
 
 
 _FEWEST_PAIRS = 4
+_EVERY, _HOPELESS = 3, 1.2
+"""A reading is tried in one of so many pairs first; where losses are larger by this factor, it is not right."""
 _LEAST_LOSS = 0.005
 _MUCH, _SOME, _CLOSE = 0.6, 0.85, 0.15
 """Ratios of losses below which positions are much or somewhat better, and a loss of patches that agree."""
@@ -274,14 +285,31 @@ _CORNER = 0.3
 
 
 def agreements(tracked: Tracked, image: Image) -> list[Agreement]:
-    """How well other readings of positions agree with the images, the best first."""
+    """How well other readings of positions agree with the images, the best first.
+
+    Raises
+    ------
+    DataError
+        If an image cannot be read.
+    """
     patches, pairs = _Patches(image), list(_pairs(tracked))
     given = [_of_pair(AS_GIVEN, tracked, pair, patches) for pair in pairs]
     found = [_shuffled(pairs, given, patches)]
     for reading in readings(tracked):
-        under = [_of_pair(reading, tracked, pair, patches) for pair in pairs]
-        found.append(_compared(reading, under, given))
-    return sorted(found, key=lambda one: -one.score)
+        first = [_of_pair(reading, tracked, pair, patches) for pair in pairs[::_EVERY]]
+        if not _compared(reading, first, given[::_EVERY]).ratio > _HOPELESS:
+            under = [_of_pair(reading, tracked, pair, patches) for pair in pairs]
+            found.append(_compared(reading, under, given))
+    stray = [_compared(STRAY, [_of_truth(pair, patches) for pair in pairs], given)] if _are_far(pairs) else []
+    return [*sorted(found, key=lambda one: -one.score), *stray]
+
+
+def wrong_reading(tracked: Tracked, image: Image) -> Reading | None:
+    """The reading that the images show to be right where that as given is wrong; None where they show none.
+
+    `STRAY` where none is right, but the images follow the truth at the positions as given.
+    """
+    return next((one.reading for one in agreements(tracked, image) if one.is_better), None)
 
 
 _Values: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -291,11 +319,32 @@ _Values: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
 def _of_pair(reading: Reading, tracked: Tracked, pair: _Pair, patches: _Patches) -> _Values | None:
     """None where the sequence lacks the frames."""
     first, second = pair.first + reading.later, pair.second + reading.later
-    if not (0 <= first and second < tracked.n_frames):
+    if first < 0 or second >= tracked.n_frames:
         return None
     uv_first, uv_second = (reading.moved(tracked, uv) for uv in (pair.uv_first, pair.uv_second))
     loss = 1.0 - correlation(patches.of(first, uv_first), patches.of(second, uv_second))
     return loss, 0.5 * (patches.corners(first, uv_first) + patches.corners(second, uv_second))
+
+
+def _of_truth(pair: _Pair, patches: _Patches) -> _Values:
+    """The same of where the truth expects the tracks; what it is of corners does not count."""
+    loss = 1.0 - correlation(patches.of(pair.first, pair.true_first), patches.of(pair.second, pair.true_second))
+    return loss, np.where(np.isfinite(loss), 0.0, np.nan).astype(np.float32)
+
+
+def _are_far(pairs: Sequence[_Pair]) -> bool:
+    """Whether tracks move otherwise than the truth by nearly as much as it moves, where that is far."""
+    moved = np.concatenate([np.empty((0, 2)), *(pair.true_second - pair.true_first for pair in pairs)])
+    observed = np.concatenate([np.empty((0, 2)), *(pair.uv_second - pair.uv_first for pair in pairs)])
+    known = np.isfinite(moved).all(axis=1)
+    if known.sum() < _FEWEST:
+        return False
+    motion = float(np.median(np.hypot(*moved[known].T)))
+    error = float(np.median(np.hypot(*(observed - moved)[known].T)))
+    return motion >= _MOTION_PX and error > _FAR * motion
+
+
+_FAR = 0.8
 
 
 def _compared(reading: Reading, under: Sequence[_Values | None], given: Sequence[_Values | None]) -> Agreement:

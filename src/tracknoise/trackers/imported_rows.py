@@ -168,7 +168,7 @@ class Columns(StrEnum):
         return Columns.of((u, v))
 
     def ordered(self, rows: "Rows", extent: tuple[float, float]) -> "Rows":
-        """Rows whose positions are u and v, covariances too. `extent`: sum of a position and that from the other end."""
+        """Rows whose positions are u and v, covariances too. `extent`: sum of a position and the same from the end."""
         places, signs = np.abs(self.axes) - 1, np.sign(self.axes)
         uv = np.where(signs < 0, np.array(extent) - rows.uv[:, places], rows.uv[:, places])
         quality = dict(rows.quality)

@@ -147,6 +147,7 @@ class _Pair:
 
     first: int
     second: int
+    track: NDArray[np.integer]
     uv_first: Positions
     uv_second: Positions
     true_first: Positions
@@ -170,7 +171,7 @@ def _pairs(tracked: Tracked) -> Iterator[_Pair]:
             some = np.unique(np.linspace(0, len(one) - 1, _MOST_TRACKS).astype(int))
             at, there = one[some], two[some]
             uv, true = tracked.uv, tracked.true
-            yield _Pair(first, second, uv[at], uv[there], true[at], true[there], uv[rows[second]])
+            yield _Pair(first, second, tracked.track[at], uv[at], uv[there], true[at], true[there], uv[rows[second]])
 
 
 def _reaching(
@@ -293,6 +294,8 @@ def agreements(tracked: Tracked, image: Image) -> list[Agreement]:
         If an image cannot be read.
     """
     patches, pairs = _Patches(image), list(_pairs(tracked))
+    if len(pairs) < _FEWEST_PAIRS:
+        return []
     given = [_of_pair(AS_GIVEN, tracked, pair, patches) for pair in pairs]
     found = [_shuffled(pairs, given, patches)]
     for reading in readings(tracked):
@@ -312,8 +315,8 @@ def wrong_reading(tracked: Tracked, image: Image) -> Reading | None:
     return next((one.reading for one in agreements(tracked, image) if one.is_better), None)
 
 
-_Values: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
-"""Loss of each track of a pair, and how much it is a corner; NaN where unknown."""
+_Values: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.integer]]
+"""Loss of each track of a pair, how much it is a corner, and which track it is; NaN where unknown."""
 
 
 def _of_pair(reading: Reading, tracked: Tracked, pair: _Pair, patches: _Patches) -> _Values | None:
@@ -323,13 +326,13 @@ def _of_pair(reading: Reading, tracked: Tracked, pair: _Pair, patches: _Patches)
         return None
     uv_first, uv_second = (reading.moved(tracked, uv) for uv in (pair.uv_first, pair.uv_second))
     loss = 1.0 - correlation(patches.of(first, uv_first), patches.of(second, uv_second))
-    return loss, 0.5 * (patches.corners(first, uv_first) + patches.corners(second, uv_second))
+    return loss, 0.5 * (patches.corners(first, uv_first) + patches.corners(second, uv_second)), pair.track
 
 
 def _of_truth(pair: _Pair, patches: _Patches) -> _Values:
     """The same of where the truth expects the tracks; what it is of corners does not count."""
     loss = 1.0 - correlation(patches.of(pair.first, pair.true_first), patches.of(pair.second, pair.true_second))
-    return loss, np.where(np.isfinite(loss), 0.0, np.nan).astype(np.float32)
+    return loss, np.where(np.isfinite(loss), 0.0, np.nan).astype(np.float32), pair.track
 
 
 def _are_far(pairs: Sequence[_Pair]) -> bool:
@@ -350,7 +353,8 @@ _FAR = 0.8
 def _compared(reading: Reading, under: Sequence[_Values | None], given: Sequence[_Values | None]) -> Agreement:
     """A reading beside positions as given, in the pairs that both have."""
     both = [(one, two) for one, two in zip(under, given, strict=True) if one is not None and two is not None]
-    losses, corners = (_known(_means(one[place], two[place]) for one, two in both) for place in (0, 1))
+    losses = _known(_means(one[0], two[0]) for one, two in both)
+    corners = _known(_means(one[1], two[1]) for one, two in both)
     loss, loss_given = losses.T
     if not len(losses):
         own = np.array([_means(one[0], one[0])[0] for one, _ in both])
@@ -364,8 +368,19 @@ def _compared(reading: Reading, under: Sequence[_Values | None], given: Sequence
         _in_errors(_smaller(*losses.T)),
         _mean(corner),
         _mean(corner_given),
-        _in_errors(corner - corner_given),
+        min(_in_errors(corner - corner_given), _in_errors(_of_tracks(both)), key=abs),
     )
+
+
+def _of_tracks(both: Sequence[tuple[_Values, _Values]]) -> NDArray[np.float64]:
+    """How much more a track is a corner under a reading, of each track: pairs of frames show the same tracks."""
+    if not both:
+        return np.empty(0)
+    more = np.concatenate([one[1] - two[1] for one, two in both]).astype(np.float64)
+    track = np.concatenate([one[2] for one, _ in both])
+    known = np.isfinite(more)
+    _, place = np.unique(track[known], return_inverse=True)
+    return np.asarray(np.bincount(place, more[known]) / np.maximum(np.bincount(place), 1))
 
 
 def _known(rows: Iterable[tuple[float, ...]]) -> NDArray[np.float64]:
@@ -390,6 +405,10 @@ def _smaller(loss: NDArray[np.float64], beside: NDArray[np.float64]) -> NDArray[
     return np.asarray(np.log(np.maximum(beside, _LEAST_LOSS) / np.maximum(loss, _LEAST_LOSS)))
 
 
+def _mean_of_known(values: NDArray[np.float32]) -> float:
+    return _mean(values[np.isfinite(values)].astype(np.float64))
+
+
 def _mean(values: NDArray[np.float64]) -> float:
     return float(values.mean()) if len(values) else np.nan
 
@@ -401,20 +420,23 @@ def _in_errors(values: NDArray[np.float64]) -> float:
     return float(values.mean() / max(values.std(ddof=1) / np.sqrt(len(values)), 1e-9))
 
 
-_NEIGHBOURS, _ASKED = 24, 16
+_NEIGHBOURS, _ASKED, _JUMP = 24, 16, 0.5
+"""Others that are compared, tracks that are asked, and how far tracks move at least, beside the distance of others."""
 
 
 def _shuffled(pairs: Sequence[_Pair], given: Sequence[_Values | None], patches: _Patches) -> Agreement:
-    """Whether the patches of tracks go on at the positions of other tracks nearby, rather than at their own.
+    """Whether tracks jump through the image, and their patches go on at the positions of other tracks nearby.
 
     Beside the best of others nearby is the best of as many far away, since the best of many is good by chance too.
     """
     own, by_chance, corners = list[tuple[float, float]](), list[tuple[float, float]](), list[float]()
     for pair, values in zip(pairs, given, strict=True):
-        if values is None or not np.nanmean(values[0]) > _UNRELATED or len(pair.every_second) < 2 * _FEWEST:
+        if values is None or not _mean_of_known(values[0]) > _UNRELATED or len(pair.every_second) < 2 * _FEWEST:
             continue
         some = np.unique(np.linspace(0, len(pair.uv_first) - 1, _ASKED).astype(int))
         distance = np.hypot(*(pair.uv_first[some, None] - pair.every_second).transpose(2, 0, 1))
+        if float(np.median(np.hypot(*(pair.uv_second - pair.uv_first).T))) < _JUMP * float(np.median(distance)):
+            continue
         order, count = np.argsort(distance, axis=1, kind="stable"), min(_NEIGHBOURS, distance.shape[1] // 2)
         patch = patches.of(pair.first, pair.uv_first[some])
         near, far = (
@@ -423,7 +445,7 @@ def _shuffled(pairs: Sequence[_Pair], given: Sequence[_Values | None], patches: 
         )
         own.append(_means(near, values[0][some]))
         by_chance.append(_means(near, far))
-        corners.append(float(np.nanmean(values[1])))
+        corners.append(_mean_of_known(values[1]))
     (near, as_given), chance, corner = _known(own).T, _known(by_chance), _mean(np.array(corners))
     sure = min(_in_errors(_smaller(near, as_given)), _in_errors(_smaller(*chance.T)) * _SURE / _LIKELY)
     return Agreement(Reading(shuffled=True), len(near), _mean(near), _mean(as_given), sure, corner, corner, 0.0)

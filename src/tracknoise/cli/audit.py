@@ -46,13 +46,13 @@ def audit(
     require_outputs([("--json-file", json_file)], inputs=[run])
     folder = RunFolder(run)
     found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
-    if found.is_empty():
+    trust = folder.statistics("trust")
+    verdict = TruthVerdict.of(trust)
+    if found.is_empty() and not verdict.are_tracks_wrong:
         raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
     settings = folder.settings()
     corrections = corrections_toml(found, settings)
     accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), recorded_step(settings))
-    trust = folder.statistics("trust")
-    verdict = TruthVerdict.of(trust)
     document = _json(trust, found, curves, corrections, accuracy)
     write_json(context.obj, document, as_json=as_json, file=json_file)
     if not as_json:

@@ -31,7 +31,10 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
     to_set
         Whether they say what to set.
     """
-    better, trust = wrapped(_better(data)), _flat(map(wrapped, _trust(data)))
+    trust = _flat(map(wrapped, _trust(data)))
+    if TruthVerdict.of(data.trust).are_tracks_wrong:
+        return trust
+    better = wrapped(_better(data))
     told = [wrapped(text) for text in sentences_to_set(data)] if to_set else []
     room = most - len(better) - len(trust)
     shown = _fitting(told, room)
@@ -83,7 +86,7 @@ def _trust(data: ReportData) -> list[str]:
     """Whether the truth is trusted and what would help, what that changes in a check, and that scenes are copies."""
     found = TruthVerdict.of(data.trust)
     why, step = sentences_of(found.text)[:1], sentences_of(found.step)[:1]
-    verdict = joined([f"Truth: {found.verdict}.", *why, *(f"Next: {one}" for one in step)])
+    verdict = joined([found.opening, *why, *(f"Next: {one}" for one in step)])
     change = joined(sentences_of(truth_change(data.run, data.trust) or "")[:1])
     return [verdict, change, *data.findings.filter(topic="copies")["brief"]]
 
@@ -98,6 +101,8 @@ def most_important(data: ReportData, most: int) -> list[str]:
     most
         How many sentences there may be in all.
     """
+    if TruthVerdict.of(data.trust).are_tracks_wrong:
+        return [text for text in _trust(data) if text]
     answers = _in_order(data, [*sentences_to_set(data)[:MOST_TRACKERS], _better(data)], _trust(data))
     chosen = list[str]()
     for text in filter(None, [*answers, *changes(data), *_shown(data)]):

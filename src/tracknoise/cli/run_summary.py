@@ -119,7 +119,8 @@ def print_results(
         if ranks is not None:
             show(terminal.result, ranks)
         terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), to_set=ranks is None)))
-        terminal.say(_HINT)
+        if not TruthVerdict.of(data.trust).are_tracks_wrong:
+            terminal.say(_HINT)
     for line in failed:
         terminal.say(line)
     if limits:
@@ -156,6 +157,8 @@ def summary_text(run: RunFolder) -> str:
     If there are too many conditions, only those that the report's figures show have a row.
     """
     data = ReportData.of(run)
+    if TruthVerdict.of(data.trust).are_tracks_wrong:
+        return "\n".join(_truth(data)).rstrip()
     table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else _with_means(data)))
     shown = [*((name, name, "{}") for name in data.condition_columns), *_TRACKS, *_errors(data)]
     headings = [heading.format(axis=data.axis.name).split("\n") for heading, _, _ in shown]

@@ -31,13 +31,15 @@ AcceptTruthOption = Annotated[
 
 
 def require_truth(truth: "TruthVerdict", whose: str, *, accepted: bool) -> None:
-    """Refuse numbers for estimators from a truth that is not trusted, unless that is accepted.
+    """Refuse numbers for estimators from a truth that is not trusted, unless that is accepted; always of wrong tracks.
 
     Raises
     ------
     SettingsError
         If it is not.
     """
+    if truth.are_tracks_wrong:
+        raise SettingsError(f"{whose}: {truth.sentence} Expected tracks that follow the images")
     if not (truth.is_usable or accepted):
         expected = "Expected a trusted or limited truth, or --accept-truth to use the numbers"
         raise SettingsError(f"{whose}: {truth.sentence} {expected}")

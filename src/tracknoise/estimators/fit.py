@@ -41,6 +41,7 @@ from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Ke
 from tracknoise.estimators.run_time_conditions import conditions_of
 from tracknoise.estimators.track_scale import fit_track_scale
 from tracknoise.estimators.training import Recording, TrainingTables, Windows, recorded_camera, windows
+from tracknoise.exceptions import SettingsError
 from tracknoise.inference.conventions import LEVEL, IntervalKind
 from tracknoise.inference.densities import Student, fit_student, moments, terms
 from tracknoise.inference.intervals import Method, pooled
@@ -304,7 +305,15 @@ _RECORDINGS = 2
 
 
 def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, Any]:
-    """Fields of `tracknoise.estimators.noise_model.NoiseModel`, fitted to a run."""
+    """Fields of `tracknoise.estimators.noise_model.NoiseModel`, fitted to a run.
+
+    Raises
+    ------
+    SettingsError
+        If errors cannot be fitted, or tracks do not follow the images.
+    """
+    if read.truth.verdict.are_tracks_wrong:
+        raise SettingsError(read.truth.verdict.sentence)
     sums = read["noise_sums"]
     fitted = components_of(read, level=level)
     last_age = int(sums["age"].max())  # type: ignore[arg-type]

@@ -179,6 +179,11 @@ class Measurement:
         card = html_card(f"Measurement of {readable(self.sequence.id.key)}", self._facts)
         return f"{card}{html_table(headings, rows.rows())}"
 
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """The image of a frame, (height, width): one that was kept, or read again."""
+        kept = self.images.get(index)
+        return self.sequence.image(index) if kept is None else kept
+
     @property
     def _facts(self) -> dict[str, object]:
         """What it shows of itself, by name."""

@@ -272,6 +272,8 @@ def _write_findings(
     reported = _reported(manifest, experiment, every, reference)
     if reported.fitted:
         every |= _without_verdicts_on_errors(every)
+    if TruthVerdict.of(every["trust"]).are_tracks_wrong:
+        every |= {name: every[name].clear() for name in _BLAMING_TRUTH}
     results = results_of(every)
     if not TruthVerdict.of(every["trust"]).is_usable:
         results = beside_untrusted_truth(results)
@@ -290,6 +292,10 @@ def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str,
     """The tables that lose rows where points are fitted to whole tracks, without these."""
     without_axis = tables["dependence"].filter(pl.col("axis").is_null())  # of lifetimes and outlier ratios
     return {**{name: tables[name].clear() for name in _ABOUT_ANCHORS}, "dependence": without_axis}
+
+
+_BLAMING_TRUTH = ("audit", "audit_curves", "pose_law", "pose_share", "rigid_share")
+"""Findings about the truth from errors of the tracks. They are withheld where tracks do not follow the images."""
 
 
 class _CurveOptions(TypedDict):

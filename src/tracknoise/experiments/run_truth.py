@@ -9,6 +9,7 @@ import polars as pl
 from tracknoise.analysis.condition_units import groups_of_scenes
 from tracknoise.experiments.run_statistics import first_lighting
 from tracknoise.experiments.settings import SYNTHETIC, Experiment
+from tracknoise.experiments.wrong_tracks import wrong_in_run
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.manifest import Manifest, SequenceEntry
@@ -81,6 +82,7 @@ def trust_table(
         pose_shares=tables["pose_share"].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
         sizes=_sizes(summary, str(experiment.findings.trimming), floor if states else floor.clear()),
         curves=tables["audit_curves"],
+        tracks=wrong_in_run([entry.wrong_tracks for entry in entries]),
         mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
         cautions=_each(entries, "cautions"),
         depth_edges=fmean(entry.depth_edges for entry in entries),

@@ -34,6 +34,7 @@ from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_se
 from tracknoise.experiments.resume import new_manifest, require_versions
 from tracknoise.experiments.run_lock import Claim
 from tracknoise.experiments.settings import Experiment
+from tracknoise.experiments.wrong_tracks import wrong_in_most, wrong_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.processes import raise_if_interruption, release_memory
 from tracknoise.sequences.images import content_hash, encode_png
@@ -133,6 +134,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         seconds=round(sum(entry.seconds for entry in entries), 3),
         notes=(note_of(task, parts, n_frames), *_notes(sequence, n_frames, middle.entry.truth, different)),
         states_accuracy=all(entry.states_accuracy for entry in entries),
+        wrong_tracks=wrong_in_most([entry.wrong_tracks for entry in entries]),
         doubts=found.mistakes,
         cautions=found.cautions,
         depth_edges=fmean(entry.depth_edges for entry in entries),
@@ -177,7 +179,9 @@ def _measure_batch(
                 entry = replace(entry, notes=(*one_piece_notes(task, sequence), *entry.notes))
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
             found = doubts(measurement, kinds)
-            entries.append(replace(entry, doubts=found.mistakes, cautions=found.cautions))
+            wrong = wrong_tracks(measurement, task.experiment)
+            mistakes = () if wrong else found.mistakes  # which the tracks would show
+            entries.append(replace(entry, wrong_tracks=wrong, doubts=mistakes, cautions=found.cautions))
         inputs = input_tables(batch, recorder, sequences)
     return [_with_inputs(entry, table, run) for entry, table in zip(entries, inputs, strict=True)]
 
@@ -333,6 +337,7 @@ def write_measurement(folder: RunFolder, experiment: Experiment, measurement: Me
         What was measured.
     """
     entry = sequence_entry(measurement, sha256={})
+    entry = replace(entry, wrong_tracks=wrong_tracks(measurement, experiment))
     tables = tables_to_keep(experiment, measurement.sequence, measurement)
     hashes = folder.write_sequence(entry.key, tables, encode_png(measurement.snapshot))
     return replace(entry, sha256=hashes)

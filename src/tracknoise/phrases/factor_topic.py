@@ -171,6 +171,8 @@ def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None
 
 def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     """Which tracker is more accurate, and by how much: by the core, and by the RMS over tracks where that differs."""
+    if (truth := TruthVerdict.of(data.trust)).are_tracks_wrong:
+        return Judgement(answer(_QUESTION, Verdict.undecided, wished=Verdict.yes), truth.text, _SECTION)
     if len(data.trackers) < 2:
         return _alone(errors)
     ranked = _best_ranks(data, "core")

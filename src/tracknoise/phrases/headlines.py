@@ -25,6 +25,7 @@ from tracknoise.phrases.truth_topic import between_trackers, noise, pose_errors,
 from tracknoise.phrases.window_topic import depth_noise, estimator_noise
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
+from tracknoise.tables.trust import TruthVerdict
 
 _TOPICS: tuple[Callable[[RunTables, ReportedConditions], Headline | None], ...] = (
     verdict_on_truth,
@@ -86,6 +87,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
         `figure` names a section of the report; `table` the table that holds the numbers.
     """
     topics = _FITTED_TOPICS if conditions.fitted else _TOPICS
+    if TruthVerdict.of(tables["trust"]).are_tracks_wrong:
+        topics = (verdict_on_truth, copied_scenes)
     found = [headline for make in topics if (headline := make(tables, conditions))]
     rows = [headline.row(rank) for rank, headline in enumerate(found, start=1)]
     return check(pl.DataFrame(rows, schema=dict(FINDINGS)), FINDINGS, "findings")

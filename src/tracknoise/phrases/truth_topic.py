@@ -177,7 +177,8 @@ def verdict_on_truth(tables: RunTables, conditions: ReportedConditions) -> Headl
     found = TruthVerdict.of(tables["trust"])
     if found.verdict is Trust.trusted:
         return None
-    rows = (first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers)
+    trackers = [] if found.are_tracks_wrong else conditions.trackers
+    rows = (first(conditions.of(tables["summary"], tracker)) for tracker in trackers)
     excess = (excessive_floor(row, Trimming.untrimmed) for row in rows if row is not None)
     text = " ".join([found.sentence, *list(filter(None, excess))[:1]])
     return Headline("truth", text, "truth", "trust", brief=_BRIEF[found.verdict])
@@ -187,6 +188,7 @@ _BRIEF = {
     Trust.limited: "Errors of the truth can be a part of the errors.",
     Trust.not_trusted: "The truth is not trusted, so that errors may not be those of the trackers.",
     Trust.unknown: "Whether the truth can be trusted is unknown.",
+    Trust.not_assessed: "Tracks do not follow the images, so that no number of this run means anything.",
 }
 
 

@@ -113,8 +113,9 @@ def _card(data: ReportData, tracker: str, shown: tuple[str, str]) -> Card:
         factor_topic.best(data, tracker, role, question)
         for role, question in (("core", "smallest"), ("outlier_ratio", "fewest"), ("lifetime", "longest"))
     )
-    about_errors = [size_topic.size_measure(subject, smallest, shown=shown)]
-    if not data.truth_is_fitted:
+    are_wrong = TruthVerdict.of(data.trust).are_tracks_wrong
+    about_errors = [] if are_wrong else [size_topic.size_measure(subject, smallest, shown=shown)]
+    if not (are_wrong or data.truth_is_fitted):
         makes = bias_topic.bias_measure, shape_topic.shape_measure, growth_topic.growth_measure
         about_errors += [make(subject) for make in makes]
     found = [

@@ -138,24 +138,27 @@ class Trust(StrEnum):
 
     trusted: what could be wrong was looked for, could have been seen, and is small beside the errors. limited: the
     truth can explain a part of the errors, up to a stated bound. not_trusted: a fault is established, or the truth
-    explains most of the errors. unknown: how much it explains could not be determined.
+    explains most of the errors. unknown: how much it explains could not be determined. not_assessed: tracks do not
+    follow the images, so that errors say nothing about it.
     """
 
     trusted = "trusted"
     limited = "limited"
     not_trusted = "not trusted"
     unknown = "unknown"
+    not_assessed = "not assessed"
 
 
 class TruthCause(StrEnum):
     """What a share of the errors may be due to: all causes together, or one of them.
 
-    mistakes: data that cannot be right. faults: constant faults that are established. any_fault: all constant faults
-    together, established or not. poses: a motion of the camera that the poses lack. depths: random errors of single
-    depths. stated: the stated accuracy. every: all together.
+    tracks: those that do not follow the images. mistakes: data that cannot be right. faults: constant faults that are
+    established. any_fault: all constant faults together, established or not. poses: a motion of the camera that the
+    poses lack. depths: random errors of single depths. stated: the stated accuracy. every: all together.
     """
 
     every = "every"
+    tracks = "tracks"
     mistakes = "mistakes"
     faults = "faults"
     any_fault = "any fault"

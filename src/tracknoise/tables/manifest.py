@@ -44,6 +44,8 @@ class SequenceEntry:
         value that the hash of the manifest does not cover, so that equal runs have equal hashes.
     notes
         What was corrected or assumed while reading, one sentence each.
+    wrong_tracks
+        Why tracks do not follow its images, and what mends it, by tracker; empty where all do, or it is not determined.
     doubts
         Why its data cannot be right, one or two sentences each; empty where nothing looks wrong.
     cautions
@@ -83,6 +85,7 @@ class SequenceEntry:
     group: str | None = None
     z_depth_from: str | None = None
     kernels: str = ""
+    wrong_tracks: tuple[tuple[str, str], ...] = ()
     doubts: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     depth_edges: float = 0.0
@@ -239,6 +242,7 @@ def _entry(*, sequence: dict[str, Any], **rest: Any) -> SequenceEntry:
     """What `Manifest.to_json` wrote of one sequence."""
     direction = Direction(sequence.pop("direction"))
     rest |= {name: tuple(rest.get(name) or ()) for name in _LISTS}
+    rest["wrong_tracks"] = tuple((text, step) for text, step in rest.get("wrong_tracks") or ())
     rest["parts"] = tuple((first, stop) for first, stop in rest.get("parts") or ())
     return SequenceEntry(SequenceId(**sequence, direction=direction), **rest)
 

@@ -56,9 +56,19 @@ class TruthVerdict:
         return self.verdict in (Trust.trusted, Trust.limited)
 
     @property
+    def are_tracks_wrong(self) -> bool:
+        """Whether tracks do not follow the images: then no number of the run means anything."""
+        return self.verdict is Trust.not_assessed
+
+    @property
+    def opening(self) -> str:
+        """The verdict alone: ``Truth: limited.``, or ``Tracks: wrong.``."""
+        return "Tracks: wrong." if self.are_tracks_wrong else f"Truth: {self.verdict}."
+
+    @property
     def caveat(self) -> str:
         """The verdict and why: ``Truth: limited. ...``."""
-        return f"Truth: {self.verdict}. {self.text}"
+        return f"{self.opening} {self.text}"
 
     @property
     def sentence(self) -> str:

@@ -21,6 +21,7 @@ from tracknoise.trackers.imported_rows import (
     LARGEST_EXACT,
     LARGEST_OFFSET_S,
     Assignment,
+    Columns,
     Ids,
     Normalised,
     PixelOrigin,
@@ -272,6 +273,10 @@ def _whole(name: str, values: ArrayLike, length: int | None = None, *, most: flo
     return given.astype(np.int64)
 
 
+_MOST_SKIPPED = 10**9
+"""Frames before the first one of a file, at most."""
+
+
 @dataclass(frozen=True, slots=True)
 class Imported:
     """Settings of imported tracks. `docs/your-tracks.md` describes the formats.
@@ -284,7 +289,11 @@ class Imported:
     format
         Its format; by default what its name and beginning show.
     first_frame
-        Number that the file gives the first frame of the sequence: 1 if it counts frames from 1.
+        Number that the file gives the first frame of the sequence: 1 if it counts frames from 1; negative if the file
+        begins later than the sequence and still counts from 0.
+    columns
+        What the two numbers of a position are: ``u v``, u to the right and v down; ``v u`` if they are swapped,
+        ``u -v`` if v goes up, ``-u v`` if u goes to the left.
     units
         What positions are: ``pixels``, or ``normalised``, which are x/z and y/z in the frame of the camera, without
         distortion. The camera of the sequence, with its distortion, turns the latter into pixels.
@@ -325,7 +334,8 @@ class Imported:
     path: PathTemplate
     _: KW_ONLY
     format: TrackFormat | None = None
-    first_frame: Annotated[int, Ge(0)] = 0
+    first_frame: Annotated[int, Ge(-_MOST_SKIPPED)] = 0
+    columns: Columns = Columns.uv
     units: Units = Units.pixels
     origin: PixelOrigin | None = None
     raster: tuple[Positive, Positive] | None = None
@@ -343,7 +353,7 @@ class Imported:
         object.__setattr__(self, "path", str(self.path))
         optional = {"format": TrackFormat, "origin": PixelOrigin, "time_unit": TimeUnit, "frames_by": Moment}
         stated = {name: kind for name, kind in optional.items() if getattr(self, name) is not None}
-        settle_members(self, units=Units, ids=Ids, **stated)
+        settle_members(self, units=Units, columns=Columns, ids=Ids, **stated)
         try:
             SequenceId("", "").expand(self.path, speed=1)
             known = True
@@ -400,6 +410,7 @@ class Imported:
             asynchronous=kind is TrackFormat.events,
             frames_by=self.frames_by,
             ids=self.ids,
+            columns=self.columns,
         )
         tracks, notes = assignment.tracks(rows, context)
         of_speed = () if "{speed}" in self.path else _subsampled(tracks, context)

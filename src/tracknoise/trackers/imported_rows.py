@@ -134,6 +134,7 @@ class Tracks:
     points: StatedPoints | None = None  # all positions, where some are stated of features that were not seen
 
 
+_SWAP = "the option columns says which is u"
 _LARGEST_NORMALISED = 2.0
 _LEAST_ROWS = 10
 """With fewer rows, small positions do not prove normalised coordinates."""
@@ -156,6 +157,48 @@ class PixelOrigin(StrEnum):
     corner = "corner"
 
 
+class Columns(StrEnum):
+    """What the two numbers of a position are: u to the right and v down, with a minus where they count from the end."""
+
+    uv = "u v"
+    uv_up = "u -v"
+    uv_left = "-u v"
+    uv_turned = "-u -v"
+    vu = "v u"
+    vu_left = "v -u"
+    vu_up = "-v u"
+    vu_turned = "-v -u"
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """For u and v: which of the numbers it is, from 1, negative where it counts from the end."""
+        names = [name.removeprefix("-") for name in self.split()]
+        signs = [-1 if name.startswith("-") else 1 for name in self.split()]
+        u, v = names.index("u"), names.index("v")
+        return signs[u] * (u + 1), signs[v] * (v + 1)
+
+    @classmethod
+    def of(cls, axes: tuple[int, int]) -> "Columns":
+        """That of which these are the axes."""
+        return next(one for one in cls if one.axes == axes)
+
+    def then(self, axes: tuple[int, int]) -> "Columns":
+        """What the numbers are if u and v of these columns have to be read as `axes` again."""
+        u, v = (self.axes[abs(axis) - 1] * (1 if axis > 0 else -1) for axis in axes)
+        return Columns.of((u, v))
+
+    def ordered(self, rows: "Rows", extent: tuple[float, float]) -> "Rows":
+        """Rows whose positions are u and v, covariances too. `extent`: sum of a position and the same from the end."""
+        places, signs = np.abs(self.axes) - 1, np.sign(self.axes)
+        uv = np.where(signs < 0, np.array(extent) - rows.uv[:, places], rows.uv[:, places])
+        quality = dict(rows.quality)
+        for uu, both, vv in covariances(rows.quality):
+            stated = rows.quality[uu], rows.quality[vv]
+            quality |= {uu: stated[places[0]], vv: stated[places[1]]}
+            quality[both] = (rows.quality[both] * np.float32(signs.prod())).astype(np.float32)
+        return replace(rows, uv=uv, quality=quality)
+
+
 @dataclass(frozen=True, slots=True)
 class Raster:
     """Coordinates of a file.
@@ -174,6 +217,12 @@ class Raster:
     def check(self, rows: Rows, context: SequenceContext) -> None:
         """See `check_coordinates`."""
         check_coordinates(rows, self, context.size)
+
+    def extent(self, context: SequenceContext) -> tuple[float, float]:
+        """Sum of a position of the file and the same position from the other end."""
+        width, height = self.size or context.size
+        less = 1 if self.origin is PixelOrigin.centre else 0
+        return width - less, height - less
 
     def to_pixels(
         self, uv: NDArray[np.float64], frame: NDArray[np.int64], context: SequenceContext
@@ -227,7 +276,7 @@ def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> Non
             f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
         )
         expected = "u to the right and v down: the columns are swapped, or width and height of the camera"
-        raise DataError(rows.path, found, expected)
+        raise DataError(rows.path, found, f"{expected}; {_SWAP}")
     if stated == 0:
         found = f"no position inside images of {image[0]} x {image[1]} px"
         raise DataError(
@@ -273,6 +322,10 @@ class Normalised:
     Positions become pixels by the camera of the sequence with its distortion: that of their frame, where it changes.
     """
 
+    def extent(self, context: SequenceContext) -> tuple[float, float]:
+        """Sum of a position of the file and the same position from the other end: (0, 0) is in the middle."""
+        return 0.0, 0.0
+
     def check(self, rows: Rows, context: SequenceContext) -> None:
         """Refuse positions that are pixels, whose columns are swapped, or of which none is in the image."""
         camera, size = _camera_at(context, 0), context.size
@@ -285,7 +338,7 @@ class Normalised:
             expected = "x/z and y/z, and these look like pixels: leave out units, or divide by the intrinsics"
             raise DataError(rows.path, found, expected)
         if inside(_projected(camera, rows.uv[:, ::-1]), size).mean() > _NORMALISED_INSIDE_IF_SWAPPED:
-            raise DataError(rows.path, found, "x/z to the right and y/z down: the columns are swapped")
+            raise DataError(rows.path, found, f"x/z to the right and y/z down: the columns are swapped; {_SWAP}")
         if stated == 0:
             raise DataError(rows.path, found, "x/z and y/z of the camera of this sequence, without its distortion")
 
@@ -491,11 +544,13 @@ class Assignment:
     asynchronous: bool = False
     frames_by: Moment | None = None  # what counts where rows have two of them; None: they must agree
     ids: Ids = Ids.tracks
+    columns: Columns = Columns.uv  # what the numbers of a position are
 
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
         """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
+        _require_computable(rows.observed)
+        rows = self.columns.ordered(rows, self.raster.extent(context))
         observed = rows.observed
-        _require_computable(observed)
         self.raster.check(observed, context)
         _require_covariances(observed)
         by = self._moment(rows, context)

@@ -29,6 +29,14 @@ TRACKERS: Plugins[TrackerSettings] = Plugins(
 )
 
 
+_OF_OTHERS = frozenset({"external", "imported"})
+
+
+def is_foreign(kind: str) -> bool:
+    """Whether positions of a kind of tracker come from another program: imported, external, functions and plug-ins."""
+    return kind in _OF_OTHERS or not (kind in TRACKERS.built_in or is_preset(kind))
+
+
 def make_tracker(kind: str, options: Mapping[str, object] | None = None) -> TrackerSettings:
     """Make a tracker's settings from its name and options, types checked.
 

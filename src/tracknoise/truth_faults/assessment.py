@@ -80,6 +80,8 @@ class TruthEvidence:
         Size of the errors of each tracker.
     curves
         Schema `AUDIT_CURVES`; by default unknown.
+    tracks
+        Why tracks do not follow the images, and what mends it: then they say nothing about the truth.
     mistakes
         Sentences about data that cannot be right.
     cautions
@@ -100,6 +102,7 @@ class TruthEvidence:
     pose_shares: pl.DataFrame
     sizes: Mapping[str, ErrorSize]
     curves: pl.DataFrame = field(default_factory=lambda: empty(AUDIT_CURVES))
+    tracks: Sequence[tuple[str, str]] = ()
     mistakes: Sequence[str] = ()
     cautions: Sequence[str] = ()
     depth_edges: float = 0.0
@@ -269,6 +272,8 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     polars.DataFrame
         Schema `TRUST`: the verdict first.
     """
+    if evidence.tracks:
+        return _table(_of_tracks(evidence.tracks), dataset)
     faults = _Named.of(evidence.audit)
     sizes = {tracker: _Size.of(tracker, size, evidence.curves) for tracker, size in evidence.sizes.items()}
     bounds = _bounds(evidence, sizes, is_faulty=bool(faults.rows))
@@ -277,6 +282,18 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
         {"cause": TruthCause.every, "verdict": found.verdict, "text": found.text, "step": found.step or None},
         *_rows(evidence, bounds, faults),
     ]
+    return _table(rows, dataset)
+
+
+def _of_tracks(wrong: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Rows of a truth that is not assessed, because tracks do not follow the images."""
+    (text, step), *others = wrong
+    more = "".join(f" {one}" for one, _ in others)
+    opening = {"cause": TruthCause.every, "verdict": Trust.not_assessed, "text": f"{text}{more}", "step": step}
+    return [opening, *({"cause": TruthCause.tracks, "text": one} for one, _ in wrong)]
+
+
+def _table(rows: Sequence[Mapping[str, Any]], dataset: str) -> pl.DataFrame:
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(TRUST))
     plain = table.with_columns(pl.col("text", "step").str.replace_all(SPACE, " ", literal=True))  # files have it too
     return check(plain, TRUST, "trust")

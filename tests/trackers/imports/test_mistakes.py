@@ -501,7 +501,7 @@ def test_covariances_and_positions_that_overflow_in_px_are_refused(tmp_path):
 @pytest.mark.parametrize(
     "options",
     [
-        {"first_frame": -1},
+        {"first_frame": -(10**10)},
         {"raster": (0.0, 1.0)},
         {"time_offset_s": 1e10},
         {"max_gap_s": 0.0},

@@ -481,7 +481,7 @@ RIGID: Schema = {
     "age": pl.UInt32,
     "n": pl.Int64,
     **dict.fromkeys(("error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"), pl.Float64),
-    **dict.fromkeys(("cut_error", "cut_rigid"), pl.Float64),
+    **dict.fromkeys(("cut_error", "cut_rigid", "cut_unknown"), pl.Float64),
 }
 """What one small pose error per frame explains of the errors of tracks to which it was not fitted; sums, px^2.
 
@@ -493,6 +493,7 @@ to the last, as what is common to a frame is a single sample, however many track
 
 cut_error and cut_rigid are sums of the same squares and products over both coordinates, without outliers, and without
 unit: in units of the robust scale of the errors at this age (`tracknoise.truth_faults.pose_errors.cut_products`).
+cut_unknown are such squares of errors for which nothing is predicted, which are in no other column.
 """
 
 POSE_GROWTH: Schema = {

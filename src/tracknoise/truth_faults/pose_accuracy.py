@@ -76,7 +76,7 @@ def _rigid_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
 
 
 def scene_shares(rigid: pl.DataFrame) -> dict[str, float]:
-    """Cut share that pose errors explain in each scene, of the tracker of which they explain most.
+    """Cut share that pose errors explain in each scene, of the tracker of which they explain most, where it is known.
 
     Parameters
     ----------
@@ -131,17 +131,22 @@ def pose_share(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
 
 def _pose_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per source of the pose errors of a condition."""
-    columns = ["n", "cut_error", "cut_rigid"]
+    columns = ["n", "cut_error", "cut_rigid", "cut_unknown"]
     units = units_of(sums, sums, points=["fitted_to"], columns=columns, groups=draws.groups)
     found = pooled(units, draws.weights(units), _cut_shares, method)
     rows = estimated(units.points, found, units, POSE_SHARE, value="share")
-    counted = rows.with_columns(pl.Series("n", units.sums[..., 0].sum(axis=0)))
+    n, error, _, unknown = units.sums.sum(axis=0).T
+    part = pl.Series(unknown / np.maximum(error + unknown, 1e-300))
+    low, high = pl.col("low") * (1.0 - part), pl.col("high") * (1.0 - part) + part
+    counted = rows.with_columns(
+        pl.Series("n", n), low=pl.min_horizontal("low", low), high=pl.max_horizontal("high", high)
+    )
     return counted.with_columns(pl.col("share", "low", "high").fill_nan(None)).drop_nulls("share")
 
 
 def _cut_shares(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Shares (1, points, ...) of the sums of errors, squares and products; NaN where all errors are 0."""
-    return np.asarray(sums[2:] / np.where(sums[1:2] > 0.0, sums[1:2], np.nan))
+    return np.asarray(sums[2:3] / np.where(sums[1:2] > 0.0, sums[1:2], np.nan))
 
 
 LARGEST_LAG = 24

@@ -58,6 +58,9 @@ units of the robust scale of the errors at the same number of steps, the errors 
 
     share = sum(e p) / sum(e e),  |e| <= 3, p shortened to a length of 3    (pose.share)
 
+Few tracks make the predictions of a frame noisy, but not their products with the errors of the other half. Frames with
+too few, whose pose error is unknown, take no part; how large their errors are is kept.
+
 What is rigid need not be an error of the poses. A clock offset, a rolling shutter or a wrong focal length move all
 features in a way that is partly a motion of the camera, and so may a tracker. Therefore the pose errors are also fitted
 to all other trackers that saw images: what these predict is not due to the tracker alone.
@@ -277,8 +280,8 @@ def _minus_cross(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 PRIOR = 1.0
 """Standard deviation of a pose error before any track is seen: rad, and units of length."""
-FEWEST = 30
-"""Fewest tracks in a frame that determine its pose error."""
+FEWEST = 8
+"""Fewest tracks in a frame that determine its pose error, which has six numbers. Products are added up over frames."""
 _ROUNDS = 6
 _TAIL = 2.4
 """Residual, in units of the scale, at which the weight of an observation is halved."""
@@ -480,7 +483,8 @@ def cut_products(
     return counts * np.sum(e * e, axis=1), counts * np.sum(e * p, axis=1)
 
 
-_SUMS = ("n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv", "cut_error", "cut_rigid")
+_CUT = ("cut_error", "cut_rigid", "cut_unknown")
+_SUMS = ("n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv", *_CUT)
 _KEYS = [name for name in RIGID if name not in _SUMS]
 
 
@@ -587,12 +591,9 @@ def _solved(normals: Sequence[Normal], axes: NDArray[np.float64]) -> NDArray[np.
 def rigid_sums(
     tracker: PoseWitness, trackers: Sequence[PoseWitness], axes: NDArray[np.float64], *, steps: Iterable[int]
 ) -> pl.DataFrame:
-    """Rows of `RIGID` of one tracker at some steps. Of what others predict, frames count whose pose errors they know.
-
-    Where a tracker does not know its own, no pose error is taken off: the share is that of all of its errors.
-    """
+    """Rows of `RIGID` of one tracker at some steps; none of what is not predicted anywhere."""
     others = [other for other in trackers if other.is_witness and other is not tracker]
-    by_own = np.nan_to_num(_cross_predicted(tracker.rows, [tracker], axes))
+    by_own = _cross_predicted(tracker.rows, [tracker], axes)
     by_others = _cross_predicted(tracker.rows, others, axes)
     taken = np.isin(np.abs(tracker.rows.frame - tracker.rows.zero), list(steps))
     block = first_visits(axes) * BLOCKS // len(axes)
@@ -621,21 +622,23 @@ def _summed(
     taken: NDArray[np.bool_],
 ) -> pl.DataFrame:
     """Sums of squares and products by block of frames and distance from where errors are zero; of what is predicted."""
-    rows, fitted = tracker.rows, prediction
-    chosen = taken & np.isfinite(fitted).all(axis=1)
-    error, fitted, block = rows.error_px[chosen], fitted[chosen], block_of[rows.frame[chosen]]
+    rows, known = tracker.rows, np.isfinite(prediction).all(axis=1)
+    chosen = taken if np.any(taken & known) else np.zeros_like(taken)
+    error, fitted, known = rows.error_px[chosen], prediction[chosen], known[chosen]
     steps = np.abs(rows.frame - rows.zero)[chosen]
-    (block, step), group = number_combinations([block, steps])
+    (block, step), group = number_combinations([block_of[rows.frame[chosen]], steps])
+    cut_error, cut_rigid = cut_products(error, fitted, steps)
     products = {"error": error * error, "left": np.square(error - fitted), "rigid": error * fitted}
-    sums = {
-        f"{product}_{2 * axis}": np.bincount(group, values[:, place], len(block))
+    columns = {
+        f"{product}_{2 * axis}": values[:, place]
         for product, values in products.items()
         for place, axis in enumerate("uv")
     }
-    for product, column in zip(("cut_error", "cut_rigid"), cut_products(error, fitted, steps), strict=True):
-        sums[product] = np.bincount(group, column, len(block))
+    columns |= {"cut_error": cut_error, "cut_rigid": cut_rigid}
+    sums = {name: np.bincount(group[known], values[known], len(block)) for name, values in columns.items()}
+    sums["cut_unknown"] = np.bincount(group[~known], cut_error[~known], len(block))
     labels = tracker.labels[[0] * len(block)]
-    n = pl.Series("n", np.bincount(group, minlength=len(block)))
+    n = pl.Series("n", np.bincount(group[known], minlength=len(block)))
     counted = labels.with_columns(
         pl.lit(name).alias("fitted_to"), n, block=pl.Series(block), age=pl.Series(step) * pl.col("speed"), **sums
     )

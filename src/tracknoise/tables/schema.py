@@ -504,6 +504,7 @@ POSE_GROWTH: Schema = {
     "translation_m": pl.Float64,
     **dict.fromkeys(("rotation_xx_deg2", "rotation_yy_deg2", "rotation_zz_deg2"), pl.Float64),
     **dict.fromkeys(("translation_xx_m2", "translation_yy_m2", "translation_zz_m2"), pl.Float64),
+    **dict.fromkeys(("rigid_px2", "error_px2", "px2_per_degree", "px2_per_metre"), pl.Float64),
 }
 """Error of the relative pose of two frames, measured by the tracks, by their distance in frames.
 
@@ -511,6 +512,11 @@ The squares are means over n pairs of frames, about the axes of the camera in th
 fit: they are products of two independent fits, and may be negative by chance. rotation_deg and translation_m are roots
 of the mean over the three axes. They are null where the squares of this sequence do not show, at 95 %, that the mean is
 positive: the error is then too small, or the sequence too short.
+
+The rest is of the errors of all observations this far from where they are zero, of trackers that saw images, px^2 of
+both coordinates together: rigid_px2 is what pose errors explain of their second moment error_px2, and px2_per_degree and
+px2_per_metre are what a relative pose error of one degree about each axis makes, and of one metre along each. Null where
+nothing is known.
 """
 POINT_TRACKING: Schema = {
     **ORIGIN,

@@ -52,6 +52,8 @@ _STILL_PX = 1e-3
 _ROUNDS = 8
 _POWERS = (-1, 0, 1)
 """m of (truth.depths)."""
+_SAME = 0.01
+"""Squares of derivatives that differ by less than this part of them, squared, are alike."""
 _CELLS, _LEAST_IN_CELL = 5, 12
 """Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
 
@@ -293,8 +295,13 @@ def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
 def _slope(
     group: NDArray[np.intp], weight: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> float:
-    """Slope of y over x within groups, by weighted least squares; 0 where x does not differ."""
+    """Slope of y over x within groups, by weighted least squares; over x from 0 on where x hardly differs.
+
+    A constant of each group would then hide it.
+    """
     sums = np.maximum(np.bincount(group, weight), 1e-300)
     left, right = (values - (np.bincount(group, weight * values) / sums)[group] for values in (x, y))
+    if np.sum(weight * left * left) <= _SAME * np.sum(weight * x * x):
+        left, right = x, y
     square = float(np.sum(weight * left * left))
     return float(np.sum(weight * left * right)) / square if square > 0.0 else 0.0

@@ -402,7 +402,8 @@ _MEDIAN_SIZE = 1.1774
 """Median length of a vector whose two components are standard Gaussian."""
 
 
-_NUMBERS = {name: kind for name, kind in POSE_GROWTH.items() if name not in SEQUENCE}
+_IMAGE = ("rigid_px2", "error_px2", "px2_per_degree", "px2_per_metre")
+_NUMBERS = {name: kind for name, kind in POSE_GROWTH.items() if name not in {*SEQUENCE, *_IMAGE}}
 _ROTATION_FIRST = [3, 4, 5, 0, 1, 2]
 _MOST_BLOCKS, _FEWEST_BLOCKS = 16, 4
 
@@ -411,6 +412,7 @@ def pose_growth(
     labels: pl.DataFrame,
     poses: NDArray[np.float64],
     halves: Sequence[NDArray[np.float64] | None],
+    moved: pl.DataFrame,
     *,
     unit_m: float,
     speed: int,
@@ -418,7 +420,7 @@ def pose_growth(
     """The table `POSE_GROWTH` of one sequence, at lags of `STEPS`.
 
     Shapes: poses (frames, 4, 4). Returns: sorted by lag; only lags that two known poses have. `halves`: NaN where
-    unknown. None where no tracker saw images: the table then has no rows.
+    unknown. None where no tracker saw images: the table then has no rows. `moved`: columns of `image_motion`.
     """
     one, other = halves
     if one is None or other is None:
@@ -433,7 +435,7 @@ def pose_growth(
         if len(known):
             roots = [_established_root(known[:, axes], step) for axes in (slice(0, 3), slice(3, 6))]
             rows.append([step * speed, len(known), *roots, *known.mean(axis=0)])
-    table = pl.DataFrame(rows, schema=_NUMBERS, orient="row")
+    table = pl.DataFrame(rows, schema=_NUMBERS, orient="row").join(moved, on="lag", how="left")
     named = labels.join(table, how="cross").select(list(POSE_GROWTH))
     return check(named, POSE_GROWTH, "pose growth")
 
@@ -452,6 +454,38 @@ def _established_root(squares: NDArray[np.float64], step: int) -> float | None:
     bound = float(special.stdtrit(count - 1, 0.5 + LEVEL / 2))
     mean = float(squares.mean())
     return float(np.sqrt(mean)) if mean > bound * error and mean > 0.0 else None
+
+
+def image_motion(
+    trackers: Sequence["PoseWitness"], rigid: pl.DataFrame, axes: NDArray[np.float64], *, unit_m: float, speed: int
+) -> pl.DataFrame:
+    """What pose errors make of the errors of trackers that saw images, by lag: means per observation, px^2.
+
+    rigid_px2 and error_px2 by their own halves, from table `RIGID`. px2_per_degree and px2_per_metre of a relative pose
+    error of one degree about each axis, and of one metre along each, as in (truth.floor).
+    """
+    seen = [one for one in trackers if one.is_witness]
+    names = [one.labels["tracker"][0] for one in seen]
+    own = rigid.filter(pl.col("tracker").is_in(names), fitted_to=FittedTo.own)
+    both = {
+        f"{name}_px2": (pl.col(f"{name}_uu") + pl.col(f"{name}_vv")).sum() / pl.col("n").sum()
+        for name in ("rigid", "error")
+    }
+    measured = own.group_by(lag="age").agg(**both)
+    lag = np.concatenate([np.zeros(0, np.int64), *(np.abs(one.rows.frame - one.rows.zero) for one in seen)])
+    squares = np.concatenate([np.zeros((0, 2)), *(_squared_motion(one.rows, axes, unit_m) for one in seen)])
+    counts = np.maximum(np.bincount(lag), 1)
+    means = {name: np.bincount(lag, squares[:, place]) / counts for place, name in enumerate(_IMAGE[2:])}
+    table = pl.DataFrame({"lag": np.arange(len(counts)) * speed, **means})
+    return table.select(pl.col("lag").cast(POSE_GROWTH["lag"]), *_IMAGE[2:]).join(measured, on="lag", how="inner")
+
+
+def _squared_motion(rows: RigidRows, axes: NDArray[np.float64], unit_m: float) -> NDArray[np.float64]:
+    """(n, 2): px^2 of one degree about each axis of the camera, and of one metre along each."""
+    here, there = (np.einsum("nij,njk->nik", rows.jacobian, axes[frame]) for frame in (rows.frame, rows.zero))
+    turned = 0.5 * (here[:, :, 3:] ** 2 + there[:, :, 3:] ** 2)
+    squares = np.deg2rad(1.0) ** 2 * turned, here[:, :, :3] ** 2 / unit_m**2
+    return np.stack([one.sum(axis=(1, 2)) for one in squares], axis=1)
 
 
 MOST_ROWS = 1_000_000
@@ -564,7 +598,9 @@ def rigid_tables(
     parts = [rigid_sums(tracker, trackers, axes, steps=STEPS) for tracker in trackers]
     rigid = pl.concat([empty(RIGID), *parts]).sort(_KEYS)
     halves = [_solved([one.halves[half] for one in trackers if one.is_witness], axes) for half in (0, 1)]
-    grown = pose_growth(conditions.select(*SEQUENCE).head(1), poses, halves, unit_m=unit_m, speed=speed)
+    moved = image_motion(trackers, rigid, axes, unit_m=unit_m, speed=speed)
+    labels = conditions.select(*SEQUENCE).head(1)
+    grown = pose_growth(labels, poses, halves, moved, unit_m=unit_m, speed=speed)
     return {"rigid": check(rigid, RIGID, "rigid"), "pose_growth": grown}
 
 

@@ -513,10 +513,10 @@ fit: they are products of two independent fits, and may be negative by chance. r
 of the mean over the three axes. They are null where the squares of this sequence do not show, at 95 %, that the mean is
 positive: the error is then too small, or the sequence too short.
 
-The rest is of the errors of all observations this far from where they are zero, of trackers that saw images, px^2 of
-both coordinates together: rigid_px2 is what pose errors explain of their second moment error_px2, and px2_per_degree and
-px2_per_metre are what a relative pose error of one degree about each axis makes, and of one metre along each. Null where
-nothing is known.
+The rest is of errors without outliers, this far from where they are zero, of trackers that saw images, px^2 of both
+coordinates together: rigid_px2 is what pose errors explain of their second moment error_px2. px2_per_degree and
+px2_per_metre are what a relative pose error of one degree about each axis makes, and one of one metre along each. Null
+where nothing is known.
 """
 POINT_TRACKING: Schema = {
     **ORIGIN,

@@ -13,11 +13,11 @@ random walk grow with its root. Of each coordinate of the rotation and of the tr
 is fitted by least squares with weights 1/k and no negative part. A turn and a move to the side look alike where depth
 varies little: tracks may then show a large rotation beside a negative square of the translation. What they show well is
 the motion of the image. With the mean squares r and t of rotations and translations by (pose.law), and with what one
-degree and one metre make of the errors of all observations,
+degree and one metre make of the errors without outliers,
 
     px^2 by degrees r + px^2 by metres t = what pose errors explain of the second moment    (pose.image)
 
-is fitted too, all in px^2, with weights that are `_IMAGE_WEIGHT` times as large. All parts are then made so small that
+is fitted too, all in px^2, with weights that are much larger. All parts are then made so small that
 the sum is at no distance larger than the second moment of the errors.
 """
 
@@ -229,7 +229,8 @@ def _pose_law_rows(growth: pl.DataFrame, draws: Draws, method: Method) -> pl.Dat
     )
 
 
-_IMAGE_WEIGHT = 100.0
+_IMAGE_WEIGHT = 1e6
+"""So large that rotations and translations only say how they share what the image shows."""
 
 
 def _fitted(sums: NDArray[np.float64], lag: NDArray[np.float64]) -> NDArray[np.float64]:

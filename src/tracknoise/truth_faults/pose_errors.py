@@ -459,25 +459,36 @@ def _established_root(squares: NDArray[np.float64], step: int) -> float | None:
 def image_motion(
     trackers: Sequence["PoseWitness"], rigid: pl.DataFrame, axes: NDArray[np.float64], *, unit_m: float, speed: int
 ) -> pl.DataFrame:
-    """What pose errors make of the errors of trackers that saw images, by lag: means per observation, px^2.
+    """What pose errors make of the errors of trackers that saw images, by lag: means of those in (pose.share), px^2.
 
-    rigid_px2 and error_px2 by their own halves, from table `RIGID`. px2_per_degree and px2_per_metre of a relative pose
-    error of one degree about each axis, and of one metre along each, as in (truth.floor).
+    rigid_px2 and error_px2 by their own halves. px2_per_degree and px2_per_metre of a relative pose error of one degree
+    about each axis, and of one metre along each, as in (truth.floor).
     """
-    seen = [one for one in trackers if one.is_witness]
-    names = [one.labels["tracker"][0] for one in seen]
-    own = rigid.filter(pl.col("tracker").is_in(names), fitted_to=FittedTo.own)
-    both = {
-        f"{name}_px2": (pl.col(f"{name}_uu") + pl.col(f"{name}_vv")).sum() / pl.col("n").sum()
-        for name in ("rigid", "error")
-    }
-    measured = own.group_by(lag="age").agg(**both)
-    lag = np.concatenate([np.zeros(0, np.int64), *(np.abs(one.rows.frame - one.rows.zero) for one in seen)])
-    squares = np.concatenate([np.zeros((0, 2)), *(_squared_motion(one.rows, axes, unit_m) for one in seen)])
-    counts = np.maximum(np.bincount(lag), 1)
-    means = {name: np.bincount(lag, squares[:, place]) / counts for place, name in enumerate(_IMAGE[2:])}
-    table = pl.DataFrame({"lag": np.arange(len(counts)) * speed, **means})
-    return table.select(pl.col("lag").cast(POSE_GROWTH["lag"]), *_IMAGE[2:]).join(measured, on="lag", how="inner")
+    parts = [_image_sums(one, rigid, axes, unit_m) for one in trackers if one.is_witness]
+    sums = pl.concat(
+        [pl.DataFrame(schema={"lag": pl.Int64, "n": pl.Int64, **dict.fromkeys(_IMAGE, pl.Float64)}), *parts]
+    )
+    means = sums.group_by("lag").agg(pl.col(name).sum() / pl.col("n").sum() for name in _IMAGE)
+    return means.select((pl.col("lag") * speed).cast(POSE_GROWTH["lag"]), *_IMAGE)
+
+
+def _image_sums(one: "PoseWitness", rigid: pl.DataFrame, axes: NDArray[np.float64], unit_m: float) -> pl.DataFrame:
+    """Counts and sums of one tracker by steps, of steps at which table `RIGID` knows its share."""
+    step = np.abs(one.rows.frame - one.rows.zero)
+    inside = np.hypot(*one.rows.error_px.T) <= CUT * scales(step.astype(np.intp), one.rows.error_px)
+    squares = np.column_stack([np.sum(one.rows.error_px**2, axis=1), _squared_motion(one.rows, axes, unit_m)])
+    sums = [np.bincount(step[inside], column[inside]) for column in squares.T]
+    names = dict(zip(_IMAGE[1:], sums, strict=True))
+    table = pl.DataFrame({"lag": np.arange(len(sums[0])), "n": np.bincount(step[inside]), **names})
+    own = rigid.join(one.labels, on=["tracker", "speed"], how="semi").filter(fitted_to=FittedTo.own)
+    by_step = own.group_by(lag=(pl.col("age") // pl.col("speed")).cast(pl.Int64))
+    shares = by_step.agg(share=pl.col("cut_rigid").sum() / pl.col("cut_error").sum()).filter(
+        pl.col("share").is_finite()
+    )
+    known = table.join(shares, on="lag").filter(pl.col("n") > 0)
+    return known.select("lag", "n", *_IMAGE[1:], rigid_px2=pl.col("share") * pl.col("error_px2")).select(
+        "lag", "n", *_IMAGE
+    )
 
 
 def _squared_motion(rows: RigidRows, axes: NDArray[np.float64], unit_m: float) -> NDArray[np.float64]:

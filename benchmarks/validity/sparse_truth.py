@@ -4,11 +4,11 @@
         [--shares S ...] [--whole]
 
 Cameras move by hand through random points, another way in each scene. One tracker follows a number of features with
-white noise, a walk and outliers. The stated truth then gets an error of one of seven kinds, of such a size that it makes
-a share of the squared errors at ages up to 10, without outliers. `exact` has none. Each verdict is one line of RESULTS,
-a file of JSON, and is not made again. Seeds are the outermost loop, so that what is there is a sample of all cells. The
-verdict rests on bounds alone: the search for named faults takes most of the time, and makes no truth trusted. With
-`--whole` it takes part.
+white noise, a walk and outliers. The stated truth then gets an error of one of seven kinds, which makes a share of the
+squared errors at ages up to 10, without outliers. `exact` has none. Each verdict is one line of RESULTS, a file of
+JSON, and is not made again. Seeds are the outermost loop, so that what is there is a sample of all cells. The verdict
+rests on bounds alone: the search for named faults takes most of the time, and makes no truth trusted. With `--whole` it
+takes part.
 
 Printed are, for each kind and share and number of tracks and scenes: how often each verdict was given, the mean bound,
 and how often it holds the planted share.

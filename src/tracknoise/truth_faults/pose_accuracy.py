@@ -315,7 +315,7 @@ def accuracy_toml(law: pl.DataFrame, share: pl.DataFrame, step: int = 1) -> str 
     """
     upright = law.filter((pl.col("rotation") == 0) & (pl.col("direction") == "forward"))
     rows = upright.unique(["motion", "law"], keep="first", maintain_order=True)
-    if rows.is_empty() or not _is_confirmed(share):
+    if not rows["value"].sum() > 0.0 or not _is_confirmed(share):
         return None
     per_frame = {"white": 1.0, "random walk": step**-0.5}
     lines = [

@@ -670,7 +670,7 @@ def _summed(
 ) -> pl.DataFrame:
     """Sums of squares and products by block of frames and distance from where errors are zero; of what is predicted."""
     rows = tracker.rows
-    known: NDArray[np.bool_] = np.isfinite(prediction).all(axis=1)
+    known = np.asarray(np.isfinite(prediction).all(axis=1))
     chosen = taken if np.any(taken & known) else np.zeros_like(taken)
     error, fitted, known = rows.error_px[chosen], prediction[chosen], known[chosen]
     steps = np.abs(rows.frame - rows.zero)[chosen]

@@ -99,6 +99,7 @@ def observed(
     noise_px: float = NOISE_PX,
     drift_px: float = 0.0,
     loss: float = 0.06,
+    depth_m: tuple[float, float] = (1.0, 5.0),
 ) -> Seen:
     """Tracks of random points with white noise, and with drift along u that all of them share."""
     columns: list[tuple[NDArray[np.float64], ...]] = []
@@ -109,7 +110,7 @@ def observed(
         numbers = np.arange(born, born + new)
         born += new
         uv = rng.uniform((8.0, 8.0), (632.0, 472.0), (new, 2))
-        alive = np.vstack([alive, np.column_stack([numbers, np.full(new, frame), uv, rng.uniform(1.0, 5.0, new)])])
+        alive = np.vstack([alive, np.column_stack([numbers, np.full(new, frame), uv, rng.uniform(*depth_m, new)])])
         points = transform(poses[alive[:, 1].astype(int)], CAMERA.unproject(alive[:, 2:4], alive[:, 4]))
         place = CAMERA.project(transform(invert(poses[frame]), points))
         alive, place = alive[CAMERA.contains(place)], place[CAMERA.contains(place)]

@@ -11,7 +11,7 @@ import pytest
 from tracknoise.exceptions import DataError, SchemaError, StoreError
 from tracknoise.tables import schema
 from tracknoise.tables.identity import SequenceId
-from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry
+from tracknoise.tables.manifest import FORMAT, FailureEntry, Manifest, SequenceEntry
 from tracknoise.tables.store import FINDINGS_JSON, OBSERVED, SEQUENCE_TABLES, RunFolder
 
 ENTRY = SequenceEntry(SequenceId("d", "a/b"), 10, 64, 48, "birth", 5, 1.5, ("a note",))
@@ -85,7 +85,12 @@ def test_no_temporary_file_is_left(run):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [("{", "damaged"), ('{"format": 99}', "format 99, expected 9"), ('{"format": 9}', "damaged"), ("[]", "damaged")],
+    [
+        ("{", "damaged"),
+        ('{"format": 99}', f"format 99, expected {FORMAT}"),
+        (f'{{"format": {FORMAT}}}', "damaged"),
+        ("[]", "damaged"),
+    ],
 )
 def test_a_damaged_manifest_is_named(run, content, message):
     (run.path / "manifest.json").write_text(content)

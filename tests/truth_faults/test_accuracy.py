@@ -68,3 +68,4 @@ def test_nothing_is_offered_that_other_trackers_do_not_confirm(unconfirmed):
 
 def test_nothing_is_offered_where_no_pose_error_was_measured():
     assert accuracy_toml(LAW.clear(), shares(a=0.1, b=0.2)) is None
+    assert accuracy_toml(LAW.with_columns(value=0.0), shares(a=0.1, b=0.2)) is None  # 0 would state exact poses

@@ -59,3 +59,23 @@ def test_no_motion_and_a_single_lag():
     single = pose_law([growth(0, white=0.2, walk=0.0, spread=0.0).filter(lag=4)])
     assert values(single, "rotation")["white"]["value"] == pytest.approx(0.2)
     assert pose_law([]).is_empty()
+
+
+def test_a_turn_that_is_traded_for_a_move_to_the_side_claims_no_more_than_the_image_shows():
+    """Where depth varies little, tracks show 13 deg^2 beside a negative square of the translation."""
+    traded = growth(0, white=0.0, walk=0.0).with_columns(
+        rotation_yy_deg2=0.6 * pl.col("lag"), translation_xx_m2=-0.006 * pl.col("lag"),
+        rigid_px2=0.02 * pl.col("lag"), error_px2=0.3 + 0.02 * pl.col("lag"), px2_per_degree=200.0, px2_per_metre=2e4,
+    )  # fmt: skip
+    found = values(pose_law([traded]), "rotation")
+    assert found["random walk"]["value"] == pytest.approx(0.01, rel=0.02)  # 200 px^2 per degree^2 make .02 px^2
+    assert found["white"]["value"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_law_that_does_not_fit_is_as_small_as_the_errors_of_each_age():
+    errors = pl.when(pl.col("lag") == 4).then(0.01).otherwise(0.3)
+    seen = growth(0, white=0.0, walk=0.1, spread=0.0).with_columns(
+        rigid_px2=0.1 * pl.col("lag"), error_px2=errors, px2_per_degree=10.0, px2_per_metre=0.0
+    )
+    walk = values(pose_law([seen]), "rotation")["random walk"]["value"]
+    assert 10.0 * walk**2 * 4 == pytest.approx(0.01)

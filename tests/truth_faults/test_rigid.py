@@ -10,7 +10,7 @@ from benchmarks.validity.rigid import CAMERA, TRACKERS, by_hand, observed, pose_
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.prepared import prepare_sequence
-from tracknoise.truth_faults.pose_accuracy import pose_share
+from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share
 from tracknoise.truth_faults.pose_errors import rigid_tables
 
 FRAMES = 40
@@ -140,11 +140,40 @@ def test_trackers_that_saw_no_images_say_nothing_about_poses():
     assert found["rigid"]["fitted_to"].unique().to_list() == ["own"]
 
 
-def test_frames_with_few_features_are_not_corrected():
+def test_what_frames_with_few_features_do_not_determine_is_unknown():
     rng = np.random.default_rng(0)
     found = tables([observed(EXACT, rng, features=4)], faulty("white", 0.2, 0.01))["rigid"]
-    assert (found["rigid_uu"] == 0.0).all()
-    assert (found["left_uu"] == found["error_uu"]).all()
+    assert found.is_empty()
+    assert pose_share([found]).is_empty()
+
+
+@pytest.mark.parametrize("features", [40, 60, 110])
+def test_few_tracks_show_the_share_of_pose_errors(features):
+    """Sparse front ends: fewer than 30 tracks in a half of a frame."""
+    rng = np.random.default_rng(0)
+    seen, stated = observed(EXACT, rng, features=features, noise_px=0.3), faulty("walk", 0.02, 0.001)
+    moved = np.sum((seen.true_uv(stated) - seen.true_uv(EXACT)) ** 2, axis=1)
+    error = np.sum((seen.uv - seen.true_uv(stated)) ** 2, axis=1)
+    near = (seen.frame > seen.first) & (seen.frame - seen.first <= 10) & np.isfinite(error)
+    rigid = tables([seen], stated)["rigid"].filter(pl.col("age") <= 10)
+    of_all, _, explained = totals(rigid)
+    assert explained / of_all == pytest.approx(moved[near].sum() / error[near].sum(), abs=0.07)
+    assert near_share(rigid)["low"] > 0.4
+
+
+def test_frames_whose_motion_is_unknown_widen_the_bounds():
+    """Tracks are many in the first half of the recording, and few in the second."""
+    rng = np.random.default_rng(0)
+    seen = observed(EXACT, rng, features=200, noise_px=0.3)
+    kept = (seen.first < FRAMES // 2) & (seen.frame < FRAMES // 2) | (seen.first >= FRAMES // 2) & (
+        seen.track % 40 == 0
+    )
+    few = replace(seen, **{name: getattr(seen, name)[kept] for name in ("frame", "first", "depth_m", "uv", "uv_first")},
+                  track=np.unique(seen.track[kept], return_inverse=True)[1])  # fmt: skip
+    rigid = tables([few], EXACT)["rigid"]
+    unknown = rigid["cut_unknown"].sum() / (rigid["cut_unknown"].sum() + rigid["cut_error"].sum())
+    assert 0.01 < unknown < 0.2
+    assert near_share(rigid)["high"] > near_share(rigid.with_columns(cut_unknown=0.0))["high"] + 0.8 * unknown
 
 
 def test_trackers_with_few_features_do_not_deny_a_pose_error():
@@ -153,6 +182,7 @@ def test_trackers_with_few_features_do_not_deny_a_pose_error():
     many, few = observed(EXACT, rng, features=200), observed(EXACT, rng, features=4)
     stated = faulty("white", 0.1, 0.005)
     found = tables([many, few], stated)["rigid"]
+    assert found["tracker"].n_unique() == 2
     assert found.filter(fitted_to="others")["tracker"].unique().to_list() == [TRACKERS[1]]
     late = observed(EXACT, rng, features=200)
     kept = late.first >= 25
@@ -210,7 +240,7 @@ def test_no_depth_and_points_fitted_to_tracks_have_no_rows():
         assert all(table.is_empty() for table in rigid_tables(one, geometry, witnesses=TRACKERS).values())
 
 
-def near(table, fitted_to="own"):
+def near_share(table, fitted_to="own"):
     (row,) = pose_share([table]).filter(tracker=TRACKERS[0], fitted_to=fitted_to).iter_rows(named=True)
     return row
 
@@ -222,7 +252,7 @@ def test_one_share_up_to_the_reference_age_does_not_depend_on_wild_tracks(fitted
     wild = replace(seen[0], uv=seen[0].uv + np.where(lost & (seen[0].frame > seen[0].first), 40.0, 0.0)[:, None])
     stated = faulty("walk", 0.02, 0.001)
     usual, moved, exact = (
-        near(tables([one, seen[1]], poses)["rigid"], fitted_to)
+        near_share(tables([one, seen[1]], poses)["rigid"], fitted_to)
         for one, poses in ((seen[0], stated), (wild, stated), (wild, EXACT))
     )
     raw = totals(tables([wild, seen[1]], stated)["rigid"], fitted_to, TRACKERS[0])
@@ -230,3 +260,16 @@ def test_one_share_up_to_the_reference_age_does_not_depend_on_wild_tracks(fitted
     assert moved["share"] == pytest.approx(usual["share"], abs=0.05)
     assert raw[2] / raw[0] < 0.1
     assert abs(exact["share"]) < 0.02
+
+
+@pytest.mark.parametrize("depth_m", [(1.0, 5.0), (4.8, 5.2)])
+def test_the_law_of_pose_errors_claims_no_more_than_the_errors_of_any_age(depth_m):
+    rng = np.random.default_rng(1)
+    seen = [observed(EXACT, rng, features=60, depth_m=depth_m) for _ in TRACKERS]
+    growth = tables(seen, faulty("walk", 0.03, 0.0))["pose_growth"].filter(pl.col("lag") <= 24)
+    white_r, walk_r, white_t, walk_t = (value**2 for value in pose_law([growth])["value"])
+    lag = pl.col("lag")
+    claimed = (2 * white_r + walk_r * lag) * pl.col("px2_per_degree")
+    claimed += (2 * white_t + walk_t * lag) * pl.col("px2_per_metre")
+    assert growth.select((claimed <= pl.col("error_px2") * (1 + 1e-9)).all()).item()
+    assert growth.select((claimed.sum() / pl.col("rigid_px2").sum()).is_between(0.6, 1.4)).item()

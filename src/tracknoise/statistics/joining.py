@@ -219,7 +219,9 @@ def _pose_growth(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     """Means over pairs of frames; a root where Student's test over the parts shows that the mean is positive."""
     keys = keys_of(schema)
     squares = [form.format(axis) for form in _SQUARES.values() for axis in "xyz"]
-    means = {name: _mean(pl.col(name), pl.col("n")) for name in squares}
+    image = [name for name in schema if "px2" in name]
+    weights = {name: pl.when(pl.col(name).is_not_null()).then(pl.col("n")) for name in image}
+    means = {name: _mean(pl.col(name), weights.get(name, pl.col("n"))) for name in [*squares, *image]}
     counts = range(_FEWEST_PARTS, max(table.height, _FEWEST_PARTS) + 1)
     bounds = {count: float(special.stdtrit(count - 1, 0.5 + LEVEL / 2)) for count in counts}
     bound = pl.col("n").len().replace_strict(bounds, default=None, return_dtype=pl.Float64)
@@ -230,7 +232,8 @@ def _pose_growth(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
         shown = (mean > 0) & (mean > bound * error)
         roots[root] = pl.when(shown).then(mean.sqrt())
     found = table.group_by(keys, maintain_order=True).agg(pl.col("n").sum(), **means, **roots)
-    return found.select(pl.col(name).cast(kind) for name, kind in schema.items()).sort(keys)
+    known = found.with_columns(pl.col(image).fill_nan(None))
+    return known.select(pl.col(name).cast(kind) for name, kind in schema.items()).sort(keys)
 
 
 _FEWEST_PARTS = 4

@@ -432,7 +432,7 @@ POSE_SHARE: Schema = {
 }
 """The same share of both coordinates and of all steps up to the reference age together, without outliers: (pose.share).
 
-n counts errors, outliers too.
+n counts errors, outliers too. low and high hold whatever the share is of errors for which nothing is predicted.
 """
 
 POSE_LAW: Schema = {

@@ -481,7 +481,7 @@ RIGID: Schema = {
     "age": pl.UInt32,
     "n": pl.Int64,
     **dict.fromkeys(("error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"), pl.Float64),
-    **dict.fromkeys(("cut_error", "cut_rigid"), pl.Float64),
+    **dict.fromkeys(("cut_error", "cut_rigid", "cut_unknown"), pl.Float64),
 }
 """What one small pose error per frame explains of the errors of tracks to which it was not fitted; sums, px^2.
 
@@ -493,6 +493,7 @@ to the last, as what is common to a frame is a single sample, however many track
 
 cut_error and cut_rigid are sums of the same squares and products over both coordinates, without outliers, and without
 unit: in units of the robust scale of the errors at this age (`tracknoise.truth_faults.pose_errors.cut_products`).
+cut_unknown are such squares of errors for which nothing is predicted, which are in no other column.
 """
 
 POSE_GROWTH: Schema = {
@@ -503,6 +504,7 @@ POSE_GROWTH: Schema = {
     "translation_m": pl.Float64,
     **dict.fromkeys(("rotation_xx_deg2", "rotation_yy_deg2", "rotation_zz_deg2"), pl.Float64),
     **dict.fromkeys(("translation_xx_m2", "translation_yy_m2", "translation_zz_m2"), pl.Float64),
+    **dict.fromkeys(("rigid_px2", "error_px2", "px2_per_degree", "px2_per_metre"), pl.Float64),
 }
 """Error of the relative pose of two frames, measured by the tracks, by their distance in frames.
 
@@ -510,6 +512,11 @@ The squares are means over n pairs of frames, about the axes of the camera in th
 fit: they are products of two independent fits, and may be negative by chance. rotation_deg and translation_m are roots
 of the mean over the three axes. They are null where the squares of this sequence do not show, at 95 %, that the mean is
 positive: the error is then too small, or the sequence too short.
+
+The rest is of errors without outliers, this far from where they are zero, of trackers that saw images, px^2 of both
+coordinates together: rigid_px2 is what pose errors explain of their second moment error_px2. px2_per_degree and
+px2_per_metre are what a relative pose error of one degree about each axis makes, and one of one metre along each. Null
+where nothing is known.
 """
 POINT_TRACKING: Schema = {
     **ORIGIN,

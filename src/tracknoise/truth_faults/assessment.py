@@ -131,6 +131,10 @@ class _Share:
         return _Share(max(self.value, other.value), max(self.low, other.low), max(self.high, other.high))
 
 
+_UNKNOWN = _Share(0.0, 0.0, 1.0)
+"""Of a cause that was not measured."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Size:
     """Size of the errors of a tracker that shares are of, px: the core where an audit knows it, otherwise the RMS.
@@ -319,7 +323,9 @@ def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Shar
 
 
 def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: bool) -> list[_Bounds]:
-    """Of each tracker; none where the causes could not be measured.
+    """Of each tracker; none where the causes could be measured of no tracker.
+
+    A cause that is unknown of one tracker may explain everything, unless another tracker bounds it: (truth.common).
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
     something too, or there is no other: the noise of the others is in what they predict, so that they explain less. It
@@ -338,13 +344,15 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
             TruthCause.depths: depths if depths is None or depth_maps is None else depths.at_least(depth_maps),
             TruthCause.poses: poses,
         }
-        known = {cause: share for cause, share in causes.items() if share is not None}
-        if poses is None or len(known) < len(causes):
-            continue
-        found.append(_Bounds(tracker, size, known, _bound(known), depth_maps, is_alone=others is None))
+        known = {cause: _UNKNOWN if share is None else share for cause, share in causes.items()}
+        if size.is_core or _UNKNOWN not in known.values():
+            found.append(_Bounds(tracker, size, known, _bound(known), depth_maps, is_alone=others is None))
         if (stated := size.stated_share) is not None:
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
-            by_poses.append(poses.low > max(stated, _least_of_motion(is_alone=others is None)))
+            if poses is not None:
+                by_poses.append(poses.low > max(stated, _least_of_motion(is_alone=others is None)))
+    if all(_UNKNOWN in one.causes.values() for one in found):
+        return []
     is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
     return _common(found if is_faulty or is_refuted else [_as_stated(one) for one in found], evidence)
 
@@ -611,5 +619,5 @@ def _rows(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: _Named) ->
         yield {"cause": TruthCause.mistakes, "text": sentence}
 
 
-def _columns(share: _Share) -> dict[str, float]:
-    return {"share": share.value, "low": share.low, "high": share.high}
+def _columns(share: _Share) -> dict[str, float | None]:
+    return {"share": None if share == _UNKNOWN else share.value, "low": share.low, "high": share.high}

@@ -9,15 +9,16 @@ count: the share 1 - sum min(d^2, 9) / sum min(d0^2, 9) for residuals d of a rob
 errors d0 on the derivatives of true positions. It is of the errors that it was fitted to, and so an upper bound.
 (truth.faults)
 
-For the second, with the derivative g of a true position by the logarithm of its depth, and robust variances of errors
-along and across g, from medians in cells of like g,
+For the second, with the derivative g of a true position by the logarithm of its depth Z, and variances of errors along
+and across g, without those beyond three scales, in cells of like g,
 
-    along - across = a + s^2 g^2    (truth.depths)
+    along - across = a + s^2 (g Z^m)^2    (truth.depths)
 
 is fitted to the cells of each tracker and age. A tracker whose noise is larger along the motion of the image has it in
-a. The share is that of sum s^2 g^2 in the sum of both variances. Where depth maps of different frames were compared
-(`tracknoise.truth_faults.depth_repeats`), s is also known from them at each depth, whatever the trackers do: no bound,
-but the share of what the maps do not repeat.
+a. The share is that of sum s^2 (g Z^m)^2 in the sum of both variances. How errors of depths grow with depth is not
+known: as those of a scan, by a part of the depth, or as those of stereo (m = -1, 0, 1). The one that bounds least
+counts. Where depth maps of different frames were compared (`tracknoise.truth_faults.depth_repeats`), s is also known
+from them at each depth, whatever the trackers do: no bound, but the share of what the maps do not repeat.
 
 The same fault moves the true positions of one tracker farther than those of another, which follows other points. With
 the median q of the squares of derivatives of true positions by a number c of the faults, relative to that of all
@@ -28,7 +29,7 @@ trackers at the same age, tracker i is moved
 times as much, in px^2, as the tracker that c moves least.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,7 @@ from tracknoise.truth_faults.audit_fit import LEVEL, MEDIAN_TO_CORE, Gain, gain,
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
+from tracknoise.truth_faults.pose_errors import CUT
 
 NAMED_FAULTS, EVERY_FAULT, DEPTHS, DEPTH_MAPS = "named_faults", "every_fault", "depths", "depth_maps"
 """Names of the shares in the family `at_most` of an audit."""
@@ -48,6 +50,10 @@ MOVED = "moved"
 _STILL_PX = 1e-3
 """A number whose largest change moves a true position less than this says nothing."""
 _ROUNDS = 8
+_POWERS = (-1, 0, 1)
+"""m of (truth.depths)."""
+_SAME = 0.01
+"""Squares of derivatives that differ by less than this part of them, squared, are alike."""
 _CELLS, _LEAST_IN_CELL = 5, 12
 """Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
 
@@ -61,13 +67,13 @@ class Explained:
     faults
         By all constant faults together.
     depths
-        By random errors of single depths.
+        By random errors of single depths; None where there are too few errors of like derivatives.
     depth_maps
         By errors of depths that their maps do not repeat; None where that is unknown.
     """
 
     faults: Gain
-    depths: Gain
+    depths: Gain | None
     depth_maps: Gain | None
 
 
@@ -87,8 +93,8 @@ def explained(samples: AuditSamples, parameters: Sequence[Parameter]) -> Explain
     by_depth = stated.by([Parameter.depth_scale])[:, :, 0]
     return Explained(
         _by_faults(samples, error, scale, stated.by(parameters), 1.0 / furthest(parameters) ** 2),
-        _by_depths(samples, error, by_depth, by_maps=False) or Gain(0.0, 0.0, 0.0),
-        _by_depths(samples, error, by_depth, by_maps=True),
+        _by_depths(samples, error, by_depth),
+        _by_depth_maps(samples, error, by_depth),
     )
 
 
@@ -109,26 +115,32 @@ def _by_faults(
     return Gain(max(found.value, 0.0), found.low, max(found.high, 0.0))
 
 
-def _by_depths(
-    samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64], *, by_maps: bool
-) -> Gain | None:
-    """(truth.depths), with its interval, s by depth maps or fitted; None where nothing is known."""
-    share = _repeated_share if by_maps else _fitted_share
-    length = np.hypot(by_depth[:, 0], by_depth[:, 1])
-    repeated = np.full(len(length), np.nan) if samples.depth_sd is None else np.square(samples.depth_sd * length)
-    there = np.isfinite(length) & (length > 0.0) & np.isfinite(error).all(axis=1)
-    used = np.flatnonzero(there & np.isfinite(repeated) if by_maps else there)
-    if not len(used):
+def _by_depths(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64]) -> Gain | None:
+    """(truth.depths), with its interval; 0 where depths move nothing, None where errors are too few to tell."""
+    length = np.hypot(*by_depth.T)
+    if not np.any(length > 0.0):
+        return Gain(0.0, 0.0, 0.0)
+    laws = (_Rows.of(samples, error, by_depth, length * samples.depth**power) for power in _POWERS)
+    found = [share for rows in laws if (share := _share_of(rows, _fitted_share)) is not None]
+    return max(found, key=lambda one: one.high, default=None)
+
+
+def _by_depth_maps(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64]) -> Gain | None:
+    """The share of what depth maps do not repeat, with its interval; None where that is unknown."""
+    if samples.depth_sd is None:
         return None
-    unit = by_depth[used] / length[used, None]
-    across = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
-    sizes = np.stack([np.abs(np.sum(error[used] * axis, axis=1)) for axis in (unit, across)])
-    group, cell = _cells(samples.group[used], length[used])
-    rows = _Rows(sizes, length[used] ** 2, repeated[used], group, cell)
-    every = np.ones(len(used), np.bool_)
-    clusters = np.unique(samples.cluster[used])
-    without = np.array([share(rows, samples.cluster[used] != one) for one in clusters])
-    return _interval(share(rows, every), without)
+    length = np.hypot(*by_depth.T)
+    return _share_of(_Rows.of(samples, error, by_depth, length, samples.depth_sd * length), _repeated_share)
+
+
+def _share_of(rows: "_Rows", share: Callable[["_Rows", NDArray[np.bool_]], float | None]) -> Gain | None:
+    """A share with the interval of the jackknife over clusters, between 0 and 1; None where it is not determined."""
+    value = share(rows, np.ones(len(rows.cluster), np.bool_))
+    without = [share(rows, rows.cluster != one) for one in np.unique(rows.cluster)]
+    if value is None or any(one is None for one in without):
+        return None
+    half = jackknife_half_width(np.array(without, dtype=np.float64), LEVEL)
+    return Gain(min(max(value, 0.0), 1.0), value - half, min(max(value + half, 0.0), 1.0))
 
 
 def moved(samples: AuditSamples, parameters: Sequence[Parameter]) -> dict[int, float | None]:
@@ -170,13 +182,36 @@ def moved(samples: AuditSamples, parameters: Sequence[Parameter]) -> dict[int, f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rows:
-    """Sizes of errors along and across (2, n), px, squared derivatives, variances by depth maps, groups, cells (n,)."""
+    """Squared errors along and across (2, n), px^2; groups, cells and clusters (n,).
 
-    sizes: NDArray[np.float64]
+    moved, repeated (n,): what errors of depths make of them, up to a factor, and by depth maps, px^2.
+    """
+
+    squares: NDArray[np.float64]
     moved: NDArray[np.float64]
     repeated: NDArray[np.float64]
     group: NDArray[np.intp]
     cell: NDArray[np.intp]
+    cluster: NDArray[np.intp]
+
+    @classmethod
+    def of(
+        cls,
+        samples: AuditSamples,
+        error: NDArray[np.float64],
+        by_depth: NDArray[np.float64],
+        size: NDArray[np.float64],
+        repeated: NDArray[np.float64] | None = None,
+    ) -> "_Rows":
+        """Of samples whose errors of depth are of like size where `size` is; of known ones only."""
+        length = np.hypot(*by_depth.T)
+        known = size if repeated is None else repeated
+        used = np.flatnonzero((length > 0.0) & np.isfinite(error).all(axis=1) & np.isfinite(size) & np.isfinite(known))
+        along = by_depth[used] / length[used, None]
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        squares = np.stack([np.sum(error[used] * axis, axis=1) ** 2 for axis in (along, across)])
+        group, cell = _cells(samples.group[used], size[used])
+        return cls(squares, size[used] ** 2, known[used] ** 2, group, cell, samples.cluster[used])
 
 
 def _cells(group: NDArray[np.intp], length: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -191,7 +226,7 @@ def _cells(group: NDArray[np.intp], length: NDArray[np.float64]) -> tuple[NDArra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cells:
-    """Cells with enough errors: their groups and counts (cells,), and robust variances along and across (cells, 2)."""
+    """Cells with enough errors: their groups and counts (cells,), and variances along and across (cells, 2)."""
 
     members: list[NDArray[np.intp]]
     group: NDArray[np.intp]
@@ -206,7 +241,7 @@ class _Cells:
         names, first, counts = np.unique(rows.cell[order], return_index=True, return_counts=True)
         full = counts >= _LEAST_IN_CELL
         some = [order[start : start + count] for start, count in zip(first[full], counts[full], strict=True)]
-        variance = [np.square(MEDIAN_TO_CORE * np.median(rows.sizes[:, one], axis=1)) for one in some]
+        variance = [_variances(rows.squares[:, one], rows.moved[one]) for one in some]
         return cls(some, names[full] // _CELLS, counts[full], np.array(variance).reshape(-1, 2))
 
     def share(self, part: NDArray[np.float64]) -> float:
@@ -214,27 +249,45 @@ class _Cells:
 
         Of errors that are none it is nearly 0.
         """
+        weight = self.count / self.typical
         total = np.maximum(self.variance.sum(axis=1), 2.0 * LEAST_PX**2)
-        sums = np.bincount(self.group, self.count * total) / np.maximum(np.bincount(self.group, self.count), 1)
-        weight = self.count / sums[self.group]
         return float(np.sum(weight * part)) / float(np.sum(weight * total))
 
+    @property
+    def typical(self) -> NDArray[np.float64]:
+        """Mean of both variances together in the group of each cell, (cells,), which no cell decides, px^2."""
+        total = np.maximum(self.variance.sum(axis=1), 2.0 * LEAST_PX**2)
+        means = np.bincount(self.group, self.count * total) / np.maximum(np.bincount(self.group, self.count), 1)
+        return np.asarray(means[self.group])
 
-def _fitted_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
-    """Share that random errors of depths explain, of some rows; 0 where cells are too few."""
+
+def _variances(squares: NDArray[np.float64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means (2,) of squares along and across (2, n), without those beyond three robust standard deviations of the cell.
+
+    One along is no outlier either if it is none beside what errors of depth make at its place.
+    """
+    limit = (CUT * MEDIAN_TO_CORE) ** 2
+    inside = squares <= limit * np.median(squares, axis=1, keepdims=True)
+    of_depth = squares[0] / moved
+    inside[0] |= of_depth <= limit * np.median(of_depth)
+    return np.asarray((inside * squares).sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
+
+
+def _fitted_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
+    """Share that random errors of depths explain, of some rows; None where cells are too few."""
     cells = _Cells.of(rows, used)
     if not cells.members:
-        return 0.0
-    x = np.array([np.median(rows.moved[one]) for one in cells.members])
-    weight = cells.count / np.maximum(cells.variance.sum(axis=1), 1e-12) ** 2
+        return None
+    x = np.array([np.mean(rows.moved[one]) for one in cells.members])
+    weight = cells.count / np.maximum(cells.typical, 1e-12) ** 2
     return cells.share(_slope(cells.group, weight, x, cells.variance[:, 0] - cells.variance[:, 1]) * x)
 
 
-def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
+def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
     """The same of errors that depth maps do not repeat, which are at most the variance along."""
     cells = _Cells.of(rows, used)
     if not cells.members:
-        return 0.0
+        return None
     found = np.array([np.median(rows.repeated[one]) for one in cells.members])
     return cells.share(np.minimum(found, cells.variance[:, 0]))
 
@@ -242,14 +295,13 @@ def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float:
 def _slope(
     group: NDArray[np.intp], weight: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> float:
-    """Slope of y over x within groups, by weighted least squares; 0 where x does not differ."""
+    """Slope of y over x within groups, by weighted least squares; over x from 0 on where x hardly differs.
+
+    A constant of each group would then hide it.
+    """
     sums = np.maximum(np.bincount(group, weight), 1e-300)
     left, right = (values - (np.bincount(group, weight * values) / sums)[group] for values in (x, y))
+    if np.sum(weight * left * left) <= _SAME * np.sum(weight * x * x):
+        left, right = x, y
     square = float(np.sum(weight * left * left))
     return float(np.sum(weight * left * right)) / square if square > 0.0 else 0.0
-
-
-def _interval(value: float, without: NDArray[np.float64]) -> Gain:
-    """A share with the interval of the jackknife over clusters, between 0 and 1."""
-    half = jackknife_half_width(without, LEVEL)
-    return Gain(min(max(value, 0.0), 1.0), value - half, min(max(value + half, 0.0), 1.0))

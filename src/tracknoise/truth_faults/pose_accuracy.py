@@ -10,10 +10,19 @@ random walk grow with its root. Of each coordinate of the rotation and of the tr
 
     mean square = 2 white^2 + walk^2 k    (pose.law)
 
-is fitted by least squares with weights 1/k and no negative part.
+is fitted by least squares with weights 1/k and no negative part. A turn and a move to the side look alike where depth
+varies little: tracks may then show a large rotation beside a negative square of the translation. What they show well is
+the motion of the image. With the mean squares r and t of rotations and translations by (pose.law), and with what one
+degree and one metre make of the errors without outliers,
+
+    px^2 by degrees r + px^2 by metres t = what pose errors explain of the second moment    (pose.image)
+
+is fitted too, all in px^2, with weights that are much larger. All parts are then made so small that
+the sum is at no distance larger than the second moment of the errors.
 """
 
 from collections.abc import Iterable, Mapping
+from itertools import chain, combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -76,7 +85,7 @@ def _rigid_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
 
 
 def scene_shares(rigid: pl.DataFrame) -> dict[str, float]:
-    """Cut share that pose errors explain in each scene, of the tracker of which they explain most.
+    """Cut share that pose errors explain in each scene, of the tracker of which they explain most, where it is known.
 
     Parameters
     ----------
@@ -131,17 +140,22 @@ def pose_share(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
 
 def _pose_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per source of the pose errors of a condition."""
-    columns = ["n", "cut_error", "cut_rigid"]
+    columns = ["n", "cut_error", "cut_rigid", "cut_unknown"]
     units = units_of(sums, sums, points=["fitted_to"], columns=columns, groups=draws.groups)
     found = pooled(units, draws.weights(units), _cut_shares, method)
     rows = estimated(units.points, found, units, POSE_SHARE, value="share")
-    counted = rows.with_columns(pl.Series("n", units.sums[..., 0].sum(axis=0)))
+    n, error, _, unknown = units.sums.sum(axis=0).T
+    part = pl.Series(unknown / np.maximum(error + unknown, 1e-300))
+    low, high = pl.col("low") * (1.0 - part), pl.col("high") * (1.0 - part) + part
+    counted = rows.with_columns(
+        pl.Series("n", n), low=pl.min_horizontal("low", low), high=pl.max_horizontal("high", high)
+    )
     return counted.with_columns(pl.col("share", "low", "high").fill_nan(None)).drop_nulls("share")
 
 
 def _cut_shares(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Shares (1, points, ...) of the sums of errors, squares and products; NaN where all errors are 0."""
-    return np.asarray(sums[2:] / np.where(sums[1:2] > 0.0, sums[1:2], np.nan))
+    return np.asarray(sums[2:3] / np.where(sums[1:2] > 0.0, sums[1:2], np.nan))
 
 
 LARGEST_LAG = 24
@@ -193,13 +207,20 @@ def pose_law(growth: Iterable[pl.DataFrame], sampling: Sampling = USUAL) -> pl.D
     return check(pl.concat(parts), POSE_LAW, "pose law")
 
 
+_LAW_COLUMNS = ("n", "turned", "moved", "n_seen", "rigid", "error", "by_deg", "by_m")
+
+
 def _pose_law_rows(growth: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per motion and part of the law."""
+    image = ["rigid_px2", "error_px2", "px2_per_degree", "px2_per_metre"]
+    seen = pl.col("n") * pl.all_horizontal(pl.col(image).is_not_null()).cast(pl.Int64)
     sums = growth.with_columns(
         turned=pl.col("n") * pl.mean_horizontal("^rotation_.._deg2$"),
         moved=pl.col("n") * pl.mean_horizontal("^translation_.._m2$"),
+        n_seen=seen,
+        **{short: seen * pl.col(name).fill_null(0.0) for short, name in zip(_LAW_COLUMNS[4:], image, strict=True)},
     )
-    units = units_of(sums, points=["lag"], columns=["n", "turned", "moved"], groups=draws.groups)
+    units = units_of(sums, points=["lag"], columns=_LAW_COLUMNS, groups=draws.groups)
     lag = units.points["lag"].to_numpy().astype(np.float64)
     sizes = units.sums[..., 0].sum(axis=1)[None]
     found = pooled(units, draws.weights(units), lambda sums: _fitted(sums, lag), method, sizes=sizes)
@@ -208,32 +229,56 @@ def _pose_law_rows(growth: pl.DataFrame, draws: Draws, method: Method) -> pl.Dat
     )
 
 
+_IMAGE_WEIGHT = 1e6
+"""So large that rotations and translations only say how they share what the image shows."""
+
+
 def _fitted(sums: NDArray[np.float64], lag: NDArray[np.float64]) -> NDArray[np.float64]:
-    """White and walking part of rotation and translation, (4, 1, ...), of sums (3, lags, ...)."""
-    count = sums[0]
-    known = count > 0
-    by_lag = lag.reshape(-1, *[1] * (count.ndim - 1))
-    weight = np.where(known, 1.0 / by_lag, 0.0)
-    parts = [_two_parts(weight, by_lag, total / np.where(known, count, 1.0)) for total in sums[1:]]
-    return np.concatenate(parts)[:, None]
+    """White and walking part of rotation and translation, (4, 1, ...), of sums (columns, lags, ...)."""
+    count, seen = sums[0], sums[3]
+    turned, moved = (total / np.maximum(count, 1.0) for total in sums[1:3])
+    rigid, error, *by = (total / np.maximum(seen, 1.0) for total in sums[4:])
+    by_deg, by_m = (np.where(seen > 0, one, 1.0) for one in by)
+    k = lag.reshape(-1, *[1] * (count.ndim - 1)) * np.ones_like(count)
+    nothing = np.zeros_like(k)
+    of_deg, of_m = [2.0 * by_deg, k * by_deg], [2.0 * by_m, k * by_m]
+    rows = np.stack([[*of_deg, nothing, nothing], [nothing, nothing, *of_m], [*of_deg, *of_m]])  # (3, 4, lags, ...)
+    right = np.stack([by_deg * turned, by_m * moved, rigid])
+    weight = np.stack([count > 0, count > 0, _IMAGE_WEIGHT * (seen > 0)]) / k
+    parts = _non_negative(
+        np.einsum("rk...,rik...,rjk...->...ij", weight, rows, rows),
+        np.einsum("rk...,rik...,rk...->...i", weight, rows, right),
+    )
+    claimed = np.einsum("ik...,...i->k...", rows[2], parts)
+    room = np.where((seen > 0) & (claimed > 0.0), error / np.where(claimed > 0.0, claimed, 1.0), 1.0)
+    least = np.clip(room.min(axis=0), 0.0, 1.0)
+    return np.asarray(np.moveaxis(np.sqrt(parts * least[..., None]), -1, 0)[:, None])
 
 
-def _two_parts(
-    weight: NDArray[np.float64], lag: NDArray[np.float64], square: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Roots of the two coefficients that fit 2 a + b k to mean squares without being negative, (2, ...)."""
-    two_two, two_k, k_k = (np.sum(weight * product, axis=0) for product in (4.0 + 0 * lag, 2.0 * lag, lag * lag))
-    two_y, k_y = np.sum(weight * 2.0 * square, axis=0), np.sum(weight * lag * square, axis=0)
-    determinant = two_two * k_k - two_k * two_k
-    safe = np.where(determinant > 0.0, determinant, 1.0)
-    white, walk = (k_k * two_y - two_k * k_y) / safe, (two_two * k_y - two_k * two_y) / safe
-    only_white, only_walk = two_y / np.where(two_two > 0.0, two_two, 1.0), k_y / np.where(k_k > 0.0, k_k, 1.0)
-    single = determinant <= 0.0
-    found_white = np.where(walk < 0.0, only_white, np.where(single, only_white, white))
-    found_walk = np.where(white < 0.0, only_walk, np.where(single, 0.0, walk))
-    return np.asarray(np.sqrt(np.maximum(np.stack([found_white, found_walk]), 0.0)))
+def _non_negative(squares: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What minimises x' S x - 2 x' g without a negative part, (..., n), for S (..., n, n) and g (..., n).
+
+    The minimum is that of some of the parts, the others 0: all choices are tried. Of equal ones the first counts, with
+    the fewest parts.
+    """
+    n = right.shape[-1]
+    best, least = np.zeros_like(right), np.zeros(right.shape[:-1])
+    for free in chain.from_iterable(combinations(range(n), count) for count in range(1, n + 1)):
+        some, of_some = squares[..., np.array(free)[:, None], free], right[..., free]
+        size = np.sqrt(np.maximum(np.einsum("...ii->...i", some), 1e-300))
+        scaled = some / (size[..., :, None] * size[..., None, :])
+        found = np.einsum("...ij,...j->...i", np.linalg.pinv(scaled, hermitian=True), of_some / size) / size
+        loss = -np.sum(found * of_some, axis=-1)
+        better = (found >= 0.0).all(axis=-1) & (loss < least * (1.0 + _ROUNDING))
+        least = np.where(better, loss, least)
+        whole = np.zeros_like(best)
+        whole[..., free] = found
+        best = np.where(better[..., None], whole, best)
+    return best
 
 
+_ROUNDING = 1e-9
+"""Losses that differ by less than this part are equal."""
 LEAST_SHARE = 0.05
 """Smallest share of the second moment that pose errors must explain."""
 _ACCURACY_KEYS: Mapping[tuple[str, str], str] = MappingProxyType(
@@ -270,7 +315,7 @@ def accuracy_toml(law: pl.DataFrame, share: pl.DataFrame, step: int = 1) -> str 
     """
     upright = law.filter((pl.col("rotation") == 0) & (pl.col("direction") == "forward"))
     rows = upright.unique(["motion", "law"], keep="first", maintain_order=True)
-    if rows.is_empty() or not _is_confirmed(share):
+    if not rows["value"].sum() > 0.0 or not _is_confirmed(share):
         return None
     per_frame = {"white": 1.0, "random walk": step**-0.5}
     lines = [

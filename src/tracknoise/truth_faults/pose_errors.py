@@ -58,6 +58,9 @@ units of the robust scale of the errors at the same number of steps, the errors 
 
     share = sum(e p) / sum(e e),  |e| <= 3, p shortened to a length of 3    (pose.share)
 
+Few tracks make the predictions of a frame noisy, but not their products with the errors of the other half. Frames with
+too few, whose pose error is unknown, take no part; how large their errors are is kept.
+
 What is rigid need not be an error of the poses. A clock offset, a rolling shutter or a wrong focal length move all
 features in a way that is partly a motion of the camera, and so may a tracker. Therefore the pose errors are also fitted
 to all other trackers that saw images: what these predict is not due to the tracker alone.
@@ -277,8 +280,8 @@ def _minus_cross(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 PRIOR = 1.0
 """Standard deviation of a pose error before any track is seen: rad, and units of length."""
-FEWEST = 30
-"""Fewest tracks in a frame that determine its pose error."""
+FEWEST = 8
+"""Fewest tracks in a frame that determine its pose error, which has six numbers. Products are added up over frames."""
 _ROUNDS = 6
 _TAIL = 2.4
 """Residual, in units of the scale, at which the weight of an observation is halved."""
@@ -399,7 +402,8 @@ _MEDIAN_SIZE = 1.1774
 """Median length of a vector whose two components are standard Gaussian."""
 
 
-_NUMBERS = {name: kind for name, kind in POSE_GROWTH.items() if name not in SEQUENCE}
+_IMAGE = ("rigid_px2", "error_px2", "px2_per_degree", "px2_per_metre")
+_NUMBERS = {name: kind for name, kind in POSE_GROWTH.items() if name not in {*SEQUENCE, *_IMAGE}}
 _ROTATION_FIRST = [3, 4, 5, 0, 1, 2]
 _MOST_BLOCKS, _FEWEST_BLOCKS = 16, 4
 
@@ -408,6 +412,7 @@ def pose_growth(
     labels: pl.DataFrame,
     poses: NDArray[np.float64],
     halves: Sequence[NDArray[np.float64] | None],
+    moved: pl.DataFrame,
     *,
     unit_m: float,
     speed: int,
@@ -415,7 +420,7 @@ def pose_growth(
     """The table `POSE_GROWTH` of one sequence, at lags of `STEPS`.
 
     Shapes: poses (frames, 4, 4). Returns: sorted by lag; only lags that two known poses have. `halves`: NaN where
-    unknown. None where no tracker saw images: the table then has no rows.
+    unknown. None where no tracker saw images: the table then has no rows. `moved`: columns of `image_motion`.
     """
     one, other = halves
     if one is None or other is None:
@@ -430,7 +435,7 @@ def pose_growth(
         if len(known):
             roots = [_established_root(known[:, axes], step) for axes in (slice(0, 3), slice(3, 6))]
             rows.append([step * speed, len(known), *roots, *known.mean(axis=0)])
-    table = pl.DataFrame(rows, schema=_NUMBERS, orient="row")
+    table = pl.DataFrame(rows, schema=_NUMBERS, orient="row").join(moved, on="lag", how="left")
     named = labels.join(table, how="cross").select(list(POSE_GROWTH))
     return check(named, POSE_GROWTH, "pose growth")
 
@@ -449,6 +454,49 @@ def _established_root(squares: NDArray[np.float64], step: int) -> float | None:
     bound = float(special.stdtrit(count - 1, 0.5 + LEVEL / 2))
     mean = float(squares.mean())
     return float(np.sqrt(mean)) if mean > bound * error and mean > 0.0 else None
+
+
+def image_motion(
+    trackers: Sequence["PoseWitness"], rigid: pl.DataFrame, axes: NDArray[np.float64], *, unit_m: float, speed: int
+) -> pl.DataFrame:
+    """What pose errors make of the errors of trackers that saw images, by lag: means of those in (pose.share), px^2.
+
+    rigid_px2 and error_px2 by their own halves. px2_per_degree and px2_per_metre of a relative pose error of one degree
+    about each axis, and of one metre along each, as in (truth.floor).
+    """
+    parts = [_image_sums(one, rigid, axes, unit_m) for one in trackers if one.is_witness]
+    sums = pl.concat(
+        [pl.DataFrame(schema={"lag": pl.Int64, "n": pl.Int64, **dict.fromkeys(_IMAGE, pl.Float64)}), *parts]
+    )
+    means = sums.group_by("lag").agg(pl.col(name).sum() / pl.col("n").sum() for name in _IMAGE)
+    return means.select((pl.col("lag") * speed).cast(POSE_GROWTH["lag"]), *_IMAGE)
+
+
+def _image_sums(one: "PoseWitness", rigid: pl.DataFrame, axes: NDArray[np.float64], unit_m: float) -> pl.DataFrame:
+    """Counts and sums of one tracker by steps, of steps at which table `RIGID` knows its share."""
+    step = np.abs(one.rows.frame - one.rows.zero)
+    inside = np.hypot(*one.rows.error_px.T) <= CUT * scales(step.astype(np.intp), one.rows.error_px)
+    squares = np.column_stack([np.sum(one.rows.error_px**2, axis=1), _squared_motion(one.rows, axes, unit_m)])
+    sums = [np.bincount(step[inside], column[inside]) for column in squares.T]
+    names = dict(zip(_IMAGE[1:], sums, strict=True))
+    table = pl.DataFrame({"lag": np.arange(len(sums[0])), "n": np.bincount(step[inside]), **names})
+    own = rigid.join(one.labels, on=["tracker", "speed"], how="semi").filter(fitted_to=FittedTo.own)
+    by_step = own.group_by(lag=(pl.col("age") // pl.col("speed")).cast(pl.Int64))
+    shares = by_step.agg(share=pl.col("cut_rigid").sum() / pl.col("cut_error").sum()).filter(
+        pl.col("share").is_finite()
+    )
+    known = table.join(shares, on="lag").filter(pl.col("n") > 0)
+    return known.select("lag", "n", *_IMAGE[1:], rigid_px2=pl.col("share") * pl.col("error_px2")).select(
+        "lag", "n", *_IMAGE
+    )
+
+
+def _squared_motion(rows: RigidRows, axes: NDArray[np.float64], unit_m: float) -> NDArray[np.float64]:
+    """(n, 2): px^2 of one degree about each axis of the camera, and of one metre along each."""
+    here, there = (np.einsum("nij,njk->nik", rows.jacobian, axes[frame]) for frame in (rows.frame, rows.zero))
+    turned = 0.5 * (here[:, :, 3:] ** 2 + there[:, :, 3:] ** 2)
+    squares = np.deg2rad(1.0) ** 2 * turned, here[:, :, :3] ** 2 / unit_m**2
+    return np.stack([one.sum(axis=(1, 2)) for one in squares], axis=1)
 
 
 MOST_ROWS = 1_000_000
@@ -480,7 +528,8 @@ def cut_products(
     return counts * np.sum(e * e, axis=1), counts * np.sum(e * p, axis=1)
 
 
-_SUMS = ("n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv", "cut_error", "cut_rigid")
+_CUT = ("cut_error", "cut_rigid", "cut_unknown")
+_SUMS = ("n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv", *_CUT)
 _KEYS = [name for name in RIGID if name not in _SUMS]
 
 
@@ -560,7 +609,9 @@ def rigid_tables(
     parts = [rigid_sums(tracker, trackers, axes, steps=STEPS) for tracker in trackers]
     rigid = pl.concat([empty(RIGID), *parts]).sort(_KEYS)
     halves = [_solved([one.halves[half] for one in trackers if one.is_witness], axes) for half in (0, 1)]
-    grown = pose_growth(conditions.select(*SEQUENCE).head(1), poses, halves, unit_m=unit_m, speed=speed)
+    moved = image_motion(trackers, rigid, axes, unit_m=unit_m, speed=speed)
+    labels = conditions.select(*SEQUENCE).head(1)
+    grown = pose_growth(labels, poses, halves, moved, unit_m=unit_m, speed=speed)
     return {"rigid": check(rigid, RIGID, "rigid"), "pose_growth": grown}
 
 
@@ -587,12 +638,9 @@ def _solved(normals: Sequence[Normal], axes: NDArray[np.float64]) -> NDArray[np.
 def rigid_sums(
     tracker: PoseWitness, trackers: Sequence[PoseWitness], axes: NDArray[np.float64], *, steps: Iterable[int]
 ) -> pl.DataFrame:
-    """Rows of `RIGID` of one tracker at some steps. Of what others predict, frames count whose pose errors they know.
-
-    Where a tracker does not know its own, no pose error is taken off: the share is that of all of its errors.
-    """
+    """Rows of `RIGID` of one tracker at some steps; none of what is not predicted anywhere."""
     others = [other for other in trackers if other.is_witness and other is not tracker]
-    by_own = np.nan_to_num(_cross_predicted(tracker.rows, [tracker], axes))
+    by_own = _cross_predicted(tracker.rows, [tracker], axes)
     by_others = _cross_predicted(tracker.rows, others, axes)
     taken = np.isin(np.abs(tracker.rows.frame - tracker.rows.zero), list(steps))
     block = first_visits(axes) * BLOCKS // len(axes)
@@ -621,21 +669,24 @@ def _summed(
     taken: NDArray[np.bool_],
 ) -> pl.DataFrame:
     """Sums of squares and products by block of frames and distance from where errors are zero; of what is predicted."""
-    rows, fitted = tracker.rows, prediction
-    chosen = taken & np.isfinite(fitted).all(axis=1)
-    error, fitted, block = rows.error_px[chosen], fitted[chosen], block_of[rows.frame[chosen]]
+    rows = tracker.rows
+    known = np.asarray(np.isfinite(prediction).all(axis=1))
+    chosen = taken if np.any(taken & known) else np.zeros_like(taken)
+    error, fitted, known = rows.error_px[chosen], prediction[chosen], known[chosen]
     steps = np.abs(rows.frame - rows.zero)[chosen]
-    (block, step), group = number_combinations([block, steps])
+    (block, step), group = number_combinations([block_of[rows.frame[chosen]], steps])
+    cut_error, cut_rigid = cut_products(error, fitted, steps)
     products = {"error": error * error, "left": np.square(error - fitted), "rigid": error * fitted}
-    sums = {
-        f"{product}_{2 * axis}": np.bincount(group, values[:, place], len(block))
+    columns = {
+        f"{product}_{2 * axis}": values[:, place]
         for product, values in products.items()
         for place, axis in enumerate("uv")
     }
-    for product, column in zip(("cut_error", "cut_rigid"), cut_products(error, fitted, steps), strict=True):
-        sums[product] = np.bincount(group, column, len(block))
+    columns |= {"cut_error": cut_error, "cut_rigid": cut_rigid}
+    sums = {name: np.bincount(group[known], values[known], len(block)) for name, values in columns.items()}
+    sums["cut_unknown"] = np.bincount(group[~known], cut_error[~known], len(block))
     labels = tracker.labels[[0] * len(block)]
-    n = pl.Series("n", np.bincount(group, minlength=len(block)))
+    n = pl.Series("n", np.bincount(group[known], minlength=len(block)))
     counted = labels.with_columns(
         pl.lit(name).alias("fitted_to"), n, block=pl.Series(block), age=pl.Series(step) * pl.col("speed"), **sums
     )

@@ -194,6 +194,46 @@ class Kernel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TriedGate:
+    """What the gate of a filter does to the covariance that it claims: see `tracknoise.estimators.pose_trials`.
+
+    Parameters
+    ----------
+    nees
+        Of the newest pose from the tracks that pass, with the sigma that is right for all; mean over windows.
+    passed
+        Share of the tracks that pass.
+    window, windows
+        Length, frames, and number of the windows.
+    """
+
+    nees: Interval
+    passed: Interval
+    window: int
+    windows: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownPoints:
+    """A standard deviation for one pose from points that are known: see `tracknoise.estimators.pose_trials`.
+
+    Parameters
+    ----------
+    window
+        Oldest age of the observations, frames.
+    kernel, knee_px
+        The robust loss, and its knee, px; None without a loss.
+    sigma
+        Standard deviation of each coordinate, px at full resolution.
+    """
+
+    window: int
+    kernel: LossKind | None
+    knee_px: Annotated[float, Field(gt=0.0)] | None
+    sigma: Interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Tails:
     """Student t of the errors, untrimmed.
 

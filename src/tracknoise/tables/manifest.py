@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 
-FORMAT = 9
+FORMAT = 10
 _SEAL = "sha256"
 _REMEDY = "measure again with --fresh"
 

@@ -479,23 +479,28 @@ class FittedComponents:
         return TrackNoise(**{name: part.covariance for name, part in self.components.items()})
 
     def of_units(self) -> Array:
-        """All components of each unit alone, (units, 4, 2, 2) px^2, by least squares.
+        """Components of each unit alone, (units, 4, 2, 2) px^2, by least squares.
 
-        None is left out and none is bounded, because that would bias a mean over units. What the units have together
-        counts for each component as one more measurement, as uncertain as it is large.
+        None is bounded, because that would bias a mean over units. A component that was dropped takes part where what
+        was left out is described better with it. What the units have together counts for each component as one more
+        measurement, as uncertain as it is large.
         """
-        sums = self.sums.units.sums
-        own, counts, every = Equations.of(sums.transpose(2, 1, 0)), sums[..., 0].T, range(len(NAMES))
-        together = Equations.of(sums.sum(axis=0).T).solved(self.sums.weights, every)
+        sums, kept = self.sums.units.sums, self.selection.active
+        others = [one for one in range(len(NAMES)) if one not in kept]
+        more = [one for one in others if self.sums.held_out((*kept, one)) > self.sums.held_out(kept)]
+        active, own, counts = [*kept, *more], Equations.of(sums.transpose(2, 1, 0)), sums[..., 0].T
+        every = Equations.of(sums.sum(axis=0).T)
+        together = every.solved(self.sums.weights, active)
+        alone = np.array([every.half_traces(self.sums.weights, [one])[0] for one in active])
         whole = self.sums.weights * _relative_variance(sums[..., 0].sum(axis=0))
         weights = np.where(counts > 0, whole[:, None] / _relative_variance(counts), 0.0)
-        x, y = np.nan_to_num(own.factors), np.nan_to_num(own.second)
+        x, y = np.nan_to_num(own.factors[:, active]), np.nan_to_num(own.second)
         left = np.einsum("eu,eiu,eju->uij", weights, x, x)
         right = np.einsum("eu,eiu,eku->uik", weights, x, y)
-        size = np.abs(_half(together))
-        known = np.diag(1.0 / np.maximum(size, _SMALLEST * max(size.max(), _TINY)) ** 2)
-        found = np.linalg.solve(left + known, right + known @ together)
-        return np.asarray(found[..., [0, 1, 1, 2]].reshape(len(found), len(NAMES), 2, 2))
+        known = np.diag(1.0 / np.maximum(np.abs(alone), _TINY) ** 2)
+        found = np.zeros((len(left), len(NAMES), 3))
+        found[:, active] = np.linalg.solve(left + known, right + known @ together)
+        return found[..., [0, 1, 1, 2]].reshape(len(found), len(NAMES), 2, 2)
 
 
 def sums_of_units(sums: pl.DataFrame, groups: SceneGroups) -> Units:

@@ -489,6 +489,8 @@ def _of_advice(advice: Advice) -> Iterator[str]:
             f"Sigma and loss belong together. They were tried on {advice.windows} windows, and make "
             f"{PURPOSES[advice.purpose]} right there. Sigma is larger without the loss."
         )
+    elif advice.landmark is Landmark.KNOWN and advice.sigma.low is None:
+        yield "Sigma has no interval: that takes six scenes with sampled tracks."
     elif advice.is_without_trial:
         yield "The loss was not tried: that takes enough tracks of a scene at the lowest speed of a run."
         yield "Sigma is that without a loss. With one, a smaller sigma is right most often."

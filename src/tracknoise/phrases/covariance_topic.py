@@ -112,7 +112,8 @@ def _shape(rows: Rows) -> list[str]:
     if verdict == Verdict.undecided or worst is None:
         return ["Whether their shape is right is undecided."]
     found = Estimate.of_row(rows["shape"], "value", "low", "high")
-    return [f"Their shape is wrong: {_AXES[worst]}, whitened errors are {format_estimate(found)} times those across."]
+    larger = f"Whitened errors are {format_estimate(found)} times as large {_AXES[worst]} as across"
+    return ["Their shape is wrong.", f"{larger}."]
 
 
 _AXES = {

@@ -91,7 +91,7 @@ class Scene:
         age = np.concatenate([one.age for one in self.tracks])
         magnification = np.concatenate([one.magnification for one in self.tracks])
         walked = np.concatenate([np.cumsum(np.where(one.age > 0, one.magnification**-2, 0.0)) for one in self.tracks])
-        errors = np.concatenate([self._drawn(one, random, nu) for one in self.tracks])
+        errors = np.concatenate([self.drawn(one, random, nu) for one in self.tracks])
         frame = np.concatenate([one.frames for one in self.tracks])
         made = ErrorTracks(
             rows=np.arange(len(track)),
@@ -108,7 +108,19 @@ class Scene:
         )
         return sums_of(name, made)
 
-    def _drawn(self, track: Track, random: np.random.Generator, nu: float) -> Array:
+    def tracks_table(self, name: str, random: np.random.Generator, nu: float = np.inf) -> pl.DataFrame:
+        """Sampled tracks as a run stores them, with errors that are drawn anew."""
+        errors = np.concatenate([self.drawn(one, random, nu) for one in self.tracks])
+        values = {
+            "track": np.repeat(np.arange(len(self.tracks)), self.lengths()),
+            "age": np.concatenate([one.age for one in self.tracks]),
+            "du_px": errors[:, 0],
+            "dv_px": errors[:, 1],
+        }
+        labels = {"dataset": "made", "scene": name, "lighting": "default", "camera": "", "stands_for": 1.0}
+        return pl.DataFrame(values).with_columns(**{key: pl.lit(value) for key, value in labels.items()})
+
+    def drawn(self, track: Track, random: np.random.Generator, nu: float) -> Array:
         """(n, 2) px: errors about the first position."""
         root = np.linalg.cholesky(self.covariance(track)[1:, 1:])
         errors = np.zeros((len(track.frames), 2))
@@ -163,23 +175,12 @@ def _is_seen(uv: Array) -> bool:
 
 def squared_sigma(own: Scene, start: int, length: int) -> float | None:
     """NEES of the newest pose of one window with a sigma of 1 px; None where tracks do not determine its poses."""
-    last = start + length - 1
-    seen = [one for one in own.tracks if _within(one, start, last).sum() >= LEAST]
-    if len(seen) < 15:
+    parts = eliminated(own, start, length)
+    if parts is None:
         return None
-    across = np.linalg.svd(own.poses[last : last + 1, :3, 3] - own.poses[start : start + 1, :3, 3])[2][1:]
-    by_pose, by_point = _derivatives(own.poses[start : last + 1], np.array([one.point for one in seen]))
     p = 6 * length - 7
     information, middle = np.zeros((p, p)), np.zeros((p, p))
-    for number, one in enumerate(seen):
-        at = np.flatnonzero(_within(one, start, last))
-        frames = one.frames[at] - start
-        every = np.zeros((len(at), 2, length, 6))
-        every[np.arange(len(at)), :, frames] = by_pose[number, frames]
-        flat = every.reshape(2 * len(at), 6 * length)
-        found = np.hstack([flat[:, 6:-3], flat[:, -3:] @ across.T])
-        span = np.linalg.qr(by_point[number, frames].reshape(-1, 3))[0]
-        left = found - span @ (span.T @ found)
+    for one, at, left, _ in parts:
         true = np.kron(own.covariance(one)[np.ix_(at, at)], np.eye(2))
         information += left.T @ left
         middle += left.T @ true @ left
@@ -188,6 +189,29 @@ def squared_sigma(own: Scene, start: int, length: int) -> float | None:
     claimed = np.linalg.inv(information)
     actual = (claimed @ middle @ claimed)[-5:, -5:]
     return float(np.trace(np.linalg.solve(claimed[-5:, -5:], actual)) / 5.0)
+
+
+def eliminated(own: Scene, start: int, length: int) -> list[tuple[Track, NDArray[np.intp], Array, Array]] | None:
+    """Tracks of a window, and of each: places of its frames there, derivatives by poses (2 n, p) without what its point
+    absorbs, and a basis (2 n, 3) of that; None where there are too few.
+    """
+    last = start + length - 1
+    seen = [one for one in own.tracks if _within(one, start, last).sum() >= LEAST]
+    if len(seen) < 15:
+        return None
+    across = np.linalg.svd(own.poses[last : last + 1, :3, 3] - own.poses[start : start + 1, :3, 3])[2][1:]
+    by_pose, by_point = _derivatives(own.poses[start : last + 1], np.array([one.point for one in seen]))
+    found = []
+    for number, one in enumerate(seen):
+        at = np.flatnonzero(_within(one, start, last))
+        frames = one.frames[at] - start
+        every = np.zeros((len(at), 2, length, 6))
+        every[np.arange(len(at)), :, frames] = by_pose[number, frames]
+        flat = every.reshape(2 * len(at), 6 * length)
+        rows = np.hstack([flat[:, 6:-3], flat[:, -3:] @ across.T])
+        span = np.linalg.qr(by_point[number, frames].reshape(-1, 3))[0]
+        found.append((one, at, rows - span @ (span.T @ rows), span))
+    return found
 
 
 def _within(track: Track, first: int, last: int) -> NDArray[np.bool_]:

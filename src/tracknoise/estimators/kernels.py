@@ -37,7 +37,7 @@ KNEES = (3.0, 1.0, 0.3)
 """Knees that are tried, over the sigma of innovations. Each starts where the one before ended."""
 LENGTH = 11
 """Frames of a window."""
-_MOST_SCENES, _PER_SCENE = 12, 3
+_MOST_SCENES, _PER_SCENE = 12, 6
 _ENOUGH = 24
 """Windows with drawn errors: few scenes have more of each."""
 _LEAST_TRACKS, _LEAST_WINDOWS = 50, 8

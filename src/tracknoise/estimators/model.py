@@ -200,7 +200,7 @@ class TriedGate:
     Parameters
     ----------
     nees
-        Of the newest pose from the tracks that pass, with the sigma that is right for all; mean over windows.
+        Of the newest pose from the tracks that pass, over that from all, for which sigma is right.
     passed
         Share of the tracks that pass.
     window, windows

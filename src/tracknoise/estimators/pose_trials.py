@@ -46,26 +46,27 @@ _STEP_PX = 1e-6
 def tried_gate(
     drawn: Sequence[DrawnWindow], newest: Equivalent, *, dataset: str, groups: SceneGroups, level: float
 ) -> TriedGate | None:
-    """NEES of the newest pose with sigma and its gate; None with too few windows.
+    """NEES of the newest pose with its gate, over that without; None with too few windows.
 
-    `newest`: for a free landmark, in such windows.
+    `newest`: for a free landmark, in such windows. Its sigma makes the NEES without a gate 1.
     """
     if len(drawn) < _LEAST_WINDOWS or newest.sigma.value <= 0.0 or newest.gate_80 is None:
         return None
     factor, random = track_gate(newest.gate_80, newest.window), np.random.default_rng(0)
     rows = [
-        {"dataset": dataset, "scene": one.scene, "n": 1.0, **_gated(one, newest.sigma.value, factor, random)}
+        {"dataset": dataset, "scene": one.scene, "windows": 1.0, **_gated(one, newest.sigma.value, factor, random)}
         for one in drawn
     ]
-    known = pl.DataFrame(rows).filter(pl.col("nees").is_finite())
+    known = pl.DataFrame(rows).filter(pl.col("gated").is_finite())
     if known.height < _LEAST_WINDOWS:
         return None
-    nees, passed = _over_scenes(known, ("nees", "passed"), ("log", "logit"), groups, level)
+    nees = _over_scenes(known, "gated", "all", "log", groups, level)
+    passed = _over_scenes(known, "passed", "windows", "logit", groups, level)
     return TriedGate(nees=nees, passed=passed, window=newest.window, windows=known.height)
 
 
 def _gated(one: DrawnWindow, sigma: float, factor: float, random: np.random.Generator) -> dict[str, float]:
-    """NEES of the newest pose, NaN where the tracks that pass do not determine it, and the share that passes."""
+    """NEES of the newest pose from tracks that pass, NaN where they do not determine it, and from all; share passed."""
     errors, passed = [own[None] for own in one.errors], []
     for tracks, own in zip(one.tracks, one.errors, strict=True):
         span, freedom = np.linalg.qr(tracks.by_point)[0], own.shape[1] - bundle.OF_POINT
@@ -73,31 +74,32 @@ def _gated(one: DrawnWindow, sigma: float, factor: float, random: np.random.Gene
         seen = math.sqrt(1.0 - POSE_SHARE) * own / sigma + math.sqrt(POSE_SHARE) * predicted
         squares = np.square(without(seen[:, :, None], span)).sum(axis=(1, 2))
         passed.append(squares <= factor * chi_square(LEVEL, freedom))
-    weights = [
-        np.broadcast_to(np.where(good, 1.0, _REJECTED)[None, :, None], own.shape)
-        for good, own in zip(passed, errors, strict=True)
-    ]
-    share = float(np.concatenate(passed).mean())
+    found = {"passed": float(np.concatenate(passed).mean())}
+    every = [np.ones(len(own), dtype=np.bool_) for own in passed]
+    for name, chosen in (("gated", passed), ("all", every)):
+        found[name] = _nees(one, errors, [np.where(own, 1.0, _REJECTED) for own in chosen])
+    return found
+
+
+def _nees(one: DrawnWindow, errors: Sequence[Array], weights: Sequence[Array]) -> float:
+    """Of the newest pose with a sigma of 1 px, by weights of tracks, (tracks,) each; NaN where it is not determined."""
+    spread = [np.broadcast_to(own[None, :, None], each.shape) for own, each in zip(weights, errors, strict=True)]
     try:
-        _, error, claimed = weighted_step(one.tracks, errors, weights)
+        _, error, claimed = weighted_step(one.tracks, errors, spread)
+        np.linalg.cholesky(claimed[0])
     except np.linalg.LinAlgError:
-        return {"nees": math.nan, "passed": share}
-    if not (np.linalg.eigvalsh(claimed[0]) > 0.0).all():
-        return {"nees": math.nan, "passed": share}
-    nees = normalised(error[0, -NEWEST:], claimed[0, -NEWEST:, -NEWEST:]) / sigma**2
-    return {"nees": nees, "passed": share}
+        return math.nan
+    return normalised(error[0, -NEWEST:], claimed[0, -NEWEST:, -NEWEST:])
 
 
-def _over_scenes(
-    rows: pl.DataFrame, names: Sequence[str], scales: Sequence[str], groups: SceneGroups, level: float
-) -> list[Interval]:
-    """Means over windows or scenes, with intervals over scenes. `rows`: columns dataset, scene, n and these."""
-    sums = rows.group_by("dataset", "scene").agg(pl.col("n", *names).sum()).sort("scene")
-    units = units_of(sums, points=[], columns=["n", *names], groups=groups)
+def _over_scenes(rows: pl.DataFrame, value: str, per: str, scale: str, groups: SceneGroups, level: float) -> Interval:
+    """Sum of a column over that of another one, with its interval over scenes. `rows`: also dataset and scene."""
+    sums = rows.group_by("dataset", "scene").agg(pl.col(per, value).sum()).sort("scene")
+    units = units_of(sums, points=[], columns=[per, value], groups=groups)
     method = Method(IntervalKind.student, level)
-    found = pooled(units, np.empty((0, len(units.sums))), column_means, method, scales=list(scales))
-    values = zip(found.value[:, 0].tolist(), found.low[:, 0].tolist(), found.high[:, 0].tolist(), strict=True)
-    return [Interval(value=value, low=_known(low), high=_known(high)) for value, low, high in values]
+    found = pooled(units, np.empty((0, len(units.sums))), column_means, method, scales=[scale])
+    middle, low, high = (float(bound[0, 0]) for bound in (found.value, found.low, found.high))
+    return Interval(value=middle, low=_known(low), high=_known(high))
 
 
 def _known(bound: float) -> float | None:
@@ -144,7 +146,7 @@ def _known_points(
                 {"dataset": own["dataset"][0], "scene": scene, "n": 1.0, "square": _square(own, loss)}
                 for (scene,), own in some.group_by("scene", maintain_order=True)
             ]
-            (square,) = _over_scenes(pl.DataFrame(rows), ("square",), ("log",), groups, level)
+            square = _over_scenes(pl.DataFrame(rows), "square", "n", "log", groups, level)
             if square.value > 0.0:
                 yield KnownPoints(
                     window=length, kernel=kernel, knee_px=None if kernel is None else knee_px, sigma=_root(square)

@@ -9,7 +9,9 @@ pass, if errors of the predicted poses make up the share p of the claimed varian
 
 with the gate g_.80 of good tracks at true poses, and quantiles q of chi square with the k degrees of freedom of a
 track. It is at least a third of q_k(.80) / q_k(.95), .26 for windows of 11 frames. For one observation of a feature in
-the state .95 takes the place of .80, because a feature is lost with it; its gate is at most 1.
+the state .95 takes the place of .80, because a feature is lost with it; its gate is at most 1. Tracks that pass have
+smaller errors than all, for which sigma is right: the NEES that this leaves is tried and said
+(`tracknoise.estimators.pose_trials`).
 
 **Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
 those that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed

@@ -36,6 +36,7 @@ from itertools import combinations
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators.model import Component, Interval
@@ -481,15 +482,14 @@ class FittedComponents:
     def of_units(self) -> Array:
         """Components of each unit alone, (units, 4, 2, 2) px^2, by least squares.
 
-        None is bounded, because that would bias a mean over units. A component that was dropped takes part where what
-        was left out is described better with it. What the units have together counts for each component as one more
-        measurement, as uncertain as it is large.
+        Those take part that non-negative least squares over all units find: the choice of `select` needs certainty,
+        which few scenes do not give. No unit is bounded, because that would bias a mean over units. What the units have
+        together counts for each component as one more measurement, as uncertain as the component would be large alone.
         """
-        sums, kept = self.sums.units.sums, self.selection.active
-        others = [one for one in range(len(NAMES)) if one not in kept]
-        more = [one for one in others if self.sums.held_out((*kept, one)) > self.sums.held_out(kept)]
-        active, own, counts = [*kept, *more], Equations.of(sums.transpose(2, 1, 0)), sums[..., 0].T
-        every = Equations.of(sums.sum(axis=0).T)
+        sums, root = self.sums.units.sums, np.sqrt(self.sums.weights)
+        own, counts, every = Equations.of(sums.transpose(2, 1, 0)), sums[..., 0].T, Equations.of(sums.sum(axis=0).T)
+        half, _ = nnls(root[:, None] * np.nan_to_num(every.factors), root * np.nan_to_num(every.half_trace))
+        active = np.flatnonzero(half) if half.any() else np.array(self.selection.active)
         together = every.solved(self.sums.weights, active)
         alone = np.array([every.half_traces(self.sums.weights, [one])[0] for one in active])
         whole = self.sums.weights * _relative_variance(sums[..., 0].sum(axis=0))

@@ -9,16 +9,16 @@ what that does to Gaussian noise, and the gate is larger by as much:
     gate = measured modelled(landmark) / modelled(free)    (gates.landmark)
 
 An estimator that assumes one standard deviation s for all observations claims covariances in proportion to s^2, while
-the actual ones are linear in A, W, Q and D. What makes a purpose right is therefore
+the actual ones are linear in the entries of A, W, Q and D. What makes a purpose right over windows of scenes like those
+of the run is therefore
 
-    s^2 = sum_j kappa_j a_j    (equivalents)
+    s^2 = mean over scenes of sum_jk kappa_jk c_jk    (equivalents)
 
-with half the trace a_j of each component, and kappa_j from the linear benchmark with that component alone, of half a
-trace of 1 px^2. kappa_j is the mean over windows of the recordings, with their motions, depths and track lengths.
-
-The component has the shape that was fitted: an error across the motion of the image counts otherwise than one along it.
-The shape is that of all scenes, while errors of a tracker follow the motions of each: with it alone, Lucas-Kanade in
-the demo had a NEES of 2.0 instead of 1.1. So sigma for poses is not below that of isotropic noise.
+with the entries c_jk of the components of a scene, and kappa_jk from the linear benchmark (`influences`), the mean over
+windows of that scene, with their motions, depths and track lengths. A scene without windows has those of all others.
+Scenes are what is resampled. So intervals contain the variation of noise and of geometry between scenes, of the two
+together, and of windows within scenes. What is fixed is the length of the window, the camera, and what an estimator
+does with the first observation. With fewer than six scenes, blocks of tracks are resampled, and windows are fixed, too.
 
 A is in tracks that begin in the window. Tracks that began before it have W in their first observation there. If the
 first direction is a state with the prior A, the claimed covariances are not in proportion to s^2, and s is found by

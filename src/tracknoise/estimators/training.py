@@ -375,6 +375,8 @@ class Windows:
 def windows(recordings: Sequence[Recording], *, speed: int, length: int, lifetimes: NDArray[np.int64]) -> Windows:
     """Windows of so many frames, spread evenly over each recording that is long enough and moves.
 
+    Tracks may begin before a window, where they were first seen.
+
     If there is none, a simulated window of sideways and one of forward motion, with tracks of these lifetimes.
     """
     count = max(1, -(-_ENOUGH // max(len(recordings), 1)))

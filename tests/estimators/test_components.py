@@ -71,12 +71,24 @@ def test_scenes_that_differ_widen_intervals() -> None:
     assert differing.high - differing.low > 3 * (same.high - same.low)
 
 
-def test_combinations_have_the_interval_of_what_they_are_made_of() -> None:
-    fitted = fit_components(units(11, scenes=12, first=0.3, white=0.3), level=0.95)
-    (first, both) = fitted.combined(np.array([[1.0, 0, 0, 0], [1.0, 1.0, 0, 0]]))
-    sigma = fitted.components["first"].sigma
-    assert (first.value, first.low, first.high) == pytest.approx((sigma.value, sigma.low, sigma.high), rel=1e-6)
-    assert both.low < 0.3 * 2**0.5 < both.high
+def test_units_have_components_of_their_own_that_describe_their_errors() -> None:
+    made = units(11, scenes=12, first=0.3, white=0.3, spread=0.5)
+    own = fit_components(made, level=0.95).of_units()
+    is_error = (made.points["product"] == "error").to_numpy()
+    counts, second, factors = made.sums[:, is_error, 0], made.sums[:, is_error][..., [1, 3]], made.sums[:, is_error, 4:]
+    measured = second.sum(axis=(1, 2)) / counts.sum(axis=1) / 2.0
+    described = np.einsum("uec,uc->u", factors, np.trace(own, axis1=2, axis2=3) / 2.0) / counts.sum(axis=1)
+    assert measured.max() > 5.0 * measured.min()
+    np.testing.assert_allclose(described, measured, rtol=0.1)
+
+
+def test_a_unit_with_few_tracks_has_what_the_others_have() -> None:
+    made = units(12, scenes=8, first=0.3, white=0.3)
+    sums = made.sums.copy()
+    sums[0] = 0.0
+    fitted = fit_components(replace(made, sums=sums), level=0.95)
+    whole = np.array([fitted.components[name].sigma.value ** 2 for name in ("first", "white")])
+    np.testing.assert_allclose(np.trace(fitted.of_units()[0, :2], axis1=1, axis2=2) / 2.0, whole, rtol=0.02)
 
 
 def test_intervals_of_a_walk_alone_contain_it_in_most_seeds() -> None:
@@ -102,8 +114,6 @@ def test_intervals_hold_whichever_way_a_close_decision_goes(seed: int, kept: boo
     sigma = fitted.components["walk"].sigma
     assert (sigma.low, sigma.high) == pytest.approx((min(bounds)[0], max(high for _, high in bounds)))
     assert sigma.high - sigma.low > max(high - low for low, high in bounds)
-    (combined,) = fitted.combined(np.eye(4)[[walk]])
-    assert (combined.low, combined.high) == pytest.approx((sigma.low, sigma.high))
 
 
 def test_groups_of_scenes_are_left_out_as_a_whole() -> None:
@@ -138,8 +148,8 @@ def test_few_scenes_without_blocks_are_left_out_themselves(seed: int) -> None:
         component = fitted.components[name]
         assert "interval of its variance" not in component.why_dropped
         assert (component.sigma.low, component.sigma.high) == (None, None)
-    every = [fitted.components["white"].sigma, *fitted.combined(np.eye(4) + 1.0)]
-    assert {(one.low, one.high) for one in every} == {(None, None)}
+    white = fitted.components["white"].sigma
+    assert (white.low, white.high) == (None, None)
 
 
 def test_too_few_errors_are_refused() -> None:

@@ -7,14 +7,14 @@ import polars as pl
 import pytest
 
 from tracknoise.estimators.bundle import Loss, LossKind, expected_nees
-from tracknoise.estimators.kernels import KNEES, LENGTH, tried_kernels
+from tracknoise.estimators.kernels import KNEES, LENGTH, drawn_windows, tried_kernels
 from tracknoise.estimators.model import Equivalent, Interval, Kernel, Landmark, Purpose
 from tracknoise.estimators.training import windows
 from tracknoise.inference.units import NO_GROUPS
 from tracknoise.tables.schema import NOISE_TRACKS
 
 SIGMA = 0.3
-WINDOWS = windows([], speed=1, length=LENGTH, lifetimes=np.full(50, 12)).each
+WINDOWS = windows([], speed=1, length=LENGTH, lifetimes=np.full(50, 12))
 
 
 def tracks(scales: np.ndarray, *, scenes: int = 12, walk: float = 0.0, seed: int = 0) -> pl.DataFrame:
@@ -48,12 +48,11 @@ def sigma(purpose: Purpose) -> Equivalent:
 def tried(table: pl.DataFrame, most_px: float = np.inf) -> dict[tuple[str, float], Kernel]:
     """By kind, and knee over the sigma of innovations."""
     found = tried_kernels(
-        table,
-        WINDOWS,
+        list(drawn_windows(table, WINDOWS, most_px)),
+        dataset="d",
         innovations=sigma(Purpose.INNOVATIONS),
         newest=sigma(Purpose.NEWEST_POSE),
         every=sigma(Purpose.ALL_POSES),
-        most_px=most_px,
         groups=NO_GROUPS,
         level=0.95,
     )

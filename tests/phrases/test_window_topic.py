@@ -154,7 +154,10 @@ def test_a_filter_has_sigma_and_gates_together() -> None:
     assert found.startswith("Noise to set in a filter, windows of 11 frames at speed 1. lk: set 0.160 px (0.14")
     assert "Multiply chi-square gates by 0.310 for tracks and 0.900 for single observations." in found
     assert "Innovations will look like 0.070 px." in found
-    assert "Sigma makes the covariance of the newest pose right." in found
+    assert "Sigma makes the covariance of the newest pose right where all pass the gate." in found
+    assert "NEES" not in found
+    tried = advised(advice({**more, "gated_nees": (0.61, 0.5, 0.72)}, "filter"))
+    assert "for single observations. With the gate of tracks, NEES is 0.610 (0.500 to 0.720)." in tried
 
 
 def test_features_in_the_state_have_a_sigma_of_their_own() -> None:
@@ -168,6 +171,7 @@ def test_a_window_has_sigma_and_loss_together() -> None:
     found = advised(advice(ROBUST, "sliding_window", kernel="cauchy"))
     assert "lk: set 0.080 px (0.050 to 0.140). Its Cauchy loss has the knee at 0.850 sigma." in found
     assert "chi-square" not in found
+    assert "Sigma makes the covariance of the newest pose right." in found
 
 
 @pytest.mark.parametrize("bounds", [(0.14, 0.18), (None, None)])

@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 
 from tracknoise.analysis.condition_units import USUAL, Sampling
-from tracknoise.analysis.covariance_verdicts import are_of_use, are_right, own_covariances
+from tracknoise.analysis.covariance_verdicts import are_of_use, are_right, have_right_shape, own_covariances
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.joining import Part, join
-from tracknoise.statistics.own_covariances import covariance_sums, relative
+from tracknoise.statistics.own_covariances import covariance_sums, relative, sums_of_covariances
 from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.tables.schema import COVARIANCE_SUMS
 
@@ -70,6 +70,108 @@ def test_covariances_without_information_are_of_no_use(observations, tracks) -> 
     assert equal["gain"]["verdict"] == "no"
     assert equal["gain"]["value"] == pytest.approx(0.0, abs=1e-6)
     assert equal["nees"]["verdict"] == "yes"
+
+
+RATIO, VERDICTS = 2.0, {"size": "nees", "shape": "shape", "ranking": "ranking"}
+
+
+def ellipses(variance: np.ndarray, angle: np.ndarray, ratio: float = RATIO) -> np.ndarray:
+    """(n, 3): uu, uv, vv of these mean variances, and standard deviations of a ratio along axes at these angles."""
+    turn = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), 2, 0)
+    along = np.array([ratio**2, 1.0]) * 2.0 / (ratio**2 + 1.0)
+    found = variance[:, None, None] * (turn * along) @ np.swapaxes(turn, 1, 2)
+    return np.stack([found[:, 0, 0], found[:, 0, 1], found[:, 1, 1]], axis=1)
+
+
+PREDICTED = {
+    "right": (lambda size, angle: ellipses(size, angle), ("yes", "yes", "yes")),
+    "twice too large": (lambda size, angle: ellipses(2.0 * size, angle), ("no", "yes", "yes")),
+    "circles": (lambda size, angle: ellipses(size, angle, 1.0), ("yes", "no", "yes")),
+    "turned": (lambda size, angle: ellipses(size, angle + np.pi / 2.0), ("no", "no", "yes")),
+    "turned by half": (lambda size, angle: ellipses(size, angle + np.pi / 4.0), ("no", "no", "yes")),
+    "one size": (lambda size, angle: ellipses(np.full_like(size, size.mean()), angle), ("yes", "yes", "no")),
+    "small, in order": (lambda size, angle: ellipses(size**0.5 / 9.0, angle), ("no", "yes", "yes")),
+}
+
+
+def planted(claim: Callable, scenes: int, *, scattered: bool = False, ratio: float = RATIO) -> dict[str, str]:
+    """Verdicts on what is predicted for errors whose ellipses lie around the diagonal, or anywhere."""
+    rng, rows, n = np.random.default_rng(5), [], 1500
+    for scene in range(scenes):
+        size, angle = np.exp(rng.uniform(np.log(0.01), 0.0, n)), np.pi / 4.0 + 0.2 * rng.standard_normal(n)
+        angle = rng.uniform(0.0, np.pi, n) if scattered else angle
+        uu, uv, vv = ellipses(size, angle, ratio).T
+        first, second = rng.standard_normal((2, n))
+        error = np.stack([np.sqrt(uu) * first, uv / np.sqrt(uu) * first + np.sqrt(vv - uv**2 / uu) * second], axis=1)
+        view = {"lighting": "default", "rotation": 0, "direction": "forward", "camera": "", "block": 0}
+        row = {"dataset": "d", "scene": f"{scene}", "tracker": "t", "speed": 1, "covariance": "cov", **view}
+        sums = sums_of_covariances(claim(size, angle), error)
+        rows.append(row | {"trimming": "untrimmed", "axis": "age", "impossible": 0.0, **sums})
+    table = own_covariances([pl.DataFrame(rows, schema=dict(COVARIANCE_SUMS))])
+    found = {row["quantity"]: row["verdict"] for row in table.to_dicts()}
+    return {name: found.get(quantity) for name, quantity in VERDICTS.items()}
+
+
+@pytest.mark.parametrize("name", PREDICTED)
+def test_size_shape_and_ranking_are_judged_apart(name: str) -> None:
+    claim, expected = PREDICTED[name]
+    assert tuple(planted(claim, 8).values()) == expected
+
+
+def test_circles_are_not_called_right_where_axes_of_errors_lie_anywhere() -> None:
+    """No frame of axes shows them. Tails of the whitened errors do, and scales of errors make the same tails."""
+    assert planted(PREDICTED["right"][0], 8, scattered=True)["shape"] == "yes"
+    assert planted(PREDICTED["circles"][0], 8, scattered=True)["shape"] == "undecided"
+
+
+def test_circles_are_right_where_errors_have_no_direction_and_ellipses_are_not() -> None:
+    assert planted(PREDICTED["circles"][0], 8, ratio=1.0)["shape"] == "yes"
+    assert planted(PREDICTED["right"][0], 8, ratio=1.0, scattered=True)["shape"] == "no"
+
+
+def test_few_scenes_decide_nothing() -> None:
+    assert set(planted(PREDICTED["right"][0], 2).values()) == {"undecided"}
+
+
+def test_errors_of_the_truth_may_make_a_shape_look_wrong() -> None:
+    bounds = [(1.0, 1.1), (1.3, 1.5)]
+    of_truth = {share: have_right_shape(bounds, are_known=True, of_truth=share) for share in (0.0, 0.1, 0.4, None)}
+    assert of_truth == {0.0: "no", 0.1: "no", 0.4: "undecided", None: "undecided"}
+    assert have_right_shape([(0.95, 1.05)], are_known=True) == "yes"
+    assert have_right_shape([(0.95, 1.05)], are_known=True, of_truth=0.3) == "undecided"
+    assert have_right_shape([(0.95, 1.05)], are_known=False) == "undecided"
+    assert have_right_shape([(0.95, 1.05), (None, None)], are_known=True) == "undecided"
+
+
+def test_covariances_are_whitened_along_the_motion_too(observations, tracks) -> None:
+    """Errors lag behind: they are three times as large along the motion of their point, which has any direction."""
+    made = []
+    for place in range(8):
+        rng = np.random.default_rng(place)
+        track, age = np.repeat(np.arange(TRACKS), AGES), np.tile(np.arange(AGES), TRACKS)
+        angle = rng.uniform(0.0, 2.0 * np.pi, TRACKS)[track]
+        way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        across = np.stack([-way[:, 1], way[:, 0]], axis=1)
+        error = 0.3 * rng.normal(size=(len(track), 1)) * way + 0.1 * rng.normal(size=(len(track), 1)) * across
+        error *= age[:, None] > 0
+        seen = observations(
+            scene=f"{place}", track=track.tolist(), age=age.tolist(), frame=age.tolist(),
+            du_px=error[:, 0].tolist(), dv_px=error[:, 1].tolist(), truth="valid",
+        )  # fmt: skip
+        moved = [
+            pl.Series(name, 100.0 + 2.0 * age * way[:, axis]) for axis, name in enumerate(("u_true_px", "v_true_px"))
+        ]
+        stated = [
+            pl.Series(name, value * (age > 0), pl.Float32)
+            for name, value in zip(COLUMNS, (0.05, 0.0, 0.05), strict=True)
+        ]
+        table = seen.with_columns(*moved, *stated)
+        listed = tracks(scene=f"{place}", track=list(range(TRACKS)), lifetime=AGES)
+        made.append(covariance_sums(prepare_sequence(table, listed)))
+    found = own_covariances(made).filter(pl.col("at").is_null(), trimming="untrimmed")
+    rows = {row["quantity"]: row for row in found.to_dicts()}
+    assert rows["shape"]["verdict"] == "no"
+    assert rows["shape"]["value"] == rows["shape_motion_along"]["value"] == pytest.approx(3.0, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,12 @@
-"""Whether covariances that trackers predict for their own observations are right, and whether they are of use.
+"""Whether covariances that trackers predict for their own observations are right in size, shape and order.
 
-- right: NEES is certainly as near to 1 as `ALIKE` allows, whatever share of the squared errors the truth explains.
-- of use: with one factor, they describe errors of other scenes better than one sigma for all.
+- size: NEES is certainly as near to 1 as `ALIKE` allows, whatever share of the squared errors the truth explains.
+- shape: whitened errors are certainly as large along as across, and in axes turned by 45 degrees, in the image, along
+  the axes of the covariances, and along the motion. Circles are right only if errors look Gaussian, too: those of
+  ellipses whose axes change have heavier tails, and nothing else tells them from circles.
+- ranking: errors whose predicted variance is above the geometric mean of their scene are larger than the others.
+
+Beside these, covariances are of use if with one factor they describe errors of other scenes better than one sigma.
 
 Of n errors of a scene, with sums of squares E, px^2, and D, of the Mahalanobis distance, the gain is
 g = log sigma^2 - log s - mean log |C| / 2 + (E / sigma^2 - D / s) / (2 n) (gain). sigma^2 = E / (2 n) and
@@ -11,6 +16,7 @@ taken as zero.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -24,7 +30,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import OWN_COVARIANCES
-from tracknoise.tables.schema import COVARIANCE_SUMS
+from tracknoise.tables.schema import COVARIANCE_FRAMES, COVARIANCE_SUMS
 from tracknoise.tables.trust import explained_share
 
 ALIKE = 1.1
@@ -33,13 +39,21 @@ LEAST_GAIN = 0.01
 """A gain that is certainly below this is of no use, nat per error."""
 
 _COVERAGE = ("inside_50", "inside_90", "inside_95", "inside_99")
-_COLUMNS = ("n", *_COVERAGE, "squares", "log_det", "px2", "impossible")
+_COLUMNS = tuple(name for name, kind in COVARIANCE_SUMS.items() if kind == pl.Float64)
+SHAPES = tuple(f"shape_{frame}_{name}" for frame in COVARIANCE_FRAMES for name in ("along", "turned"))
+"""Ratios of the size of whitened errors along two axes, in the axes of a frame, and in axes turned by 45 degrees."""
+_ROUND, _ELLIPSES = 0.02, 0.1
+"""Mean elongation up to which covariances have no axes of their own, and from which they are ellipses."""
+_PEAKED = 1.05
+"""Mean fourth power of the distance over that of a Gaussian: ellipses of 1.4 to 1 have as much with changing axes."""
+_SAME = 1e-9
+"""Below 1, the largest share of the second moment along one axis."""
 _POINT = ("trimming", "axis", "at")
 _SORTED = [*POOLED, "covariance", "trimming", "quantity", "axis", "at"]
 
 
 def are_right(low: float | None, high: float | None, of_truth: float | None = 0.0) -> Verdict:
-    """Whether covariances are right, by the bounds of NEES; undecided without any.
+    """Whether covariances are right in size, by the bounds of NEES; undecided without any.
 
     `of_truth`: largest share of the squared errors that are those of the truth; None where it is not bounded.
     """
@@ -51,8 +65,38 @@ def are_right(low: float | None, high: float | None, of_truth: float | None = 0.
     return Verdict.no if least > 1.0 or high < 1.0 else Verdict.undecided
 
 
+def have_right_shape(
+    ratios: Sequence[tuple[float | None, float | None]], *, are_known: bool, of_truth: float | None = 0.0
+) -> Verdict:
+    """Whether covariances have the right shape, by bounds of the ratios of `SHAPES`.
+
+    `are_known`: whether axes of the errors that no frame shows are excluded; `of_truth`: as that of `are_right`.
+    """
+    if not ratios or any(low is None or high is None for low, high in ratios):
+        return Verdict.undecided
+    # share of the second moment by which one axis exceeds the other; errors of the truth may add or take their own
+    lows, highs = (np.tanh(np.log(np.array(bounds, dtype=np.float64))) for bounds in zip(*ratios, strict=True))
+    least, allowed = 1.0 if of_truth is None else of_truth, np.tanh(np.log(ALIKE**2))
+    if (lows - least > -allowed).all() and (highs + least < allowed).all():
+        return Verdict.yes if are_known else Verdict.undecided
+    return Verdict.no if (lows > least).any() or (highs < -least).any() else Verdict.undecided
+
+
+def rank_errors(value: float, low: float | None, high: float | None, of_truth: float | None = 0.0) -> Verdict:
+    """Whether covariances tell which errors are large, by the ratio of errors predicted as large to the others.
+
+    Without bounds, a ratio of 1 is that of covariances that are all of one size. `of_truth`: as that of `are_right`.
+    """
+    if low is None or high is None:
+        return Verdict.no if value == 1.0 else Verdict.undecided
+    most = 1.0 if of_truth is None else 1.0 + (ALIKE - 1.0) * (1.0 - of_truth)
+    if high < most:
+        return Verdict.no
+    return Verdict.yes if low > 1.0 else Verdict.undecided
+
+
 def are_of_use(low: float | None, high: float | None) -> Verdict:
-    """Whether covariances tell which errors are large, by the bounds of the gain; undecided without any."""
+    """Whether covariances describe errors better than one sigma, by the bounds of the gain; undecided without any."""
     if low is None or high is None:
         return Verdict.undecided
     if high < LEAST_GAIN:  # also what is above 0 by rounding alone, where all covariances are equal
@@ -61,7 +105,7 @@ def are_of_use(low: float | None, high: float | None) -> Verdict:
 
 
 def own_covariances(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
-    """Coverage, NEES (by age too), gain and the share that is not positive definite, of every predicted covariance.
+    """Coverage, NEES (by age too), shape, ranking, gain and impossible ones, of every predicted covariance.
 
     `sums`: tables of all scenes, schema `COVARIANCE_SUMS`. Returns: schema `OWN_COVARIANCES`, sorted. Raises as
     `condition_table`.
@@ -71,16 +115,16 @@ def own_covariances(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
 
 
 def allowing_for_truth(rows: pl.DataFrame, trust: pl.DataFrame) -> pl.DataFrame:
-    """The same table, where covariances are too small only if errors of the truth cannot make them look so.
+    """The same table, where covariances are wrong only if errors of the truth cannot make them look so.
 
     `rows`: schema `OWN_COVARIANCES`. `trust`: schema `TRUST`.
     """
-    judged = rows.filter(pl.col("at").is_null(), quantity="nees")
-    shares = {tracker: explained_share(trust, tracker) for tracker in judged["tracker"].unique()}
-    verdicts = [are_right(low, high, shares[of]) for low, high, of in judged.select("low", "high", "tracker").rows()]
-    kind = OWN_COVARIANCES["verdict"]
-    others = rows.join(judged, on=_SORTED, how="anti", nulls_equal=True)
-    return pl.concat([others, judged.with_columns(pl.Series("verdict", map(str, verdicts), dtype=kind))]).sort(_SORTED)
+    key = [*POOLED, "covariance", "trimming"]
+    judged = [
+        _with_verdicts(part, explained_share(trust, part["tracker"][0]))
+        for part in rows.partition_by(key, maintain_order=True)
+    ]
+    return pl.concat([rows.clear(), *judged]).sort(_SORTED)
 
 
 def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
@@ -100,8 +144,13 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
 def _of_all(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     units = units_of(sums, sums, points=["trimming"], columns=_COLUMNS, groups=draws.groups)
     names = {**{name.replace("inside", "coverage"): "logit" for name in _COVERAGE}, "nees": "log"}
+    narrow = replace(method, level=1.0 - (1.0 - method.level) / len(SHAPES))
     found = [
         _estimates(units, names, _shares_and_nees, draws, method),
+        _estimates(units, dict.fromkeys(SHAPES, "log"), _shape_ratios, draws, narrow),
+        _estimates(_peaks(units), {"fourth": "log"}, column_means, draws, method),
+        _estimates(units, {"elongation": "linear"}, _elongation, draws, method),
+        _estimates(units, {"ranking": "log"}, _ranking, draws, method),
         _estimates(_every(units), {"impossible": "logit"}, column_means, draws, method),
     ]
     if (gains := _gains(units)) is not None:
@@ -112,8 +161,47 @@ def _of_all(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
 
 def _shares_and_nees(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of sums (columns, ...) in the order of `_COLUMNS`."""
-    means = column_means(sums)
+    means = column_means(sums[: len(_COVERAGE) + 2])
     return np.concatenate([means[: len(_COVERAGE)], 0.5 * means[len(_COVERAGE)][None]])
+
+
+def _column(sums: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    """Sums of a column, of sums (columns, ...) in the order of `_COLUMNS`."""
+    return np.asarray(sums[_COLUMNS.index(name)])
+
+
+def _shape_ratios(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The ratios of `SHAPES`; NaN where a frame has no axes."""
+    found = []
+    is_round = _elongation(sums)[0] < _ROUND
+    for frame in COVARIANCE_FRAMES:
+        total = _column(sums, f"{frame}_total")
+        known = np.where((total > 0.0) & ~(is_round & (frame == "own")), total, np.nan)
+        for name in ("along", "turned"):
+            share = np.clip(_column(sums, f"{frame}_{name}") / known, -1.0 + _SAME, 1.0 - _SAME)
+            found.append(np.exp(np.arctanh(share)))
+    return np.stack(found)
+
+
+def _elongation(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    n = _column(sums, "n")
+    return np.asarray(_column(sums, "elongation") / np.where(n > 0, n, np.nan))[None]
+
+
+def _ranking(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean length of errors predicted as large, over that of the others; 1 where all covariances have one size."""
+    large, small = _column(sums, "n_large"), _column(sums, "n_small")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = _column(sums, "large_px") / large / (_column(sums, "small_px") / small)
+    nothing = (large + small == 0.0) & (_column(sums, "n") > 0)
+    return np.where(nothing, 1.0, np.where((large > 0) & (small > 0), ratio, np.nan))[None]
+
+
+def _peaks(units: Units) -> Units:
+    """Counts, and mean fourth powers of the distance over those of a Gaussian with the size of the unit."""
+    n, squares, fourth = (units.sums[..., _COLUMNS.index(name)] for name in ("n", "squares", "fourth"))
+    peaked = n * np.divide(n * fourth, 2.0 * squares**2, out=np.zeros_like(n), where=squares > 0)
+    return replace(units, sums=np.stack([n, peaked], axis=-1))
 
 
 def _every(units: Units) -> Units:
@@ -146,15 +234,45 @@ def _estimates(
     return estimates_by_point(found, units, OWN_COVARIANCES, statistics=pl.DataFrame({"quantity": list(scales)}))
 
 
-def _with_verdicts(rows: pl.DataFrame) -> pl.DataFrame:
-    """Rows that have a value, with the verdicts on those of all ages together."""
-    known = rows.drop_nulls("value")
-    decide = {"nees": are_right, "gain": are_of_use}
-    bounds: Sequence[tuple[str, int | None, float | None, float | None]] = known.select(
-        "quantity", "at", "low", "high"
-    ).rows()
-    verdicts = [
-        str(decide[quantity](low, high)) if at is None and quantity in decide else None
-        for quantity, at, low, high in bounds
-    ]
-    return known.with_columns(pl.Series("verdict", verdicts, dtype=OWN_COVARIANCES["verdict"]))
+def _with_verdicts(rows: pl.DataFrame, of_truth: float | None = 0.0) -> pl.DataFrame:
+    """Rows of one condition, with the verdicts on those of all ages together."""
+    return pl.concat(
+        _judged(part, of_truth) for part in rows.drop_nulls("value").partition_by("covariance", "trimming")
+    )
+
+
+def _judged(rows: pl.DataFrame, of_truth: float | None) -> pl.DataFrame:
+    every = rows.filter(pl.col("at").is_null(), pl.col("quantity") != "shape")
+    found = {row["quantity"]: row for row in every.to_dicts()}
+    bounds = {name: (row["low"], row["high"]) for name, row in found.items()}
+    verdicts = {}
+    if "nees" in found:
+        verdicts["nees"] = are_right(*bounds["nees"], of_truth)
+    if "gain" in found:
+        verdicts["gain"] = are_of_use(*bounds["gain"])
+    if "ranking" in found:
+        verdicts["ranking"] = rank_errors(found["ranking"]["value"], *bounds["ranking"], of_truth)
+    known = [name for name in SHAPES if name in found]
+    shape = pl.DataFrame(schema=rows.schema)
+    if known:
+        peak = bounds["fourth"][1]
+        are_known = found["elongation"]["value"] >= _ELLIPSES or (peak is not None and peak < _PEAKED)
+        worst = worst_shape(found)
+        verdicts["shape"] = have_right_shape([bounds[name] for name in known], are_known=are_known, of_truth=of_truth)
+        shape = rows.filter(pl.col("at").is_null(), quantity=worst).with_columns(quantity=pl.lit("shape"))
+    others = rows.filter(~(pl.col("at").is_null() & (pl.col("quantity") == "shape")))
+    made = pl.concat([others, shape])
+    judged = pl.col("quantity").replace_strict({name: str(one) for name, one in verdicts.items()}, default=None)
+    kind = OWN_COVARIANCES["verdict"]
+    return made.with_columns(verdict=pl.when(pl.col("at").is_null()).then(judged).cast(kind))
+
+
+def _deviation(low: float | None, high: float | None) -> float:
+    """By how much a ratio certainly differs from 1, as logarithm; negative where it may not."""
+    return -np.inf if low is None or high is None else max(np.log(low), -np.log(high))
+
+
+def worst_shape(rows: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """Which of `SHAPES` differs most certainly from 1, of rows by quantity; None where there is none."""
+    known = [name for name in SHAPES if name in rows]
+    return max(known, key=lambda name: _deviation(rows[name]["low"], rows[name]["high"]), default=None)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from tracknoise.estimators.advice import Advice, Gate, innovations_of
-from tracknoise.estimators.exports import PURPOSES, Estimator, estimator, estimator_name
+from tracknoise.estimators.exports import Estimator, estimator, estimator_name, right_for
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import SettingsError
@@ -125,7 +125,7 @@ def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | Non
         high_px=found.sigma.high,
         window=found.window,
         simulated=found.simulated,
-        makes_right=PURPOSES[found.purpose],
+        makes_right=right_for(found),
         innovations_px=innovations.value,
         state_sigma_px=None if found.state is None else found.state.sigma.value,
         **_gates(found),

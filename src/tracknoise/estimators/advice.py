@@ -9,7 +9,9 @@ pass, if errors of the predicted poses make up the share p of the claimed varian
 
 with the gate g_.80 of good tracks at true poses, and quantiles q of chi square with the k degrees of freedom of a
 track. It is at least a third of q_k(.80) / q_k(.95), .26 for windows of 11 frames. For one observation of a feature in
-the state .95 takes the place of .80, because a feature is lost with it; its gate is at most 1.
+the state .95 takes the place of .80, because a feature is lost with it; its gate is at most 1. Tracks that pass have
+smaller errors than all, for which sigma is right: the NEES that this leaves is tried and said
+(`tracknoise.estimators.pose_trials`).
 
 **Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
 those that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed
@@ -17,7 +19,8 @@ covariance right with it. Where none was tried, the knee is 1 (Cauchy) or 1.345 
 it decides on the poses, and sigma is that of least squares, because residuals promise too much.
 
 **A point that is known**, from a map or a depth image at its first observation, leaves the whole error in the image:
-sigma is the RMS of errors about the first position, ages 1 to the length of the window.
+that about the first position, ages 1 to the length of the window. Without a loss, sigma is its RMS. With one, sigma is
+smaller, and makes the NEES of a pose 1 (`tracknoise.estimators.pose_trials`).
 """
 
 import math
@@ -39,11 +42,13 @@ from tracknoise.estimators.model import (
     Equivalent,
     Interval,
     Kernel,
+    KnownPoints,
     Landmark,
     LossKind,
     Purpose,
     Tails,
     Training,
+    TriedGate,
 )
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.track_noise import COMPONENTS, TrackNoise
@@ -104,6 +109,14 @@ class ExportedModel(Protocol):
         """Robust losses that were tried."""
 
     @property
+    def gate_trial(self) -> TriedGate | None:
+        """What the gate of a filter does; None where it was not tried."""
+
+    @property
+    def known_points(self) -> tuple[KnownPoints, ...]:
+        """Sigmas for one pose from known points."""
+
+    @property
     def truth(self) -> TruthVerdict:
         """The verdict on the truth that it was fitted with."""
 
@@ -144,7 +157,8 @@ _ALIKE = 1.02
 """Errors of poses that differ by less than this factor are alike; the larger knee has fewer local minima."""
 _GAUSSIAN_KNEE = 2.385
 """Knee of a Cauchy loss that keeps 95 % of the efficiency of least squares for Gaussian errors."""
-_LEVEL = 0.95
+LEVEL = 0.95
+"""Level of the quantile that the factor of a gate multiplies."""
 _LEAST_PX = 1e-9
 """A smaller sigma is a rounding error."""
 
@@ -165,6 +179,7 @@ class Advice:
     simulated: bool = False  # whether its windows are
     windows: int = 0  # on how many windows of the recordings the loss was tried; 0 where it was not
     gates: Mapping[Gate, float]  # what to multiply a chi-square gate at .95 by, with `sigma`
+    gated: TriedGate | None = None  # what its gate of tracks does; None where it has none, or it was not tried
     state: "Advice | None" = None  # of features in the state, where these have a sigma of their own
 
     @property
@@ -210,6 +225,7 @@ def advise(
     if kernel is not None:
         sigma, knee_px, windows = _with_kernel(model, found, kernel, knee)
     limits = {gate: _gate(model, found, gate, sigma.value) for gate in gates}
+    is_tried = Gate.TRACK in limits and (landmark, purpose, kernel) == (Landmark.FREE, Purpose.NEWEST_POSE, None)
     return Advice(
         landmark=landmark,
         purpose=purpose,
@@ -220,6 +236,7 @@ def advise(
         knee_px=knee_px,
         windows=windows,
         gates=limits,
+        gated=model.gate_trial if is_tried else None,
     )
 
 
@@ -299,12 +316,17 @@ def _product(interval: Interval, factor: Interval) -> Interval:
 def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> float:
     """Factor on a chi-square gate at .95, with this sigma, by (advice.gate)."""
     if gate is Gate.TRACK:
-        freedom = 2 * plain.window - 3
         good = plain.gate_95 if plain.gate_80 is None else plain.gate_80
-        allowed = POSE_SHARE + (1.0 - POSE_SHARE) * good * (plain.sigma.value / sigma) ** 2
-        return allowed * _chi_square(GOOD, freedom) / _chi_square(_LEVEL, freedom)
+        return track_gate(good * (plain.sigma.value / sigma) ** 2, plain.window)
     innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
-    return min(observation_gate(model, innovations.value, sigma, _LEVEL), 1.0)
+    return min(observation_gate(model, innovations.value, sigma, LEVEL), 1.0)
+
+
+def track_gate(good: float, window: int) -> float:
+    """Factor on a chi-square gate of tracks at .95, by (advice.gate), from that of good tracks at true poses."""
+    freedom = 2 * window - 3
+    allowed = POSE_SHARE + (1.0 - POSE_SHARE) * good
+    return allowed * chi_square(GOOD, freedom) / chi_square(LEVEL, freedom)
 
 
 def observation_gate(model: ExportedModel, innovations: float, sigma: float, level: float) -> float:
@@ -315,11 +337,12 @@ def observation_gate(model: ExportedModel, innovations: float, sigma: float, lev
     noise, tails, good = (innovations / sigma) ** 2, model.tails, level * (1.0 - model.outlier_share)
     if math.isfinite(tails.nu):
         square = tails.core_ratio**2 * tails.nu * ((1.0 - good) ** (-2.0 / tails.nu) - 1.0)  # of Student's distribution
-        noise *= square / _chi_square(level, 2)
+        noise *= square / chi_square(level, 2)
     return POSE_SHARE + (1.0 - POSE_SHARE) * noise
 
 
-def _chi_square(level: float, freedom: int) -> float:
+def chi_square(level: float, freedom: int) -> float:
+    """Quantile of chi square."""
     return 2.0 * float(gammaincinv(freedom / 2.0, level))
 
 
@@ -327,33 +350,43 @@ def _of_known_point(
     model: ExportedModel, window: int, kernel: LossKind | None, knee: float | None, gates: Sequence[Gate]
 ) -> Advice:
     """For points that are known: in one frame, errors of different points are independent."""
-    ages = np.arange(1.0, window + 1.0)
-    parts = zip(COMPONENTS, model.components, strict=True)
-    plain = math.sqrt(sum(np.trace(own) / 2.0 * (ages**one.power).mean() for one, own in parts))
-    sigma, knee_px = plain, None
-    if kernel is not None:
-        sigma, knee_px = _independent(model.tails, plain, kernel, knee)
-    limits = {gate: observation_gate(model, plain, sigma, _LEVEL) for gate in gates}
+    tried = [one for one in model.known_points if one.kernel is kernel and knee is None]
+    found = min(tried, key=lambda one: (abs(one.window - window), one.window), default=None)
+    found = _untried_points(model, window, kernel, knee) if found is None else found
+    plain = rms_about_first(model.components, found.window)
+    limits = {gate: observation_gate(model, plain, found.sigma.value, LEVEL) for gate in gates}
     return Advice(
         landmark=Landmark.KNOWN,
         purpose=Purpose.NEWEST_POSE,
-        window=window,
-        sigma=Interval(value=sigma),
+        window=found.window,
+        sigma=found.sigma,
         kernel=kernel,
-        knee_px=knee_px,
+        knee_px=found.knee_px,
         gates=limits,
     )
 
 
-def _independent(tails: Tails, plain: float, kernel: LossKind, knee: float | None) -> tuple[float, float]:
-    """Sigma and knee, px, for independent errors of Student's distribution, by (loss.nees)."""
-    core = tails.core_ratio * plain
-    kind = BundleLoss(kernel)
+def rms_about_first(noise: TrackNoise, window: int) -> float:
+    """RMS of the errors about the first position by the components, px, ages 1 to the length of a window."""
+    ages = np.arange(1.0, window + 1.0)
+    parts = zip(COMPONENTS, noise, strict=True)
+    return math.sqrt(sum(np.trace(own) / 2.0 * (ages**one.power).mean() for one, own in parts))
 
+
+def usual_knee(tails: Tails, rms_px: float) -> float:
+    """Knee of a robust loss, px, for errors of Student's distribution whose RMS is this by the components."""
     usual = math.sqrt(tails.nu) if math.isfinite(tails.nu) else _GAUSSIAN_KNEE
-    knee_px = min(usual, _GAUSSIAN_KNEE) * core if knee is None else knee * core
-    sigma = core
+    return min(usual, _GAUSSIAN_KNEE) * tails.core_ratio * rms_px
+
+
+def _untried_points(model: ExportedModel, window: int, kernel: LossKind | None, knee: float | None) -> KnownPoints:
+    """Sigma and knee, px, for errors of Student's distribution that are the same in all scenes, by (loss.nees)."""
+    plain = rms_about_first(model.components, window)
+    if kernel is None:
+        return KnownPoints(window=window, kernel=None, knee_px=None, sigma=Interval(value=plain))
+    core, kind = model.tails.core_ratio * plain, BundleLoss(kernel)
+    knee_px, sigma = usual_knee(model.tails, plain) if knee is None else knee * core, core
     for _ in range(1 if knee is None else 30):  # a fixed knee follows sigma
-        sigma = math.sqrt(expected_nees(Loss(kind, knee_px / core), nu=tails.nu)) * core
+        sigma = math.sqrt(expected_nees(Loss(kind, knee_px / core), nu=model.tails.nu)) * core
         knee_px = knee_px if knee is None else knee * sigma
-    return sigma, knee_px
+    return KnownPoints(window=window, kernel=kernel, knee_px=knee_px, sigma=Interval(value=sigma))

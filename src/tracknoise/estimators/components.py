@@ -31,12 +31,12 @@ alternative. Intervals are the smallest ones that contain those of the model and
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial, reduce
 from itertools import combinations
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators.model import Component, Interval
@@ -96,6 +96,8 @@ LEAST = 50
 """Fewest products of an equation."""
 _SMALLEST = 1e-6
 """Half trace of a product, relative to the largest one."""
+_TINY = 1e-12
+"""px^2, where there is no noise."""
 _ROUNDS, _ENOUGH = 2000, 1e-12
 
 
@@ -165,8 +167,13 @@ def _weights(counts: Array, points: pl.DataFrame, half_trace: Array) -> Array:
     scale = _scales(points, half_trace)
     enough = (counts >= LEAST) & (scale > 0.0) & (points["product"] != Product.before).to_numpy()
     floored = np.maximum(scale, _SMALLEST * scale.max(initial=0.0))
-    usual = np.where(enough, floored, 1.0) ** 2 * (2.0 / np.maximum(counts, 1.0) + OWN**2)
+    usual = np.where(enough, floored, 1.0) ** 2 * _relative_variance(counts)
     return np.where(enough, 1.0 / usual, 0.0)
+
+
+def _relative_variance(counts: Array) -> Array:
+    """Of an equation of so many products, over the square of its half trace."""
+    return np.asarray(2.0 / np.maximum(counts, 1.0) + OWN**2)
 
 
 def _scales(points: pl.DataFrame, half_trace: Array) -> Array:
@@ -472,44 +479,28 @@ class FittedComponents:
         """The covariances, without their intervals."""
         return TrackNoise(**{name: part.covariance for name, part in self.components.items()})
 
-    def combined(self, coefficients: Array) -> list[Interval]:
-        """Square roots of linear combinations of the half traces, px, with their intervals.
+    def of_units(self) -> Array:
+        """Components of each unit alone, (units, 4, 2, 2) px^2, by least squares.
 
-        A component that was dropped because few scenes leave it uncertain takes part with the weight of (combined).
-
-        Shapes: coefficients (n, 4).
+        Those take part that non-negative least squares over all units find: the choice of `select` needs certainty,
+        which few scenes do not give. No unit is bounded, because that would bias a mean over units. What the units have
+        together counts for each component as one more measurement, as uncertain as the component would be large alone.
         """
-        models = (self.selection.active, *self.selection.alternatives)
-        each = {
-            active: self.sums.half_traces(
-                active, scale="log", level=self.level, of=partial(_combined, coefficients[:, list(active)])
-            )
-            for active in (*models, *self._uncertain)
-        }
-        found = reduce(Bounded.hull, [each[one] for one in models])
-        value = found.value.copy()
-        for more, weight in self._uncertain.items():
-            value += weight * (each[more].value - found.value)
-        low, high = np.minimum(found.low, value), np.maximum(found.high, value)  # NaN where there is no interval
-        return [_root_interval(*bounds) for bounds in zip(value, low, high, strict=True)]
-
-    @cached_property
-    def _uncertain(self) -> dict[tuple[int, ...], float]:
-        """Weights of the components with one more that describes better what was left out."""
-        active, found = self.selection.active, {}
-        for other in range(len(NAMES)):
-            more = (*active, other)
-            if other not in active and self.sums.held_out(more) > self.sums.held_out(active):
-                size = self.sums.half_traces(more, scale="linear", level=_ONE_SIGMA)
-                error = size.value[-1] - size.low[-1]
-                if size.value[-1] > error:
-                    found[more] = float(1.0 - (error / size.value[-1]) ** 2)
-        return found
-
-
-def _combined(coefficients: Array, half_traces: Array) -> Array:
-    """Linear combinations (n, ...) of half traces (active, ...), none of which counts as negative."""
-    return np.asarray(np.einsum("na,a...->n...", coefficients, np.maximum(half_traces, 0.0)))
+        sums, root = self.sums.units.sums, np.sqrt(self.sums.weights)
+        own, counts, every = Equations.of(sums.transpose(2, 1, 0)), sums[..., 0].T, Equations.of(sums.sum(axis=0).T)
+        half, _ = nnls(root[:, None] * np.nan_to_num(every.factors), root * np.nan_to_num(every.half_trace))
+        active = np.flatnonzero(half).tolist() if half.any() else list(self.selection.active)
+        together = every.solved(self.sums.weights, active)
+        alone = np.array([every.half_traces(self.sums.weights, [one])[0] for one in active])
+        whole = self.sums.weights * _relative_variance(sums[..., 0].sum(axis=0))
+        weights = np.where(counts > 0, whole[:, None] / _relative_variance(counts), 0.0)
+        x, y = np.nan_to_num(own.factors[:, active]), np.nan_to_num(own.second)
+        left = np.einsum("eu,eiu,eju->uij", weights, x, x)
+        right = np.einsum("eu,eiu,eku->uik", weights, x, y)
+        known = np.diag(1.0 / np.maximum(np.abs(alone), _TINY) ** 2)
+        found = np.zeros((len(left), len(NAMES), 3))
+        found[:, active] = np.linalg.solve(left + known, right + known @ together)
+        return found[..., [0, 1, 1, 2]].reshape(len(found), len(NAMES), 2, 2)
 
 
 def sums_of_units(sums: pl.DataFrame, groups: SceneGroups) -> Units:

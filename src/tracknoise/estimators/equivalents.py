@@ -9,16 +9,16 @@ what that does to Gaussian noise, and the gate is larger by as much:
     gate = measured modelled(landmark) / modelled(free)    (gates.landmark)
 
 An estimator that assumes one standard deviation s for all observations claims covariances in proportion to s^2, while
-the actual ones are linear in A, W, Q and D. What makes a purpose right is therefore
+the actual ones are linear in the entries of A, W, Q and D. What makes a purpose right over windows of scenes like those
+of the run is therefore
 
-    s^2 = sum_j kappa_j a_j    (equivalents)
+    s^2 = mean over scenes of sum_jk kappa_jk c_jk    (equivalents)
 
-with half the trace a_j of each component, and kappa_j from the linear benchmark with that component alone, of half a
-trace of 1 px^2. kappa_j is the mean over windows of the recordings, with their motions, depths and track lengths.
-
-The component has the shape that was fitted: an error across the motion of the image counts otherwise than one along it.
-The shape is that of all scenes, while errors of a tracker follow the motions of each: with it alone, Lucas-Kanade in
-the demo had a NEES of 2.0 instead of 1.1. So sigma for poses is not below that of isotropic noise.
+with the entries c_jk of the components of a scene, and kappa_jk from the linear benchmark (`influences`), the mean over
+windows of that scene, with their motions, depths and track lengths. A scene without windows has those of all others.
+Scenes are what is resampled. So intervals contain the variation of noise and of geometry between scenes, of the two
+together, and of windows within scenes. What is fixed is the length of the window, the camera, and what an estimator
+does with the first observation. With fewer than six scenes, blocks of tracks are resampled, and windows are fixed, too.
 
 A is in tracks that begin in the window. Tracks that began before it have W in their first observation there. If the
 first direction is a state with the prior A, the claimed covariances are not in proportion to s^2, and s is found by
@@ -34,17 +34,13 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from tracknoise.estimators.linear_window import (
-    EXACT,
-    Covariances,
-    LinearTracks,
-    TrackGates,
-    consistencies,
-    scalar_variances,
-    true_covariances,
-)
+from tracknoise.estimators.linear_window import EXACT, LinearTracks, TrackGates, influences, scalar_variances
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
-from tracknoise.inference.track_noise import NAMES, TrackNoise
+from tracknoise.estimators.training import Windows
+from tracknoise.inference.conventions import IntervalKind
+from tracknoise.inference.intervals import Method, column_means, pooled
+from tracknoise.inference.track_noise import COMPONENTS, TrackNoise
+from tracknoise.inference.units import Units
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, quantile, share_below
 from tracknoise.tables.enumerations import Trimming
 
@@ -160,26 +156,27 @@ LENGTHS = (5, 10, 11, 20, 30)
 """Lengths of windows, frames of the tracker."""
 _FIRST_TRIED = np.array([-0.7, 0.0])
 """What is tried first for a state: logarithms of ratios to the sigma that makes all poses right for a free landmark."""
+_TRIED_WINDOWS = 6
+"""Windows that sigma of a state is compared on with that for a free landmark."""
 _CLOSE = 0.02
 """How close to the sigma of a state one must have been tried, as logarithm of a ratio."""
 
 
 def equivalents(
     fitted: "FittedComponents",
-    windows: Sequence[Window],
+    windows: Windows,
     *,
     length: int,
     speed: int,
     gates: Gates,
 ) -> list[Equivalent]:
     """Standard deviations for all kinds of landmarks and purposes, for windows of one length."""
-    units = _units_of_noise(fitted, speed)
-    alone = [[true_covariances(window, noise) for noise in units] for window in windows]
-    free, exact = (_linear(fitted, windows, alone, first) for first in (None, EXACT))
-    state = _state(fitted, windows, alone, speed, free)
+    mean = MeanSquares.of(fitted, windows, speed)
+    free, exact = (mean.sigmas(first) for first in (None, EXACT))
+    state = _state(fitted, mean, free)
     prior = fitted.components["first"].sigma.value
     named = {Landmark.FREE: (free, None), Landmark.EXACT: (exact, 0.0), Landmark.STATE: (state, prior)}
-    return [*_named(named, length, gates)]
+    return [replace(one, simulated=windows.simulated) for one in _named(named, length, gates)]
 
 
 def _named(
@@ -206,67 +203,88 @@ def _gates_of(sigma: float, prior: float | None, gates: Gates, *, born_only: boo
     return gates.factors(sigma, first=None if prior is None else max(prior / sigma, EXACT), born_only=born_only)
 
 
-def _linear(
-    fitted: "FittedComponents",
-    windows: Sequence[Window],
-    alone: Sequence[Sequence[Covariances]],
-    first: float | None,
-    *,
-    born_only: bool = False,
-) -> dict[Purpose, Interval]:
-    """By (equivalents), with the true covariances of each component alone, and sigma of first observations.
+@dataclass(frozen=True, slots=True, eq=False)
+class MeanSquares:
+    """Actual over claimed mean squares of what each purpose is about, over windows of all scenes."""
 
-    `alone`: of the components as fitted, and then of isotropic ones.
-    """
-    pairs = zip(windows, alone, strict=True)
-    rows = [_ratios(window, actual, 1.0, first, born_only=born_only) for window, actual in pairs]
-    kappa = np.array([[[one[purpose] for one in row] for purpose in Purpose] for row in rows]).mean(axis=0)
-    fits, isotropic = np.split(kappa, 2, axis=1)
-    halves = np.array([part.sigma.value**2 for part in fitted.components.values()])
-    is_larger = (isotropic @ halves > fits @ halves) & [purpose is not Purpose.INNOVATIONS for purpose in Purpose]
-    chosen = np.where(is_larger[:, None], isotropic, fits)
-    return dict(zip(Purpose, fitted.combined(chosen), strict=True))
+    windows: Sequence[Window]
+    units: Units  # scenes, or blocks of tracks within them
+    noise: Array  # (units, 4, 2, 2) px^2: components of each, those of the walk and the drift per frame of a window
+    places: Sequence[Sequence[int]]  # of each scene the places of its windows
+    level: float
+
+    @classmethod
+    def of(cls, fitted: "FittedComponents", windows: Windows, speed: int) -> "MeanSquares":
+        """Of the scenes of a fit, and windows of them; `speed`: frames of the recording per frame of a window."""
+        units, frames = fitted.sums.units, np.array([float(speed) ** one.power for one in COMPONENTS])
+        noise = fitted.of_units() * frames[:, None, None]
+        return cls(windows.each, units, noise, [windows.of_scene(name) for name in units.scenes], fitted.level)
+
+    def of_units(
+        self, sigma: float, first: float | None, *, born_only: bool, some: Sequence[int] | None = None
+    ) -> Array:
+        """Of each unit for an estimator that assumes these standard deviations, (units, purposes), by (equivalents)."""
+        used = range(len(self.windows)) if some is None else some
+        assumed = {
+            place: scalar_variances(self.windows[place], sigma, first=first, born_only=born_only) for place in used
+        }
+        each = {place: influences(self.windows[place], own) for place, own in assumed.items()}
+        found = {place: np.array([own[purpose] for purpose in Purpose]) for place, own in each.items()}
+        own = [[found[place] for place in places if place in found] or list(found.values()) for places in self.places]
+        mean = np.array([np.mean(some, axis=0) for some in own])
+        return np.asarray(np.einsum("upcij,ucij->up", mean[self.units.scene], self.noise))
+
+    def sigmas(self, first: float | None, *, born_only: bool = False) -> dict[Purpose, Interval]:
+        """Standard deviations that make each purpose right, over those of first observations where these differ."""
+        values = self.of_units(1.0, first, born_only=born_only)
+        count = np.broadcast_to(self._counts[:, None], values.shape)
+        sums = np.stack([count, count * values], axis=-1)
+        units = replace(self.units, sums=sums, points=pl.DataFrame({"purpose": list(Purpose)}))
+        method = Method(IntervalKind.student, self.level)
+        found = pooled(units, np.zeros((0, len(sums))), column_means, method, scales=["log"])
+        bounds = zip(found.value[0], found.low[0], found.high[0], strict=True)
+        return {purpose: _root(*(float(one) for one in own)) for purpose, own in zip(Purpose, bounds, strict=True)}
+
+    def mean(self, sigma: float, first: float | None, some: Sequence[int]) -> Array:
+        """Over some windows, (purposes,), where the first direction is a state with this prior, or free."""
+        values = self.of_units(sigma, first, born_only=True, some=some)
+        return np.asarray(np.average(values, axis=0, weights=self._counts))
+
+    @property
+    def _counts(self) -> Array:
+        """How much each unit counts, (units,): every scene counts alike."""
+        there = self.units.sums[..., 0].any(axis=1)
+        return np.asarray(there / np.maximum(np.bincount(self.units.scene, there), 1.0)[self.units.scene])
 
 
-def _units_of_noise(fitted: "FittedComponents", speed: int) -> list[TrackNoise]:
-    """One component alone, with half a trace of 1 px^2: each in the shape that was fitted, and then each isotropic."""
-    shapes = {name: part.covariance for name, part in fitted.components.items() if part.covariance.any()}
-    fits = [{name: 2.0 * shapes.get(name, np.eye(2)) / np.trace(shapes.get(name, np.eye(2)))} for name in NAMES]
-    return [TrackNoise(**unit).per_frames(speed) for unit in [*fits, *({name: np.eye(2)} for name in NAMES)]]
+def _root(square: float, low: float, high: float) -> Interval:
+    """Standard deviations of variances; 0 where there is no noise."""
+    if square <= 0.0:
+        return Interval(value=0.0)
+    bounds = [None if np.isnan(bound) else bound**0.5 for bound in (low, high)]
+    return Interval(value=square**0.5, low=bounds[0], high=bounds[1])
 
 
-def _ratios(
-    window: Window, actual: Sequence[Covariances], sigma: float, first: float | None, *, born_only: bool
-) -> list[dict[Purpose, float]]:
-    return consistencies(window, actual, scalar_variances(window, sigma, first=first, born_only=born_only))
-
-
-def _state(
-    fitted: "FittedComponents",
-    windows: Sequence[Window],
-    alone: Sequence[Sequence[Covariances]],
-    speed: int,
-    free: Mapping[Purpose, Interval],
-) -> dict[Purpose, Interval]:
+def _state(fitted: "FittedComponents", mean: MeanSquares, free: Mapping[Purpose, Interval]) -> dict[Purpose, Interval]:
     """With the prior A on the first direction; where A is 0, the first observation of a track is exact.
 
     Where only A is not 0, all other observations are exact, and sigma is 0.
     """
-    first, noise = fitted.components["first"].sigma.value, fitted.noise.per_frames(speed)
+    first = fitted.components["first"].sigma.value
     if first == 0.0:
-        return _linear(fitted, windows, alone, EXACT, born_only=True)
-    if replace(noise, first=np.zeros((2, 2))).is_zero:
+        return mean.sigmas(EXACT, born_only=True)
+    if replace(fitted.noise, first=np.zeros((2, 2))).is_zero:
         return dict.fromkeys(Purpose, Interval(value=0.0))
-    pairs = [(window, [true_covariances(window, noise)]) for window in windows]
+    count = len(mean.windows)
+    some = np.unique(np.linspace(0, count - 1, min(_TRIED_WINDOWS, count)).round().astype(int)).tolist()
 
     def excess(log_sigma: float) -> Array:
-        sigma = float(np.exp(log_sigma))
-        each = [_ratios(window, actual, sigma, first, born_only=True)[0] for window, actual in pairs]
-        return np.log([np.mean([one[purpose] for one in each]) for purpose in Purpose])
+        return np.log(np.maximum(mean.mean(float(np.exp(log_sigma)), first, some), 1e-300))
 
     start = float(np.log(free[Purpose.ALL_POSES].value)) + _FIRST_TRIED
-    sigmas = np.exp(shared_roots(excess, start, close=_CLOSE)).tolist()
-    return {purpose: _scaled(free[purpose], sigma) for purpose, sigma in zip(Purpose, sigmas, strict=True)}
+    ratios = np.exp(shared_roots(excess, start, close=_CLOSE)) / np.sqrt(mean.mean(1.0, None, some))
+    pairs = zip(Purpose, ratios.tolist(), strict=True)
+    return {purpose: _scaled(free[purpose], free[purpose].value * ratio) for purpose, ratio in pairs}
 
 
 def _scaled(interval: Interval, value: float) -> Interval:

@@ -45,7 +45,7 @@ from tracknoise.estimators.linear_window import (
     trajectory,
     true_covariances,
 )
-from tracknoise.estimators.model import TOLERANCE, Component, Equivalent, Interval, Landmark, Purpose
+from tracknoise.estimators.model import TOLERANCE, Component, Equivalent, Interval, KnownPoints, Landmark, Purpose
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.track_noise import COMPONENTS, TrackNoise
 from tracknoise.sequences.time_units import is_likely, likely_unit
@@ -61,6 +61,11 @@ def scaled_component(component: Component, scale: float) -> Component:
 def scaled_equivalent(equivalent: Equivalent, scale: float) -> Equivalent:
     """A sigma that is larger by a factor. Gates are ratios, and stay."""
     return replace(equivalent, sigma=scaled_interval(equivalent.sigma, scale))
+
+
+def _scaled_points(points: KnownPoints, scale: float) -> KnownPoints:
+    knee_px = None if points.knee_px is None else scale * points.knee_px
+    return replace(points, knee_px=knee_px, sigma=scaled_interval(points.sigma, scale))
 
 
 def scaled_interval(interval: Interval, scale: float) -> Interval:
@@ -144,6 +149,8 @@ def converted(model: ExportedModel, target: Target) -> Converted:
         },
         equivalents=tuple(scaled_equivalent(one, scale) for one in _equivalents(model, thinning, caveats)),
         kernels=tuple(replace(one, knee_px=scale * one.knee_px) for one in model.kernels),
+        gate_trial=model.gate_trial if thinning == 1 else None,
+        known_points=tuple(_scaled_points(one, scale) for one in model.known_points if thinning == 1),
     )
     return Converted(found, tuple(caveats))
 

@@ -421,14 +421,21 @@ def makes_right(noise: Noise) -> str:
 def in_words(advice: Advice, *, is_bound: bool = False) -> str:
     """Write what to set, and what it makes right, in one line. `is_bound`: whether sigma is at most this."""
     most = "at most " if is_bound else ""
-    found = f"{_numbers(advice, most)}: right for {PURPOSES[advice.purpose]}, in {_windows(advice)}"
+    found = f"{_numbers(advice, most)}: right for {right_for(advice)}, in {_windows(advice)}"
     if advice.state is None:
         return found
     state = _numbers(advice.state, most)
     return f"{found}; features in the state: {state}, in {_windows(advice.state)}"
 
 
+def right_for(advice: Advice) -> str:
+    """Write what a sigma makes right: with a gate, only where nothing is rejected."""
+    return f"{PURPOSES[advice.purpose]}{' where all pass the gate' if advice.every_gate else ''}"
+
+
 def _windows(advice: Advice) -> str:
+    if advice.landmark is Landmark.KNOWN:
+        return f"frames that see points at ages 1 to {advice.window}"
     return f"{'simulated ' if advice.simulated else ''}windows of {advice.window} frames"
 
 
@@ -493,6 +500,8 @@ def _of_advice(advice: Advice) -> Iterator[str]:
             f"Sigma and loss belong together. They were tried on {advice.windows} windows, and make "
             f"{PURPOSES[advice.purpose]} right there. Sigma is larger without the loss."
         )
+    elif advice.landmark is Landmark.KNOWN and advice.sigma.low is None:
+        yield "Sigma has no interval: that takes six scenes with sampled tracks."
     elif advice.is_without_trial:
         yield "The loss was not tried: that takes enough tracks of a scene at the lowest speed of a run."
         yield "Sigma is that without a loss. With one, a smaller sigma is right most often."
@@ -501,6 +510,25 @@ def _of_advice(advice: Advice) -> Iterator[str]:
             "The gate passes 80 % of good tracks where errors of predicted poses make up a third of the innovations. "
             "Raise it if good tracks are lost."
         )
+    yield from _of_gate(advice)
+
+
+def _of_gate(advice: Advice) -> Iterator[str]:
+    """What its gate does to the covariance that an estimator claims."""
+    if advice.gated is not None:
+        found = advice.gated
+        yield (
+            f"With this gate the NEES of the newest pose was {_bounded(found.nees)}, in {found.windows} windows of "
+            f"{found.window} frames with tracks of the run: 1 is right, and less is claimed too uncertain."
+        )
+    elif advice.every_gate:
+        yield "Whether sigma is right with the gate was not tried: tracks that pass have smaller errors than all."
+
+
+def _bounded(interval: Interval) -> str:
+    """A number without a unit, with its interval."""
+    value, *bounds = (None if one is None else f"{one:.2g}" for one in (interval.value, interval.low, interval.high))
+    return f"{value} ({bounds[0]} to {bounds[1]})" if None not in bounds else str(value)
 
 
 def _of_floors(about: Estimator, noise: Noise) -> Iterator[str]:

@@ -25,7 +25,7 @@ The mean of e' p is not changed by noise that is independent from track to track
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,11 +36,30 @@ from tracknoise.analysis.condition_units import units_of
 from tracknoise.analysis.truth_shares import audited_mean
 from tracknoise.estimators.components import FittedComponents, fit_components, group_numbers, matrix, sums_of_units
 from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
-from tracknoise.estimators.kernels import LENGTH, tried_kernels
-from tracknoise.estimators.model import Bias, BiasKind, Equivalent, Interval, Kernel, Landmark, Purpose, Tails, Training
+from tracknoise.estimators.kernels import LENGTH, drawn_windows, tried_kernels
+from tracknoise.estimators.model import (
+    Bias,
+    BiasKind,
+    Equivalent,
+    Interval,
+    Kernel,
+    Landmark,
+    Purpose,
+    Tails,
+    Training,
+    TriedGate,
+)
+from tracknoise.estimators.pose_trials import known_points, tried_gate
 from tracknoise.estimators.run_time_conditions import conditions_of
 from tracknoise.estimators.track_scale import fit_track_scale
-from tracknoise.estimators.training import Recording, TrainingTables, Windows, recorded_camera, windows
+from tracknoise.estimators.training import (
+    MOST_RECORDINGS,
+    Recording,
+    TrainingTables,
+    Windows,
+    recorded_camera,
+    windows,
+)
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.conventions import LEVEL, IntervalKind
 from tracknoise.inference.densities import Student, fit_student, moments, terms
@@ -300,10 +319,6 @@ def _gain(points: Array, folds: NDArray[np.intp]) -> float:
     return total
 
 
-_RECORDINGS = 2
-"""Sequences whose motions the equivalents are for."""
-
-
 def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, Any]:
     """Fields of `tracknoise.estimators.noise_model.NoiseModel`, fitted to a run.
 
@@ -320,12 +335,14 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     outliers = read["noise_outliers"]
     by_length = _windows(read, LENGTHS)
     sigmas = _equivalents(read, fitted, by_length)
+    kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level)
+    tails = fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups)
     conditions = conditions_of(read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level)
     return {
         "training": _training(read),
         "camera": recorded_camera({key: read.of_sequence("cameras", key) for key in read.keys}),
         **fitted.components,
-        "tails": fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups),
+        "tails": tails,
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
         "outliers_beyond_px": _limit_px(outliers),
         "conditions": conditions,
@@ -335,7 +352,18 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "truth_floor_px": _floor(read["floors"], last_age),
         "truth": read.truth.verdict,
         "equivalents": sigmas,
-        "kernels": _kernels(read, by_length[LENGTH], sigmas, level),
+        "kernels": kernels,
+        "gate_trial": gate_trial,
+        "known_points": known_points(
+            read["noise_tracks"],
+            fitted.noise,
+            tails,
+            lengths=LENGTHS,
+            speed=read.speed,
+            most_px=_limit_px(outliers),
+            groups=read.groups,
+            level=level,
+        ),
     }
 
 
@@ -351,7 +379,8 @@ def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequ
 
 def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, Windows]:
     """Windows of the sequences of the tables, by length."""
-    lifetimes, recordings = lengths_of_tracks(read["ends"], longest=max(*LENGTHS, *lengths)), _recordings(read)
+    longest = max(*LENGTHS, *lengths)
+    lifetimes, recordings = lengths_of_tracks(read["ends"], longest=longest), _recordings(read, longest)
     return {length: windows(recordings, speed=read.speed, length=length, lifetimes=lifetimes) for length in lengths}
 
 
@@ -362,24 +391,30 @@ def _equivalents(
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length, some in by_length.items():
         limits = gates(read["window_noise"], length, limit_px=limit_px, window=some.each[0], noise=noise)
-        made = equivalents(fitted, some.each, length=length, speed=read.speed, gates=limits)
-        found.extend(replace(one, simulated=some.simulated) for one in made)
+        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
     return tuple(found)
 
 
-def _kernels(read: TrainingTables, some: Windows, sigmas: Sequence[Equivalent], level: float) -> tuple[Kernel, ...]:
-    """Robust losses tried on the sampled tracks of a run; none at other speeds than the lowest, which has no sample."""
+def _tried(
+    read: TrainingTables, some: Windows, sigmas: Sequence[Equivalent], level: float
+) -> tuple[tuple[Kernel, ...], TriedGate | None]:
+    """Robust losses, and the gate of a filter, tried on the sampled tracks of a run; none where it has no sample."""
+    tracks = read["noise_tracks"]
+    if tracks.is_empty():
+        return (), None
     of_window = {one.purpose: one for one in sigmas if one.landmark is Landmark.FREE and one.window == LENGTH}
-    return tried_kernels(
-        read["noise_tracks"],
-        some.each,
+    drawn, dataset = list(drawn_windows(tracks, some, _limit_px(read["noise_outliers"]))), tracks["dataset"][0]
+    newest = of_window[Purpose.NEWEST_POSE]
+    kernels = tried_kernels(
+        drawn,
+        dataset=dataset,
         innovations=of_window[Purpose.INNOVATIONS],
-        newest=of_window[Purpose.NEWEST_POSE],
+        newest=newest,
         every=of_window[Purpose.ALL_POSES],
-        most_px=_limit_px(read["noise_outliers"]),
         groups=read.groups,
         level=level,
     )
+    return kernels, tried_gate(drawn, newest, dataset=dataset, groups=read.groups, level=level)
 
 
 def _limit_px(outliers: pl.DataFrame) -> float:
@@ -408,15 +443,20 @@ def _floor(floors: pl.DataFrame, last_age: int) -> float | None:
     return float(np.sqrt((used["sum_uu"].to_numpy().sum() + used["sum_vv"].to_numpy().sum()) / (2 * n))) if n else None
 
 
-def _recordings(read: TrainingTables) -> list[Recording]:
-    """Some sequences, spread evenly over all of them."""
-    places = np.unique(np.linspace(0, len(read.keys) - 1, min(_RECORDINGS, len(read.keys))).round().astype(int))
+def _recordings(read: TrainingTables, longest: int) -> list[Recording]:
+    """One sequence of each scene; of many scenes some, spread evenly over all of them."""
+    scene_of = {read.folder.manifest().sequences[key].sequence.scene: key for key in reversed(read.keys)}
+    names = sorted(scene_of)
+    places = np.unique(np.linspace(0, len(names) - 1, min(MOST_RECORDINGS, len(names))).round().astype(int))
     found = []
-    for key in (read.keys[place] for place in places):
+    for scene in (names[place] for place in places):
+        key, ends = scene_of[scene], read["ends"].filter(scene=scene)
+        ends = ends if ends["n_ended"].to_numpy().sum() >= _LEAST else read["ends"]
         sights = read.of_sequence("audit_samples", key).select("u_birth_px", "v_birth_px", "depth_m").drop_nulls()
         cameras, poses = (read.of_sequence(name, key) for name in ("cameras", "poses"))
         if cameras.height and cameras["fx_px"][0] is not None:
-            found.append(Recording(poses, cameras, sights.to_numpy()))
+            lifetimes = lengths_of_tracks(ends, longest=longest)
+            found.append(Recording(scene, poses, cameras, sights.to_numpy(), lifetimes))
     return found
 
 

@@ -24,6 +24,7 @@ from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators import bundle
 from tracknoise.estimators.linear_window import LinearTracks, determines_poses
 from tracknoise.estimators.model import Equivalent, Interval, Kernel, LossKind
+from tracknoise.estimators.training import Windows
 from tracknoise.estimators.trial import NEWEST, normalised
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.estimates import EstimateArray
@@ -36,7 +37,7 @@ KNEES = (3.0, 1.0, 0.3)
 """Knees that are tried, over the sigma of innovations. Each starts where the one before ended."""
 LENGTH = 11
 """Frames of a window."""
-_MOST_SCENES, _PER_SCENE = 12, 3
+_MOST_SCENES, _PER_SCENE = 12, 6
 _ENOUGH = 24
 """Windows with drawn errors: few scenes have more of each."""
 _LEAST_TRACKS, _LEAST_WINDOWS = 50, 8
@@ -86,26 +87,32 @@ class _Scene:
         return np.asarray(self.errors[chosen[:, None], at].reshape(len(chosen), -1), dtype=np.float64)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnWindow:
+    """A window with errors of a scene: (tracks, 2 n) px for each of its groups of tracks."""
+
+    scene: str
+    tracks: tuple[LinearTracks, ...]
+    errors: tuple[Array, ...]
+
+
 def tried_kernels(
-    tracks: pl.DataFrame,
-    windows: Sequence[Sequence[LinearTracks]],
+    drawn: Sequence[DrawnWindow],
     *,
+    dataset: str,
     innovations: Equivalent,
     newest: Equivalent,
     every: Equivalent,
-    most_px: float,
     groups: SceneGroups,
     level: float,
 ) -> tuple[Kernel, ...]:
     """Each loss with each knee; none where there are too few tracks, or no errors.
 
-    `tracks`: schema `NOISE_TRACKS`, of one tracker, speed and view. `windows`: of `LENGTH` frames. `innovations`,
-    `newest`, `every`: sigmas for a free landmark in such windows. Errors beyond `most_px` are left out, as an
-    estimator's test for outliers would do. Intervals are over scenes, or groups of them.
+    `drawn`: of `LENGTH` frames. `innovations`, `newest`, `every`: sigmas for a free landmark in such windows. Intervals
+    are over scenes, or groups of them.
     """
     if min(one.sigma.value for one in (innovations, newest, every)) <= 0.0:
         return ()
-    drawn = list(_windows(tracks, windows, most_px))
     if len(drawn) < _LEAST_WINDOWS:
         return ()
     knees = [knee * innovations.sigma.value for knee in KNEES]
@@ -119,7 +126,7 @@ def tried_kernels(
         for one, own in zip(drawn, each.tolist(), strict=True)
         for number, values in enumerate(own)
     ]
-    table = pl.DataFrame(rows).with_columns(dataset=pl.lit(tracks["dataset"][0]))
+    table = pl.DataFrame(rows).with_columns(dataset=pl.lit(dataset))
     sums = table.group_by("dataset", "scene", "number").agg(pl.col("n", *_COLUMNS).sum())
     units = units_of(sums, points=["number"], columns=["n", *_COLUMNS], groups=groups)
     method = Method(IntervalKind.student, level)
@@ -137,33 +144,30 @@ def tried_kernels(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Drawn:
-    """A window with errors of a scene: (tracks, 2 n) px for each of its groups of tracks."""
+def drawn_windows(tracks: pl.DataFrame, windows: Windows, most_px: float) -> Iterator[DrawnWindow]:
+    """Windows of each scene with errors of its tracks.
 
-    scene: str
-    tracks: tuple[LinearTracks, ...]
-    errors: tuple[Array, ...]
-
-
-def _windows(tracks: pl.DataFrame, windows: Sequence[Sequence[LinearTracks]], most_px: float) -> Iterator[_Drawn]:
-    """Windows with drawn errors of each scene."""
+    `tracks`: schema `NOISE_TRACKS`, of one tracker, speed and view. `windows`: of `LENGTH` frames. Errors beyond
+    `most_px` are left out, as an estimator's test for outliers would do.
+    """
     names = tracks["scene"].unique().sort().to_list()
     places = np.unique(np.linspace(0, len(names) - 1, min(_MOST_SCENES, len(names))).round().astype(int)).tolist()
     every = {place: _Scene.of(tracks.filter(scene=names[place]), most_px) for place in places if names}
     scenes = {place: scene for place, scene in every.items() if len(scene.errors) >= _LEAST_TRACKS}
-    draws = max(_PER_SCENE, -(-_ENOUGH // max(len(scenes) * len(windows), 1)))
+    windows_of = {place: windows.of_scene(names[place]) for place in scenes}
+    drawn_each = max(_PER_SCENE, -(-_ENOUGH // max(len(scenes), 1)))
     determines = cache(determines_poses)
     for place, scene in scenes.items():
         random = np.random.default_rng(place)
-        for window in [one for one in windows for _ in range(draws)]:
+        draws = -(-drawn_each // len(windows_of[place]))
+        for window in [windows.each[one] for one in windows_of[place] for _ in range(draws)]:
             drawn = [(group, own) for group in window if (own := scene.drawn(group, random)) is not None]
             groups = tuple(group for group, _ in drawn)
             if any(own.any() for _, own in drawn) and determines(groups):
-                yield _Drawn(names[place], groups, tuple(own for _, own in drawn))
+                yield DrawnWindow(names[place], groups, tuple(own for _, own in drawn))
 
 
-def _of_same_tracks(drawn: Sequence[_Drawn]) -> list[list[int]]:
+def _of_same_tracks(drawn: Sequence[DrawnWindow]) -> list[list[int]]:
     """Places of windows that have the same tracks."""
     places = dict[tuple[LinearTracks, ...], list[int]]()
     for place, one in enumerate(drawn):
@@ -176,7 +180,7 @@ def _compared(window: Sequence[LinearTracks], errors: Sequence[Array], knees: Se
 
     Shapes: errors (draws, tracks, 2 n); returns (draws, losses, columns).
     """
-    _, plain, _ = _step(window, errors, [np.ones_like(own) for own in errors])
+    _, plain, _ = weighted_step(window, errors, [np.ones_like(own) for own in errors])
     found = []
     for kind in LossKind:
         residuals = list(errors)
@@ -184,7 +188,7 @@ def _compared(window: Sequence[LinearTracks], errors: Sequence[Array], knees: Se
             loss = bundle.Loss(bundle.LossKind(kind), knee)
             for _ in range(_ROUNDS):
                 weights = [loss.weights(own.reshape(-1, own.shape[2])).reshape(own.shape) for own in residuals]
-                residuals, error, claimed = _step(window, errors, weights)
+                residuals, error, claimed = weighted_step(window, errors, weights)
             newest = [
                 normalised(*both) for both in zip(error[:, -NEWEST:], claimed[:, -NEWEST:, -NEWEST:], strict=True)
             ]
@@ -199,7 +203,7 @@ def _log_errors(error: Array) -> Array:
     return np.asarray(0.5 * (turned + moved))
 
 
-def _step(
+def weighted_step(
     window: Sequence[LinearTracks], errors: Sequence[Array], weights: Sequence[Array]
 ) -> tuple[list[Array], Array, Array]:
     """Residuals by weighted least squares, and error and claimed covariance of the p numbers of all poses, for 1 px.

@@ -32,7 +32,7 @@ from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.geometry.cameras import Camera, CameraModel
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.projection import image_derivatives
-from tracknoise.inference.track_noise import Reference, TrackNoise
+from tracknoise.inference.track_noise import COMPONENTS, Reference, Seen, TrackNoise
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5)
 """The camera of simulated windows."""
@@ -152,13 +152,15 @@ def simulated_tracks(
     seed: int = 0,
     camera: Camera = CAMERA,
     sights: NDArray[np.float64] | None = None,
+    before: NDArray[np.float64] | None = None,
 ) -> tuple[PointTracks, ...]:
     """Tracks of points, as long as they are in the image of a camera, grouped by their length.
 
-    Shapes: world_from_camera (frames, 4, 4), sights (n, 3).
+    Shapes: world_from_camera (frames, 4, 4), sights (n, 3), before (m, 4, 4). With poses `before` the window, tracks
+    begin there, too, at one of these sights. Without them, those that began earlier have their first sight in it.
     """
     random = np.random.default_rng(seed)
-    drawn = [_track(random, world_from_camera, lengths, camera, sights) for _ in range(n_tracks)]
+    drawn = [_track(random, world_from_camera, lengths, camera, sights, before) for _ in range(n_tracks)]
     long_enough = [track for track in drawn if len(track[0]) >= _LEAST_LENGTH]
     groups = sorted({len(frames) for frames, _, _ in long_enough})
     return tuple(_stacked([track for track in long_enough if len(track[0]) == length]) for length in groups)
@@ -175,17 +177,20 @@ def _track(
     lengths: Sequence[int] | NDArray[np.int64] | None,
     camera: Camera,
     sights: NDArray[np.float64] | None,
+    before: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
     """Frames, point, and whether it begins in the window."""
-    n_frames = len(world_from_camera)
-    birth, end = (0, n_frames) if lengths is None else _lifespan(random, np.asarray(lengths), n_frames)
-    first = max(birth, 0)
+    n_frames, known = len(world_from_camera), None if before is None else len(before)
+    birth, end = (0, n_frames) if lengths is None else _lifespan(random, np.asarray(lengths), n_frames, known)
+    poses = world_from_camera if before is None else np.concatenate([before, world_from_camera])
+    first = max(birth, 0 if known is None else -known)
     *uv, depth = drawn_sight(random) if sights is None else sights[random.integers(len(sights))]
     seen = camera.unproject(np.asarray(uv), np.array(depth))
-    point = transform(world_from_camera[first], seen[None])[0]
     frames = np.arange(first, end)
-    images = camera.project(transform(invert(world_from_camera[frames]), np.tile(point, (len(frames), 1))))
-    visible = np.logical_and.accumulate(camera.contains(images))
+    of_frames = poses[frames + (known or 0)]
+    point = transform(of_frames[0], seen[None])[0]
+    images = camera.project(transform(invert(of_frames), np.tile(point, (len(frames), 1))))
+    visible = np.logical_and.accumulate(camera.contains(images)) & (frames >= 0)
     return frames[visible], point, birth >= 0
 
 
@@ -195,17 +200,22 @@ def drawn_sight(random: np.random.Generator) -> tuple[float, float, float]:
     return float(u), float(v), random.uniform(*_DEPTHS_M)
 
 
-def _lifespan(random: np.random.Generator, lengths: NDArray[np.int64], n_frames: int) -> tuple[int, int]:
+def _lifespan(
+    random: np.random.Generator, lengths: NDArray[np.int64], n_frames: int, before: int | None
+) -> tuple[int, int]:
     """First frame, and end in a window, of a track that is seen in at least `_LEAST_LENGTH` of its frames.
 
-    It is negative if the track begins before the window. As many tracks begin in each frame. The number of births with
-    which a track of length T is seen is T + frames - 2 least + 1, from least - T to frames - least.
+    It is negative if the track begins before the window, in one of so many frames if that is known. As many begin
+    in each frame. The number of births with which a track of length T is seen is T + frames - 2 least + 1, from
+    least - T to frames - least.
     """
     long_enough = lengths[lengths >= _LEAST_LENGTH] if (lengths >= _LEAST_LENGTH).any() else np.array([_LEAST_LENGTH])
-    births = long_enough + n_frames - 2 * _LEAST_LENGTH + 1
-    length = int(random.choice(long_enough, p=births / births.sum()))
-    birth = int(random.integers(_LEAST_LENGTH - length, n_frames - _LEAST_LENGTH + 1))
-    return birth, min(birth + length, n_frames)
+    earliest = _LEAST_LENGTH - long_enough
+    earliest = earliest if before is None else np.maximum(earliest, -before)
+    births = n_frames - _LEAST_LENGTH + 1 - earliest
+    place = int(random.choice(len(long_enough), p=births / births.sum()))
+    birth = int(random.integers(earliest[place], n_frames - _LEAST_LENGTH + 1))
+    return birth, min(birth + int(long_enough[place]), n_frames)
 
 
 EXACT = 1e-4
@@ -272,6 +282,50 @@ def true_covariances(window: Sequence[LinearTracks], noise: TrackNoise) -> Covar
     return found
 
 
+def influences(window: Sequence[LinearTracks], assumed: Assumed) -> dict[Purpose, NDArray[np.float64]]:
+    """What each purpose is about, as a linear function of the components, for an estimator that assumes a noise.
+
+    Its mean square over the claimed one is the sum of the products of the entries of these matrices and of those of A,
+    W, Q and D, (4, 2, 2) each: (benchmark.nees), without the noise itself. Walk and drift are per frame of the window.
+    """
+    whitened = _whitened(window, assumed)
+    size = window[0].by_pose.shape[2]
+    pairs = list(zip(window, whitened, strict=True))
+    by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
+    claimed = np.linalg.inv(sum(rows.reshape(-1, size).T @ rows.reshape(-1, size) for rows in by_pose))
+    newest = claimed[:, -_NEWEST:] @ np.linalg.inv(np.linalg.cholesky(claimed[-_NEWEST:, -_NEWEST:])).T
+    roots = {Purpose.ALL_POSES: np.linalg.cholesky(claimed), Purpose.NEWEST_POSE: newest}
+    found = {purpose: np.zeros((len(COMPONENTS), 2, 2)) for purpose in Purpose}
+    freedom = sum(rows.shape[0] * (rows.shape[1] - 3) for rows in by_pose)
+    for (tracks, one), rows in zip(pairs, by_pose, strict=True):
+        unit, shared = one.unwhitened(rows), _shared(tracks)
+        for purpose, root in roots.items():
+            found[purpose] += _contracted(shared, unit @ root) / root.shape[1]
+        free = np.broadcast_to(np.eye(rows.shape[1]), (len(rows), rows.shape[1], rows.shape[1]))
+        found[Purpose.INNOVATIONS] += _contracted(shared, one.unwhitened(without(free, one.span))) / freedom
+    return found
+
+
+def _shared(tracks: LinearTracks) -> NDArray[np.float64]:
+    """What multiplies each component in the covariances of `true_covariances`, (4, tracks, n, n)."""
+    magnification = tracks.magnification
+    steps = 1.0 / magnification**2
+    steps[:, 0] = 0.0
+    age = np.broadcast_to(np.arange(magnification.shape[1], dtype=np.float64), magnification.shape)
+    seen = Seen(age, magnification, np.cumsum(steps, axis=1), np.ones(magnification.shape))
+    rows, columns = seen.at(slice(None), slice(None), None), seen.at(slice(None), None)
+    found = np.stack([np.array(one.shared(rows, columns, Reference.FREE)) for one in COMPONENTS])
+    found[:, ~tracks.born, 0, 0] = np.array([one.name == "white" for one in COMPONENTS])[:, None]
+    return found
+
+
+def _contracted(shared: NDArray[np.float64], half: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(4, 2, 2): sums over tracks of each component's share of pairs times `half` half', (tracks, 2 n, q)."""
+    count, size, _ = half.shape
+    products = (half @ np.swapaxes(half, 1, 2)).reshape(count, size // 2, 2, size // 2, 2)
+    return np.asarray(np.einsum("ctjk,tjukv->cuv", shared, products, optimize=True))
+
+
 def scalar_variances(
     window: Sequence[LinearTracks], sigma: float, *, first: float | None = None, born_only: bool = False
 ) -> Assumed:
@@ -332,6 +386,10 @@ class _Whitened:
     def whitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Errors, or their derivatives, (tracks, 2 n, k)."""
         return _times(self.root, values)
+
+    def unwhitened(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What multiplies errors where `values` (tracks, 2 n, k) multiply whitened ones."""
+        return self.root[:, :, None] * values if self.root.ndim == 2 else np.swapaxes(self.root, 1, 2) @ values
 
     def innovations(self, true: NDArray[np.float64]) -> NDArray[np.float64]:
         """Covariances of whitened innovations, without what the points absorb."""

@@ -241,6 +241,57 @@ class Kernel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TriedGate:
+    """What the gate of a filter does to the covariance that it claims: see `tracknoise.estimators.pose_trials`.
+
+    Parameters
+    ----------
+    nees
+        Of the newest pose from the tracks that pass, over that from all, for which sigma is right.
+    passed
+        Share of the tracks that pass.
+    window, windows
+        Length, frames, and number of the windows.
+    """
+
+    nees: Interval
+    passed: Interval
+    window: Annotated[int, Ge(2), Le(100_000)]
+    windows: Annotated[int, Ge(1)]
+
+    def __post_init__(self) -> None:
+        """Refuse a NEES and a share that no gate leaves."""
+        require_bounds(self)
+        self.nees.require_within("nees", ge=0.0, le=_MOST_RATIO)
+        self.passed.require_within("passed", ge=0.0, le=1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownPoints:
+    """A standard deviation for one pose from points that are known: see `tracknoise.estimators.pose_trials`.
+
+    Parameters
+    ----------
+    window
+        Oldest age of the observations, frames.
+    kernel, knee_px
+        The robust loss, and its knee, px; None without a loss.
+    sigma
+        Standard deviation of each coordinate, px at full resolution.
+    """
+
+    window: Annotated[int, Ge(1), Le(100_000)]
+    kernel: LossKind | None
+    knee_px: Annotated[float, Gt(0), Le(MOST_PX)] | None
+    sigma: Interval
+
+    def __post_init__(self) -> None:
+        """Refuse what no tracker has: see `MOST_PX`."""
+        require_bounds(self)
+        self.sigma.require_within("sigma", ge=0.0, le=MOST_PX)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Tails:
     """Student t of the errors, untrimmed.
 

@@ -28,12 +28,14 @@ from tracknoise.estimators.model import (
     Factor,
     Interval,
     Kernel,
+    KnownPoints,
     Landmark,
     Pixels,
     Purpose,
     Tails,
     TrackScale,
     Training,
+    TriedGate,
     corrected,
     factor_of,
     numbers,
@@ -154,6 +156,10 @@ class NoiseModel:
         Standard deviations for all observations, named by what they make right.
     kernels
         Robust losses that were tried on sampled tracks of the run; none at speeds without a sample.
+    gate_trial
+        What the gate of a filter does, tried on the same tracks; None without a sample.
+    known_points
+        Sigmas for one pose from known points, from the same tracks.
     """
 
     __pydantic_config__ = STRICT
@@ -175,6 +181,8 @@ class NoiseModel:
     truth: TruthVerdict = field(default_factory=TruthVerdict)
     equivalents: tuple[Equivalent, ...] = ()
     kernels: tuple[Kernel, ...] = ()
+    gate_trial: TriedGate | None = None
+    known_points: tuple[KnownPoints, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse shares and lengths that no noise has."""

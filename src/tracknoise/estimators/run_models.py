@@ -141,6 +141,7 @@ def advice_table(models: RunModels, name: str, window: int | None, condition: Ma
         numbers = {"sigma": found.sigma, "innovations": innovations}
         numbers |= {} if found.state is None else {"state_sigma": found.state.sigma}
         numbers |= {f"{gate}_gate": Interval(value=factor) for gate, factor in found.every_gate.items()}
+        numbers |= {} if found.gated is None else {"gated_nees": found.gated.nees}
         numbers |= {} if found.knee is None else {"knee": Interval(value=found.knee)}
         about = {
             "dataset": model.training.dataset,

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import polars as pl
@@ -336,77 +337,116 @@ _TRACKS, _LEAST_TRACKS = 20, 15
 """Tracks in each frame of a window, and fewest in all of it."""
 _MORE = (1, 4, 16)
 """How many times as many tracks are drawn, until they determine the poses of a window."""
+_MOST_BEFORE = 100
+"""Frames before a window in which its tracks may begin."""
+MOST_RECORDINGS, _ENOUGH = 24, 12
+"""Recordings that windows are of, and windows: few recordings have more of each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
     """One sequence."""
 
+    scene: str  # its name
     poses: pl.DataFrame  # schema `POSES`
     camera: pl.DataFrame  # schema `CAMERAS`, with at least one row
     sights: NDArray[np.float64]  # (n, 3) float64: u, v (px) and depth (m) of points at first sight
+    lifetimes: NDArray[np.int64]  # (n,): lengths of tracks, frames of the tracker
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Windows:
-    """Windows of one length, and whether they are simulated."""
+    """Windows of one length."""
 
     each: Sequence[Sequence[LinearTracks]]
-    simulated: bool
+    scenes: Sequence[str | None]  # of each the scene that it is of; None of simulated ones
+
+    @property
+    def simulated(self) -> bool:
+        """Whether they are simulated."""
+        return None in self.scenes
+
+    def of_scene(self, scene: str) -> list[int]:
+        """Places of those of a scene; of all where it has none."""
+        own = [place for place, name in enumerate(self.scenes) if name == scene]
+        return own or list(range(len(self.each)))
 
 
 def windows(recordings: Sequence[Recording], *, speed: int, length: int, lifetimes: NDArray[np.int64]) -> Windows:
-    """Windows of so many frames, one of each recording that is long enough and moves.
+    """Windows of so many frames, spread evenly over each recording that is long enough and moves.
 
-    If there is none, a simulated window of sideways and one of forward motion.
+    Tracks may begin before a window, where they were first seen.
+
+    If there is none, a simulated window of sideways and one of forward motion, with tracks of these lifetimes.
     """
-    found = [*_measured(recordings, speed, length, lifetimes)]
+    count = max(1, -(-_ENOUGH // max(len(recordings), 1)))
+    found = [
+        (one.scene, window) for one in recordings for window in windows_of(one, speed=speed, length=length, count=count)
+    ]
     if found:
-        return Windows(found, simulated=False)
+        return Windows([window for _, window in found], [scene for scene, _ in found])
     poses = [trajectory(motion, length) for motion in Motion]
     made = [window for each in poses if (window := _linear(CAMERA, each, lifetimes, None))]
-    return Windows(made, simulated=True)
+    return Windows(made, [None] * len(made))
 
 
-def _measured(
-    recordings: Sequence[Recording], speed: int, length: int, lifetimes: NDArray[np.int64]
-) -> Iterator[Sequence[LinearTracks]]:
-    for recording in recordings:
-        poses = _middle(recording.poses, speed, length)
-        if poses is None or not len(recording.sights):
-            continue
+def windows_of(recording: Recording, *, speed: int, length: int, count: int) -> Iterator[Sequence[LinearTracks]]:
+    """At most so many windows of one recording: none where it is too short, or does not move."""
+    if not len(recording.sights):
+        return
+    of_scene = crc32(recording.scene.encode())  # else all scenes would have the same draws of lengths
+    for place, (poses, before) in enumerate(_spread(recording.poses, speed, length, count)):
         apart = np.linalg.norm(poses[-1, :3, 3] - poses[0, :3, 3])
         if apart < _LEAST_MOTION * np.median(recording.sights[:, 2]):
             continue
-        tracks = _linear(_pinhole(recording.camera), poses, lifetimes, recording.sights)
+        tracks = _linear(
+            _pinhole(recording.camera), poses, recording.lifetimes, recording.sights, before, seed=of_scene + place
+        )
         if sum(len(one.rays) for one in tracks) >= _LEAST_TRACKS:
             yield tracks
 
 
 def _linear(
-    camera: Camera, poses: NDArray[np.float64], lifetimes: NDArray[np.int64], sights: NDArray[np.float64] | None
+    camera: Camera,
+    poses: NDArray[np.float64],
+    lifetimes: NDArray[np.int64],
+    sights: NDArray[np.float64] | None,
+    before: NDArray[np.float64] | None = None,
+    *,
+    seed: int = 0,
 ) -> Sequence[LinearTracks]:
     """Tracks of one window, more of them where they do not determine its poses; none where more do not either."""
     length = len(poses)
     mean = np.clip(lifetimes, 3, length).mean()
     count = int(np.ceil(_TRACKS * (length + mean) / mean))
     for more in _MORE:
-        drawn = simulated_tracks(poses, n_tracks=more * count, lengths=lifetimes, camera=camera, sights=sights)
+        drawn = simulated_tracks(
+            poses, n_tracks=more * count, lengths=lifetimes, seed=seed, camera=camera, sights=sights, before=before
+        )
         window = [linear_tracks(camera, poses, tracks) for tracks in drawn]
         if determines_poses(window):
             return window
     return []
 
 
-def _middle(poses: pl.DataFrame, speed: int, length: int) -> NDArray[np.float64] | None:
-    """(length, 4, 4) float64: poses of the middle of a recording; None if it is too short, or one is missing."""
+def _spread(
+    poses: pl.DataFrame, speed: int, length: int, count: int
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Poses of so many parts of a recording, at most, none of which is missing, (length, 4, 4), and those before."""
     used = poses.sort("frame").gather_every(speed)
-    if used.height < length:
-        return None
-    part = used.slice((used.height - length) // 2, length)
-    if any(part.null_count().row(0)):
-        return None
-    return from_quaternion(part.select("x_m", "y_m", "z_m").to_numpy(), part.select("qx", "qy", "qz", "qw").to_numpy())
+    latest = used.height - length
+    if latest < 0:
+        return
+    known = used.select(pl.all_horizontal(pl.all().is_not_null())).to_series().to_numpy()
+    position, quaternion = (
+        used.select(names).to_numpy() for names in (("x_m", "y_m", "z_m"), ("qx", "qy", "qz", "qw"))
+    )
+    for start in np.unique(np.linspace(0, latest, count + 2)[1:-1].round().astype(int)).tolist():
+        if known[start : start + length].all():
+            missing = np.flatnonzero(~known[:start])
+            begin = max(int(missing[-1]) + 1 if len(missing) else 0, start - _MOST_BEFORE)
+            found = from_quaternion(position[begin : start + length], quaternion[begin : start + length])
+            yield found[start - begin :], found[: start - begin]
 
 
 def _pinhole(table: pl.DataFrame) -> Camera:

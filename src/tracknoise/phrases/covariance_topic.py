@@ -1,11 +1,11 @@
-"""Whether covariances that trackers predict for their own observations are right, and whether they are of use."""
+"""Whether covariances that trackers predict are right in size, shape and order, and whether they are of use."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.covariance_verdicts import ALIKE
+from tracknoise.analysis.covariance_verdicts import ALIKE, LEAST_GAIN, worst_shape
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.phrases.run_data import RunData
@@ -47,7 +47,7 @@ def _part(own: pl.DataFrame, tracker: str, most: str) -> Part | None:
     estimates = [
         Estimate.of_row(rows[name], "value", "low", "high", "nat" if name == "gain" else "")
         for _, rows in judged
-        for name in ("nees", "coverage_95", "coverage_50", "gain")
+        for name in ("nees", "coverage_95", "coverage_50", "shape", "ranking", "gain")
         if name in rows
     ]
     return Part(" ".join(texts), estimates, _in_short(*judged[0]))
@@ -70,7 +70,8 @@ def _sentences(called: str, rows: Rows, most: str) -> list[str]:
     judged = f"{_judged(called, rows['nees'])}: {_held(rows, 95)}."
     is_wrong = rows["nees"]["verdict"] == Verdict.no
     size = f"{f'They would have to be multiplied by {most}' if is_wrong else 'Their NEES is '}{format_estimate(nees)}."
-    return [judged, size, *_of_truth(nees, rows), *_of_large_errors(rows), *_use(rows)]
+    parts = (_of_truth(nees, rows), _of_large_errors(rows), _shape(rows), _ranking(rows), _use(rows))
+    return [judged, size, *(sentence for part in parts for sentence in part)]
 
 
 def _of_truth(nees: Estimate, rows: Rows) -> list[str]:
@@ -82,10 +83,10 @@ def _of_truth(nees: Estimate, rows: Rows) -> list[str]:
 
 def _judged(called: str, nees: Mapping[str, Any]) -> str:
     if nees["verdict"] == Verdict.yes:
-        return f"{called} are right"
+        return f"{called} are right in size"
     if nees["verdict"] == Verdict.no:
         return f"{called} are too {'small' if nees['value'] > 1.0 else 'large'}"
-    return f"Whether {called} are right is undecided"
+    return f"Whether {called} are right in size is undecided"
 
 
 def _held(rows: Rows, level: int) -> str:
@@ -101,24 +102,75 @@ def _of_large_errors(rows: Rows) -> list[str]:
     return [f"But {_held(rows, 50)}: a few large errors make the factor, which a robust loss treats better."]
 
 
+def _shape(rows: Rows) -> list[str]:
+    """Whether ellipses are as long and lie as they should."""
+    if "shape" not in rows:
+        return []
+    verdict, worst = rows["shape"]["verdict"], worst_shape(rows)
+    if verdict == Verdict.yes:
+        return ["Their shape is right."]
+    if verdict == Verdict.undecided or worst is None:
+        return ["Whether their shape is right is undecided."]
+    found = Estimate.of_row(rows["shape"], "value", "low", "high")
+    larger = f"Whitened errors are {format_estimate(found)} times as large {_AXES[worst]} as across"
+    return ["Their shape is wrong.", f"{larger}."]
+
+
+_AXES = {
+    "shape_image_along": "along u",
+    "shape_image_turned": "along the diagonal of u and v",
+    "shape_own_along": "along their long axes",
+    "shape_own_turned": "at 45 degrees to their axes",
+    "shape_motion_along": "along the motion",
+    "shape_motion_turned": "at 45 degrees to the motion",
+}
+
+
+def _ranking(rows: Rows) -> list[str]:
+    """Whether larger covariances are of larger errors."""
+    if "ranking" not in rows:
+        return []
+    found = Estimate.of_row(rows["ranking"], "value", "low", "high")
+    verdict = rows["ranking"]["verdict"]
+    if verdict == Verdict.undecided:
+        return ["Whether they tell which errors are large is undecided."]
+    if found.low is None:
+        return ["They do not tell which errors are large: all have one size."]
+    ratio = f"those predicted as large are {format_estimate(found)} times the others"
+    return [f"They{'' if verdict == Verdict.yes else ' do not'} tell which errors are large: {ratio}."]
+
+
 def _use(rows: Rows) -> list[str]:
+    """Whether one sigma is better, as good, or worse."""
     if "gain" not in rows:
         return []
     gain = Estimate.of_row(rows["gain"], "value", "low", "high")
+    written = format_as(gain, thousandths, unit=f"{SPACE}nat")
     if rows["gain"]["verdict"] == Verdict.yes:
-        written = format_as(gain, thousandths, unit=f"{SPACE}nat")
-        return [f"They tell which errors are large: scaled, they gain {written} per error over one sigma."]
+        return [f"Scaled, they gain {written} per error over one sigma."]
     if rows["gain"]["verdict"] == Verdict.no:
-        return ["They do not tell which errors are large: one sigma for all is as good."]
-    return ["Whether they tell which errors are large is undecided."]
+        return [f"One sigma for all is better: scaled, they gain {written}." if _is_worse(gain) else _AS_GOOD]
+    return ["Whether one sigma for all is as good is undecided."]
+
+
+_AS_GOOD = "One sigma for all is as good."
+
+
+def _is_worse(gain: Estimate) -> bool:
+    """Whether covariances are certainly worse than one sigma."""
+    return gain.high is not None and gain.high < -LEAST_GAIN
 
 
 def _in_short(called: str, rows: Rows) -> str:
     nees = rows["nees"]
     factor = f", multiply by {number(nees['value'], digits=2)}" if nees["verdict"] == Verdict.no else ""
     text = f"{_judged(called, nees)}: {_held(rows, 95)}{factor}."
-    useless = rows.get("gain", {}).get("verdict") == Verdict.no
-    return f"{text} One sigma for all is as good." if useless else text
+    if rows.get("shape", {}).get("verdict") == Verdict.no:
+        text = f"{text} Their shape is wrong."
+    if rows.get("gain", {}).get("verdict") != Verdict.no:
+        return text
+    gain = Estimate.of_row(rows["gain"], "value", "low", "high")
+    return f"{text} One sigma for all is better." if _is_worse(gain) else f"{text} {_AS_GOOD}"
 
 
 def own_covariances(data: RunData) -> pl.DataFrame:

@@ -41,11 +41,17 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
         conditions.trackers,
         lambda tracker: _advised(conditions.of(rows, tracker), tables["trust"], tracker),
         opening=f"Noise to set in {estimator(first['estimator']).title}, {where}.",
-        closing=f"Sigma makes {PURPOSES[Purpose(first['purpose'])]} right.{_simulated(first)}{_between_scenes(rows)}",
+        closing=f"{_right(first['purpose'], rows)}{_simulated(first)}{_between_scenes(rows)}",
         topic="estimator",
         figure="estimator",
         table="advice",
     )
+
+
+def _right(purpose: str, rows: pl.DataFrame) -> str:
+    """What sigma makes right: with a gate, only where nothing is rejected."""
+    has_gate = rows["quantity"].str.ends_with("_gate").any()
+    return f"Sigma makes {PURPOSES[Purpose(purpose)]} right{' where all pass the gate' if has_gate else ''}."
 
 
 def _simulated(row: Mapping[str, Any]) -> str:
@@ -79,11 +85,14 @@ def _together(kernel: str | None, found: Quantities) -> str:
     gates = {noun: found[f"{gate}_gate"] for gate, noun in _GATED.items() if f"{gate}_gate" in found}
     named = listing([f"{number(one.value)} for {noun}" for noun, one in gates.items()])
     state = f" Set {px(found['state_sigma'].value)} for features in the state." if "state_sigma" in found else ""
-    return f"{state} Multiply chi-square gates by {named}." if gates else ""
+    tried = (
+        f" With the gate of tracks, NEES is {format_estimate(found['gated_nees'])}." if "gated_nees" in found else ""
+    )
+    return f"{state} Multiply chi-square gates by {named}.{tried}" if gates else ""
 
 
 _GATED = {"track": "tracks", "observation": "single observations"}
-_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATED), "innovations")
+_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATED), "gated_nees", "innovations")
 """Quantities in the order of the sentences."""
 
 

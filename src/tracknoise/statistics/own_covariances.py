@@ -5,11 +5,15 @@ that of the key frame), where it is zero by construction. The covariance of the 
 of the first position, C = C_now + C_first (relative). The magnification of the image is taken as 1. A first position
 without a covariance counts as exact.
 
+Whitened errors z = C^(-1/2) e show whether the shape of C is right: in no frame of axes are they larger along one axis
+than along the other. Axes are those of the image, of C itself, and along and across the motion of the true position.
+
 With d^2 = e' C^-1 e, coverage counts errors with d^2 <= -2 log(1 - level), the quantile of chi square with two degrees
 of freedom. NEES is the mean of d^2 / 2.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -22,6 +26,10 @@ from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, cov
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)
 """Levels of the regions whose coverage is counted."""
+_LEAST_MOTION_PX = 0.01
+"""Motions from frame to frame that are smaller have no direction."""
+_SAME = 1e-6
+"""Relative difference of variances that counts as none."""
 _SUMS = [name for name, kind in COVARIANCE_SUMS.items() if kind == pl.Float64]
 
 
@@ -68,7 +76,7 @@ def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
     zero = sequence.key_frame or 0
     later = seen.visible & (seen.at != zero)
     steps = pl.Series(np.abs(seen.at - zero) / seen.speed).is_in(list(map(float, STEPS)))
-    parts = [pl.DataFrame(schema=dict(COVARIANCE_SUMS))]
+    parts, motion = [pl.DataFrame(schema=dict(COVARIANCE_SUMS))], _directions(sequence)
     for name, columns in own_covariances(sequence.observations.columns):
         entries = sequence.observations.select(pl.col(columns).cast(pl.Float64).fill_null(np.nan)).to_numpy()
         predicted = later & ~np.isnan(entries).any(axis=1)
@@ -77,7 +85,7 @@ def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
         covariance = relative(entries, sequence.track_row, seen.at == zero)
         for trimming, kept in {Trimming.untrimmed: predicted, Trimming.trimmed: predicted & seen.kept}.items():
             rows = np.flatnonzero(kept)
-            table = _values(sequence, rows, covariance[rows])
+            table = _values(sequence, rows, covariance[rows], motion[rows])
             by_age, of_all = table.filter(steps[rows]), table.with_columns(at=pl.lit(None, dtype=pl.UInt32))
             for some in (by_age, of_all):
                 labels = {"covariance": pl.lit(name), "trimming": pl.lit(str(trimming)), "axis": pl.lit(str(seen.axis))}
@@ -89,20 +97,103 @@ def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
     return check(pl.concat(parts).sort(keys), COVARIANCE_SUMS, "sums of covariances")
 
 
-def _values(sequence: PreparedSequence, rows: NDArray[np.intp], covariance: NDArray[np.float64]) -> pl.DataFrame:
+def _directions(sequence: PreparedSequence) -> NDArray[np.float64]:
+    """Cosine and sine of twice the angle of the motion of each true position, (rows, 2); NaN where it does not move."""
+    rows = sequence.ordered
+    true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[rows]
+    du, dv = np.diff(true_uv, axis=0, prepend=np.nan).T
+    begins = np.diff(sequence.track_row[rows], prepend=-1) != 0
+    square = np.where(begins, np.nan, du * du + dv * dv)
+    found = np.full((len(sequence.track_row), 2), np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found[rows] = np.where(
+            (square > _LEAST_MOTION_PX**2)[:, None], np.stack([du * du - dv * dv, 2 * du * dv], 1), np.nan
+        )
+        found[rows] /= square[:, None]
+    return found
+
+
+def _values(
+    sequence: PreparedSequence,
+    rows: NDArray[np.intp],
+    covariance: NDArray[np.float64],
+    motion: NDArray[np.float64],
+) -> pl.DataFrame:
     """What is summed, for each of some rows of the observations; 0 where the covariance is not positive definite."""
-    (uu, uv, vv), (du, dv) = covariance.T, sequence.seen.error_px[rows].T
-    determinant = uu * vv - uv * uv
-    squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
-    known = np.isfinite(squared)
-    shares = {f"inside_{100 * level:.0f}": held for level, held in zip(LEVELS, inside(squared), strict=True)}
-    values = {"n": known, **shares, "squares": squared, "log_det": np.log(determinant), "px2": du * du + dv * dv}
+    error, condition = sequence.seen.error_px[rows], sequence.seen.condition[rows]
+    known, values = _of_errors(covariance, error, motion, condition)
     return pl.DataFrame(
         {
-            "condition": sequence.seen.condition[rows],
+            "condition": condition,
             "block": sequence.block[rows],
             "at": sequence.seen.at[rows].astype(np.uint32),
             **{name: np.where(known, value, 0.0) for name, value in values.items()},
             "impossible": (~known).astype(np.float64),
         }
     )
+
+
+def sums_of_covariances(covariance: NDArray[np.float64], error_px: NDArray[np.float64]) -> dict[str, float]:
+    """Sums of `COVARIANCE_SUMS` over errors (n, 2) without a known motion. `covariance`: (n, 3) px^2, all possible."""
+    nothing = np.full(error_px.shape, np.nan)
+    _, values = _of_errors(covariance, error_px, nothing, np.zeros(len(error_px), dtype=np.intp))
+    return {name: float(np.sum(value)) for name, value in values.items()}
+
+
+def _of_errors(
+    covariance: NDArray[np.float64],
+    error_px: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    condition: NDArray[np.intp],
+) -> tuple[NDArray[np.bool_], dict[str, NDArray[Any]]]:
+    """Whether the covariance of each error is possible, and what is summed."""
+    (uu, uv, vv), (du, dv) = covariance.T, error_px.T
+    determinant = uu * vv - uv * uv
+    squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
+    known, length = np.isfinite(squared), np.hypot(du, dv)
+    shares = {f"inside_{100 * level:.0f}": held for level, held in zip(LEVELS, inside(squared), strict=True)}
+    values = {"n": known, **shares, "squares": squared, "log_det": np.log(determinant), "px2": length**2}
+    values |= _shapes(covariance, (du, dv), squared, motion) | _ranks(uu + vv, length, np.where(known, condition, -1))
+    return known, values
+
+
+def _shapes(
+    covariance: NDArray[np.float64],
+    error: tuple[NDArray[np.float64], NDArray[np.float64]],
+    squared: NDArray[np.float64],
+    motion: NDArray[np.float64],
+) -> dict[str, NDArray[np.float64]]:
+    """Of whitened errors, in each frame of axes. Arguments are of as many rows."""
+    (uu, uv, vv), (du, dv) = covariance.T, error
+    root = np.sqrt(uu * vv - uv * uv)
+    scale = root * np.sqrt(uu + vv + 2.0 * root)  # the root of C is (C + sqrt(det C)) over that of its trace + 2 root
+    z_u, z_v = ((vv + root) * du - uv * dv) / scale, ((uu + root) * dv - uv * du) / scale
+    along, turned = z_u**2 - z_v**2, 2.0 * z_u * z_v
+    elongated = np.stack([uu - vv, 2.0 * uv], axis=1) / (uu + vv)[:, None]
+    frames = {"image": np.array([1.0, 0.0]), "own": elongated, "motion": np.nan_to_num(motion)}
+    found = {"elongation": np.hypot(*elongated.T), "fourth": squared**2}
+    for name, axes in frames.items():
+        cosine, sine = axes.T
+        found[f"{name}_total"] = np.hypot(cosine, sine) * squared
+        found[f"{name}_along"] = cosine * along + sine * turned
+        found[f"{name}_turned"] = cosine * turned - sine * along
+    return found
+
+
+def _ranks(
+    trace: NDArray[np.float64], length: NDArray[np.float64], condition: NDArray[np.intp]
+) -> dict[str, NDArray[np.float64]]:
+    """Errors that are predicted to be large, and small ones, beside the geometric mean of their condition.
+
+    `condition`: -1 for those without a covariance.
+    """
+    size = np.log(np.where(condition >= 0, trace, 1.0))
+    counts = np.bincount(condition + 1)
+    mean = (np.bincount(condition + 1, size) / np.maximum(counts, 1))[condition + 1]
+    is_large, is_small = size > mean + _SAME, size < mean - _SAME
+    return {
+        "n_large": is_large.astype(np.float64),
+        "large_px": np.where(is_large, length, 0.0),
+        "n_small": is_small.astype(np.float64),
+        "small_px": np.where(is_small, length, 0.0),
+    }

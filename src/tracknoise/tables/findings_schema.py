@@ -179,7 +179,8 @@ ADVICE: Schema = {
 
 estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma, state_sigma (of
 features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
-are factors on chi-square quantiles at .95. why says why windows are simulated; it is null where they are not. level is
+are factors on chi-square quantiles at .95. gated_nees is the NEES of the newest pose with sigma and the gate of tracks,
+where it was tried. why says why windows are simulated; it is null where they are not. level is
 that of the interval; it is null without one. n_scenes is how many scenes the model was fitted to.
 """
 
@@ -559,8 +560,8 @@ OWN_COVARIANCES: Schema = {
 """Whether covariances that a tracker predicts are right: see `tracknoise.analysis.covariance_verdicts`.
 
 covariance is the name in the columns ``quality_<name>_uu`` of the observations. axis and at are null for all ages
-together. n counts errors. The verdict says of `nees` whether the covariances are right, of `gain` whether they tell
-which errors are large.
+together. n counts errors. The verdict says of `nees` whether the covariances are right in size, of `shape` whether in
+shape, of `ranking` whether they tell which errors are large, and of `gain` whether they are better than one sigma.
 """
 
 SPEED_ERRORS: Schema = {

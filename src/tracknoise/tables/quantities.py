@@ -215,6 +215,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     # windows of an estimator
     "sigma_to_set": Quantity("px", "Noise to set in the estimator of the experiment.", _RATIO, _SMALLER),
     "state_sigma_to_set": Quantity("px", "The same for features in its state."),
+    "nees_with_gate": Quantity("1", "NEES of the newest pose with sigma and the gate of tracks, in trials."),
     "knee_to_set": Quantity("sigmas", "Knee of its robust loss."),
     "gate_to_set": Quantity("1", "Factor on its chi-square gate at .95."),
     "sigma_of_innovations": Quantity("px", "Noise with which its innovations look right.", _RATIO, _SMALLER),
@@ -256,12 +257,30 @@ QUANTITIES: Mapping[str, Quantity] = {
     "covariance_nees": Quantity(
         "1",
         "Mean of the squared Mahalanobis distance over 2. Of all ages together, the factor by which the tracker's own "
-        "covariances would have to be multiplied; the verdict says whether they are right.",
+        "covariances would have to be multiplied; the verdict says whether they are right in size.",
+    ),
+    "covariance_shape": Quantity(
+        "1",
+        "Size of errors whitened by the tracker's own covariances, along one axis over that across it, in axes of the "
+        "image, of the covariances, or of the motion, and in axes turned by 45 degrees. The worst has the verdict.",
+    ),
+    "covariance_elongation": Quantity(
+        "1", "Mean difference of the eigenvalues of the tracker's own covariances over their sum: 0 for circles."
+    ),
+    "covariance_fourth_moment": Quantity(
+        "1", "Fourth moment of the Mahalanobis distance over that of Gaussian errors with the same second moment."
+    ),
+    "covariance_ranking": Quantity(
+        "1",
+        "Mean length of errors that the tracker's own covariances predict to be large, over that of the others. The "
+        "verdict says whether they tell which errors are large.",
+        _DIFFERENCE,
+        _LARGER,
     ),
     "covariance_gain": Quantity(
         "nat",
         "Gain of the tracker's own covariances, times one factor, over one sigma for all, per error. Both are fitted "
-        "to other scenes. The verdict says whether they tell which errors are large.",
+        "to other scenes. The verdict says whether they describe errors better.",
         _DIFFERENCE,
         _LARGER,
     ),

@@ -594,6 +594,15 @@ def _own_covariances() -> View:
     names: dict[str, tuple[str, Constants]] = {
         **{f"coverage_{level}": ("covariance_coverage", {"of": f"{level} %"}) for level in (50, 90, 95, 99)},
         "nees": ("covariance_nees", {}),
+        "shape": ("covariance_shape", {"of": "worst"}),
+        **{
+            f"shape_{frame}_{name}": ("covariance_shape", {"of": f"{frame}, {name}"})
+            for frame in schema.COVARIANCE_FRAMES
+            for name in ("along", "turned")
+        },
+        "elongation": ("covariance_elongation", {}),
+        "fourth": ("covariance_fourth_moment", {}),
+        "ranking": ("covariance_ranking", {}),
         "gain": ("covariance_gain", {}),
         "impossible": ("impossible_covariances", {}),
     }
@@ -611,6 +620,7 @@ def _advice() -> View:
         "track_gate": ("gate_to_set", {"against": "track"}),
         "observation_gate": ("gate_to_set", {"against": "observation"}),
         "innovations": ("sigma_of_innovations", {}),
+        "gated_nees": ("nees_with_gate", {}),
     }
     values = _by_quantity(names, _same("low", "high", "level", "n_scenes", "why"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}

@@ -610,6 +610,9 @@ RATIOS: Schema = {
 }
 """Sums of the quantities `tracknoise.tables.quantities.RATIOS`, whose value is sum / n, by block, trimming and age."""
 
+COVARIANCE_FRAMES = ("image", "own", "motion")
+"""Axes in which the shape of covariances is looked at: of the image, of each covariance, along the motion."""
+
 COVARIANCE_SUMS: Schema = {
     **ORIGIN,
     "block": pl.UInt8,
@@ -620,13 +623,19 @@ COVARIANCE_SUMS: Schema = {
     "n": pl.Float64,
     **dict.fromkeys(("inside_50", "inside_90", "inside_95", "inside_99"), pl.Float64),
     **dict.fromkeys(("squares", "log_det", "px2", "impossible"), pl.Float64),
+    **{f"{frame}_{name}": pl.Float64 for frame in COVARIANCE_FRAMES for name in ("total", "along", "turned")},
+    **dict.fromkeys(("elongation", "fourth", "n_large", "large_px", "n_small", "small_px"), pl.Float64),
 }
 """Sums of visible errors for which a tracker predicted a covariance, by block, trimming and age.
 
 at is null for all ages together. covariance is the name in its columns ``quality_<name>_uu``. inside_50 to inside_99
 count errors in the regions of these levels, %. squares are of the Mahalanobis distance, log_det of the determinant
 (px^4), px2 of the length of the error. impossible counts covariances that are not positive definite, which no other
-number holds.
+number holds. Of errors whitened by their covariance, total sums the squared length, along the square along the first
+axis of a frame minus that across, and turned the same in axes turned by 45 degrees. Those of own axes count by the
+elongation of the covariance, (l1 - l2) / (l1 + l2) of its eigenvalues, which elongation sums. fourth sums the fourth
+power of the Mahalanobis distance. large_px sums the length of the n_large errors whose mean predicted variance exceeds
+the geometric mean of the scene, small_px that of those below it.
 """
 
 IMAGE_MAP: Schema = {

@@ -119,7 +119,7 @@ def _of_run(path: Path, model: "NoiseModel") -> pl.DataFrame:
 
 
 def _of_file(path: Path, model: "NoiseModel") -> pl.DataFrame:
-    rows = read_rows(path, detected(path), n_frames=None)
+    rows = read_rows(path, detected(path), n_frames=None).observed
     columns = {"sequence": path.stem, "track": rows.track, "frame": _frames(rows, model)}
     places = {"u_px": rows.uv[:, 0], "v_px": rows.uv[:, 1]}
     quality = {QUALITY_PREFIX + name: values for name, values in rows.quality.items()}
@@ -133,6 +133,8 @@ def _frames(rows: Rows, model: "NoiseModel") -> NDArray[np.int64]:
     """Frames of the recording, from times where the file has no frames."""
     if rows.frame is not None:
         return rows.frame
+    if rows.time_s is None and rows.time_ns is None:
+        raise DataError(rows.path, "names of images", "frames or times")
     if model.camera.rate_hz is None:
         raise DataError(rows.path, "times, and a model that does not know the rate of its recordings", "frames")
     time, per_second = (rows.time_s, 1.0) if rows.time_ns is None else (rows.time_ns, 1e9)

@@ -107,6 +107,14 @@ def test_times_become_frames_by_the_rate_of_the_model(tmp_path):
         read_tracks(path, without)
 
 
+def test_rows_of_features_that_were_not_seen_are_no_observations(tmp_path):
+    path = tmp_path / "mine.csv"
+    rows = TRACKS.drop("sequence")
+    rows.with_columns(lost=pl.Series([0, 1, 0, 0, 0])).write_csv(path)
+    found = observation_noise(detections(), read_tracks(path, detections()))
+    assert found.select("track", "frame").rows() == sorted(rows.select("track", "frame")[[0, 2, 3, 4]].rows())
+
+
 def test_two_rows_of_one_track_in_one_frame_are_refused(tmp_path):
     path = tmp_path / "twice.csv"
     pl.concat([TRACKS, TRACKS]).drop("sequence").write_csv(path)

@@ -108,6 +108,10 @@ def test_what_is_not_seen_ends_and_begins_anew(program, started, visible):
     assert [step.ids.tolist() for step in steps] == [[0, 1], [0, 1], [], [2, 3], [3], [3]]
     assert steps[1].uv.tolist() == [[7, 8], [7, 8]]
     assert steps[4].uv.tolist() == [[11, 12]]
+    hidden = ~tracker.points.visible
+    assert tracker.points.point[hidden].tolist() == [0, 0]
+    assert tracker.points.frame[hidden].tolist() == [4, 5]
+    assert tracker.points.uv[hidden].tolist() == [[11, 12], [13, 14]]
 
 
 @pytest.mark.parametrize("word", ["2", "0.5", "yes", "nan", "1_0", ""])

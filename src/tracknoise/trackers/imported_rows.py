@@ -114,7 +114,7 @@ class Tracks:
     quality: Mapping[str, NDArray[np.float32]]  # (n,): columns ``quality_<name>`` by name; NaN where unknown
 
 
-_SWAP = "the option columns says which is u"
+_SWAP = "of a file, the option columns says which is u"
 _LARGEST_NORMALISED = 2.0
 _LEAST_ROWS = 10
 """With fewer rows, small positions do not prove normalised coordinates."""

@@ -86,6 +86,28 @@ def test_a_motion_that_no_other_tracker_can_confirm_is_established_only_if_it_ex
     assert verdict(pose_shares=poses(lk=((0.9, 0.8, 0.95), None))).verdict is Trust.not_trusted
 
 
+@pytest.mark.parametrize(
+    "shown", [{"audit": audit(named=(0.6, 0.5, 0.7))}, {"pose_shares": poses(lk=((0.9, 0.8, 0.95), None))}]
+)
+def test_tracks_alone_cannot_convict_a_truth_that_the_images_confirm(shown: dict[str, pl.DataFrame]) -> None:
+    for unclear in (None, 0.6):
+        assert verdict(**shown, confirmed_share=unclear).verdict is Trust.not_trusted
+    found = verdict(**shown, confirmed_share=0.1)
+    assert found.verdict is Trust.unknown
+    assert found.text.startswith("Tracks contradict the truth, but the images confirm at most 10.0")
+
+
+def test_wrong_tracks_say_nothing_about_the_truth() -> None:
+    shown = {"audit": audit(named=(0.6, 0.5, 0.7)), "mistakes": ["Poses are inverted."]}
+    found = table(
+        **shown, tracks=[("Tracks of one are wrong.", "Mend one."), ("Tracks of two are wrong.", "Mend two.")]
+    )
+    assert found["cause"].to_list() == ["every", "tracks", "tracks"]
+    said = TruthVerdict.of(found)
+    assert (said.verdict, said.is_usable, said.are_tracks_wrong) == (Trust.not_assessed, False, True)
+    assert said.sentence == "Tracks: wrong. Tracks of one are wrong. Tracks of two are wrong. Next: Mend one."
+
+
 def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
     large, seen = (0.9, 0.8, 0.95), (0.3, 0.1, 0.5)
     assert verdict(pose_shares=poses(lk=(large, (0.0, -0.1, 0.1)))).verdict == Trust.unknown

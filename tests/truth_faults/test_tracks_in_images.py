@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from benchmarks.validity.spoilt_tracks import SPOILS, chosen, right_tracks
 
-from tracknoise.truth_faults.tracks_in_images import STRAY, Reading, Tracked, wrong_reading
+from tracknoise.truth_faults.tracks_in_images import STRAY, Reading, Tracked, most_confirmed, wrong_reading
 
 WIDTH, HEIGHT, FRAMES = 160, 120, 24
 
@@ -119,3 +119,23 @@ def test_tracks_of_other_images_are_stray_where_the_images_follow_the_truth(corn
     true = other.uv[first] + (corners.uv - corners.uv[first])
     assert wrong_reading(replace(other, true=true), image) == STRAY
     assert wrong_reading(replace(other, true=np.full_like(true, np.nan)), image) is None
+
+
+def test_images_confirm_the_one_of_tracks_and_truth_that_is_exact(corners, image):
+    moved = corners.uv + np.random.default_rng(0).normal(0.0, 1.0, corners.uv.shape)
+    assert most_confirmed(replace(corners, uv=moved), image) < 0.1
+    assert most_confirmed(replace(corners, true=moved), image) > 0.9
+
+
+def test_images_confirm_the_part_of_the_truth_in_the_squared_differences(corners, image):
+    """Errors of both are independent, of .8 and .6 px: 64 % of the squares are errors of the truth."""
+    rng = np.random.default_rng(0)
+    first = np.array([np.flatnonzero(corners.track == track)[0] for track in corners.track])
+    uv, true = (corners.uv + rng.normal(0.0, sigma, corners.uv.shape) for sigma in (0.6, 0.8))
+    true[first], uv[first] = corners.uv[first], corners.uv[first]
+    assert most_confirmed(replace(corners, uv=uv, true=true), image) == pytest.approx(0.64, abs=0.15)
+
+
+def test_without_a_truth_or_differences_nothing_is_confirmed(corners, image):
+    assert most_confirmed(corners, image) is None
+    assert most_confirmed(replace(corners, true=np.full_like(corners.uv, np.nan)), image) is None

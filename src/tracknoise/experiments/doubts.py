@@ -48,7 +48,12 @@ class Doubts:
 
 
 def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
-    """Why the data of a sequence look wrong; nothing where only synthetic trackers saw it."""
+    """Why the data of a sequence look wrong; nothing where only synthetic trackers saw it.
+
+    `kinds`: of trackers, by name. Without any, only poses and intrinsics are asked.
+    """
+    if not kinds:
+        return _split(_of_poses(measurement.sequence))
     of_images = [name for name, kind in kinds.items() if kind not in SYNTHETIC]
     observed = measurement.observations.filter(pl.col("tracker").is_in(of_images))
     if observed.is_empty():
@@ -58,9 +63,14 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
         *_of_poses(measurement.sequence),
         *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0])),
     ]
-    fatal = [item.text for item in items if item.severity is Severity.fatal]
-    cautions = tuple(item.text for item in items if item.severity is Severity.caveat)
-    return Doubts((*fatal, *_of_errors(slowest), *_of_depths(measurement)), cautions)
+    found = _split(items)
+    return Doubts((*found.mistakes, *_of_errors(slowest), *_of_depths(measurement)), found.cautions)
+
+
+def _split(items: Items[Item]) -> Doubts:
+    """Sentences of items by what they mean."""
+    fatal = tuple(item.text for item in items if item.severity is Severity.fatal)
+    return Doubts(fatal, tuple(item.text for item in items if item.severity is Severity.caveat))
 
 
 def depth_edges(measurement: "Measurement") -> float:

@@ -9,13 +9,13 @@ import polars as pl
 from tracknoise.analysis.condition_units import groups_of_scenes
 from tracknoise.experiments.run_statistics import first_lighting
 from tracknoise.experiments.settings import SYNTHETIC, Experiment
-from tracknoise.experiments.wrong_tracks import wrong_in_run
+from tracknoise.experiments.wrong_tracks import largest, wrong_in_run
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import RIGID, VIEW, empty
 from tracknoise.tables.store import RunFolder
-from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
+from tracknoise.truth_faults.assessment import MOST, ErrorSize, TruthEvidence, assess, refutes
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
 from tracknoise.truth_faults.pose_accuracy import scene_shares
@@ -77,13 +77,15 @@ def trust_table(
     summary = tables["summary"].filter(*shown, pl.col("tracker").is_in(seen or every))
     states = all(entry.states_accuracy for entry in entries)
     floor = tables["floor"].filter(*shown, source="all", axis="age")
+    confirmed = largest([entry.confirmed_share for entry in entries])
     evidence = TruthEvidence(
         audit=tables["audit"],
         pose_shares=tables["pose_share"].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
         sizes=_sizes(summary, str(experiment.findings.trimming), floor if states else floor.clear()),
         curves=tables["audit_curves"],
         tracks=wrong_in_run([entry.wrong_tracks for entry in entries]),
-        mistakes=[*_each(entries, "doubts"), *usual_mistakes(tables["audit"])],
+        confirmed_share=confirmed,
+        mistakes=[*_each(entries, "doubts"), *([] if refutes(confirmed, MOST) else usual_mistakes(tables["audit"]))],
         cautions=_each(entries, "cautions"),
         depth_edges=fmean(entry.depth_edges for entry in entries),
         is_fitted=any(entry.truth == TRIANGULATED for entry in entries),

@@ -34,7 +34,7 @@ from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_se
 from tracknoise.experiments.resume import new_manifest, require_versions
 from tracknoise.experiments.run_lock import Claim
 from tracknoise.experiments.settings import Experiment
-from tracknoise.experiments.wrong_tracks import wrong_in_most, wrong_tracks
+from tracknoise.experiments.wrong_tracks import confirmed_share, largest, wrong_in_most, wrong_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.processes import raise_if_interruption, release_memory
 from tracknoise.sequences.images import content_hash, encode_png
@@ -46,6 +46,7 @@ from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan import ScanRule
+from tracknoise.truth_faults.assessment import MOST, refutes
 from tracknoise.words import SELF_REFERENTIAL
 
 
@@ -135,6 +136,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         notes=(note_of(task, parts, n_frames), *_notes(sequence, n_frames, middle.entry.truth, different)),
         states_accuracy=all(entry.states_accuracy for entry in entries),
         wrong_tracks=wrong_in_most([entry.wrong_tracks for entry in entries]),
+        confirmed_share=largest([entry.confirmed_share for entry in entries]),
         doubts=found.mistakes,
         cautions=found.cautions,
         depth_edges=fmean(entry.depth_edges for entry in entries),
@@ -178,10 +180,11 @@ def _measure_batch(
             else:
                 entry = replace(entry, notes=(*one_piece_notes(task, sequence), *entry.notes))
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
-            found = doubts(measurement, kinds)
             wrong = wrong_tracks(measurement, task.experiment)
-            mistakes = () if wrong else found.mistakes  # which the tracks would show
-            entries.append(replace(entry, wrong_tracks=wrong, doubts=mistakes, cautions=found.cautions))
+            confirmed = None if wrong else confirmed_share(measurement, task.experiment)
+            found = doubts(measurement, {} if wrong or refutes(confirmed, MOST) else kinds)
+            entry = replace(entry, wrong_tracks=wrong, confirmed_share=confirmed)
+            entries.append(replace(entry, doubts=found.mistakes, cautions=found.cautions))
         inputs = input_tables(batch, recorder, sequences)
     return [_with_inputs(entry, table, run) for entry, table in zip(entries, inputs, strict=True)]
 
@@ -337,7 +340,9 @@ def write_measurement(folder: RunFolder, experiment: Experiment, measurement: Me
         What was measured.
     """
     entry = sequence_entry(measurement, sha256={})
-    entry = replace(entry, wrong_tracks=wrong_tracks(measurement, experiment))
+    wrong = wrong_tracks(measurement, experiment)
+    confirmed = None if wrong else confirmed_share(measurement, experiment)
+    entry = replace(entry, wrong_tracks=wrong, confirmed_share=confirmed)
     tables = tables_to_keep(experiment, measurement.sequence, measurement)
     hashes = folder.write_sequence(entry.key, tables, encode_png(measurement.snapshot))
     return replace(entry, sha256=hashes)

@@ -14,7 +14,7 @@ from tracknoise.text import counted
 from tracknoise.trackers.imported import Imported
 from tracknoise.trackers.imported_rows import Units
 from tracknoise.trackers.tracker_registry import is_foreign, make_tracker
-from tracknoise.truth_faults.tracks_in_images import STRAY, Reading, Tracked, wrong_reading
+from tracknoise.truth_faults.tracks_in_images import STRAY, Reading, Tracked, most_confirmed, wrong_reading
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -27,6 +27,24 @@ def wrong_tracks(measurement: "Measurement", experiment: Experiment) -> tuple[tu
     """
     asked = [one for one in experiment.trackers if is_foreign(one.kind) and one.kind not in SYNTHETIC]
     return tuple(_wrong(measurement, asked))
+
+
+def confirmed_share(measurement: "Measurement", experiment: Experiment) -> float | None:
+    """Largest share of the squared differences between tracks and truth that the images confirm, of any tracker.
+
+    None where it is not determined. Built-in trackers see the images themselves: with one of them nobody is asked.
+    """
+    seen = [one for one in experiment.trackers if one.kind not in SYNTHETIC]
+    if not all(is_foreign(one.kind) for one in seen):
+        return None
+    tracked = (_tracked(measurement, one.label, None) for one in seen)
+    return largest([most_confirmed(one, measurement.image) for one in tracked])
+
+
+def largest(shares: Items[float | None]) -> float | None:
+    """The largest share; None where one is unknown, or there is none."""
+    known = [share for share in shares if share is not None]
+    return max(known) if known and len(known) == len(shares) else None
 
 
 def wrong_in_most(parts: Items[Items[tuple[str, str]]]) -> tuple[tuple[str, str], ...]:

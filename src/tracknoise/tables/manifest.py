@@ -46,6 +46,9 @@ class SequenceEntry:
         What was corrected or assumed while reading, one sentence each.
     wrong_tracks
         Why tracks do not follow its images, and what mends it, by tracker; empty where all do, or it is not determined.
+    confirmed_share
+        Largest share of the squared differences between tracks and truth that its images confirm; None where this is
+        not determined, or built-in trackers saw the images.
     doubts
         Why its data cannot be right, one or two sentences each; empty where nothing looks wrong.
     cautions
@@ -86,6 +89,7 @@ class SequenceEntry:
     z_depth_from: str | None = None
     kernels: str = ""
     wrong_tracks: tuple[tuple[str, str], ...] = ()
+    confirmed_share: float | None = None
     doubts: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     depth_edges: float = 0.0

@@ -134,7 +134,7 @@ class Tracks:
     points: StatedPoints | None = None  # all positions, where some are stated of features that were not seen
 
 
-_SWAP = "the option columns says which is u"
+_SWAP = "of a file, the option columns says which is u"
 _LARGEST_NORMALISED = 2.0
 _LEAST_ROWS = 10
 """With fewer rows, small positions do not prove normalised coordinates."""

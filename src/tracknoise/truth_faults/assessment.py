@@ -82,6 +82,8 @@ class TruthEvidence:
         Schema `AUDIT_CURVES`; by default unknown.
     tracks
         Why tracks do not follow the images, and what mends it: then they say nothing about the truth.
+    confirmed_share
+        Largest share of the squared differences between tracks and truth that the images confirm; None where unknown.
     mistakes
         Sentences about data that cannot be right.
     cautions
@@ -103,6 +105,7 @@ class TruthEvidence:
     sizes: Mapping[str, ErrorSize]
     curves: pl.DataFrame = field(default_factory=lambda: empty(AUDIT_CURVES))
     tracks: Sequence[tuple[str, str]] = ()
+    confirmed_share: float | None = None
     mistakes: Sequence[str] = ()
     cautions: Sequence[str] = ()
     depth_edges: float = 0.0
@@ -422,6 +425,8 @@ def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequen
         compared = "" if evidence.is_check else " `tracknoise check` says how well poses fit the images."
         return _Found(Trust.unknown, f"{known}{_caution(evidence)}", f"{_FITTED_STEP}{compared}")
     worst = max(bounds, key=lambda one: one.high, default=None)
+    if faults.share.value > SMALL and refutes(evidence.confirmed_share, faults.share.value):
+        return _refuted(evidence)
     if faults.share.value > SMALL:
         high = 0.0 if worst is None else worst.high
         rest = f" In all, up to {percent(high)} can be due to the truth." if high > faults.share.value else ""
@@ -430,9 +435,26 @@ def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequen
     return _unmeasured(evidence, sizes) if worst is None else _measured(evidence, worst, faults)
 
 
+def refutes(confirmed_share: float | None, share: float) -> bool:
+    """Whether images confirm so little that tracks alone cannot show a fault of the truth of this share."""
+    return confirmed_share is not None and confirmed_share < _CONFIRMED * share
+
+
+_CONFIRMED = 0.5
+
+
+def _refuted(evidence: TruthEvidence) -> _Found:
+    """Where tracks contradict a truth that the images confirm."""
+    part = percent(max(evidence.confirmed_share or 0.0, 0.0))
+    text = f"Tracks contradict the truth, but the images confirm at most {part} of the squared differences."
+    return _Found(Trust.unknown, text, "Check the tracks: the images agree better with the truth than with them.")
+
+
 def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found:
     """By how much the truth can explain of the errors of the tracker of which it can explain most."""
     sure, noise = worst.established, _noise_text(evidence)
+    if worst.high > MOST and sure is not None and refutes(evidence.confirmed_share, worst.causes[sure].value):
+        return _refuted(evidence)
     if worst.high > MOST and sure is not None:
         of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
         cause = TruthCause.any_fault if worst.is_like_fault else sure

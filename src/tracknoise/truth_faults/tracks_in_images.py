@@ -315,6 +315,55 @@ def wrong_reading(tracked: Tracked, image: Image) -> Reading | None:
     return next((one.reading for one in agreements(tracked, image) if one.is_better), None)
 
 
+_BETWEEN = (-0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25)
+_LEAST_ERROR_PX = 0.1
+
+
+def most_confirmed(tracked: Tracked, image: Image) -> float | None:
+    """Largest share of the differences between tracks and truth that the images confirm, of their squares.
+
+    Patches are compared on the way from where the truth expects a track to where it is reported. With tracks whose
+    noise is independent of the truth, the best place is as far on it as errors of the truth are in the differences:
+    0 where the truth is exact, 1 where the tracks are. Two standard errors over pairs of frames are added. None where
+    it is not determined.
+
+    Raises
+    ------
+    DataError
+        If an image cannot be read.
+    """
+    patches = _Patches(image)
+    found = np.array([_way(pair, patches) for pair in _pairs(tracked)])
+    found = found[np.isfinite(found)]
+    if len(found) < 2 * _FEWEST_PAIRS:
+        return None
+    return float(found.mean() + 2.0 * found.std(ddof=1) / np.sqrt(len(found)))
+
+
+def _way(pair: _Pair, patches: _Patches) -> float:
+    """Where on the way from the truth, 0, to the tracks of a pair, 1, patches agree best; NaN where it is unknown."""
+    error = (pair.uv_second - pair.uv_first) - (pair.true_second - pair.true_first)
+    known = np.flatnonzero(np.isfinite(error).all(axis=1))
+    if len(known) < _FEWEST or float(np.median(np.hypot(*error[known].T))) < _LEAST_ERROR_PX:
+        return np.nan
+    first = patches.of(pair.first, pair.true_first[known])
+    losses = np.array(
+        [
+            1.0 - correlation(first, patches.of(pair.second, pair.true_second[known] + part * error[known]))
+            for part in _BETWEEN
+        ]
+    )
+    all_known = np.isfinite(losses).all(axis=0)
+    if all_known.sum() < _FEWEST:
+        return np.nan
+    mean = losses[:, all_known].mean(axis=1)
+    best = int(np.clip(np.argmin(mean), 1, len(mean) - 2))
+    before, at, after = mean[best - 1 : best + 2]
+    bend = before - 2.0 * at + after
+    moved = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    return float(_BETWEEN[best] + np.clip(moved, -1.0, 1.0) * (_BETWEEN[1] - _BETWEEN[0]))
+
+
 _Values: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.integer]]
 """Loss of each track of a pair, how much it is a corner, and which track it is; NaN where unknown."""
 

@@ -76,6 +76,6 @@ def test_columns_that_no_position_has_are_refused():
 def test_positions_outside_name_the_option(tmp_path, setting):
     wide = np.array([[45.0, 5.0], [46.0, 6.0], [47.0, 7.0], [48.0, 8.0]])
     path = written(tmp_path / "tracks.csv", wide[:, 1], wide[:, 0])
-    with pytest.raises(DataError, match=r"the columns are swapped.*; the option columns says which is u"):
+    with pytest.raises(DataError, match=r"the columns are swapped.*; of a file, the option columns says which is u"):
         positions(Imported(str(path)), setting)
     assert positions(Imported(str(path), columns="v u"), setting) == pytest.approx(wide)

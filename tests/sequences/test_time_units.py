@@ -20,9 +20,9 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.sequences.folder import write_folder
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.sequences.time_units import TimeUnit, likely_unit
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.tables.identity import SequenceId
+from tracknoise.time_units import TimeUnit, likely_unit
 from tracknoise.truth_faults.check_recording import check_sequence
 
 N = 6

@@ -48,8 +48,8 @@ from tracknoise.estimators.linear_window import (
 from tracknoise.estimators.model import TOLERANCE, Component, Equivalent, Interval, KnownPoints, Landmark, Purpose
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.track_noise import COMPONENTS, TrackNoise
-from tracknoise.sequences.time_units import is_likely, likely_unit
 from tracknoise.text import significant
+from tracknoise.time_units import is_likely, likely_unit
 
 
 def scaled_component(component: Component, scale: float) -> Component:

@@ -19,8 +19,8 @@ from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
+from tracknoise.sequences.likely_times import require_likely_times
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.sequences.time_units import require_likely_times
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence

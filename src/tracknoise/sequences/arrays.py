@@ -13,11 +13,12 @@ from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.cameras import Camera, CameraModel
 from tracknoise.geometry.depth import LEAST_DEPTH_M, DepthMap
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.sequences.likely_times import by_argument, seconds_of
 from tracknoise.sequences.poses import checked_poses, has_pose
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.time_units import TimeUnit, by_argument, seconds_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import is_printable
+from tracknoise.time_units import TimeUnit
 
 _PLACE = "arrays"
 

@@ -21,17 +21,11 @@ from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.sequences.camera_files import CameraFile, cameras_in, read_camera_file, read_yaml
 from tracknoise.sequences.images import Levels, read_gray, require_levels
+from tracknoise.sequences.likely_times import StatedBy, require_likely_rate, require_pose_rate
 from tracknoise.sequences.poses import checked_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
 from tracknoise.sequences.sequence import SecondCamera
-from tracknoise.sequences.time_units import (
-    StatedBy,
-    TimeUnit,
-    require_likely_rate,
-    require_pose_rate,
-    unit_of_clock,
-)
 from tracknoise.sequences.timed_poses import (
     in_order,
     order_notes,
@@ -42,6 +36,7 @@ from tracknoise.sequences.timed_poses import (
 )
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
+from tracknoise.time_units import TimeUnit, unit_of_clock
 
 _DEVICE, _DATA, _SENSOR = "mav0", "data.csv", "sensor.yaml"
 POSE_SOURCES = ("state_groundtruth_estimate0", "mocap0", "vicon0", "gt")

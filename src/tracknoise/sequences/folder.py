@@ -26,6 +26,7 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
+from tracknoise.sequences.likely_times import seconds_of
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import (
@@ -37,10 +38,10 @@ from tracknoise.sequences.scenes import (
     with_option,
 )
 from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
-from tracknoise.sequences.time_units import TimeUnit, seconds_of
 from tracknoise.sequences.writing import new_folder, only_camera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
+from tracknoise.time_units import TimeUnit
 
 _IMAGES, _DEPTH, _POSES, _CAMERA, _TIMES = "images", "depth", "poses.txt", "camera.json", "timestamps.txt"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))

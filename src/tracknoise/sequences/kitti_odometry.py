@@ -32,13 +32,14 @@ from tracknoise.sequences.kitti_files import (
     read_values,
     rigid,
 )
+from tracknoise.sequences.likely_times import seconds_of
 from tracknoise.sequences.poses import read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder, with_option
 from tracknoise.sequences.sequence import SecondCamera
-from tracknoise.sequences.time_units import TimeUnit, seconds_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
+from tracknoise.time_units import TimeUnit
 
 CALIBRATION, TIMES = "calib.txt", "times.txt"
 CAMERAS = range(4)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert, nearest, transform
+from tracknoise.sequences.likely_times import require_seconds
 from tracknoise.sequences.poses import read_rows, require_some_poses
 from tracknoise.sequences.sequence import (
     IMAGE_AXES,
@@ -21,7 +22,6 @@ from tracknoise.sequences.sequence import (
     second_of,
     times_of,
 )
-from tracknoise.sequences.time_units import require_seconds
 from tracknoise.sequences.timed_poses import poses_at, trajectory
 from tracknoise.sequences.views import View
 from tracknoise.text import counted

@@ -14,6 +14,7 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.images import Levels, read_gray
+from tracknoise.sequences.likely_times import require_likely_times, require_seconds
 from tracknoise.sequences.orientation import orientation_notes
 from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.scenes import with_option
@@ -26,9 +27,9 @@ from tracknoise.sequences.sequence import (
     facts_of,
     require_directory,
 )
-from tracknoise.sequences.time_units import SHORTEST_S, require_likely_times, require_seconds
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.text import counted, counted_of, html_card, one_line
+from tracknoise.time_units import SHORTEST_S
 
 ImageSource = Callable[[int], NDArray[np.uint8]]
 DepthSource = Callable[[int], DepthMap | None]

@@ -15,6 +15,7 @@ from tracknoise.geometry.cameras import CameraModel
 from tracknoise.rosbag_files import BagFile, Position, find_bags
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
+from tracknoise.sequences.likely_times import require_likely_rate
 from tracknoise.sequences.orientation import turned_notes
 from tracknoise.sequences.poses import checked_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
@@ -32,9 +33,9 @@ from tracknoise.sequences.rosbag_frames import (
 )
 from tracknoise.sequences.rosbag_messages import UNNAMED_DEPTH, Wanted, camera_of, frame_name
 from tracknoise.sequences.scenes import SceneReader, parent_of, with_option
-from tracknoise.sequences.time_units import TimeUnit, require_likely_rate
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
+from tracknoise.time_units import TimeUnit
 
 _POSE_NUMBERS = 16
 _RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)", re.IGNORECASE)

@@ -32,9 +32,9 @@ from tracknoise.sequences.rosbag_messages import (
     transform_links,
 )
 from tracknoise.sequences.scenes import with_option
-from tracknoise.sequences.time_units import TimeUnit
 from tracknoise.sequences.timed_poses import path_through
 from tracknoise.text import counted, counted_of
+from tracknoise.time_units import TimeUnit
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,10 +31,10 @@ from tracknoise.geometry.pose import PosePath, nearest, nearest_rigid
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
+from tracknoise.sequences.likely_times import require_likely_rate, require_pose_rate, require_seconds
 from tracknoise.sequences.poses import read_rows
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
-from tracknoise.sequences.time_units import TimeUnit, require_likely_rate, require_pose_rate, require_seconds
 from tracknoise.sequences.timed_poses import (
     Trajectory,
     in_order,
@@ -46,6 +46,7 @@ from tracknoise.sequences.timed_poses import (
 )
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
+from tracknoise.time_units import TimeUnit
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

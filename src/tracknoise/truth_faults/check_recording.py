@@ -14,12 +14,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.sequences.likely_times import require_likely_times
 from tracknoise.sequences.sequence import Reader, Sequence
-from tracknoise.sequences.time_units import rate_of, require_likely_times
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import readable
 from tracknoise.tables.trust import TruthVerdict, ranges
 from tracknoise.text import printable
+from tracknoise.time_units import rate_of
 from tracknoise.truth_faults.check_report import CheckReport, Item, SequenceReport, Severity
 from tracknoise.truth_faults.check_verdict import sequence_trust
 from tracknoise.truth_faults.clock_check import clock

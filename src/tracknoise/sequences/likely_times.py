@@ -1,12 +1,11 @@
-"""Units of times in recordings: the one rule by which all readers doubt the unit that times are taken to be in.
+"""The one rule by which all readers doubt the unit that times are taken to be in.
 
-Cameras take 1 to 1,000 images per second. Times with another rate are refused, unless somebody states their unit: then
-a recording may be as slow or as fast as it is.
+Times with a rate that no camera has are refused, unless their unit is stated: then a recording may be as slow or as
+fast as it is.
 """
 
 from collections.abc import Callable
 from collections.abc import Sequence as Items
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -16,33 +15,20 @@ from tracknoise.exceptions import DataError
 from tracknoise.sequences.sequence import Sequence, has_stated_times, times_of
 from tracknoise.sequences.views import View
 from tracknoise.text import significant
+from tracknoise.time_units import (
+    FASTEST_HZ,
+    LATEST_S,
+    SHORTEST_S,
+    SLOWEST_HZ,
+    TimeUnit,
+    is_likely,
+    likely_unit,
+    rate_of,
+    unit_of_clock,
+)
 
-SLOWEST_HZ, FASTEST_HZ = 1.0, 1000.0
-"""Likely rates of cameras, and of recorded poses."""
-_ROUNDING = 0.05
-"""Share by which a rate may pass them: intervals are not exact."""
 _SAME_RATE = 3.0
 """Poses as frequent as frames to this factor have the unit of frames."""
-_USUAL_HZ = 30.0
-SHORTEST_S = 1e-12
-"""Shorter times between frames are none: poses between those of two frames could not be computed."""
-_LATEST_S = 1e11
-"""No clock of seconds shows more: it is more than 3000 years."""
-
-
-class TimeUnit(StrEnum):
-    """Unit of the times in a file."""
-
-    s = "s"
-    ms = "ms"
-    us = "us"
-    ns = "ns"
-
-    @property
-    def per_second(self) -> int:
-        """How many of it are a second."""
-        return int(1000 ** list(TimeUnit).index(self))
-
 
 StatedBy = Callable[[TimeUnit], str]
 """How a user states a unit, in words for a message."""
@@ -53,30 +39,6 @@ def by_argument(unit: TimeUnit) -> str:
     return f"time_unit = '{unit}'"
 
 
-def rate_of(times_s: NDArray[np.float64] | None) -> float | None:
-    """Frames per second by the median interval of times; None without two of them that increase."""
-    step = 0.0 if times_s is None or len(times_s) < 2 else float(np.median(np.diff(times_s)))
-    return 1.0 / step if step > 0.0 else None
-
-
-def is_likely(rate_hz: float) -> bool:
-    """Whether a camera may have this rate."""
-    return SLOWEST_HZ / (1.0 + _ROUNDING) <= rate_hz <= FASTEST_HZ * (1.0 + _ROUNDING)
-
-
-def likely_unit(rate_hz: float, taken: TimeUnit = TimeUnit.s) -> tuple[TimeUnit, float] | None:
-    """The unit in which times have a likely rate, and this rate, where they were taken in another; None without one."""
-    rates = {unit: rate_hz * unit.per_second / taken.per_second for unit in TimeUnit}
-    likely = [unit for unit, rate in rates.items() if is_likely(rate)]
-    best = min(likely, key=lambda unit: abs(np.log(rates[unit] / _USUAL_HZ)), default=None)
-    return None if best is None else (best, rates[best])
-
-
-def unit_of_clock(time: float) -> TimeUnit:
-    """The unit in which a large number can be a time since 1970; seconds for a small one."""
-    return next((unit for unit in TimeUnit if abs(time) / unit.per_second <= _LATEST_S), TimeUnit.ns)
-
-
 def require_seconds(
     times_s: NDArray[np.float64],
     places: Items[str],
@@ -85,13 +47,13 @@ def require_seconds(
     taken: TimeUnit = TimeUnit.s,
 ) -> None:
     """Check that times, (n,) float64, can be seconds; `stated_by`, `taken` as in `require_likely_rate`."""
-    for index in np.flatnonzero(~(np.abs(times_s) <= _LATEST_S))[:1]:
+    for index in np.flatnonzero(~(np.abs(times_s) <= LATEST_S))[:1]:
         number = float(times_s[index]) * taken.per_second
         unit = unit_of_clock(number)
         how = "convert it to seconds" if stated_by is None else stated_by(unit)
         probably = f"; it is probably in {unit}: {how}" if np.isfinite(number) else ""
         stated = "" if taken is TimeUnit.s else f" {taken}"
-        raise DataError(places[index], f"a timestamp of {number:g}{stated}", f"seconds, up to {_LATEST_S:g}{probably}")
+        raise DataError(places[index], f"a timestamp of {number:g}{stated}", f"seconds, up to {LATEST_S:g}{probably}")
 
 
 def require_likely_rate(

@@ -220,3 +220,13 @@ def test_fitted_points_that_are_too_near_are_told_from_poses_with_errors_above_t
     (mistake,) = doubts(found, KINDS).mistakes
     assert mistake.startswith("The median depth of points that are fitted to the tracks is 0.00")
     assert mistake.endswith(said)
+
+
+def test_views_that_no_tracker_can_follow_are_said_to_be_and_nothing_else_is_blamed():
+    poses = np.tile(np.eye(4), (len(MOVING), 1, 1))
+    poses[:, :3, :3] = Rotation.from_rotvec(np.radians(97.0) * np.outer(np.arange(len(MOVING)), (0, 1, 0))).as_matrix()
+    depth = [np.full(MOVING[0].shape, 4.0)] * len(MOVING)
+    found = doubts(measure(Sequence.from_arrays(MOVING, poses, K, depth), LucasKanade()), KINDS)
+    (mistake,) = found.mistakes
+    assert mistake.startswith("No tracker can follow: neighbouring views turn by 97 degrees")
+    assert found.cautions == ()

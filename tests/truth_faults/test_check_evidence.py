@@ -240,6 +240,9 @@ def test_views_without_a_common_part_are_no_path():
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
     poses[:, :3, :3] = Rotation.from_rotvec(np.radians(97.0) * np.outer(np.arange(FRAMES), [0, 1, 0])).as_matrix()
     item = view_changes(found(poses)[1])
-    assert "turn by 97 degrees in the median; the field of view is 6" in item.text
-    assert "No tracker can follow: these are probably photos in no order" in item.text
+    assert item.severity is Severity.fatal
+    assert item.text.startswith(
+        "No tracker can follow: neighbouring views turn by 97 degrees in the median, with a field"
+    )
+    assert "These are probably photos in no order" in item.text
     assert view_changes(found(EXACT)[1]) is None

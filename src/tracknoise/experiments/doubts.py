@@ -58,6 +58,8 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
     observed = measurement.observations.filter(pl.col("tracker").is_in(of_images))
     if observed.is_empty():
         return Doubts()
+    if (views := view_changes(measurement.sequence)) is not None:
+        return Doubts((views.text,))
     slowest = observed.filter(pl.col("speed") == observed["speed"].min())
     items = [
         *_of_poses(measurement.sequence),
@@ -82,8 +84,7 @@ def depth_edges(measurement: "Measurement") -> float:
 
 def _of_poses(sequence: Sequence) -> list[Item]:
     """Topics that need times, poses and intrinsics alone."""
-    changes, repeated = view_changes(sequence), repeated_frames(sequence)
-    found = [timestamps(sequence), changes, pose_jumps(sequence), intrinsics(sequence), repeated]
+    found = [timestamps(sequence), pose_jumps(sequence), intrinsics(sequence), repeated_frames(sequence)]
     return [item for item in found if item is not None]
 
 
@@ -93,6 +94,8 @@ def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> D
     What its poses say is said of all of it. What is a mistake in at least half of the parts is one of the sequence,
     reported as in the first of them.
     """
+    if (views := view_changes(sequence)) is not None:
+        return Doubts((views.text,))
     items = _of_poses(sequence)
     of_poses = [item.text for item in items if item.severity is Severity.fatal]
     cautions = [item.text for item in items if item.severity is Severity.caveat]

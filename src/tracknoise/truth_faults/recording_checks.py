@@ -158,11 +158,11 @@ def view_changes(sequence: Sequence) -> Item | None:
     if not median_deg > _MOST_OF_VIEW * seen_deg:
         return None
     text = (
-        f"Neighbouring views turn by {significant(median_deg, 2)} degrees in the median; the field of view is "
-        f"{significant(seen_deg, 2)} degrees. No tracker can follow: these are probably photos in no order, not frames "
-        "of one camera path."
+        f"No tracker can follow: neighbouring views turn by {significant(median_deg, 2)} degrees in the median, with a "
+        f"field of view of {significant(seen_deg, 2)} degrees. These are probably photos in no order, not frames of "
+        "one camera path."
     )
-    return Item("views", Severity.caveat, text, {"turned_deg": median_deg, "field_of_view_deg": seen_deg})
+    return Item("views", Severity.fatal, text, {"turned_deg": median_deg, "field_of_view_deg": seen_deg})
 
 
 _MOST_REPEATED = 0.1

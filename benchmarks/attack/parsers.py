@@ -50,6 +50,7 @@ from tracknoise.simulation.sdf_worlds import load_model, load_world
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.imported import Imported
+from tracknoise.trackers.keypoint_network import NetworkUnits, find_keypoints, require_network
 from tracknoise.trackers.tracker import SequenceContext
 from tracknoise.trackers.tracker_registry import make_tracker
 
@@ -134,6 +135,11 @@ def _read_tracks(path: Path) -> None:
     Imported(PathTemplate(str(path).replace("{", "{{").replace("}", "}}"))).start(context)
 
 
+def _find_keypoints(path: Path) -> None:
+    require_network(path)
+    find_keypoints(np.zeros(samples.SIZE[::-1], np.uint8), path, NetworkUnits.pixels)
+
+
 def _read_run(path: Path) -> None:
     run = RunFolder(path.parent)
     run.manifest()
@@ -210,6 +216,7 @@ PARSERS: tuple[Parser, ...] = (
         partial(read_depth_png_float32, camera=CAMERA),
         with_png_checksums,
     ),
+    Parser("network", samples.networks, "*.onnx", _find_keypoints),
     Parser("camera file", samples.camera_files, "*", read_camera_file),
     Parser("folder camera", samples.folder, "camera.json", partial(_open, Folder, 0)),
     Parser("folder poses", samples.folder, "poses.txt", partial(_open, Folder, 0)),

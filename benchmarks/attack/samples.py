@@ -405,6 +405,28 @@ def camera_files(root: Path) -> None:
         (root / name).write_text(text)
 
 
+def networks(folder: Path) -> None:
+    """A network of keypoints that gives what is in the file, and one with its numbers in another file."""
+    from onnx import TensorProto, helper, numpy_helper, save_model
+
+    folder.mkdir()
+    outputs = {
+        "keypoints": np.float32([[[3, 4], [5, 6], [7, 8]]]),
+        "scores": np.float32([[0.5, 0.7, 0.6]]),
+        "descriptors": np.ones((1, 3, 8), np.float32),
+        "covariances": np.float32(np.tile(np.eye(2), (1, 3, 1, 1))),
+    }
+    nodes = [helper.make_node("Identity", [f"constant {name}"], [name]) for name in outputs]
+    given = [helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 1, None, None])]
+    shown = [helper.make_tensor_value_info(name, TensorProto.FLOAT, None) for name in outputs]
+    initial = [numpy_helper.from_array(values, f"constant {name}") for name, values in outputs.items()]
+    graph = helper.make_graph(nodes, "small", given, shown, initial)
+    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
+    (folder / "whole.onnx").write_bytes(made.SerializeToString())
+    options = {"all_tensors_to_one_file": True, "location": "numbers.data", "size_threshold": 0}
+    save_model(made, folder / "external.onnx", save_as_external_data=True, **options)
+
+
 def folder(root: Path) -> None:
     """A sequence in the plain layout."""
     (root / "images").mkdir(parents=True)

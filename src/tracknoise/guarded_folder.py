@@ -126,7 +126,7 @@ def _heard(guard: "subprocess.Popen[bytes]") -> dict[str, Any]:
 
 
 def _serve(parent: int, prefix: str, where: str) -> None:
-    """What the guard does: make a folder, run what it is told, and remove the folder."""
+    """What the guard does: make a folder, run programs on request, and remove the folder."""
     for number in _ENDING:
         signal.signal(number, _leave)
     signal.pthread_sigmask(signal.SIG_SETMASK, ())

@@ -104,7 +104,7 @@ class Opened:
     most
         Size of the largest file whose content is looked at, bytes. None: of any size.
     unknown
-        What reads files that nobody knows, in a few words each.
+        What reads files that are not known, in a few words each.
     """
 
     counts: Callable[[Path], bool]
@@ -209,7 +209,7 @@ def note_stated(path: Path) -> None:
 
 
 def note_unknown(what: str) -> None:
-    """Note that something reads files that nobody knows."""
+    """Note that something reads files that are not known."""
     _tell(lambda opened, _: opened.unknown.add(what), Path())
 
 

@@ -2,7 +2,7 @@
 
 While a sequence is measured, every file that is read is recorded with a checksum of its content, and so are the source
 files of plug-ins. Before a run is resumed, the files are compared with what was recorded. Where a program reads files
-that nobody knows, the sequence is measured again. Paths below the folder of the
+that are not known, the sequence is measured again. Paths below the folder of the
 data are relative to it, so that data can be moved.
 """
 
@@ -156,7 +156,7 @@ class InputCheck:
             elif row["kind"] == InputKind.folder:
                 row["content"] = _names(path)
             elif row["kind"] == InputKind.unknown:
-                changed.append(f"nobody knows which files {path} reads; its `inputs` can state them")
+                changed.append(f"which files {path} reads is not known; its `inputs` can state them")
             elif row["kind"] == InputKind.code and (path, row["content"]) not in self._sources_of(task):
                 changed.append(f"the source file {path} of a plug-in changed")
             now.append(tuple(row.values()))

@@ -283,7 +283,7 @@ class InputKind(StrEnum):
     """What a measurement depends on.
 
     file: the content of a file. folder: the names in a folder. code: a source file of a plug-in. frames: the number of
-    frames that the reader finds. unknown: a program that reads files which nobody knows.
+    frames that the reader finds. unknown: a program that reads files which are not known.
     """
 
     file = "file"

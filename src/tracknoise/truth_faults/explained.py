@@ -17,8 +17,9 @@ and across g, without those beyond three scales, in cells of like g,
 is fitted to the cells of each tracker and age. A tracker whose noise is larger along the motion of the image has it in
 a. The share is that of sum s^2 (g Z^m)^2 in the sum of both variances. How errors of depths grow with depth is not
 known: as those of a scan, by a part of the depth, or as those of stereo (m = -1, 0, 1). The one that bounds least
-counts. Where depth maps of different frames were compared (`tracknoise.truth_faults.depth_repeats`), s is also known
-from them at each depth, whatever the trackers do: no bound, but the share of what the maps do not repeat.
+counts. Where g Z^m hardly differs, as of stereo where the camera moves evenly to the side, a is unknown, and all of
+along - across counts. Where depth maps of different frames were compared (`tracknoise.truth_faults.depth_repeats`), s
+is also known from them at each depth, whatever the trackers do: no bound, but the share of what the maps do not repeat.
 
 The same fault moves the true positions of one tracker farther than those of another, which follows other points. With
 the median q of the squares of derivatives of true positions by a number c of the faults, relative to that of all
@@ -53,7 +54,7 @@ _ROUNDS = 8
 _POWERS = (-1, 0, 1)
 """m of (truth.depths)."""
 _SAME = 0.01
-"""Squares of derivatives that differ by less than this part of them, squared, are alike."""
+"""Squares of derivatives are alike if their variance is less than this part of their mean square."""
 _CELLS, _LEAST_IN_CELL = 5, 12
 """Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
 
@@ -120,9 +121,11 @@ def _by_depths(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDAr
     length = np.hypot(*by_depth.T)
     if not np.any(length > 0.0):
         return Gain(0.0, 0.0, 0.0)
-    laws = (_Rows.of(samples, error, by_depth, length * samples.depth**power) for power in _POWERS)
-    found = [share for rows in laws if (share := _share_of(rows, _fitted_share)) is not None]
-    return max(found, key=lambda one: one.high, default=None)
+    rows = [_Rows.of(samples, error, by_depth, length * samples.depth**power) for power in _POWERS]
+    every, *laws = _share_of(rows[0], _excess), *(_share_of(one, _fitted_share) for one in rows)
+    if every is None:
+        return None
+    return max((every if one is None else one for one in laws), key=lambda one: one.high)
 
 
 def _by_depth_maps(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64]) -> Gain | None:
@@ -274,13 +277,20 @@ def _variances(squares: NDArray[np.float64], moved: NDArray[np.float64]) -> NDAr
 
 
 def _fitted_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
-    """Share that random errors of depths explain, of some rows; None where cells are too few."""
+    """Share that random errors of depths explain, of some rows; None where cells are too few, or too much alike."""
     cells = _Cells.of(rows, used)
     if not cells.members:
         return None
     x = np.array([np.mean(rows.moved[one]) for one in cells.members])
     weight = cells.count / np.maximum(cells.typical, 1e-12) ** 2
-    return cells.share(_slope(cells.group, weight, x, cells.variance[:, 0] - cells.variance[:, 1]) * x)
+    slope = _slope(cells.group, weight, x, cells.variance[:, 0] - cells.variance[:, 1])
+    return None if slope is None else cells.share(slope * x)
+
+
+def _excess(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
+    """Share of what is larger along than across, of some rows; None where cells are too few."""
+    cells = _Cells.of(rows, used)
+    return cells.share(cells.variance[:, 0] - cells.variance[:, 1]) if cells.members else None
 
 
 def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
@@ -294,14 +304,9 @@ def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
 
 def _slope(
     group: NDArray[np.intp], weight: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> float:
-    """Slope of y over x within groups, by weighted least squares; over x from 0 on where x hardly differs.
-
-    A constant of each group would then hide it.
-    """
+) -> float | None:
+    """Slope of y over x within groups, by weighted least squares; None where x hardly differs."""
     sums = np.maximum(np.bincount(group, weight), 1e-300)
     left, right = (values - (np.bincount(group, weight * values) / sums)[group] for values in (x, y))
-    if np.sum(weight * left * left) <= _SAME * np.sum(weight * x * x):
-        left, right = x, y
     square = float(np.sum(weight * left * left))
-    return float(np.sum(weight * left * right)) / square if square > 0.0 else 0.0
+    return float(np.sum(weight * left * right)) / square if square > _SAME * np.sum(weight * x * x) else None

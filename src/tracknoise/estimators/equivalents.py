@@ -232,7 +232,7 @@ class MeanSquares:
         found = {place: np.array([own[purpose] for purpose in Purpose]) for place, own in each.items()}
         own = [[found[place] for place in places if place in found] or list(found.values()) for places in self.places]
         mean = np.array([np.mean(some, axis=0) for some in own])
-        return np.einsum("upcij,ucij->up", mean[self.units.scene], self.noise)
+        return np.asarray(np.einsum("upcij,ucij->up", mean[self.units.scene], self.noise), dtype=np.float64)
 
     def sigmas(self, first: float | None, *, born_only: bool = False) -> dict[Purpose, Interval]:
         """Standard deviations that make each purpose right, over those of first observations where these differ."""

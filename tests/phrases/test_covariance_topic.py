@@ -96,7 +96,7 @@ SOME = {"verdict": "yes", "inside": 0.95, "half": 0.5}
     [
         (("image_along", CIRCLES, "no"), "Whitened errors are 1.90 (1.80 to 2.00) times as large along u as across."),
         (("own_along", TURNED, "no"), "0.250 (0.200 to 0.300) times as large along their long axes as across."),
-        (("own_turned", CIRCLES, "no"), "1.90 (1.80 to 2.00) times as large at 45 degrees to their axes as across."),
+        (("own_turned", CIRCLES, "no"), "1.90 (1.80 to 2.00) times as large between their axes as across."),
         (("own_along", (1.1, 0.8, 1.4), "undecided"), "Whether their shape is right is undecided."),
     ],
 )

@@ -29,7 +29,7 @@ was dropped is doubtful if its interval at the level of the model does not. The 
 alternative. Intervals are the smallest ones that contain those of the model and of its alternatives.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -289,10 +289,6 @@ class Bounded:
     low: Array
     high: Array
 
-    def hull(self, other: "Bounded") -> "Bounded":
-        """The same values, with the smallest intervals that contain both."""
-        return Bounded(self.value, np.fmin(self.low, other.low), np.fmax(self.high, other.high))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeightedSums:
@@ -308,23 +304,18 @@ class WeightedSums:
         """Of the units of a condition."""
         return cls(units, weights, LeftOut.of(units.points, independent_sums(units)))
 
-    def half_traces(
-        self, active: Sequence[int], *, scale: str, level: float, of: Callable[[Array], Array] = np.asarray
-    ) -> Bounded:
-        """Half traces of the active components, or what is computed of them.
-
-        Intervals are those of Student from the jackknife on a scale.
-        """
+    def half_traces(self, active: Sequence[int], *, scale: str, level: float) -> Bounded:
+        """Half traces of the active components. Intervals are those of Student from the jackknife on a scale."""
 
         def statistics(sums: Array) -> Array:
-            return of(Equations.of(sums).half_traces(self.weights, active))[:, None]
+            return Equations.of(sums).half_traces(self.weights, active)[:, None]
 
         found = pooled(
             self.units,
             np.zeros((0, len(self.units.sums))),
             statistics,
             Method(IntervalKind.student, level),
-            scales=[scale] * len(statistics(self.units.sums.sum(axis=0).T)),
+            scales=[scale] * len(active),
             sizes=self.units.sums[..., 0].sum(axis=1)[None],
         )
         return Bounded(found.value[:, 0], found.low[:, 0], found.high[:, 0])
@@ -350,7 +341,6 @@ class WeightedSums:
         return self._scores[chosen]
 
 
-_ONE_SIGMA = 0.683
 ALMOST_CERTAIN = 0.999
 """Level of the interval of a component that is kept without doubt."""
 _ROUNDING = 1e-12

@@ -118,11 +118,11 @@ def _shape(rows: Rows) -> list[str]:
 
 _AXES = {
     "shape_image_along": "along u",
-    "shape_image_turned": "along the diagonal of u and v",
+    "shape_image_turned": "along the diagonal",
     "shape_own_along": "along their long axes",
-    "shape_own_turned": "at 45 degrees to their axes",
+    "shape_own_turned": "between their axes",
     "shape_motion_along": "along the motion",
-    "shape_motion_turned": "at 45 degrees to the motion",
+    "shape_motion_turned": "oblique to the motion",
 }
 
 

@@ -77,7 +77,7 @@ def _of_cloud(message: Any, camera: int | str | None) -> _Seen:
     if len(values) < 3:
         raise ValueError(f"a cloud of {len(values)} channels, which are not id, u and v")
     if len(values) < _WITH_CAMERA:
-        return _plain(*values[:3])
+        return _plain(*(values[:3] if camera in (None, 0) else ((), (), ())))
     mine = np.asarray(values[1]) == (0 if camera is None else camera)
     track, u, v = (np.asarray(values[place])[mine] for place in (0, 2, 3))
     return replace(_plain(track, u, v), several=not mine.all())
@@ -163,12 +163,11 @@ def _read(path: Path, chosen: Selection) -> Rows:
 
     more = {key for one in seen if len(one.uv) for key in one.more}
     columns = {key: np.concatenate([one.more.get(key, np.full(len(one.uv), np.nan)) for one in seen]) for key in more}
-    by_channel = bool(more) or cameras is not None
     said = meant(
         path,
         {key: pl.Series(values) for key, values in sorted(columns.items()) if has_meaning(key)},
         len(uv),
-        chosen if by_channel and cameras is None else replace(chosen, camera=None),
+        chosen if more else replace(chosen, camera=None),
         message_of,
     )
     seen_there = said.mine if said.seen is None else said.mine & said.seen

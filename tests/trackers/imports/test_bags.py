@@ -135,6 +135,19 @@ def test_tracks_of_a_topic_are_those_that_the_front_end_published(tmp_path, kind
         assert found[2].quality["tracking_error"].tolist() == [0.25] * 3
 
 
+def test_a_camera_that_a_topic_does_not_have_is_named(tmp_path) -> None:
+    for make, message in ((cloud, "no feature of camera 1, expected"), (oak, "no camera 1, expected one of 0")):
+        with pytest.raises(DataError, match=message):
+            steps(written(tmp_path / make.__name__, Format.ros1, {"/tracks": make}), camera=1)
+
+
+def test_the_second_camera_of_a_pair_can_be_chosen(tmp_path) -> None:
+    path = written(tmp_path, Format.ros1, {"/tracks": msckf})
+    first, second = (steps(path, units=Units.normalised, camera=camera)[0] for camera in (0, 1))
+    np.testing.assert_allclose(first.uv, at(0), atol=1e-4)
+    np.testing.assert_allclose(second.uv, [[160.0, 120.0]] * 3)
+
+
 def test_the_topic_is_asked_for_where_several_have_tracks(tmp_path) -> None:
     path = written(tmp_path, Format.ros1, {"/one": cloud, "/two": oak})
     with pytest.raises(DataError, match=r": topics of tracks /one, /two, expected one, or topic = \.\.\."):

@@ -14,6 +14,7 @@ from tracknoise.exceptions import SettingsError, first_line
 from tracknoise.options import PathTemplate
 from tracknoise.tables.identity import PLACEHOLDERS, Direction, SequenceId
 from tracknoise.tables.schema import TrackEnd
+from tracknoise.time_units import TimeUnit
 from tracknoise.trackers.features import ALIVE, Features, report
 from tracknoise.trackers.imported_rows import (
     IN_FLOAT32,
@@ -31,7 +32,7 @@ from tracknoise.trackers.imported_rows import (
     Units,
 )
 from tracknoise.trackers.refinement import SHIFT, Refinement
-from tracknoise.trackers.track_columns import Moment, Selection, TimeUnit
+from tracknoise.trackers.track_columns import Moment, Selection
 from tracknoise.trackers.track_files import SUFFIXES, TrackFormat, detected, origin_of, read_rows
 from tracknoise.trackers.tracker import Frame, SequenceContext, StatedPoints, Step, is_quality_name
 

@@ -16,15 +16,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.text import counted_of, significant
-
-
-class TimeUnit(StrEnum):
-    """Units of times in files: seconds, milliseconds, microseconds or nanoseconds."""
-
-    s = "s"
-    ms = "ms"
-    us = "us"
-    ns = "ns"
+from tracknoise.time_units import TimeUnit
 
 
 class Moment(StrEnum):
@@ -94,7 +86,6 @@ TIMES: Mapping[str, TimeUnit | None] = {
     **{base + name: TimeUnit(unit) for base in _TIME_BASES for unit, names in _UNITS.items() for name in names},
 }
 """Keys of columns of times, best first, and the unit that their names state."""
-PER_SECOND: Mapping[TimeUnit, int] = {TimeUnit.s: 1, TimeUnit.ms: 10**3, TimeUnit.us: 10**6, TimeUnit.ns: 10**9}
 _LEAST_FOUND = 0.5
 """A smaller share of found features says that 0 is what was found."""
 _MEANT = _SEEN | _NOT_SEEN | _STATUS | _SCORE | _CAMERA

@@ -37,16 +37,15 @@ from tracknoise.foreign_files import MIB, damage_reported, is_number, natural_or
 from tracknoise.parsing_child import call_in_child
 from tracknoise.tables.schema import QUALITY_NAME, QUALITY_PREFIX
 from tracknoise.text import counted
+from tracknoise.time_units import TimeUnit
 from tracknoise.trackers.image_names import is_image_name
 from tracknoise.trackers.imported_rows import IN_FLOAT32, LARGEST, PixelOrigin, Rows, whole_numbers
 from tracknoise.trackers.track_columns import (
     IMAGES,
-    PER_SECOND,
     PLAIN,
     TIMES,
     Moment,
     Selection,
-    TimeUnit,
     has_meaning,
     key,
     known_name,
@@ -165,7 +164,7 @@ def read_events(path: Path, chosen: Selection = PLAIN) -> Rows:
         return _rows(path, _split_table(path, names), chosen)
     found = read_numbers(path, None, _EVENTS)
     track = whole_numbers(lambda row: f"{path}:{found.lines[row]}", found.values[:, 0], "id")
-    time_s = found.values[:, 1] / PER_SECOND[chosen.time_unit or TimeUnit.s]
+    time_s = found.values[:, 1] / (chosen.time_unit or TimeUnit.s).per_second
     notes = found.more.notes(path, len(_EVENTS), "# id t x y visible")
     return Rows(path, track, found.values[:, 2:].copy(), time_s=time_s, line=np.array(found.lines), notes=notes)
 
@@ -229,7 +228,7 @@ def read_xivo(path: Path, chosen: Selection = PLAIN) -> Rows:
     track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 1], "id")
     time_ns = whole_numbers(lambda row: f"{path}:{lines[row]}", np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
     if chosen.time_unit is not None:
-        time_ns *= PER_SECOND[TimeUnit.ns] // PER_SECOND[chosen.time_unit]
+        time_ns *= TimeUnit.ns.per_second // chosen.time_unit.per_second
     between = np.diff(np.unique(time_ns))
     if len(between) and np.median(between) < _LEAST_BETWEEN_NS:
         first = ", ".join(map(str, np.unique(time_ns)[:3]))
@@ -400,8 +399,8 @@ def _times(observed: _Observed, name: str, unit: TimeUnit | None, *, beside: boo
     if unit is None and are_whole and np.abs(times).min() >= _TABLE_LEAST_NANOSECONDS:
         unit = TimeUnit.ns
     if unit in (None, TimeUnit.s) or not are_whole:
-        return {"time_s": times / PER_SECOND[unit or TimeUnit.s]}
-    factor = PER_SECOND[TimeUnit.ns] // PER_SECOND[unit]
+        return {"time_s": times / (unit or TimeUnit.s).per_second}
+    factor = TimeUnit.ns.per_second // unit.per_second
     observed.refuse(factor * np.abs(times) > _MOST_NANOSECONDS, name, "a time before the year 2100")
     return {"time_ns": factor * whole.to_numpy()}
 

@@ -60,13 +60,16 @@ def missing_extra(what: str, extra: str) -> SettingsError:
 
 
 class UnknownNameError(TracknoiseError):
-    """A name (tracker, reader, scene, preset, ...) is unknown. `aliases`: known names by others that people use."""
+    """A name (tracker, reader, scene, preset, ...) is unknown.
+
+    `aliases`: known names by others that people use, which may be none; then abbreviations are understood too.
+    """
 
     def __init__(
         self, kind: str, name: object, known: Iterable[object], aliases: Mapping[str, str] | None = None
     ) -> None:
         self.kind, self.name, self.known = kind, name, sorted(map(str, known))  # members of enumerations too
-        self.aliases = dict(aliases or {})
+        self.aliases = aliases
         super().__init__(kind, name, self.known, self.aliases)
 
     def _message(self) -> str:
@@ -83,16 +86,20 @@ _SHORTEST = 2
 def did_you_mean(name: str, known: Iterable[str], aliases: Mapping[str, str] | None = None) -> str:
     """`` (did you mean 'lucas-kanade'?)`` for ``lucas``, ``lk`` or a misspelling; empty where no name is like it.
 
-    Case does not matter, nor do signs between words. In this order: an alias, what begins with the name, what is
-    spelt much alike, what has these initials, what has a word that begins with it, what the name begins with.
+    Without `aliases`, only what is spelt much alike. Otherwise, in this order, whatever the case and the signs: an
+    alias, what begins with the name, what is spelt much alike, what has these initials, what has a word that begins
+    with it, what the name begins with.
     """
     names, spelt = list(known), _plain(name)
+    alike = get_close_matches(name, names, n=1) or get_close_matches(name.lower(), names, n=1)
+    if aliases is None:
+        return f" (did you mean {alike[0]!r}?)" if alike else ""
     words = {one: [part for part in re.split(r"[^a-z0-9]+", one.lower()) if part] for one in names}
     is_long = len(spelt) >= _SHORTEST
     found = [
-        *filter(None, [(aliases or {}).get(spelt)]),
+        *filter(None, [aliases.get(spelt)]),
         *sorted((one for one in names if is_long and _plain(one).startswith(spelt)), key=len),
-        *(get_close_matches(name, names, n=1) or get_close_matches(name.lower(), names, n=1)),
+        *alike,
         *(one for one in names if is_long and spelt == "".join(part[0] for part in words[one])),
         *(one for one in names if is_long and any(part.startswith(spelt) for part in words[one])),
         *(one for one in names if len(_plain(one)) > _SHORTEST and spelt.startswith(_plain(one))),

@@ -72,7 +72,7 @@ class Plugins(Generic[T]):
             return found
         point = self._entry_point(name)
         if point is None:
-            raise UnknownNameError(self.what, name, self.names())
+            raise UnknownNameError(self.what, name, self.names(), {})
         return self._load_entry_point(point)
 
     def make(

@@ -10,7 +10,7 @@ ERRORS = {
     "folder/a.png: no such file, expected an image": DataError(Path("folder/a.png"), "no such file", "an image"),
     "unknown tracker 'lucas'; known: oracle": UnknownNameError("tracker", "lucas", ["oracle"]),
     "unknown tracker 'lucas' (did you mean 'lucas-kanade'?); known: lucas-kanade": UnknownNameError(
-        "tracker", "lucas", ["lucas-kanade"]
+        "tracker", "lucas", ["lucas-kanade"], {}
     ),
     "unknown tracker 'KLT' (did you mean 'lucas-kanade'?); known: lucas-kanade": UnknownNameError(
         "tracker", "KLT", ["lucas-kanade"], {"klt": "lucas-kanade"}
@@ -49,4 +49,4 @@ def test_one_line_that_survives_the_way_from_another_process(message, error):
 )
 def test_what_people_write_for_a_name_is_understood(name, meant):
     known = ["kitti", "kitti-odometry", "lucas-kanade", "orb-slam3", "tum", "vins-mono"]
-    assert did_you_mean(name, known) == (f" (did you mean {meant!r}?)" if meant else "")
+    assert did_you_mean(name, known, {}) == (f" (did you mean {meant!r}?)" if meant else "")

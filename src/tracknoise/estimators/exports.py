@@ -340,7 +340,7 @@ def estimator_name(name: object) -> str:
     known = _names().get(_plain(name)) if isinstance(name, str) else None
     if known is None:
         listed = {one: about.aliases for one, about in estimators().items()}
-        raise UnknownNameError("estimator", name, [*listed, *chain.from_iterable(listed.values())])
+        raise UnknownNameError("estimator", name, [*listed, *chain.from_iterable(listed.values())], {})
     if known in refused():
         raise SettingsError(f"{refused()[known].title}: {refused()[known].why}")
     return known

@@ -178,7 +178,7 @@ def load_experiment(
     elif str(name) in preset_names():
         place, text = f"preset {name}", (_PRESETS / f"{name}.toml").read_text(encoding="utf-8")
     else:
-        raise UnknownNameError("experiment file or preset", str(name), preset_names())
+        raise UnknownNameError("experiment file or preset", str(name), preset_names(), {})
     experiment = parse_experiment(text, place=place)
     try:
         if is_file:

@@ -130,7 +130,7 @@ def preset_names() -> list[str]:
 def preset_text(name: str) -> str:
     """The file of a preset: TOML with a comment on every value."""
     if name not in preset_names():
-        raise UnknownNameError("preset of a tracker", name, preset_names())
+        raise UnknownNameError("preset of a tracker", name, preset_names(), {})
     return (_FOLDER / f"{name}.toml").read_text(encoding="utf-8")
 
 

@@ -64,11 +64,11 @@ def test_white_noise_has_one_sigma_for_free_landmarks(model: tn.NoiseModel) -> N
         # the first position of an oracle has no noise, which an estimator of one sigma does not know
         assert 0.75 * MIDDLE < sigmas[Purpose.INNOVATIONS] < 1.01 * MIDDLE
     state = model.equivalent(landmark=Landmark.STATE, window=10, purpose=Purpose.NEWEST_POSE)
-    assert state.sigma.value == pytest.approx(MIDDLE, rel=0.02)
+    assert 0.2 < state.sigma.value < 1.01 * MIDDLE  # noise in v turns poses, and has 0.2 px
     assert state.sigma.low < state.sigma.value < state.sigma.high
     # most tracks began before the window: their first observation there has noise, and is taken as exact
     exact = model.equivalent(landmark=Landmark.EXACT, window=10, purpose=Purpose.NEWEST_POSE)
-    assert math.sqrt(2) * MIDDLE < exact.sigma.value < 2.02 * MIDDLE
+    assert math.sqrt(2) * state.sigma.value < exact.sigma.value < 2.02 * MIDDLE
 
 
 def test_speeds_are_fitted_apart_and_agree(fast_model: tn.NoiseModel, model: tn.NoiseModel) -> None:

@@ -479,7 +479,7 @@ class FittedComponents:
         sums, root = self.sums.units.sums, np.sqrt(self.sums.weights)
         own, counts, every = Equations.of(sums.transpose(2, 1, 0)), sums[..., 0].T, Equations.of(sums.sum(axis=0).T)
         half, _ = nnls(root[:, None] * np.nan_to_num(every.factors), root * np.nan_to_num(every.half_trace))
-        active = np.flatnonzero(half).tolist() if half.any() else list(self.selection.active)
+        active = [int(one) for one in np.flatnonzero(half)] or list(self.selection.active)
         together = every.solved(self.sums.weights, active)
         alone = np.array([every.half_traces(self.sums.weights, [one])[0] for one in active])
         whole = self.sums.weights * _relative_variance(sums[..., 0].sum(axis=0))

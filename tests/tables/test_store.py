@@ -100,7 +100,7 @@ def test_a_damaged_manifest_is_named(run, content, message):
 
 def test_a_run_of_another_format_says_what_to_do_and_can_be_replaced(run):
     (run.path / "manifest.json").write_text('{"format": 4, "sequences": {}}')
-    with pytest.raises(StoreError, match="format 4, expected 10: measure again with --fresh"):
+    with pytest.raises(StoreError, match=f"format 4, expected {FORMAT}: measure again with --fresh"):
         run.manifest()
     run.clear()
     assert not run.exists

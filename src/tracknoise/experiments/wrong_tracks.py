@@ -32,7 +32,7 @@ def wrong_tracks(measurement: "Measurement", experiment: Experiment) -> tuple[tu
 def confirmed_share(measurement: "Measurement", experiment: Experiment) -> float | None:
     """Largest share of the squared differences between tracks and truth that the images confirm, of any tracker.
 
-    None where it is not determined. Built-in trackers see the images themselves: with one of them nobody is asked.
+    None where it is not determined. Built-in trackers see the images themselves: with one of them it is not asked.
     """
     seen = [one for one in experiment.trackers if one.kind not in SYNTHETIC]
     if not all(is_foreign(one.kind) for one in seen):

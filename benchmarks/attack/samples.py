@@ -276,7 +276,8 @@ def tracks(folder: Path) -> None:
 
     lines = [f"{track} {frame / 10} {u} {v}" for track, frame, u, v, _ in rows]
     (folder / "events.txt").write_text("# id t x y\n" + "\n".join(lines) + "\n")
-    dump = [f"{frame * 1e8:.18e},{track},{u:.18e},{v:.18e},0.0,1.0" for track, frame, u, v, _ in rows]
+    descriptor = ",".join(["0.0", "1.0"] * 4)
+    dump = [f"{frame * 1e8:.18e},{track},{u:.18e},{v:.18e},{descriptor}" for track, frame, u, v, _ in rows]
     (folder / "xivo.txt").write_text("\n".join(dump) + "\n")
     positions = np.array(rows)[:, 2:4].reshape(6, 4, 2)
     np.savez(folder / "tap.npz", tracks=positions, occluded=positions[..., 0] > 12)

@@ -104,7 +104,7 @@ def _cause(found: Reading) -> str:
     if found == STRAY:
         return "these follow the truth at the same points"
     if found.shuffled:
-        return "their ids name other features in each frame"
+        return "their ids name other features in other frames"
     if found.later:
         when = "later" if found.later > 0 else "earlier"
         return f"they are those of images {counted(abs(found.later), 'frame')} {when}"
@@ -118,7 +118,9 @@ def _step(found: Reading, tracker: str, imported: Imported | None, sequence: Seq
     if found == STRAY:
         return f"Check which recording, frames and size of images the positions of {tracker} are of."
     if found.shuffled:
-        return f"Give each feature of {tracker} one id in all frames."
+        if imported is None:
+            return f"Give each feature of {tracker} one id in all frames."
+        return f'Set ids = "slots" for {tracker} if they are slots of an array; otherwise give each feature one id.'
     if imported is None:
         return f"Make {tracker} report u to the right and v down, in px of these images, in the frame that it sees."
     if found.later:

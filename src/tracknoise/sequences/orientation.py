@@ -62,7 +62,7 @@ def turned_notes(place: str | Path, turned: Iterable[int], n_read: int) -> tuple
 
 def _of_file(path: Path) -> int:
     try:
-        return orientation_of(read_head(path, "an image", EXIF_BYTES))
+        return orientation_of(read_head(path, "an image", EXIF_BYTES)) if path.is_file() else UPRIGHT
     except DataError:
         return UPRIGHT
 

@@ -41,7 +41,7 @@ def test_the_answer_fits_into_twelve_lines_however_many_trackers_there_are(seven
     assert err.splitlines() == ["The numbers of every tracker and speed: --table", "one failed"]
 
 
-@pytest.mark.parametrize("verdict", list(Trust))
+@pytest.mark.parametrize("verdict", [verdict for verdict in Trust if verdict is not Trust.not_assessed])
 def test_the_verdict_on_the_truth_comes_before_numbers_that_it_forbids(seven, monkeypatch, capsys, verdict):
     monkeypatch.setattr(TruthVerdict, "of", lambda trust: TruthVerdict(verdict, "A reason.", "Mend it."))
     print_results(Terminal(), seven, report=False, table=False)
@@ -49,6 +49,13 @@ def test_the_verdict_on_the_truth_comes_before_numbers_that_it_forbids(seven, mo
     first = verdict in (Trust.not_trusted, Trust.unknown)
     assert lines[0 if first else -1] == f"Truth: {verdict}. A reason. Next: Mend it."
     assert any(line.startswith(TRACKERS[0]) for line in lines)
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_tracks_that_do_not_follow_the_images_have_no_numbers(seven, monkeypatch, capsys, table):
+    monkeypatch.setattr(TruthVerdict, "of", lambda trust: TruthVerdict(Trust.not_assessed, "A reason.", "Mend it."))
+    print_results(Terminal(), seven, report=False, table=table)
+    assert capsys.readouterr().out.splitlines() == ["Tracks: wrong. A reason. Next: Mend it."]
 
 
 def test_tables_name_every_tracker_and_hold_what_the_answer_leaves_out(seven, capsys):

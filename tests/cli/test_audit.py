@@ -13,9 +13,9 @@ keep = "statistics"
 reader = "simulated"
 [dataset.options]
 motions = ["arvr"]
-frames = 16
-width = 160
-height = 120
+frames = 20
+width = 240
+height = 180
 [[trackers]]
 kind = "lucas-kanade"
 """

@@ -7,6 +7,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from tracknoise.experiments.settings import SYNTHETIC, Experiment, TrackerChoice
 from tracknoise.sequences.sequence import Sequence, times_of
@@ -65,7 +66,8 @@ def _in_some(text: str, count: int, total: int) -> str:
 
 def _wrong(measurement: "Measurement", asked: list[TrackerChoice]) -> Iterator[tuple[str, str]]:
     for choice in asked:
-        settings = make_tracker(choice.kind, choice.options) if choice.kind == Imported.kind else None
+        of_file = choice.kind == Imported.kind and "path" in choice.options  # tracks from arrays have no options
+        settings = make_tracker(choice.kind, choice.options) if of_file else None
         imported = settings if isinstance(settings, Imported) else None
         found = wrong_reading(_tracked(measurement, choice.label, imported), measurement.image)
         if found is not None:
@@ -76,7 +78,7 @@ def _wrong(measurement: "Measurement", asked: list[TrackerChoice]) -> Iterator[t
 def _tracked(measurement: "Measurement", tracker: str, imported: Imported | None) -> Tracked:
     """Observations of a tracker at the lowest speed."""
     rows = measurement.observations.filter(tracker=tracker)
-    rows = rows.filter(speed=rows["speed"].min())
+    rows = rows.filter(pl.col("speed") == pl.col("speed").min())
     camera = measurement.sequence.camera
     size = camera.width, camera.height
     stated = size if imported is None or imported.raster is None else imported.raster

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.validity.rigid import CAMERA, Seen, observed, pose_noise, prepared
+from benchmarks.validity.truth_verdicts import smoothed_poses
 from tracknoise.experiments.geometry_tables import audit_samples, cameras_table, poses_table
 from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.projection import FrameGeometry
@@ -149,20 +150,8 @@ def noisy_depth(power: int) -> Degrade:
 
 
 def smoothed(scene: Scene, size: float, rng: np.random.Generator) -> Stated:
-    """Poses plus size times their second difference, in steps of at most 1/4."""
-    poses, passes = scene.poses, max(1, int(np.ceil(size / 0.25)))
-    at = np.arange(FRAMES)
-    for _ in range(passes):
-        before, after = (poses[np.clip(at + step, 0, FRAMES - 1)] for step in (-1, 1))
-        turned = sum(
-            Rotation.from_matrix(np.swapaxes(poses[:, :3, :3], 1, 2) @ other[:, :3, :3]).as_rotvec()
-            for other in (before, after)
-        )
-        changed = poses.copy()
-        changed[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(size / passes * turned).as_matrix()
-        changed[:, :3, 3] += size / passes * (before[:, :3, 3] + after[:, :3, 3] - 2.0 * poses[:, :3, 3])
-        poses = changed
-    return Stated(poses, scene.seen.depth_m)
+    """With smoothed poses."""
+    return Stated(smoothed_poses(scene.poses, size), scene.seen.depth_m)
 
 
 EXACT = "exact"

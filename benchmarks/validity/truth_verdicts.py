@@ -229,9 +229,8 @@ def noisy_depth(scene: Followed, size: float, rng: np.random.Generator) -> Truth
     ]
 
 
-def smoothed(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
-    """Poses plus size times their second difference, in steps of at most 1/4."""
-    poses = scene.poses
+def smoothed_poses(poses: Array, size: float) -> Array:
+    """Poses, (n, 4, 4), plus size times their second difference, in steps of at most 1/4."""
     passes = max(1, int(np.ceil(size / 0.25)))
     for _ in range(passes):
         before, after = (poses[np.clip(np.arange(len(poses)) + step, 0, len(poses) - 1)] for step in (-1, 1))
@@ -243,7 +242,12 @@ def smoothed(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
         changed[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(size / passes * turned).as_matrix()
         changed[:, :3, 3] += size / passes * (before[:, :3, 3] + after[:, :3, 3] - 2.0 * poses[:, :3, 3])
         poses = changed
-    return poses, scene.depths
+    return poses
+
+
+def smoothed(scene: Followed, size: float, rng: np.random.Generator) -> Truth:
+    """With `smoothed_poses`."""
+    return smoothed_poses(scene.poses, size), scene.depths
 
 
 def per_frame_m(scene: Followed) -> float:

@@ -180,13 +180,19 @@ def _measure_batch(
             else:
                 entry = replace(entry, notes=(*one_piece_notes(task, sequence), *entry.notes))
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
-            wrong = wrong_tracks(measurement, task.experiment)
-            confirmed = None if wrong else confirmed_share(measurement, task.experiment)
-            found = doubts(measurement, {} if wrong or refutes(confirmed, MOST) else kinds)
-            entry = replace(entry, wrong_tracks=wrong, confirmed_share=confirmed)
+            entry = _seen_in_images(entry, measurement, task.experiment)
+            are_doubted = not (entry.wrong_tracks or refutes(entry.confirmed_share, MOST))
+            found = doubts(measurement, kinds if are_doubted else {})
             entries.append(replace(entry, doubts=found.mistakes, cautions=found.cautions))
         inputs = input_tables(batch, recorder, sequences)
     return [_with_inputs(entry, table, run) for entry, table in zip(entries, inputs, strict=True)]
+
+
+def _seen_in_images(entry: SequenceEntry, measurement: Measurement, experiment: Experiment) -> SequenceEntry:
+    """The entry with what the images say of tracks, and of the truth where tracks follow them."""
+    wrong = wrong_tracks(measurement, experiment)
+    confirmed = None if wrong else confirmed_share(measurement, experiment)
+    return replace(entry, wrong_tracks=wrong, confirmed_share=confirmed)
 
 
 def _with_inputs(entry: SequenceEntry, table: pl.DataFrame, run: RunFolder) -> SequenceEntry:
@@ -339,10 +345,7 @@ def write_measurement(folder: RunFolder, experiment: Experiment, measurement: Me
     measurement
         What was measured.
     """
-    entry = sequence_entry(measurement, sha256={})
-    wrong = wrong_tracks(measurement, experiment)
-    confirmed = None if wrong else confirmed_share(measurement, experiment)
-    entry = replace(entry, wrong_tracks=wrong, confirmed_share=confirmed)
+    entry = _seen_in_images(sequence_entry(measurement, sha256={}), measurement, experiment)
     tables = tables_to_keep(experiment, measurement.sequence, measurement)
     hashes = folder.write_sequence(entry.key, tables, encode_png(measurement.snapshot))
     return replace(entry, sha256=hashes)

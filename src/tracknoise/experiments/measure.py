@@ -6,8 +6,8 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Sequence as Items
-from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeAlias, cast, runtime_checkable
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Protocol, TypeAlias, cast, get_args, runtime_checkable
 
 import numpy as np
 import polars as pl
@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from tracknoise.checks import require
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
+from tracknoise.measurement.refined_poses import PoseFit, refined
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.likely_times import require_likely_times
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
@@ -41,6 +42,9 @@ from tracknoise.truth.truth_registry import make_truth
 Tracker: TypeAlias = TrackerSettings | str | Follow
 """Settings of a tracker, the name of a tracker or preset of `tracknoise trackers` with its default settings, or a
 function that follows points: see `tracknoise.trackers.function.Function`."""
+Poses: TypeAlias = Literal["refined", "stated"]
+"""Which poses lead: those refined by reference tracks, where these are determined and the stated ones are not stated to
+be better; or the stated ones in any case."""
 Trackers: TypeAlias = Tracker | Items[Tracker] | Mapping[str, Tracker]
 
 
@@ -144,6 +148,9 @@ class Measurement:
         Images of the first frames, (height, width) uint8, as far as they were to be kept.
     points
         By tracker and speed: all positions of trackers that state some of points that they say are not visible.
+    pose_fit
+        Which poses are those of `sequence`, and what reference tracks say of the stated ones; None if they were not
+        asked.
     """
 
     sequence: Sequence = field(repr=False)
@@ -165,6 +172,7 @@ class Measurement:
     states_accuracy: bool = False
     images: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
     points: Mapping[tuple[str, int], StatedPoints] = field(default_factory=dict, repr=False)
+    pose_fit: PoseFit | None = None
 
     def __repr__(self) -> str:
         return one_line("Measurement", readable(self.sequence.id.key), self._facts)
@@ -211,6 +219,7 @@ def measure(
     frames: Items[int] | None = None,
     max_frames: int | None = None,
     second_truth: Sequence | None = None,
+    poses: Poses = "stated",
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Measurement:
@@ -232,6 +241,7 @@ def measure(
         frames=frames,
         max_frames=max_frames,
         second_truth=() if second_truth is None else [second_truth],
+        poses=poses,
         seed=seed,
         progress=progress,
     )
@@ -253,6 +263,7 @@ def measure_together(
     frames: Items[int] | None = None,
     max_frames: int | None = None,
     second_truth: Items[Sequence] = (),
+    poses: Poses = "stated",
     seed: int = 0,
     progress: Progress | None = None,
     kept_bytes: int = 0,
@@ -262,8 +273,12 @@ def measure_together(
     for given in (*sequences, *second_truth):
         require_likely_times(given)
     require_options(corrections, accuracy, max_frames, seed)
+    require(poses in get_args(Poses), "poses", poses, "refined or stated")
     setups = _setups(trackers, speeds)
     sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
+    sequences, second, fits = leading_poses(
+        sequences, second, poses=poses, truth=truth, accuracy=accuracy, max_frames=max_frames, progress=progress
+    )
     measured = measure_sequences(
         sequences,
         setups,
@@ -277,8 +292,8 @@ def measure_together(
         kept_bytes=kept_bytes,
     )
     others: Items[Sequence | None] = second or [None for _ in sequences]
-    for sequence, other, tables in zip(sequences, others, measured, strict=True):
-        yield complete(
+    for sequence, other, fit, tables in zip(sequences, others, fits, measured, strict=True):
+        made = complete(
             sequence,
             tables,
             trim_percentile=trim_percentile,
@@ -286,6 +301,35 @@ def measure_together(
             population=population,
             second_truth=other,
         )
+        yield replace(made, pose_fit=fit)
+
+
+def leading_poses(
+    sequences: Items[Sequence],
+    second: Items[Sequence],
+    *,
+    poses: Poses,
+    truth: str | None,
+    accuracy: AccuracyRule,
+    max_frames: int | None,
+    progress: Progress | None,
+) -> tuple[Items[Sequence], Items[Sequence], list[PoseFit | None]]:
+    """The sequences with the poses that lead; as second truth the stated ones, unless there is another.
+
+    See `tracknoise.measurement.refined_poses.refined`. Where stated poses lead in one sequence, they lead in all.
+    """
+    if poses == "stated":
+        return sequences, second, [None for _ in sequences]
+    found, fits = list[Sequence](), list[PoseFit | None]()
+    for sequence in sequences:
+        kind = truth or next(iter(sequence.truths), TRIANGULATED)
+        n_frames = min(len(sequence), max_frames or len(sequence))
+        leading, fit = refined(sequence, kind, accuracy, n_frames, progress=progress)
+        found.append(leading)
+        fits.append(fit)
+    if not all(fit is not None and fit.leads for fit in fits):
+        return sequences, second, [fit and replace(fit, leads=False) for fit in fits]
+    return found, second or sequences, fits
 
 
 def _setups(trackers: Trackers, speeds: Items[int]) -> list[TrackerSetup]:

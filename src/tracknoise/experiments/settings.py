@@ -272,6 +272,9 @@ class TruthSettings(_Section):
     kind: str | None = None
     """Kind of truth: `birth`, `raycast`, `scan`, `triangulated`, or one of another package. Default: the best that the
     data allow."""
+    poses: Literal["refined", "stated"] = "refined"
+    """Poses that lead: refined by reference tracks, unless the stated ones are exact or stated to be better, or
+    reference tracks do not determine them (`refined`); or the `stated` ones in any case. See docs/truth.md."""
     depth: Literal["recorded", "stereo"] = "recorded"
     """Depth for the truth `birth`: as `recorded`, or by semi-global matching with a second camera (`stereo`)."""
     population: Annotated[Population, Field(strict=False)] = defaults.POPULATION

@@ -268,6 +268,7 @@ def _measure(
         trim_percentile=experiment.statistics.trim_percentile,
         trim_among=experiment.statistics.trim_among,
         second_truth=second,
+        poses=truth.poses,
         seed=experiment.seed,
         progress=progress,
         kept_bytes=KEPT_BYTES if _has_patches(experiment, sequences) and not repeat else 0,

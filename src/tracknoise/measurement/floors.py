@@ -22,7 +22,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recording
-from tracknoise.sequences.sequence import Sequence, TruthKind
+from tracknoise.sequences.sequence import Sequence, TruthKind, halves_of
 from tracknoise.sequences.views import frame_step
 from tracknoise.tables.enumerations import Axis, FloorSource
 from tracknoise.tables.schema import AXIS, FLOOR_SOURCE, FLOORS, ORIGIN, TruthStatus
@@ -160,7 +160,7 @@ class TruthFloor:
         if truth.kind not in tuple(TruthKind):
             return cls(sequence, None, truth.key_frame)
         known = known_accuracy(sequence, truth.kind, rule)
-        if known.figures.is_exact and not known.is_complete:
+        if known.figures.is_exact and not known.is_complete and halves_of(sequence) is None:
             return cls(sequence, None, truth.key_frame)
         errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=frame_step(sequence))
         return cls(sequence, errors, truth.key_frame, known.notes, known.is_complete)

@@ -231,6 +231,11 @@ class FurtherFacts(Protocol):
         ...
 
     @property
+    def pose_halves(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Poses by two disjoint halves of what its poses are from, (n, 4, 4) each: they show the errors of the poses."""
+        ...
+
+    @property
     def files(self) -> Iterable[Path]:
         """All files on which its images, poses, cameras and depths depend.
 
@@ -321,6 +326,12 @@ def accuracy_of(sequence: Sequence) -> TruthAccuracy:
     pose, depth = (getattr(sequence, name, None) for name in ("pose_accuracy", "depth_accuracy"))
     single, more = TruthAccuracy.of(pose, depth, source=sequence.id.dataset), stated_accuracy(sequence)
     return single if more is None else more.over(single)
+
+
+def halves_of(sequence: Sequence) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Poses by two halves of what the poses of a sequence are from; None where there are none."""
+    halves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = getattr(sequence, "pose_halves", None)
+    return halves
 
 
 def files_of(sequence: Sequence) -> tuple[Path, ...]:

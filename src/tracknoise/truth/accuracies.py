@@ -9,7 +9,7 @@ from importlib import resources
 from typing import Any
 
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
-from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, shutter_of, times_of
+from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, halves_of, shutter_of, times_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import significant
 
@@ -47,6 +47,8 @@ class AccuracyRule:
 
 
 DEFAULT_RULE = AccuracyRule()
+POSE_TOPICS = frozenset({"rotation", "translation", "clock"})
+"""What is stated of these belongs to the stated poses, and to no others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +104,9 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
     useless = {"depth"} if kind == TruthKind.raycast else set()
     if times_of(sequence) is None:
         useless |= {"clock", "readout"}
+    halves = halves_of(sequence)
+    if halves is not None:
+        useless |= POSE_TOPICS
     figures, notes = TruthAccuracy(), []
     for one in _statements(sequence, rule):
         new = one.without(useless | figures.topics)

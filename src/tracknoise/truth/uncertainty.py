@@ -29,7 +29,7 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.projection import projection_jacobian
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import Sequence, camera_at, shutter_of, times_of
+from tracknoise.sequences.sequence import Sequence, camera_at, halves_of, shutter_of, times_of
 from tracknoise.tables.enumerations import FloorSource
 from tracknoise.truth.truth import TruePositions
 
@@ -124,6 +124,8 @@ class Sensitivity:
     clock: NDArray[np.float64]
     readout: NDArray[np.float64]
     focal: NDArray[np.float64]  # (n, 2): by the relative focal length, px
+    # (n, 2): half of the difference of positions by two halves of what the poses are from, px; 0 without these
+    halves: NDArray[np.float64]
 
 
 class TruthDerivatives:
@@ -141,6 +143,11 @@ class TruthDerivatives:
         self._sequence, self._poses = sequence, sequence.world_from_camera
         self._velocity = _body_velocity(self._poses, times_of(sequence))
         self._shutter = RollingShutter(0.0, axis=_axis(sequence))
+
+    @property
+    def has_halves(self) -> bool:
+        """Whether there are poses by two halves of what the poses are from."""
+        return halves_of(self._sequence) is not None
 
     def sensitivity(self, points: AnchoredPoints) -> Sensitivity:
         """Derivatives of true positions by everything that may be wrong."""
@@ -166,8 +173,21 @@ class TruthDerivatives:
             clock=_times(by_anchor, flow_there) - _times(by_point, flow),
             readout=_times(by_anchor, flow_there * read_there) - _times(by_point, flow * read),
             focal=uv - cameras.centres() + _times(by_anchor, squeezed),
+            halves=self._by_halves(points, there, cameras),
         )
         return _without_anchors(found, points.anchor == points.frame)
+
+    def _by_halves(
+        self, points: AnchoredPoints, there: NDArray[np.float64], cameras: ObservedCameras
+    ) -> NDArray[np.float64]:
+        """(n, 2) float64, px: (refined.floor), of points (n, 3) in the camera of their anchor."""
+        halves = halves_of(self._sequence)
+        if halves is None:
+            return np.zeros((len(there), 2))
+        one, other = (
+            cameras.project(transform(invert(poses[points.frame]) @ poses[points.anchor], there)) for poses in halves
+        )
+        return np.asarray((one - other) / 2.0)
 
     def _flow(self, frame: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 3) float64: velocity that a pose gives to points of its camera frame, metres per second."""
@@ -315,16 +335,20 @@ class TrueErrors:
         Frames of the recording from one frame of the sequence to the next.
     """
 
-    __slots__ = ("_accuracy", "_derivatives", "_step", "sources")
+    __slots__ = ("_accuracy", "_derivatives", "_has_halves", "_step", "sources")
 
     def __init__(self, derivatives: "TruthDerivatives", accuracy: TruthAccuracy, *, step: int) -> None:
         self._derivatives, self._accuracy, self._step = derivatives, accuracy, step
-        self.sources = tuple(source for source in SOURCES if not accuracy.topics.isdisjoint(SOURCES[source]))
+        self._has_halves = derivatives.has_halves
+        known = {FloorSource.poses} if self._has_halves else set()
+        self.sources = tuple(
+            source for source in SOURCES if source in known or not accuracy.topics.isdisjoint(SOURCES[source])
+        )
 
     @property
     def is_exact(self) -> bool:
         """Whether all that is known about the truth is that it has no errors."""
-        return self._accuracy.is_exact
+        return self._accuracy.is_exact and not self._has_halves
 
     @property
     def pose_laws(self) -> PoseLaws:
@@ -346,7 +370,7 @@ class TrueErrors:
     def _uncertainty(self, points: "AnchoredPoints", found: "Sensitivity") -> Uncertainty:
         moved = {source: of(found) for source, of in self._movements().items() if source in self.sources}
         covariance = {source: _outer(px[:, :, None]) for source, px in moved.items()}
-        if FloorSource.poses in self.sources:
+        if FloorSource.poses in self.sources and not self._has_halves:
             lag = self._step * np.abs(points.frame - points.anchor).astype(np.float64)
             covariance[FloorSource.poses] = self._of_poses(found, lag)
         turned = (found.rotation_here + found.rotation_there) / 2.0
@@ -356,7 +380,10 @@ class TrueErrors:
         """Displacement by one standard deviation of each source that has one, px."""
         accuracy = self._accuracy
         clock_s, readout_s = (1e-3 * (value or 0.0) for value in (accuracy.clock_ms, accuracy.readout_ms))
-        return {
+        halves: dict[FloorSource, Callable[[Sensitivity], NDArray[np.float64]]] = {}
+        if self._has_halves:
+            halves[FloorSource.poses] = lambda found: found.halves
+        return halves | {
             FloorSource.depth: lambda found: found.depth * accuracy.depth.sigma_m(found.depth_m)[:, None],
             FloorSource.clock: lambda found: found.clock * clock_s,
             FloorSource.readout: lambda found: found.readout * readout_s,

@@ -1,0 +1,192 @@
+"""Poses of a sequence, refined by reference tracks: which poses lead, and how wrong refined and stated ones are.
+
+What decides is known before a tracker is measured. Poses lead that are stated to be exact, or to be better than the
+refined ones. Otherwise refined poses lead where reference tracks determine them.
+
+Two disjoint halves of the reference tracks give poses of their own, with errors e1 and e2. That of the poses by all
+tracks is about their mean, and has the variance of
+
+    (e1 - e2) / 2    (refined.floor)
+
+The errors of the halves are taken to be independent. Nothing else is assumed of the tracks.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.pose import PosePath, invert
+from tracknoise.measurement.reference_tracks import KINDS, reference_tracks
+from tracknoise.measurement.tracking import Progress
+from tracknoise.sequences.other_poses import OtherPoses
+from tracknoise.sequences.poses import has_pose
+from tracknoise.sequences.sequence import Sequence, TruthKind, path_of, stated_accuracy
+from tracknoise.sequences.views import frame_step
+from tracknoise.truth.accuracies import POSE_TOPICS, AccuracyRule, known_accuracy
+from tracknoise.truth.pose_adjustment import PoseAdjustment, State
+from tracknoise.truth.uncertainty import TrueErrors, TruthDerivatives
+
+Array = NDArray[np.float64]
+
+AGE = 10
+"""Age at which errors of poses are stated, frames."""
+FEWEST_TRACKS = 40
+"""Reference tracks in a frame, of which each half has half."""
+_FEW_FRAMES = 0.1
+"""Share of frames that may have fewer."""
+_LEAST_PARALLAX_PX = 2.0
+"""Median parallax of reference tracks, without which the images do not tell depths."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefinedPoses(OtherPoses):
+    """A sequence with refined poses."""
+
+    # by halves and by each kind of the reference tracks: (n, 4, 4) each
+    pose_halves: tuple[Array, Array]
+    by_kind: Mapping[str, Array]
+
+    @property
+    def path(self) -> PosePath | None:
+        """The path of the sequence shown, corrected as its frames are."""
+        path, times = path_of(self.sequence), self.timestamps_s
+        posed = has_pose(self.poses) & has_pose(self.sequence.world_from_camera)
+        if path is None or times is None or posed.sum() < 2:
+            return path
+        # stated poses are corrected on the left, by the correction of the frame before and after
+        change = PosePath(times[posed], self.poses[posed] @ invert(self.sequence.world_from_camera[posed]))
+        inside = np.clip(path.times, times[posed][0], times[posed][-1])
+        return PosePath(path.times, change.at(inside) @ path.poses)
+
+    @property
+    def truth_accuracy(self) -> TruthAccuracy:
+        """What is stated about the depths and the camera: that of poses and clock belongs to the stated poses."""
+        known = TruthAccuracy.of(None, self.depth_accuracy, source=self.id.dataset)
+        stated = stated_accuracy(self.sequence)
+        return known if stated is None else stated.without(POSE_TOPICS).over(known)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the sequence shown: the refinement is told by itself."""
+        return self.sequence.notes
+
+
+@dataclass(frozen=True, slots=True)
+class PoseFit:
+    """What reference tracks say about the poses of a sequence.
+
+    Attributes
+    ----------
+    leads
+        Whether refined poses lead.
+    references
+        Median number of reference tracks in a frame.
+    left_px
+        RMS of what is left of the errors of the refined poses: of true positions at `age`, both coordinates together,
+        px.
+    stated_px
+        What the stated poses would add, likewise.
+    age
+        Frames.
+    reason
+        Why stated poses lead, a sentence; empty where refined ones do.
+    """
+
+    leads: bool
+    references: float | None = None
+    left_px: float | None = None
+    stated_px: float | None = None
+    age: int | None = None
+    reason: str = ""
+
+
+def refined(
+    sequence: Sequence, kind: str, rule: AccuracyRule, n_frames: int, *, progress: Progress | None = None
+) -> tuple[Sequence, PoseFit]:
+    """The sequence with the poses that lead, and why these.
+
+    Parameters
+    ----------
+    sequence
+        With stated poses.
+    kind
+        Of its truth.
+    rule
+        What the user says about the errors of the truth.
+    n_frames
+        Frames that are measured, from the first.
+    progress
+        Called after each frame.
+
+    Raises
+    ------
+    DataError
+        If an image or depth map cannot be read.
+    """
+    if kind not in _WITH_DEPTH_OF_BIRTH:
+        return sequence, PoseFit(False, reason=f"Poses are not refined for truth of the kind {kind}.")
+    stated = known_accuracy(sequence, kind, rule).figures
+    if {"rotation", "translation"} <= stated.topics and _only_poses(stated).is_exact:
+        return sequence, PoseFit(False, reason="The stated poses are exact.")
+    tracks = reference_tracks(sequence, n_frames, progress=progress)
+    frames = np.bincount(tracks.frame, minlength=n_frames) + np.bincount(tracks.birth, minlength=n_frames)
+    references = float(np.median(frames)) if n_frames else 0.0
+    few = np.mean(frames[has_pose(sequence.world_from_camera[:n_frames])] < FEWEST_TRACKS)
+    if not len(tracks.frame) or few > _FEW_FRAMES:
+        reason = f"Poses are not refined: {few:.0%} of the frames have fewer than {FEWEST_TRACKS} reference tracks."
+        return sequence, PoseFit(False, references, reason=reason)
+    adjustment = PoseAdjustment(sequence, tracks)
+    if not adjustment.parallax_px() >= _LEAST_PARALLAX_PX:
+        reason = "Poses are not refined: without depth, the camera has to change its position by more."
+        return sequence, PoseFit(False, references, reason=reason)
+    best = adjustment.best()
+    found = _adjusted(adjustment, sequence, best)
+    fit = _compared(found, adjustment, best.depth_m, stated, references)
+    return (found if fit.leads else sequence), fit
+
+
+_WITH_DEPTH_OF_BIRTH = (TruthKind.birth,)
+"""Kinds of truth whose points are fixed in the first frame of a track by a depth that is no part of the tracks."""
+
+
+def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
+    return figures.without(figures.topics - {"rotation", "translation"})
+
+
+def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> RefinedPoses:
+    tracks = adjustment.tracks
+    half = np.random.default_rng(0).permutation(len(tracks.birth)) % 2 == 0
+    halves = adjustment.of(best, half), adjustment.of(best, ~half)
+    by_kind = {name: adjustment.of(best, tracks.kind == kind) for kind, name in enumerate(KINDS)}
+    return RefinedPoses(sequence, best.poses, "reference tracks", halves, by_kind)
+
+
+def _compared(
+    found: RefinedPoses, adjustment: PoseAdjustment, depth_m: Array, stated: TruthAccuracy, references: float
+) -> PoseFit:
+    """Which poses lead, by what halves of the tracks say and by what is stated."""
+    tracks, sequence = adjustment.tracks, found.sequence
+    age = tracks.frame - tracks.birth[tracks.track]
+    rows = age == min(AGE, int(age.max()))
+    one, other, best, given = (
+        adjustment.residuals(poses, depth_m)[rows]
+        for poses in (*found.pose_halves, found.poses, sequence.world_from_camera)
+    )
+    left_px = _rms((one - other) / 2.0)
+    fit = PoseFit(True, references, left_px, _rms(given - best), int(age[rows][0]))
+    if not {"rotation", "translation"} <= stated.topics:
+        return fit
+    points = adjustment.anchored_points(sequence.world_from_camera, depth_m, np.flatnonzero(rows))
+    known = TrueErrors(TruthDerivatives(sequence), _only_poses(stated), step=frame_step(sequence))
+    spread = np.concatenate([sum(part.covariance.values()) for _, part in known.of(points)])
+    if np.sqrt(np.nanmean(np.trace(spread, axis1=1, axis2=2))) < left_px:
+        return replace(fit, leads=False, reason="The stated poses are stated to be better than reference tracks can tell.")
+    return fit
+
+
+def _rms(moved: Array) -> float:
+    """RMS of both coordinates (n, 2) together."""
+    return float(np.sqrt(np.nanmean(np.sum(moved**2, axis=1))))

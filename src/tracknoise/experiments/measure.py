@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tracknoise.checks import require
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
-from tracknoise.measurement.refined_poses import PoseFit, refined
+from tracknoise.measurement.refined_poses import refined
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
@@ -30,6 +30,7 @@ from tracknoise.statistics.trimming import trim
 from tracknoise.statistics.truth_errors import pose_differences
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG, TRIM_PERCENTILE
 from tracknoise.tables.identity import readable
+from tracknoise.tables.manifest import PoseFit
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, POSE_DIFFERENCES, TruthStatus, empty
 from tracknoise.text import html_card, html_table, one_line
 from tracknoise.trackers.function import Follow, Function
@@ -276,23 +277,23 @@ def measure_together(
     require(poses in get_args(Poses), "poses", poses, "refined or stated")
     setups = _setups(trackers, speeds)
     sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
-    sequences, second, fits = leading_poses(
+    leading, others, fits = leading_poses(
         sequences, second, poses=poses, truth=truth, accuracy=accuracy, max_frames=max_frames, progress=progress
     )
     measured = measure_sequences(
-        sequences,
+        leading,
         setups,
         truth=truth,
         scan_rule=scan_rule,
         max_frames=max_frames,
         seed=seed,
         progress=progress,
-        second=second,
+        second=others,
         accuracy=accuracy,
         kept_bytes=kept_bytes,
     )
-    others: Items[Sequence | None] = second or [None for _ in sequences]
-    for sequence, other, fit, tables in zip(sequences, others, fits, measured, strict=True):
+    of_each: Items[Sequence | None] = others or [None for _ in leading]
+    for sequence, other, fit, tables in zip(leading, of_each, fits, measured, strict=True):
         made = complete(
             sequence,
             tables,

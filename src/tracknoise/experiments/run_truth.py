@@ -88,6 +88,7 @@ def trust_table(
         mistakes=[*_each(entries, "doubts"), *([] if refutes(confirmed, MOST) else usual_mistakes(tables["audit"]))],
         cautions=_each(entries, "cautions"),
         depth_edges=fmean(entry.depth_edges for entry in entries),
+        pose_fits=[entry.pose_fit for entry in entries],
         is_fitted=any(entry.truth == TRIANGULATED for entry in entries),
         scene_shares=scene_shares(pl.concat(rigid)),
     )

@@ -28,6 +28,7 @@ from tracknoise.experiments.parts import (
     note_of,
     one_piece_notes,
     parts_of,
+    with_refined_poses,
 )
 from tracknoise.experiments.pictures import KEPT_BYTES, film, track_patches
 from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_second
@@ -43,7 +44,7 @@ from tracknoise.sequences.row_poses import shutter_notes
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, group_of, z_depth_from
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
-from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.manifest import SequenceEntry, joined_fit
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth_faults.assessment import MOST, refutes
@@ -115,10 +116,12 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
     parts, n_frames = measured_parts(task, run), len(sequence)
     if not parts:
         raise NothingToMeasureError(sequence.source, "no feature with a true position", "poses, and depth or a surface")
+    leading = with_refined_poses(task, sequence, parts)
+    other = next(iter(second), None if leading is sequence else sequence)
     tables = {
         **dict(joined_tables(task, parts)),
-        **camera_tables(sequence, n_frames),
-        "pose_differences": poses_of_two(sequence, next(iter(second), None), n_frames),
+        **camera_tables(leading, n_frames),
+        "pose_differences": poses_of_two(leading, other, n_frames),
     }
     middle, entries = parts[len(parts) // 2], [one.entry for one in parts]
     if claim:
@@ -135,6 +138,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         seconds=round(sum(entry.seconds for entry in entries), 3),
         notes=(note_of(task, parts, n_frames), *_notes(sequence, n_frames, middle.entry.truth, different)),
         states_accuracy=all(entry.states_accuracy for entry in entries),
+        pose_fit=joined_fit([entry.pose_fit for entry in entries]),
         wrong_tracks=wrong_in_most([entry.wrong_tracks for entry in entries]),
         confirmed_share=largest([entry.confirmed_share for entry in entries]),
         doubts=found.mistakes,
@@ -162,8 +166,9 @@ def _measure_batch(
             return InParts(parts)
         repeated = _repeated(batch, progress)
         measured = _measure(batch[0], sequences, progress, second=open_second(batch))
-        for task, sequence, measurement, more in zip(batch, sequences, measured, repeated, strict=True):
-            tables = {**tables_to_keep(task.experiment, sequence, measurement), **more}
+        for task, measurement, more in zip(batch, measured, repeated, strict=True):
+            sequence = measurement.sequence
+            tables = {**tables_to_keep(task.experiment, measurement), **more}
             if _has_patches(task.experiment, sequences):
                 tables["patches"] = track_patches(measurement, speed=min(task.speeds))
                 if not task.part:  # of the first part of a sequence
@@ -219,6 +224,7 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
         depth_edges=depth_edges(measurement),
         states_accuracy=measurement.states_accuracy,
+        pose_fit=measurement.pose_fit,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )
@@ -280,7 +286,7 @@ def _has_patches(experiment: Experiment, sequences: Items[Sequence]) -> bool:
     return experiment.keep == "observations" and len(sequences) == 1
 
 
-def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Measurement) -> dict[str, pl.DataFrame]:
+def tables_to_keep(experiment: Experiment, measurement: Measurement) -> dict[str, pl.DataFrame]:
     """The tables of a sequence by name, those of single observations and tracks only if the experiment keeps them."""
     observed = {"observations": measurement.observations, "tracks": measurement.tracks}
     slowest = min(experiment.speeds)  # which figures show
@@ -300,7 +306,7 @@ def tables_to_keep(experiment: Experiment, sequence: Sequence, measurement: Meas
         "pose_differences": measurement.pose_differences,
         "floors": measurement.floors,
         **statistics,
-        **geometry_tables(experiment, sequence, prepared, measurement.n_frames, measurement.truth),
+        **geometry_tables(experiment, measurement.sequence, prepared, measurement.n_frames, measurement.truth),
         **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
     }
 
@@ -347,7 +353,7 @@ def write_measurement(folder: RunFolder, experiment: Experiment, measurement: Me
         What was measured.
     """
     entry = _seen_in_images(sequence_entry(measurement, sha256={}), measurement, experiment)
-    tables = tables_to_keep(experiment, measurement.sequence, measurement)
+    tables = tables_to_keep(experiment, measurement)
     hashes = folder.write_sequence(entry.key, tables, encode_png(measurement.snapshot))
     return replace(entry, sha256=hashes)
 

@@ -23,7 +23,7 @@ from tracknoise.truth.pose_adjustment import ReferenceTracks
 from tracknoise.truth.visibility import SequenceGeometry
 
 KINDS = FOLLOWED, MATCHED = "followed", "matched"
-PER_KIND = 400
+PER_KIND = 1000
 """Features of each kind that are wanted in a frame."""
 LONGEST = 48
 """Frames of a track, at most: older ones begin again."""

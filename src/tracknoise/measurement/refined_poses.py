@@ -25,18 +25,23 @@ from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence, TruthKind, path_of, stated_accuracy
 from tracknoise.sequences.views import frame_step
+from tracknoise.tables.manifest import PoseFit
 from tracknoise.truth.accuracies import POSE_TOPICS, AccuracyRule, known_accuracy
 from tracknoise.truth.pose_adjustment import PoseAdjustment, State
 from tracknoise.truth.uncertainty import TrueErrors, TruthDerivatives
+from tracknoise.words import percent, pixels
 
 Array = NDArray[np.float64]
 
+REFERENCE = "reference tracks"
 AGE = 10
 """Age at which errors of poses are stated, frames."""
 FEWEST_TRACKS = 40
 """Reference tracks in a frame, of which each half has half."""
 _FEW_FRAMES = 0.1
 """Share of frames that may have fewer."""
+_MOST_RESIDUAL_PX = 3.0
+"""Median residual of reference tracks at `AGE` beyond which no poses fit them."""
 _LEAST_PARALLAX_PX = 2.0
 """Median parallax of reference tracks, without which the images do not tell depths."""
 
@@ -48,6 +53,8 @@ class RefinedPoses(OtherPoses):
     # by halves and by each kind of the reference tracks: (n, 4, 4) each
     pose_halves: tuple[Array, Array]
     by_kind: Mapping[str, Array]
+    # share of what an unknown readout of a rolling shutter moves that refined poses do not absorb
+    readout_left: float = 1.0
 
     @property
     def path(self) -> PosePath | None:
@@ -72,35 +79,6 @@ class RefinedPoses(OtherPoses):
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown: the refinement is told by itself."""
         return self.sequence.notes
-
-
-@dataclass(frozen=True, slots=True)
-class PoseFit:
-    """What reference tracks say about the poses of a sequence.
-
-    Attributes
-    ----------
-    leads
-        Whether refined poses lead.
-    references
-        Median number of reference tracks in a frame.
-    left_px
-        RMS of what is left of the errors of the refined poses: of true positions at `age`, both coordinates together,
-        px.
-    stated_px
-        What the stated poses would add, likewise.
-    age
-        Frames.
-    reason
-        Why stated poses lead, a sentence; empty where refined ones do.
-    """
-
-    leads: bool
-    references: float | None = None
-    left_px: float | None = None
-    stated_px: float | None = None
-    age: int | None = None
-    reason: str = ""
 
 
 def refined(
@@ -136,7 +114,8 @@ def refined(
     references = float(np.median(frames)) if n_frames else 0.0
     few = np.mean(frames[has_pose(sequence.world_from_camera[:n_frames])] < FEWEST_TRACKS)
     if not len(tracks.frame) or few > _FEW_FRAMES:
-        reason = f"Poses are not refined: {few:.0%} of the frames have fewer than {FEWEST_TRACKS} reference tracks."
+        frames_with = f"{percent(float(few))} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
+        reason = f"Poses are not refined: {frames_with}."
         return sequence, PoseFit(False, references, reason=reason)
     adjustment = PoseAdjustment(sequence, tracks)
     if not adjustment.parallax_px() >= _LEAST_PARALLAX_PX:
@@ -161,7 +140,16 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> Re
     half = np.random.default_rng(0).permutation(len(tracks.birth)) % 2 == 0
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
     by_kind = {name: adjustment.of(best, tracks.kind == kind) for kind, name in enumerate(KINDS)}
-    return RefinedPoses(sequence, best.poses, "reference tracks", halves, by_kind)
+    return RefinedPoses(sequence, best.poses, REFERENCE, halves, by_kind, _readout_left(adjustment, sequence, best))
+
+
+def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> float:
+    """Share of the displacements by a readout time that no poses absorb; 1 without times."""
+    rows = np.arange(len(adjustment.tracks.frame))
+    points = adjustment.anchored_points(sequence.world_from_camera, best.depth_m, rows)
+    moved = TruthDerivatives(sequence).sensitivity(points).readout
+    left, whole = _rms(adjustment.left_of(best, moved)), _rms(moved)
+    return min(left / whole, 1.0) if whole > 0.0 else 1.0
 
 
 def _compared(
@@ -177,16 +165,23 @@ def _compared(
     )
     left_px = _rms((one - other) / 2.0)
     fit = PoseFit(True, references, left_px, _rms(given - best), int(age[rows][0]))
+    residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
+    if not residual_px < _MOST_RESIDUAL_PX:
+        reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
+        return PoseFit(False, references, reason=reason)
     if not {"rotation", "translation"} <= stated.topics:
         return fit
     points = adjustment.anchored_points(sequence.world_from_camera, depth_m, np.flatnonzero(rows))
     known = TrueErrors(TruthDerivatives(sequence), _only_poses(stated), step=frame_step(sequence))
     spread = np.concatenate([sum(part.covariance.values()) for _, part in known.of(points)])
     if np.sqrt(np.nanmean(np.trace(spread, axis1=1, axis2=2))) < left_px:
-        return replace(fit, leads=False, reason="The stated poses are stated to be better than reference tracks can tell.")
+        return replace(
+            fit, leads=False, reason="The stated poses are stated to be better than reference tracks can tell."
+        )
     return fit
 
 
 def _rms(moved: Array) -> float:
     """RMS of both coordinates (n, 2) together."""
-    return float(np.sqrt(np.nanmean(np.sum(moved**2, axis=1))))
+    squares = np.sum(moved**2, axis=1)
+    return float(np.sqrt(np.nanmean(squares))) if np.isfinite(squares).any() else 0.0

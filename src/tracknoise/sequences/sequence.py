@@ -232,7 +232,12 @@ class FurtherFacts(Protocol):
 
     @property
     def pose_halves(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Poses by two disjoint halves of what its poses are from, (n, 4, 4) each: they show the errors of the poses."""
+        """Poses (n, 4, 4) by two disjoint halves of what its poses are from: how they differ shows their error."""
+        ...
+
+    @property
+    def readout_left(self) -> float:
+        """Share of what an unknown readout of a rolling shutter moves that its poses do not absorb."""
         ...
 
     @property
@@ -332,6 +337,12 @@ def halves_of(sequence: Sequence) -> tuple[NDArray[np.float64], NDArray[np.float
     """Poses by two halves of what the poses of a sequence are from; None where there are none."""
     halves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = getattr(sequence, "pose_halves", None)
     return halves
+
+
+def readout_left_of(sequence: Sequence) -> float:
+    """Share of what an unknown readout moves that the poses of a sequence do not absorb; 1 of stated poses."""
+    left: float = getattr(sequence, "readout_left", 1.0)
+    return left
 
 
 def files_of(sequence: Sequence) -> tuple[Path, ...]:

@@ -154,7 +154,8 @@ class TruthCause(StrEnum):
 
     tracks: those that do not follow the images. mistakes: data that cannot be right. faults: constant faults that are
     established. any_fault: all constant faults together, established or not. poses: a motion of the camera that the
-    poses lack. depths: random errors of single depths. stated: the stated accuracy. every: all together.
+    poses lack. depths: random errors of single depths. stated: the stated accuracy. every: all together. refined poses:
+    what is left of the errors of poses that reference tracks refined. stated poses: what the stated ones would add.
     """
 
     every = "every"
@@ -165,6 +166,8 @@ class TruthCause(StrEnum):
     poses = "poses"
     depths = "depths"
     stated = "stated"
+    refined_poses = "refined poses"
+    stated_poses = "stated poses"
 
 
 class TruthQuantity(StrEnum):

@@ -5,9 +5,11 @@ The manifest carries a hash of its own content, so that damage is noticed when i
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
+from math import sqrt
+from statistics import fmean, median
 from typing import TYPE_CHECKING, Any, Self
 
 from tracknoise.checks import in_one_line
@@ -20,9 +22,58 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 
-FORMAT = 10
+FORMAT = 11
 _SEAL = "sha256"
 _REMEDY = "measure again with --fresh"
+
+
+@dataclass(frozen=True, slots=True)
+class PoseFit:
+    """Which poses of a sequence lead, and what its reference tracks say about them.
+
+    Attributes
+    ----------
+    leads
+        Whether poses lead that were refined by reference tracks.
+    references
+        Median number of reference tracks in a frame; None where they were not followed.
+    left_px
+        RMS of true positions by what is left of the errors of the refined poses, both coordinates together, px.
+    stated_px
+        What the stated poses would add, likewise.
+    age
+        At which these hold, frames.
+    reason
+        Why stated poses lead, a sentence; empty where refined ones do.
+    """
+
+    leads: bool
+    references: float | None = None
+    left_px: float | None = None
+    stated_px: float | None = None
+    age: int | None = None
+    reason: str = ""
+
+
+def joined_fit(fits: Sequence[PoseFit | None]) -> PoseFit | None:
+    """Of several sequences or parts together: refined poses lead where they do in all.
+
+    Numbers are medians, those of errors roots of means of squares, of those that have them. The reason is the first.
+    """
+    known = [fit for fit in fits if fit is not None]
+    if not known:
+        return None
+    numbers = {name: _together(known, name) for name in ("references", "left_px", "stated_px")}
+    ages = [fit.age for fit in known if fit.age is not None]
+    reason = next((fit.reason for fit in known if fit.reason), "")
+    return PoseFit(all(fit.leads for fit in fits if fit), age=max(ages, default=None), reason=reason, **numbers)
+
+
+def _together(fits: Sequence[PoseFit], name: str) -> float | None:
+    values: list[float] = [value for fit in fits if (value := getattr(fit, name)) is not None]
+    if not values:
+        return None
+    return median(values) if name == "references" else sqrt(fmean(value * value for value in values))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +108,8 @@ class SequenceEntry:
         Share of the pixels with depth at which depths of neighbours differ, if features have the depth of dense maps.
     states_accuracy
         Whether the errors of its poses, and of its depths where they count, are stated.
+    pose_fit
+        Which of its poses lead; None where only stated ones were to.
     inputs
         Hash of the files that it was measured from: of their paths, from the folder of the data, and contents.
     key_frame
@@ -94,6 +147,7 @@ class SequenceEntry:
     cautions: tuple[str, ...] = ()
     depth_edges: float = 0.0
     states_accuracy: bool = False
+    pose_fit: PoseFit | None = None
     image: str = ""
     parts: tuple[tuple[int, int], ...] = ()
     sha256: dict[str, str] = field(default_factory=dict)
@@ -231,7 +285,8 @@ def _digest(document: Mapping[str, Any]) -> str:
 
 def _as_object(entry: SequenceEntry) -> dict[str, Any]:
     """What is written of one sequence."""
-    return {**_fields_of(entry), "sequence": asdict(entry.sequence)}
+    fit = None if entry.pose_fit is None else asdict(entry.pose_fit)
+    return {**_fields_of(entry), "sequence": asdict(entry.sequence), "pose_fit": fit}
 
 
 def _fields_of(record: Manifest | SequenceEntry) -> dict[str, Any]:
@@ -247,6 +302,7 @@ def _entry(*, sequence: dict[str, Any], **rest: Any) -> SequenceEntry:
     direction = Direction(sequence.pop("direction"))
     rest |= {name: tuple(rest.get(name) or ()) for name in _LISTS}
     rest["wrong_tracks"] = tuple((text, step) for text, step in rest.get("wrong_tracks") or ())
+    rest["pose_fit"] = None if rest.get("pose_fit") is None else PoseFit(**rest["pose_fit"])
     rest["parts"] = tuple((first, stop) for first, stop in rest.get("parts") or ())
     return SequenceEntry(SequenceId(**sequence, direction=direction), **rest)
 

@@ -25,11 +25,15 @@ class TruthVerdict:
         Why, in a sentence or two.
     step
         What would help most; empty where the truth is trusted.
+    poses
+        What reference tracks left of the errors of refined poses, and what the stated ones would add, two sentences;
+        empty where stated poses lead.
     """
 
     verdict: Trust = Trust.unknown
     text: str = _NOT_ASSESSED
     step: str = "Run the experiment again."
+    poses: str = ""
 
     @classmethod
     def of(cls, trust: pl.DataFrame) -> "TruthVerdict":
@@ -37,7 +41,8 @@ class TruthVerdict:
         if trust.is_empty():
             return cls()
         row = trust.row(0, named=True)
-        return cls(Trust(row["verdict"]), row["text"], row["step"] or "")
+        poses = trust.filter(cause=TruthCause.refined_poses)["text"].to_list()
+        return cls(Trust(row["verdict"]), row["text"], row["step"] or "", next(iter(poses), ""))
 
     @classmethod
     def of_run(cls, run: RunFolder) -> "TruthVerdict":
@@ -67,8 +72,8 @@ class TruthVerdict:
 
     @property
     def caveat(self) -> str:
-        """The verdict and why: ``Truth: limited. ...``."""
-        return f"{self.opening} {self.text}"
+        """The verdict and why: ``Truth: limited. ...``; which poses lead."""
+        return " ".join(filter(None, (self.opening, self.text, self.poses)))
 
     @property
     def sentence(self) -> str:

@@ -2,14 +2,22 @@
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cache
 from importlib import resources
 from typing import Any
 
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
-from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, halves_of, shutter_of, times_of
+from tracknoise.sequences.sequence import (
+    Sequence,
+    TruthKind,
+    accuracy_of,
+    halves_of,
+    readout_left_of,
+    shutter_of,
+    times_of,
+)
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import significant
 
@@ -104,14 +112,15 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
     useless = {"depth"} if kind == TruthKind.raycast else set()
     if times_of(sequence) is None:
         useless |= {"clock", "readout"}
-    halves = halves_of(sequence)
-    if halves is not None:
+    if halves_of(sequence) is not None:
         useless |= POSE_TOPICS
     figures, notes = TruthAccuracy(), []
     for one in _statements(sequence, rule):
         new = one.without(useless | figures.topics)
         notes += list(_notes(new))
         figures = figures.over(new)
+    if figures.readout_ms is not None:
+        figures = replace(figures, readout_ms=readout_left_of(sequence) * figures.readout_ms)
     return KnownAccuracy(figures, tuple(notes), {"rotation", "translation", "depth"} - useless <= figures.topics)
 
 

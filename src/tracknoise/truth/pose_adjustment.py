@@ -187,6 +187,16 @@ class PoseAdjustment:
             residual = linear.moved(self.tracks, twist, stretch)
         return self._moved(state, twist, stretch).poses
 
+    def left_of(self, state: "State", moved: Array) -> Array:
+        """What poses and depths do not absorb of small displacements (n, 2) of true positions, px; NaN stays."""
+        linear = self._linear(state)
+        known = np.isfinite(moved).all(axis=1)[:, None]
+        weight = np.where(known[:, 0], self._weights(linear.residual), 0.0)
+        changed = replace(linear, residual=np.where(known, moved, 0.0))
+        start = State(self._stated, self._start.depth_m)  # where the priors are 0
+        twist, stretch = self._step(start, changed, weight, np.ones(len(self.tracks.birth), np.bool_))
+        return np.where(known, changed.moved(self.tracks, twist, stretch), np.nan)
+
     def _weights(self, residual: Array) -> Array:
         """(n,) float64, 1/px^2: of observations; 0 where one is unknown."""
         scale = scales(self._group, residual)
@@ -246,9 +256,10 @@ class PoseAdjustment:
             own = np.arange(first, last)
             span = min(width, n_frames - int(tracks.birth[first]))
             joint = np.zeros((len(own), span, _TWIST))
-            np.add.at(joint, (tracks.track[rows] - first, 0), by_birth[rows])
+            own_row = tracks.track[rows] - first
+            np.add.at(joint[:, 0], own_row, by_birth[rows])
             age = tracks.frame[rows] - tracks.birth[first]
-            joint[tracks.track[rows] - first, age] += by_pose[rows]
+            joint[own_row, age] += by_pose[rows]
             flat = joint.reshape(len(own), -1)
             scaled = flat / curvature[own, None]
             _add_square(blocks, int(tracks.birth[first]), -(flat.T @ scaled).reshape(span, _TWIST, span, _TWIST))
@@ -325,7 +336,9 @@ class PoseAdjustment:
         for place, depth_m in enumerate(tried):
             one = replace(state, depth_m=np.where(unknown, depth_m, state.depth_m))
             length = np.linalg.norm(self._linear(one).residual, axis=1)
-            cost = np.bincount(self.tracks.track[rows], np.nan_to_num(np.minimum(length, 20.0), nan=20.0)[rows], len(unknown))
+            cost = np.bincount(
+                self.tracks.track[rows], np.nan_to_num(np.minimum(length, 20.0), nan=20.0)[rows], len(unknown)
+            )
             costs[place] = cost
         best = tried[np.argmin(costs, axis=0)]
         return State(state.poses, np.where(unknown, best, state.depth_m))

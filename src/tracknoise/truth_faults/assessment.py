@@ -27,6 +27,7 @@ from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
+from tracknoise.tables.manifest import PoseFit, joined_fit
 from tracknoise.tables.schema import check, empty
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.depth_checks import MOST_EDGES
@@ -94,6 +95,8 @@ class TruthEvidence:
         Whether points are fitted to the tracks.
     of_images
         How well rotations and directions of motion fit images without depth, in sentences; empty where this is unknown.
+    pose_fits
+        Which poses lead in each sequence, and what reference tracks say of them; None where only stated ones were to.
     is_check
         Whether it is that of a check, which has one tracker and prints no corrections.
     scene_shares
@@ -111,6 +114,7 @@ class TruthEvidence:
     depth_edges: float = 0.0
     is_fitted: bool = False
     of_images: str = ""
+    pose_fits: Sequence[PoseFit | None] = ()
     is_check: bool = False
     scene_shares: Mapping[str, float] = field(default_factory=dict)
 
@@ -271,6 +275,48 @@ class _Found:
     step: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class _FittedPoses:
+    """What reference tracks say about the poses of a run."""
+
+    count: int  # of sequences whose refined poses lead
+    n_sequences: int
+    fit: PoseFit | None
+    verdict: Trust | None  # on the stated poses
+
+    @classmethod
+    def of(cls, evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> "_FittedPoses":
+        """Of sequences where refined poses lead; otherwise of all."""
+        leading = [fit for fit in evidence.pose_fits if fit is not None and fit.leads]
+        fit = joined_fit(leading or evidence.pose_fits)
+        errors = [size.px for size in sizes.values() if size.px > 0.0]
+        verdict = None
+        if fit is not None and fit.stated_px is not None and errors:
+            share = _part(fit.stated_px, hypot(fit.stated_px, min(errors)))
+            verdict = Trust.trusted if share <= SMALL else Trust.limited if share <= MOST else Trust.not_trusted
+        return cls(len(leading), len(evidence.pose_fits), fit, verdict)
+
+    def with_reason(self, text: str) -> str:
+        """The sentence of the verdict, and why poses were not refined where reference tracks were followed."""
+        fit = self.fit
+        return f"{text} {fit.reason}" if fit is not None and not self.count and fit.references is not None else text
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """What is left of the errors of refined poses, and what the stated ones would add, where refined ones lead."""
+        fit = self.fit
+        if fit is None or not self.count:
+            return
+        some = "" if self.count == self.n_sequences else f" in {self.count} of {self.n_sequences} sequences"
+        left, stated = (f"{pixels(value)}{SPACE}px" for value in (fit.left_px, fit.stated_px))
+        by = f"Poses were refined by {fit.references:.0f} independent tracks a frame{some}"
+        refined = f"{by}; what is left of their errors is {left} at age {fit.age}."
+        added = f"The stated poses would add {stated}."
+        verdict = f" Their own verdict: {self.verdict}." if self.verdict is not None else ""
+        yield {"cause": TruthCause.refined_poses, "bound_px": fit.left_px, "age": fit.age, "text": f"{refined} {added}"}
+        sizes = {"bound_px": fit.stated_px, "age": fit.age, "verdict": self.verdict, "text": f"{added}{verdict}"}
+        yield {"cause": TruthCause.stated_poses, **sizes}
+
+
 def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     """The verdict on the truth, its sentence, and the shares that it rests on.
 
@@ -285,9 +331,12 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     sizes = {tracker: _Size.of(tracker, size, evidence.curves) for tracker, size in evidence.sizes.items()}
     bounds = _bounds(evidence, sizes, is_faulty=bool(faults.rows))
     found = _verdict(evidence, sizes, bounds, faults)
+    fitted = _FittedPoses.of(evidence, sizes)
+    text = fitted.with_reason(found.text)
     rows = [
-        {"cause": TruthCause.every, "verdict": found.verdict, "text": found.text, "step": found.step or None},
+        {"cause": TruthCause.every, "verdict": found.verdict, "text": text, "step": found.step or None},
         *_rows(evidence, bounds, faults),
+        *fitted.rows(),
     ]
     return _table(rows, dataset)
 

@@ -190,7 +190,7 @@ class PoseAdjustment:
     def left_of(self, state: "State", moved: Array) -> Array:
         """What poses and depths do not absorb of small displacements (n, 2) of true positions, px; NaN stays."""
         linear = self._linear(state)
-        known = np.isfinite(moved).all(axis=1)[:, None]
+        known = np.isfinite(moved[:, :1]) & np.isfinite(moved[:, 1:])
         weight = np.where(known[:, 0], self._weights(linear.residual), 0.0)
         changed = replace(linear, residual=np.where(known, moved, 0.0))
         start = State(self._stated, self._start.depth_m)  # where the priors are 0

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from tracknoise.checks import require
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
-from tracknoise.measurement.refined_poses import refined
+from tracknoise.measurement.refined_poses import Leading
 from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.likely_times import require_likely_times
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
@@ -228,25 +228,28 @@ def measure(
 
     See `measure_together` for the parameters.
     """
-    measured = measure_together(
-        [sequence],
+    given = [sequence] if second_truth is None else [sequence, second_truth]
+    require_sequences(given)
+    require_options(corrections, accuracy, max_frames, seed)
+    require(poses in get_args(Poses), "poses", poses, "refined or stated")
+    first, *second = (chosen_frames(corrected(one, corrections), frames) for one in given)
+    led = Leading.of([first], second, kind=truth, rule=accuracy, n_frames=max_frames, only_stated=poses == "stated")
+    (measured,) = measure_together(
+        led.sequences,
         trackers,
         speeds=speeds,
         truth=truth,
         scan_rule=scan_rule,
-        corrections=corrections,
         accuracy=accuracy,
         population=population,
         trim_percentile=trim_percentile,
         trim_among=trim_among,
-        frames=frames,
         max_frames=max_frames,
-        second_truth=() if second_truth is None else [second_truth],
-        poses=poses,
+        second_truth=led.second,
         seed=seed,
         progress=progress,
     )
-    return next(measured)
+    return replace(measured, pose_fit=led.fits[0])
 
 
 def measure_together(
@@ -256,15 +259,12 @@ def measure_together(
     speeds: Items[int] = (1,),
     truth: str | None = None,
     scan_rule: ScanRule = SCAN_RULE,
-    corrections: Corrections = UNCORRECTED,
     accuracy: AccuracyRule = DEFAULT_RULE,
     population: str = POPULATION,
     trim_percentile: float = TRIM_PERCENTILE,
     trim_among: str = TRIM_AMONG,
-    frames: Items[int] | None = None,
     max_frames: int | None = None,
     second_truth: Items[Sequence] = (),
-    poses: Poses = "stated",
     seed: int = 0,
     progress: Progress | None = None,
     kept_bytes: int = 0,
@@ -273,28 +273,22 @@ def measure_together(
     require_sequences([*sequences, *second_truth])
     for given in (*sequences, *second_truth):
         require_likely_times(given)
-    require_options(corrections, accuracy, max_frames, seed)
-    require(poses in get_args(Poses), "poses", poses, "refined or stated")
-    setups = _setups(trackers, speeds)
-    sequences, second = (_as_measured(given, corrections, frames) for given in (sequences, second_truth))
-    leading, others, fits = leading_poses(
-        sequences, second, poses=poses, truth=truth, accuracy=accuracy, max_frames=max_frames, progress=progress
-    )
+    require_options(UNCORRECTED, accuracy, max_frames, seed)
     measured = measure_sequences(
-        leading,
-        setups,
+        sequences,
+        _setups(trackers, speeds),
         truth=truth,
         scan_rule=scan_rule,
         max_frames=max_frames,
         seed=seed,
         progress=progress,
-        second=others,
+        second=second_truth,
         accuracy=accuracy,
         kept_bytes=kept_bytes,
     )
-    of_each: Items[Sequence | None] = others or [None for _ in leading]
-    for sequence, other, fit, tables in zip(leading, of_each, fits, measured, strict=True):
-        made = complete(
+    others: Items[Sequence | None] = second_truth or [None for _ in sequences]
+    for sequence, other, tables in zip(sequences, others, measured, strict=True):
+        yield complete(
             sequence,
             tables,
             trim_percentile=trim_percentile,
@@ -302,46 +296,12 @@ def measure_together(
             population=population,
             second_truth=other,
         )
-        yield replace(made, pose_fit=fit)
-
-
-def leading_poses(
-    sequences: Items[Sequence],
-    second: Items[Sequence],
-    *,
-    poses: Poses,
-    truth: str | None,
-    accuracy: AccuracyRule,
-    max_frames: int | None,
-    progress: Progress | None,
-) -> tuple[Items[Sequence], Items[Sequence], list[PoseFit | None]]:
-    """The sequences with the poses that lead; as second truth the stated ones, unless there is another.
-
-    See `tracknoise.measurement.refined_poses.refined`. Where stated poses lead in one sequence, they lead in all.
-    """
-    if poses == "stated":
-        return sequences, second, [None for _ in sequences]
-    found, fits = list[Sequence](), list[PoseFit | None]()
-    for sequence in sequences:
-        kind = truth or next(iter(sequence.truths), TRIANGULATED)
-        n_frames = min(len(sequence), max_frames or len(sequence))
-        leading, fit = refined(sequence, kind, accuracy, n_frames, progress=progress)
-        found.append(leading)
-        fits.append(fit)
-    if not all(fit is not None and fit.leads for fit in fits):
-        return sequences, second, [fit and replace(fit, leads=False) for fit in fits]
-    return found, second or sequences, fits
 
 
 def _setups(trackers: Trackers, speeds: Items[int]) -> list[TrackerSetup]:
     """Each tracker at each speed."""
     named, played = named_trackers(trackers), checked_speeds(speeds)
     return [TrackerSetup(name, settings, speed) for name, settings in named.items() for speed in played]
-
-
-def _as_measured(sequences: Items[Sequence], corrections: Corrections, frames: Items[int] | None) -> list[Sequence]:
-    """The sequences with corrections, and those frames only that are measured."""
-    return [chosen_frames(corrected(sequence, corrections), frames) for sequence in sequences]
 
 
 def complete(

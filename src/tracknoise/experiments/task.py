@@ -36,6 +36,7 @@ from tracknoise.experiments.resume import new_manifest, require_versions
 from tracknoise.experiments.run_lock import Claim
 from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.wrong_tracks import confirmed_share, largest, wrong_in_most, wrong_tracks
+from tracknoise.measurement.refined_poses import Leading
 from tracknoise.measurement.tracking import Progress
 from tracknoise.processes import raise_if_interruption, release_memory
 from tracknoise.sequences.images import content_hash, encode_png
@@ -164,9 +165,19 @@ def _measure_batch(
         parts = () if batch[0].parts else parts_of(batch[0], sequences[0])
         if parts:
             return InParts(parts)
-        repeated = _repeated(batch, progress)
-        measured = _measure(batch[0], sequences, progress, second=open_second(batch))
-        for task, measurement, more in zip(batch, measured, repeated, strict=True):
+        truth = batch[0].experiment.truth
+        led = Leading.of(
+            sequences,
+            open_second(batch),
+            kind=truth.kind,
+            rule=truth.accuracy.rule(),
+            only_stated=truth.poses == "stated",
+            progress=progress,
+        )
+        repeated = _repeated(batch, led.sequences, progress)
+        measured = _measure(batch[0], led.sequences, progress, second=led.second)
+        for task, made, fit, more in zip(batch, measured, led.fits, repeated, strict=True):
+            measurement = replace(made, pose_fit=fit)
             sequence = measurement.sequence
             tables = {**tables_to_keep(task.experiment, measurement), **more}
             if _has_patches(task.experiment, sequences):
@@ -241,12 +252,14 @@ def _notes(sequence: Sequence, n_frames: int, truth: str, measured: tuple[str, .
     )
 
 
-def _repeated(batch: list[Task], progress: Progress | None) -> list[dict[str, pl.DataFrame]]:
+def _repeated(
+    batch: list[Task], sequences: Items[Sequence], progress: Progress | None
+) -> list[dict[str, pl.DataFrame]]:
     """Tables of `SEED_TABLES` of each sequence, measured with every random seed but the first. Empty if it is one."""
     found: list[dict[str, list[pl.DataFrame]]] = [{} for _ in batch]
     for repeat in range(1, batch[0].experiment.seeds):
         seed = pl.lit(repeat, dtype=pl.Int32).alias("seed")
-        for tables, one in zip(found, _measure(batch[0], open_batch(batch), progress, repeat=repeat), strict=True):
+        for tables, one in zip(found, _measure(batch[0], sequences, progress, repeat=repeat), strict=True):
             measured = {"moments": one.moments, "ends": count_ends(one.tracks), "frames": one.frames}
             for name, table in measured.items():
                 tables.setdefault(f"seed_{name}", []).append(table.select(seed, pl.all()))
@@ -255,7 +268,7 @@ def _repeated(batch: list[Task], progress: Progress | None) -> list[dict[str, pl
 
 def _measure(
     task: Task,
-    sequences: list[Sequence],
+    sequences: Items[Sequence],
     progress: Progress | None,
     *,
     repeat: int = 0,
@@ -274,7 +287,6 @@ def _measure(
         trim_percentile=experiment.statistics.trim_percentile,
         trim_among=experiment.statistics.trim_among,
         second_truth=second,
-        poses=truth.poses,
         seed=experiment.seed,
         progress=progress,
         kept_bytes=KEPT_BYTES if _has_patches(experiment, sequences) and not repeat else 0,

@@ -12,6 +12,7 @@ The errors of the halves are taken to be independent. Nothing else is assumed of
 """
 
 from collections.abc import Mapping
+from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,7 @@ from tracknoise.measurement.reference_tracks import KINDS, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import Sequence, TruthKind, path_of, stated_accuracy
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, path_of, stated_accuracy
 from tracknoise.sequences.views import frame_step
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.truth.accuracies import POSE_TOPICS, AccuracyRule, known_accuracy
@@ -79,6 +80,52 @@ class RefinedPoses(OtherPoses):
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown: the refinement is told by itself."""
         return self.sequence.notes
+
+
+@dataclass(frozen=True, slots=True)
+class Leading:
+    """Sequences with the poses that lead."""
+
+    sequences: Items[Sequence]
+    second: Items[Sequence]  # the same with a second truth; none where there is none
+    fits: Items[PoseFit | None]  # which poses lead, of each; None where only stated ones were to
+
+    @classmethod
+    def of(
+        cls,
+        sequences: Items[Sequence],
+        second: Items[Sequence],
+        *,
+        kind: str | None,
+        rule: AccuracyRule,
+        n_frames: int | None = None,
+        only_stated: bool = False,
+        progress: Progress | None = None,
+    ) -> "Leading":
+        """Of sequences that are measured together: where stated poses lead in one, they lead in all.
+
+        `kind`: of the truth, by default the best of each. `n_frames`: those that are measured, by default all. The
+        stated truth becomes the second, unless there is another.
+        """
+        if only_stated:
+            return cls(sequences, second, [None for _ in sequences])
+        found = [
+            refined(
+                one,
+                kind or next(iter(one.truths), TRIANGULATED),
+                rule,
+                min(len(one), n_frames or len(one)),
+                progress=progress,
+            )
+            for one in sequences
+        ]
+        fits = [fit for _, fit in found]
+        if all(fit.leads for fit in fits):
+            return cls([one for one, _ in found], second or sequences, fits)
+        return cls(sequences, second, [replace(fit, leads=False, reason=fit.reason or _OTHERS) for fit in fits])
+
+
+_OTHERS = "Poses are not refined, as those of other lightings are not."
 
 
 def refined(

@@ -29,6 +29,7 @@ from tracknoise.experiments.geometry_tables import geometry_tables
 from tracknoise.experiments.load import resolve
 from tracknoise.experiments.local_workers import measure_locally
 from tracknoise.experiments.machine import one_blas_thread
+from tracknoise.experiments.measured_poses import with_measured_poses
 from tracknoise.experiments.plan import batches, excluded_scenes, open_batch, plan
 from tracknoise.experiments.resume import begin, due, forget_outdated
 from tracknoise.experiments.run_findings import compute_findings
@@ -246,7 +247,9 @@ def _opened(run: RunFolder, experiment: Experiment) -> Iterator[tuple[Sequence, 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DataWarning)  # the notes of the run contain the same text
             sequences = open_batch(batch)
-        yield from zip(sequences, (entries[task.key] for task in batch), strict=True)
+        for sequence, task in zip(sequences, batch, strict=True):
+            entry = entries[task.key]
+            yield with_measured_poses(sequence, [(run, entry, 0)]), entry
 
 
 def _stored(

@@ -19,8 +19,6 @@ from tracknoise.experiments.inputs import InputCheck
 from tracknoise.experiments.plan import Task, make_trackers
 from tracknoise.experiments.resume import new_manifest
 from tracknoise.experiments.settings import EstimatorSettings, Experiment, FindingsSettings
-from tracknoise.geometry.pose import from_quaternion
-from tracknoise.measurement.refined_poses import REFERENCE, RefinedPoses
 from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.joining import OF_THE_WHOLE, Part, join, place
@@ -189,20 +187,6 @@ def _observed(name: str, key: str, parts: Sequence[MeasuredPart]) -> pl.LazyFram
 def _conditions(one: MeasuredPart, key: str) -> list[tuple[str, int]]:
     table = one.folder.sequence_table("frames", key)
     return table.select("tracker", "speed").unique(maintain_order=True).rows()
-
-
-def with_refined_poses(task: Task, sequence: Recording, parts: Sequence[MeasuredPart]) -> Recording:
-    """The sequence with the refined poses of its parts; itself where stated poses lead in all.
-
-    Refined poses of a part go on from the stated pose of its first frame. Tracks do not go on from part to part.
-    """
-    poses = sequence.world_from_camera.copy()
-    refined = [one for one in parts if one.entry.pose_fit is not None and one.entry.pose_fit.leads]
-    for one in refined:
-        table = one.folder.sequence_table("poses", task.key).drop_nulls()
-        rows = table.select("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw").to_numpy()
-        poses[one.part.first_frame + table["frame"].to_numpy()] = from_quaternion(rows[:, :3], rows[:, 3:])
-    return RefinedPoses(sequence, poses, REFERENCE, (poses, poses), {}) if refined else sequence
 
 
 def joined_inputs(parts: Sequence[RunFolder], key: str) -> pl.DataFrame:

@@ -18,6 +18,7 @@ from tracknoise.experiments.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.local_workers import notify
 from tracknoise.experiments.machine import keep_freed_memory, kernels, one_blas_thread, use_one_opencv_thread
 from tracknoise.experiments.measure import Measurement, measure_together, poses_of_two, tap_metrics
+from tracknoise.experiments.measured_poses import with_measured_poses
 from tracknoise.experiments.parts import (
     folder_of,
     joined_inputs,
@@ -28,7 +29,6 @@ from tracknoise.experiments.parts import (
     note_of,
     one_piece_notes,
     parts_of,
-    with_refined_poses,
 )
 from tracknoise.experiments.pictures import KEPT_BYTES, film, track_patches
 from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_second
@@ -117,7 +117,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
     parts, n_frames = measured_parts(task, run), len(sequence)
     if not parts:
         raise NothingToMeasureError(sequence.source, "no feature with a true position", "poses, and depth or a surface")
-    leading = with_refined_poses(task, sequence, parts)
+    leading = with_measured_poses(sequence, ((one.folder, one.entry, one.part.first_frame) for one in parts))
     other = next(iter(second), None if leading is sequence else sequence)
     tables = {
         **dict(joined_tables(task, parts)),

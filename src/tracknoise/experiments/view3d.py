@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataWarning, SettingsError, StoreError, UnknownNameError, missing_extra
 from tracknoise.experiments.geometry_tables import frame_geometry
+from tracknoise.experiments.measured_poses import with_measured_poses
 from tracknoise.experiments.plan import Task, open_batch
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.geometry.projection import FrameGeometry, projection_jacobian
@@ -58,7 +59,8 @@ def open_scene(run: RunFolder, scene: str | None = None) -> Scene:
     experiment = parse_experiment(run.experiment_toml(), place=str(run.path))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)  # the notes of the run contain the same text
-        (sequence,) = open_batch([Task(experiment, entry.sequence, tuple(experiment.speeds))])
+        (opened,) = open_batch([Task(experiment, entry.sequence, tuple(experiment.speeds))])
+    sequence = with_measured_poses(opened, [(run, entry, 0)])
     geometry = frame_geometry(sequence, entry.n_frames)
     tables = {name: run.sequence_table(name, entry.key) for name in ("observations", "tracks")}
     slowest = {name: table.filter(pl.col("speed") == table["speed"].min()) for name, table in tables.items()}

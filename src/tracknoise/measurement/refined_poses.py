@@ -159,9 +159,10 @@ def refined(
     tracks = reference_tracks(sequence, n_frames, progress=progress)
     frames = np.bincount(tracks.frame, minlength=n_frames) + np.bincount(tracks.birth, minlength=n_frames)
     references = float(np.median(frames)) if n_frames else 0.0
-    few = np.mean(frames[has_pose(sequence.world_from_camera[:n_frames])] < FEWEST_TRACKS)
+    posed = frames[has_pose(sequence.world_from_camera[:n_frames])]
+    few = np.count_nonzero(posed < FEWEST_TRACKS) / max(len(posed), 1)
     if not len(tracks.frame) or few > _FEW_FRAMES:
-        frames_with = f"{percent(float(few))} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
+        frames_with = f"{percent(few)} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
         reason = f"Poses are not refined: {frames_with}."
         return sequence, PoseFit(False, references, reason=reason)
     adjustment = PoseAdjustment(sequence, tracks)

@@ -1,0 +1,27 @@
+"""The poses that led when a sequence was measured, for a sequence that is opened again."""
+
+from collections.abc import Iterable
+
+from tracknoise.geometry.pose import from_quaternion
+from tracknoise.measurement.refined_poses import REFERENCE, RefinedPoses
+from tracknoise.sequences.sequence import Sequence
+from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.store import RunFolder
+
+Piece = tuple[RunFolder, SequenceEntry, int]
+"""The folder and the entry of a measured sequence, or of a part of it, and the first of its frames."""
+
+
+def with_measured_poses(sequence: Sequence, pieces: Iterable[Piece]) -> Sequence:
+    """A sequence as opened, with the refined poses that led when its pieces were measured; itself where none did.
+
+    Refined poses of a part go on from the stated pose of its first frame. No track goes on from part to part.
+    """
+    poses, led = sequence.world_from_camera.copy(), False
+    for folder, entry, first in pieces:
+        if entry.pose_fit is None or not entry.pose_fit.leads:
+            continue
+        led, table = True, folder.sequence_table("poses", entry.key).drop_nulls()
+        rows = table.select("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw").to_numpy()
+        poses[first + table["frame"].to_numpy()] = from_quaternion(rows[:, :3], rows[:, 3:])
+    return RefinedPoses(sequence, poses, REFERENCE, (poses, poses), {}) if led else sequence

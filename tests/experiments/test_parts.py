@@ -251,7 +251,7 @@ def test_another_trimming_is_that_of_measuring_again(recording, joined, tmp_path
     )
     for name in measured.names_of_tables(KEY):
         if name not in ("patches", "film"):
-            assert_frame_equal(again.sequence_table(name, KEY), measured.sequence_table(name, KEY), rel_tol=1e-9)
+            assert_frame_equal(again.sequence_table(name, KEY), measured.sequence_table(name, KEY), rel_tol=1e-6)
 
 
 def test_clips_do_not_overlap(recording):

@@ -56,7 +56,7 @@ _POWERS = (-1, 0, 1)
 _SAME = 0.01
 """Squares of derivatives are alike if their variance is less than this part of their mean square."""
 _CELLS, _LEAST_IN_CELL = 5, 12
-"""Cells of each tracker and age by the derivative by depth, and fewest errors of one."""
+"""Cells of each tracker and age by the derivative by depth, at most, and fewest errors of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,13 +218,18 @@ class _Rows:
 
 
 def _cells(group: NDArray[np.intp], length: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Groups without gaps, and cells of each group by how far depths move positions, alike in number."""
+    """Groups without gaps, and cells of each group by how far depths move positions, alike in number.
+
+    A group with few errors has fewer cells: without its ages, whose errors are the largest, shares would be too small.
+    """
     place = np.unique(group, return_inverse=True)[1].astype(np.intp)
     order = np.lexsort((length, place))
     start = np.searchsorted(place[order], np.arange(place.max(initial=0) + 2))
     rank = np.empty(len(order), np.intp)
     rank[order] = np.arange(len(order)) - start[place[order]]
-    return place, place * _CELLS + rank * _CELLS // np.diff(start)[place]
+    sizes = np.diff(start)
+    cells = np.clip(sizes // _LEAST_IN_CELL, 1, _CELLS)
+    return place, place * _CELLS + (rank * cells[place]) // sizes[place]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -105,7 +105,7 @@ class DatasetSettings(_Section):
     Relative to the experiment file; `{scene}` and `{lighting}` are replaced. Nothing is taken as known of its errors.
     Default: the poses of the recording."""
     trajectory_of: Annotated[PosesOf, Field(strict=False)] = PosesOf.camera
-    """What these poses are poses of: the `camera` of the images, or the `body` that the recording states it to be on."""
+    """What these poses are poses of: the `camera` of the images, or the `body` that the recording states it is on."""
     trajectory_time_shift_s: float = 0.0
     """Added to the times of the frames to get the clock of the trajectory, seconds; for poses of the body, beside what
     the recording states."""

@@ -43,7 +43,12 @@ SIGNATURES = (
         "rgb.txt and groundtruth.txt",
         "rgb depth depth.txt accelerometer.txt",
     ),
-    _signature("sevenscenes", r"frame-\d+\.pose\.txt", "frame-NNNNNN.pose.txt", "camera-intrinsics.txt"),
+    _signature(
+        "sevenscenes",
+        r"frame-\d+\.(?:pose\.txt|color\.(?:png|jpg))",
+        "frame-NNNNNN.color.png and frame-NNNNNN.pose.txt",
+        "camera-intrinsics.txt",
+    ),
     _signature(
         "tartanair",
         r"pose_(?:left|right|[lr]cam_[a-z]+)\.txt",

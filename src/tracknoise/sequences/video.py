@@ -1,5 +1,6 @@
 """Videos: their frames as PNG files with times, which every run can read by number, exactly and in any order."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,8 @@ from tracknoise.time_units import SHORTEST_S
 _ENDINGS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".wmv", ".ts", ".3gp")
 _MOST_BYTES = 1 << 40
 _MOST_TRIED = 1 << 24
+_QUIET = "-8"
+"""What FFmpeg calls the level at which it prints nothing: damage is said in one line."""
 
 
 def is_video(path: Path) -> bool:
@@ -89,6 +92,7 @@ def write_frames(video: Path, folder: Path, size: tuple[int, int] | None) -> tup
 def _opened(video: Path) -> Iterator[cv2.VideoCapture]:
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _QUIET)
     capture = cv2.VideoCapture(str(video))
     try:
         if not capture.isOpened():

@@ -1,13 +1,12 @@
 """Poses from the images of a sequence alone: structure from motion with COLMAP (package pycolmap, extra ``sfm``).
 
-Intrinsics are fixed. Images of a path are matched with their successors, near and far. Bounds on errors are smaller
-than COLMAP's, which are meant for photographs of several thousand pixels: pairs of video frames with a small baseline
-have wrong solutions within them. Pairs that lie along the viewing direction may begin a reconstruction, and points of
-little parallax count, because successive frames have little.
+Intrinsics are fixed. Images of a path are matched with their successors, near and far, and all poses are found
+together (global mapping, GLOMAP): what begins with two frames and adds others ends in a wrong minimum where successive
+frames have little parallax. The bound on matches is smaller than COLMAP's, which is meant for photographs of several
+thousand pixels: pairs of video frames have wrong solutions within it.
 """
 
 import math
-import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -26,13 +25,10 @@ from tracknoise.sequences.sequence import Sequence, clock_start_of, times_of
 from tracknoise.sequences.writing import only_camera
 from tracknoise.text import counted
 
-_MOST_FEATURES = 2000
+_MOST_FEATURES = 1500
 _SEED = 0
-_WIDE_PX = 640
-"""Up to this width, errors are bounded by the following; of larger images in proportion."""
-_MATCH_PX, _POINT_PX, _POSE_PX = 1.5, 2.0, 4.0
-_MOST_PX = 4.0
-_LEAST_PARALLAX_DEG, _BEGINNING_PARALLAX_DEG = 0.25, 4.0
+_MATCH_PX, _MOST_MATCH_PX, _USUAL_PX = 1.5, 4.0, 640
+"""Distance of matches from epipolar lines: up to the usual width of images, and at most, where it grows with them."""
 _FEWEST_REGISTERED = 2
 
 
@@ -86,20 +82,23 @@ def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: No
         say(f"reconstructing poses from {counted(len(sequence), 'image')}: features")
         _write_images(sequence, images)
         reader = colmap.ImageReaderOptions(camera_model=model, camera_params=",".join(map(repr, parameters)))
+        common = {
+            "camera_mode": colmap.CameraMode.SINGLE,
+            "image_names": sorted(path.name for path in images.iterdir()),
+        }
+        colmap.import_images(database, images, options=reader, **common)  # numbers in order, whichever is ready first
         colmap.extract_features(
             database,
             images,
-            camera_mode=colmap.CameraMode.SINGLE,
             reader_options=reader,
             extraction_options=_extraction(colmap),
             device=colmap.Device.cpu,
+            **common,
         )
-        scale = min(max(sequence.camera.width, sequence.camera.height) / _WIDE_PX, _MOST_PX / _MATCH_PX)
-        scale = max(scale, 1.0)
         say("reconstructing poses: matches")
-        _match(colmap, database, scale)
+        _match(colmap, database, max(sequence.camera.width, sequence.camera.height))
         say("reconstructing poses: cameras and points")
-        found = colmap.incremental_mapping(database, images, models, _mapping(colmap, scale))
+        found = colmap.global_mapping(database, images, models, _mapping(colmap))
     poses = no_poses(len(sequence))
     largest = max(found.values(), key=lambda model: model.num_reg_images(), default=None)
     for image in () if largest is None else largest.images.values():
@@ -162,8 +161,6 @@ def _write_images(sequence: Sequence, folder: Path) -> None:
     for index in range(len(sequence)):
         _, png = cv2.imencode(".png", sequence.image(index))
         (folder / f"{index:0{digits}d}.png").write_bytes(png.tobytes())
-    if shutil.disk_usage(folder).free == 0:
-        raise DataError(str(folder), "a full disk", "space for the images of the sequence")
 
 
 def _extraction(colmap: ModuleType) -> object:
@@ -172,31 +169,26 @@ def _extraction(colmap: ModuleType) -> object:
     return options
 
 
-def _match(colmap: ModuleType, database: Path, scale: float) -> None:
+def _match(colmap: ModuleType, database: Path, size_px: int) -> None:
+    """Match images in a single thread, as they are mapped: several would find other poses each time."""
     verification = colmap.TwoViewGeometryOptions()
-    verification.ransac.max_error = _MATCH_PX * scale
+    verification.ransac.max_error = min(_MATCH_PX * max(size_px / _USUAL_PX, 1.0), _MOST_MATCH_PX)
     verification.ransac.random_seed = _SEED
     colmap.match_sequential(
         database,
-        matching_options=colmap.FeatureMatchingOptions(use_gpu=False),
-        pairing_options=colmap.SequentialPairingOptions(),
+        matching_options=colmap.FeatureMatchingOptions(use_gpu=False, num_threads=1),
+        pairing_options=colmap.SequentialPairingOptions(num_threads=1),
         verification_options=verification,
         device=colmap.Device.cpu,
     )
 
 
-def _mapping(colmap: ModuleType, scale: float) -> object:
-    options = colmap.IncrementalPipelineOptions(random_seed=_SEED, extract_colors=False)
-    options.ba_refine_focal_length = options.ba_refine_principal_point = options.ba_refine_extra_params = False
-    options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.3
-    mapper, points = options.mapper, options.triangulation
-    mapper.random_seed = points.random_seed = _SEED
-    mapper.abs_pose_refine_focal_length = mapper.abs_pose_refine_extra_params = False
-    mapper.init_max_error = mapper.filter_max_reproj_error = _POINT_PX * scale
-    points.merge_max_reproj_error = points.complete_max_reproj_error = _POINT_PX * scale
-    mapper.abs_pose_max_error = _POSE_PX * scale
-    mapper.init_max_forward_motion = 1.0
-    mapper.init_min_tri_angle = _BEGINNING_PARALLAX_DEG
-    mapper.filter_min_tri_angle = points.min_angle = _LEAST_PARALLAX_DEG
-    mapper.ba_local_min_tri_angle = 2.0
+def _mapping(colmap: ModuleType) -> object:
+    options = colmap.GlobalPipelineOptions(random_seed=_SEED, num_threads=1)
+    mapper, adjustment = options.mapper, options.mapper.bundle_adjustment
+    mapper.random_seed, mapper.num_threads = _SEED, 1
+    for part in (mapper.rotation_averaging, mapper.global_positioning, mapper.retriangulation):
+        part.random_seed = _SEED
+    adjustment.refine_focal_length = adjustment.refine_principal_point = adjustment.refine_extra_params = False
+    mapper.global_positioning.use_gpu = adjustment.ceres.use_gpu = False
     return options

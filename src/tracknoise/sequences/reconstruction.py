@@ -86,6 +86,7 @@ def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: No
             "camera_mode": colmap.CameraMode.SINGLE,
             "image_names": sorted(path.name for path in images.iterdir()),
         }
+        colmap.Database.open(database).close()
         colmap.import_images(database, images, options=reader, **common)  # numbers in order, whichever is ready first
         colmap.extract_features(
             database,

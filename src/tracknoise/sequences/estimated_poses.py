@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import is_folder, is_number, is_regular_file, read_bytes, read_text
 from tracknoise.geometry.pose import PosePath, invert, nearest
-from tracknoise.sequences.colmap import ColmapImage, poses_of, read_binary_images, read_text_images
+from tracknoise.sequences.colmap import SCALE_NOTE, ColmapImage, poses_of, read_binary_images, read_text_images
 from tracknoise.sequences.euroc import pose_rows, read_table
 from tracknoise.sequences.kitti_files import POSE_COLUMNS, poses_of_rows
 from tracknoise.sequences.likely_times import require_seconds
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import numbers, quaternion_poses, read_rows
-from tracknoise.sequences.sequence import ImageReader, Reader, Sequence, body_of, clock_start_of, times_of
+from tracknoise.sequences.sequence import ImageReader, Reader, Sequence, TruthKind, body_of, clock_start_of, times_of
 from tracknoise.sequences.timed_poses import PosesOf, path_through, poses_at, trajectory
 from tracknoise.sequences.views import View
 from tracknoise.tables.identity import SequenceId
@@ -42,6 +42,7 @@ _EXPECTED = (
     f"an image's name and {_BY_NAME}, or a folder of COLMAP"
 )
 _COLMAP_FOLDERS = (".", "sparse", "sparse/0", "0")
+_COLMAP = "COLMAP"
 _BINARY, _TEXT = "images.bin", "images.txt"
 _HEAD_BYTES = 4096
 
@@ -315,7 +316,7 @@ def _colmap(path: Path, file: Path) -> _File:
     images = read_binary_images(file) if is_binary else read_text_images(file)
     if not images:
         raise DataError(file, "no registered images", "at least two")
-    return _named(path, "COLMAP", *_named_poses(images))
+    return _named(path, _COLMAP, *_named_poses(images))
 
 
 def _named_poses(images: list[ColmapImage]) -> tuple[list[str], NDArray[np.float64]]:
@@ -352,11 +353,9 @@ def _named(path: Path, layout: str, names: list[str], poses: NDArray[np.float64]
             if row is not None:
                 of_frames[frame] = poses[row]
         have = counted_of(missing, len(images), "frame", "has", "have")
-        return (
-            of_frames,
-            None,
-            ("they belong to frames by the names of images", *((f"{have} no pose",) * bool(missing))),
-        )
+        lost = (f"{have} no pose",) if missing else ()
+        scale = (SCALE_NOTE,) if layout == _COLMAP and TruthKind.birth in sequence.truths else ()
+        return of_frames, None, ("they belong to frames by the names of images", *lost, *scale)
 
     return _File(layout, of)
 

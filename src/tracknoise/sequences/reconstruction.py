@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.cameras import Camera, CameraModel, EquidistantCamera, FovCamera
+from tracknoise.geometry.depth import sample
 from tracknoise.geometry.pose import invert, position_rows
 from tracknoise.sequences.colmap import CORNER_PX
 from tracknoise.sequences.poses import no_poses
@@ -30,6 +32,8 @@ _SEED = 0
 _MATCH_PX, _MOST_MATCH_PX, _USUAL_PX = 1.5, 4.0, 640
 """Distance of matches from epipolar lines: up to the usual width of images, and at most, where it grows with them."""
 _FEWEST_REGISTERED = 2
+_FRAMES_OF_SCALE, _FEWEST_OF_SCALE = 30, 20
+"""Frames whose depth is read for the scale, and the fewest points that give it."""
 
 
 def require_colmap() -> ModuleType:
@@ -49,7 +53,10 @@ def require_colmap() -> ModuleType:
 
 
 def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: None) -> NDArray[np.float64]:
-    """Reconstruct the poses of a sequence from its images. The unit of length is arbitrary.
+    """Reconstruct the poses of a sequence from its images.
+
+    The unit of length is the metre where frames have depth: the median over all points gives it. Otherwise it is
+    arbitrary, which errors in pixels do not see.
 
     Parameters
     ----------
@@ -100,17 +107,46 @@ def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: No
         _match(colmap, database, max(sequence.camera.width, sequence.camera.height))
         say("reconstructing poses: cameras and points")
         found = colmap.global_mapping(database, images, models, _mapping(colmap))
-    poses = no_poses(len(sequence))
-    largest = max(found.values(), key=lambda model: model.num_reg_images(), default=None)
-    for image in () if largest is None else largest.images.values():
-        if image.has_pose:
+        largest = max(found.values(), key=lambda model: model.num_reg_images(), default=None)
+        poses = no_poses(len(sequence))
+        frames = {} if largest is None else _registered(largest)
+        for index, image in frames.items():
             camera_from_world = np.vstack([image.cam_from_world().matrix(), (0.0, 0.0, 0.0, 1.0)])
-            poses[int(Path(image.name).stem)] = invert(camera_from_world[None])[0]
+            poses[index] = invert(camera_from_world[None])[0]
+        unit_m = None if largest is None else _unit_m(sequence, largest, frames)
+    if unit_m is not None:
+        say(f"reconstructing poses: depth gives the scale (1 unit is {unit_m:.4g} m)")
+        poses[:, :3, 3] *= unit_m
     registered = int(np.isfinite(poses[:, 0, 0]).sum())
     if registered < _FEWEST_REGISTERED:
         expected = "images with overlap, texture and parallax, or poses: --trajectory FILE"
         raise DataError(sequence.source, "images from which COLMAP reconstructs no poses", expected)
     return poses
+
+
+def _registered(model: Any) -> dict[int, Any]:
+    """Images of a reconstruction that have a pose, by the number of their frame."""
+    posed = ((int(Path(image.name).stem), image) for image in model.images.values() if image.has_pose)
+    return dict(sorted(posed, key=lambda item: item[0]))
+
+
+def _unit_m(sequence: Sequence, model: Any, frames: dict[int, Any]) -> float | None:
+    """Metres in a unit of a reconstruction: the median of measured over reconstructed depths; None without depth."""
+    ratios = []
+    for index in list(frames)[:: max(len(frames) // _FRAMES_OF_SCALE, 1)]:
+        depth, image = sequence.depth(index), frames[index]
+        seen = [point for point in image.points2D if point.has_point3D()]
+        if depth is None or not seen:
+            continue
+        measured = sample(depth, np.array([point.xy for point in seen]) - CORNER_PX)
+        points = np.array([model.point3D(point.point3D_id).xyz for point in seen])
+        reconstructed = (points @ image.cam_from_world().matrix()[:, :3].T + image.cam_from_world().matrix()[:, 3])[
+            :, 2
+        ]
+        usable = measured.valid & (reconstructed > 0.0)
+        ratios.append(measured.depth_m[usable] / reconstructed[usable])
+    joined = np.concatenate(ratios) if ratios else np.empty(0)
+    return float(np.median(joined)) if len(joined) >= _FEWEST_OF_SCALE else None
 
 
 def trajectory_text(sequence: Sequence, poses: NDArray[np.float64], heading: str) -> str:

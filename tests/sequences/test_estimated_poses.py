@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.contract.test_sequences import LAYOUTS
 from tests.writers import colmap, euroc
+from tests.writers.bags import BagWriter, Format
 
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.estimated_poses import posed_by, with_trajectory
@@ -267,6 +268,21 @@ def test_readers_do_without_the_poses_of_a_recording(name, tmp_path):
     np.testing.assert_array_equal(opened.image(COUNT - 1), complete.image(COUNT - 1))
     assert (opened.depth(0) is None) == (complete.depth(0) is None)
     assert opened.camera == complete.camera
+
+
+def test_a_bag_without_poses(tmp_path):
+    with BagWriter(tmp_path / "data" / "run", Format.mcap) as bag:
+        bag.camera_info("/camera_info", 0, "optical", size=(32, 24), k=(30.0, 30.0, 15.5, 11.5))
+        for stamp in STAMPS_NS:
+            bag.image("/image", stamp, "optical", "mono8", np.zeros((24, 32), np.uint8))
+    (tmp_path / "slam.txt").write_text(tum(SECONDS))
+    reader = make_reader("rosbag", tmp_path / "data")
+    with pytest.raises(DataError, match="expected one topic of geometry_msgs"):
+        reader.open(reader.sequences()[0])
+    posed = posed_by(reader, str(tmp_path / "slam.txt"))
+    opened = posed.open(posed.sequences()[0])
+    np.testing.assert_allclose(opened.world_from_camera, POSES, atol=1e-5)
+    assert opened.image(COUNT - 1).shape == (24, 32)
 
 
 def test_poses_of_kitti_odometry_may_be_those_of_camera_0(tmp_path):

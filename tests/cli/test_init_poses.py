@@ -125,6 +125,16 @@ def test_what_cannot_be_used_is_one_line(tracknoise, files, monkeypatch, argumen
     assert not (files / "x.toml").exists()
 
 
+def test_where_poses_alone_are_missing_it_says_how_to_give_them(tracknoise, files):
+    (files / "shots").rename(files / "images")
+    for index in range(FRAMES):
+        (files / "images" / f"shot{index}.png").rename(files / "images" / f"{index:06d}.png")
+    (files / "cam.json").rename(files / "camera.json")
+    code, _, err = tracknoise("init", "folder", str(files), "-o", str(files / "x.toml"))
+    assert code == 1
+    assert "--trajectory FILE, or poses from the images: --camera FILE" in err
+
+
 def test_without_pycolmap_it_says_what_to_install(tracknoise, files, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pycolmap", None)
     code, _, err = tracknoise("init", str(files / "shots"), "--camera", str(files / "cam.json"), "-o", str(files / "x"))

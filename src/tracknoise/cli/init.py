@@ -46,7 +46,7 @@ def init(
     """
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
-    from tracknoise.exceptions import SettingsError
+    from tracknoise.exceptions import DataError, SettingsError
     from tracknoise.experiments.template import experiment_template
     from tracknoise.sequences.video import is_video
     from tracknoise.tables.files import write_atomically
@@ -63,14 +63,20 @@ def init(
     opened = open_recording(recording, option, trajectory=trajectory, trajectory_of=trajectory_of, camera=camera)
     if trajectory is None and camera is not None:
         opened = _with_poses(opened, file, context.obj.say, force=force)
-    text = experiment_template(
-        opened.reader,
-        opened.path,
-        opened.options,
-        stereo=opened.stereo,
-        trajectory=opened.trajectory,
-        trajectory_of=opened.trajectory_of,
-    )
+    try:
+        text = experiment_template(
+            opened.reader,
+            opened.path,
+            opened.options,
+            stereo=opened.stereo,
+            trajectory=opened.trajectory,
+            trajectory_of=opened.trajectory_of,
+        )
+    except DataError as error:
+        if opened.trajectory is None and _lacks_poses_alone(opened):
+            other = "poses of another program: --trajectory FILE, or poses from the images: --camera FILE"
+            raise DataError(error.place, error.found, f"{error.expected}; {other}") from error
+        raise
     write_atomically(file, text.encode())
     for line in _about_poses(opened):
         context.obj.result(line)
@@ -131,6 +137,20 @@ def _with_poses(opened: "Recording", file: Path, say: Callable[[str], None], *, 
     say(f"{poses_file}: poses of {int(has_pose(poses).sum())} of {len(poses)} frames")
     trajectory = str(poses_file.resolve())
     return replace(opened, reader=posed_by(reader, trajectory), trajectory=trajectory)
+
+
+def _lacks_poses_alone(opened: "Recording") -> bool:
+    """Whether a recording that cannot be opened could be with poses from elsewhere."""
+    from tracknoise.exceptions import DataError
+    from tracknoise.sequences.sequence import ImageReader
+
+    if not isinstance(opened.reader, ImageReader):
+        return False
+    try:
+        opened.reader.open_images(opened.reader.recordings()[0])
+    except DataError:
+        return False
+    return True
 
 
 def _about_poses(opened: "Recording") -> list[str]:

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument
+from tracknoise.cli.recording_arguments import (
+    OptionOption,
+    RecordingArgument,
+    TrajectoryOfOption,
+    TrajectoryOption,
+)
 from tracknoise.cli.shared_options import (
     UNUSABLE,
     DebugOption,
@@ -26,6 +31,8 @@ def check(
     context: typer.Context,
     recording: RecordingArgument,
     option: OptionOption = None,
+    trajectory: TrajectoryOption = None,
+    trajectory_of: TrajectoryOfOption = "camera",
     scenes: Annotated[int, typer.Option("--scenes", min=1, help="Read the images of this many sequences.")] = 3,
     html: Annotated[Path | None, typer.Option("--html", help="Write a page with pictures to this file.")] = None,
     as_json: JsonOption = False,
@@ -46,7 +53,7 @@ def check(
     from tracknoise.tables.files import write_atomically
     from tracknoise.truth_faults.check_recording import Pictures, check_reader
 
-    opened = open_recording(recording, option)
+    opened = open_recording(recording, option, trajectory=trajectory, trajectory_of=trajectory_of)
     require_outputs([("--html", html), ("--json-file", json_file)], inputs=[opened.path])
     context.obj.say(f"reader: {opened.reader.name}")
     pictures = Pictures()

@@ -1,12 +1,22 @@
 """``tracknoise init``: an experiment file for a recording, to begin with."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument
+from tracknoise.cli.recording_arguments import (
+    OptionOption,
+    RecordingArgument,
+    TrajectoryOfOption,
+    TrajectoryOption,
+)
 from tracknoise.cli.shared_options import DebugOption, QuietOption
+
+if TYPE_CHECKING:
+    from tracknoise.cli.recording_arguments import Recording
 
 
 def init(
@@ -14,32 +24,143 @@ def init(
     recording: RecordingArgument,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write (default: NAME.toml).")] = None,
     option: OptionOption = None,
+    trajectory: TrajectoryOption = None,
+    trajectory_of: TrajectoryOfOption = "camera",
+    camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera",
+            metavar="FILE",
+            help="Intrinsics of the images. Without poses, these are reconstructed from the images (extra sfm).",
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Recognise the format of a recording and write an experiment file for it.
 
-    Examples: `tracknoise init /data/my-recording`, `tracknoise init tum /data/fr1 --out fr1.toml`
+    Examples: `tracknoise init /data/my-recording`, `tracknoise init tum /data/fr1 --out fr1.toml`,
+    `tracknoise init /data/images --camera cam.yaml --trajectory slam.txt`,
+    `tracknoise init video.mp4 --camera cam.yaml`
     """
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
-    from tracknoise.exceptions import SettingsError
+    from tracknoise.exceptions import DataError, SettingsError
     from tracknoise.experiments.template import experiment_template
+    from tracknoise.sequences.video import is_video
     from tracknoise.tables.files import write_atomically
 
-    opened = open_recording(recording, option)
-    reader, path = opened.reader, opened.path
-    text = experiment_template(reader, path, opened.options, stereo=opened.stereo)
-    file = out or Path(f"{(path or Path(reader.name)).resolve().name}.toml")
+    path = Path(recording[-1])
+    file = out or Path(f"{(path.with_suffix('') if is_video(path) else path).resolve().name}.toml")
     if file.exists() and not force:
         raise SettingsError(f"{file}: exists, expected a new file; --force replaces it")
     if file.exists() and file.suffix != ".toml":
         raise SettingsError(f"{file}: found a file of another kind, expected a new file or a .toml file to replace")
     require_outputs([("--out", file)], inputs=[path])
+    if is_video(path):
+        recording = ["folder", _frames(path, file, camera, trajectory is None, context.obj.say)]
+    opened = open_recording(recording, option, trajectory=trajectory, trajectory_of=trajectory_of, camera=camera)
+    if trajectory is None and camera is not None:
+        opened = _with_poses(opened, file, context.obj.say, force=force)
+    try:
+        text = experiment_template(
+            opened.reader,
+            opened.path,
+            opened.options,
+            stereo=opened.stereo,
+            trajectory=opened.trajectory,
+            trajectory_of=opened.trajectory_of,
+        )
+    except DataError as error:
+        if opened.trajectory is None and _lacks_poses_alone(opened):
+            other = "poses of another program: --trajectory FILE, or poses from the images: --camera FILE"
+            raise DataError(error.place, error.found, f"{error.expected}; {other}") from error
+        raise
     write_atomically(file, text.encode())
+    for line in _about_poses(opened):
+        context.obj.result(line)
     context.obj.result(
-        f"{file}: reader {reader.name}. A first answer in about a minute: tracknoise run {file} --quick. "
+        f"{file}: reader {opened.reader.name}. A first answer in about a minute: tracknoise run {file} --quick. "
         f"Measure all of it: tracknoise run {file}"
     )
     return 0
+
+
+def _frames(video: Path, file: Path, camera: Path | None, reconstructs: bool, say: Callable[[str], None]) -> str:
+    """Folder of the frames of a video, beside the experiment file, written after what could fail was checked."""
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.sequences.camera_files import read_camera_file
+    from tracknoise.sequences.reconstruction import require_colmap
+    from tracknoise.sequences.video import frame_size, write_frames
+
+    if camera is None:
+        raise SettingsError(f"{video}: a video without intrinsics, expected --camera FILE")
+    if reconstructs:
+        require_colmap()
+    size = frame_size(video)
+    stated = read_camera_file(camera, size=size).camera
+    folder = file.with_name(f"{file.stem}-frames")
+    count, notes = write_frames(video, folder, (stated.width, stated.height))
+    say(f"{folder}: {count} frames of {video}; {'; '.join(notes)}")
+    return str(folder)
+
+
+def _with_poses(opened: "Recording", file: Path, say: Callable[[str], None], *, force: bool) -> "Recording":
+    """The recording with its own poses or, where it has none, with those that its images give."""
+    from tracknoise.exceptions import DataError, SettingsError
+    from tracknoise.sequences.estimated_poses import posed_by
+    from tracknoise.sequences.poses import has_pose
+    from tracknoise.sequences.reconstruction import reconstruct, trajectory_text
+    from tracknoise.sequences.sequence import ImageReader
+    from tracknoise.tables.files import write_atomically
+
+    reader = opened.reader
+    try:
+        reader.open(reader.sequences()[0])
+        return opened
+    except DataError as error:
+        if not isinstance(reader, ImageReader):
+            raise
+        why = error
+    scenes = reader.recordings()
+    if len(scenes) > 1:
+        found = f"{len(scenes)} recordings without poses, such as {scenes[0].scene}"
+        raise DataError(str(opened.path), found, "the folder of one, or --trajectory FILE")
+    images = reader.open_images(scenes[0])
+    poses_file = file.with_name(f"{file.stem}-poses.txt")
+    if poses_file.exists() and not force:
+        raise SettingsError(f"{poses_file}: exists, expected a new file; --force replaces it, --trajectory uses it")
+    say(f"no poses of its own ({why})")
+    poses = reconstruct(images, say=say)
+    write_atomically(poses_file, trajectory_text(images, poses, "reconstructed from the images by COLMAP").encode())
+    say(f"{poses_file}: poses of {int(has_pose(poses).sum())} of {len(poses)} frames")
+    trajectory = str(poses_file.resolve())
+    return replace(opened, reader=posed_by(reader, trajectory), trajectory=trajectory)
+
+
+def _lacks_poses_alone(opened: "Recording") -> bool:
+    """Whether a recording that cannot be opened could be with poses from elsewhere."""
+    from tracknoise.exceptions import DataError
+    from tracknoise.sequences.sequence import ImageReader
+
+    if not isinstance(opened.reader, ImageReader):
+        return False
+    try:
+        opened.reader.open_images(opened.reader.recordings()[0])
+    except DataError:
+        return False
+    return True
+
+
+def _about_poses(opened: "Recording") -> list[str]:
+    """Where poses are from and how many frames have one, if they are not those of the recording."""
+    from tracknoise.sequences.other_poses import OtherPoses
+    from tracknoise.sequences.poses import has_pose
+
+    if opened.trajectory is None:
+        return []
+    first = opened.reader.open(opened.reader.sequences()[0])
+    assert isinstance(first, OtherPoses), "its poses are those of the trajectory"
+    known = int(has_pose(first.world_from_camera).sum())
+    return [f"poses of {known} of {len(first)} frames are from {first.name}: {'; '.join(first.pose_notes)}"]

@@ -11,6 +11,7 @@ import typer
 if TYPE_CHECKING:
     from tracknoise.sequences.sequence import Reader
     from tracknoise.sequences.sequence import Sequence as Images
+    from tracknoise.sequences.timed_poses import PosesOf
 
 RecordingArgument = Annotated[
     list[str], typer.Argument(metavar="[READER] PATH", help="Folder of the recording; its format may come first.")
@@ -23,8 +24,21 @@ OptionOption = Annotated[
         help="Option of the reader, or depth=stereo: depth from a second camera. Can be repeated.",
     ),
 ]
+TrajectoryOption = Annotated[
+    str | None,
+    typer.Option(
+        "--trajectory",
+        metavar="FILE",
+        help="Poses in place of the recording's, which may be missing: of a SLAM, VIO or structure from motion (TUM, "
+        "EuRoC, KITTI, a folder of COLMAP).",
+    ),
+]
+TrajectoryOfOption = Annotated[
+    str, typer.Option("--trajectory-of", metavar="camera|body", help="What the poses of --trajectory are poses of.")
+]
 _DEPTH, _DEPTHS = "depth", ("recorded", "stereo")
 """The option that is none of the reader: the key of the section `truth` of an experiment."""
+_CAMERA_FILE = "camera_file"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +53,18 @@ class Recording:
         Options of the reader that were given.
     stereo
         Whether depth is computed from a second camera, in place of recorded depth.
+    trajectory
+        File of the poses, in place of the recorded ones, as an absolute path; None for the recorded ones.
+    trajectory_of
+        What they are poses of.
     """
 
     reader: "Reader"
     path: Path | None
     options: dict[str, object]
     stereo: bool
+    trajectory: str | None
+    trajectory_of: "PosesOf"
 
     def view(self, sequence: "Images") -> "Images":
         """A sequence of the reader, with the depth that was asked for."""
@@ -53,8 +73,11 @@ class Recording:
         return with_stereo_depth(sequence) if self.stereo else sequence
 
 
-def named_recording(words: Sequence[str]) -> tuple[str, Path | None]:
-    """Name of the reader and path of the data, from one or two arguments."""
+def named_recording(words: Sequence[str], *, images_alone: bool = False) -> tuple[str, Path | None]:
+    """Name of the reader and path of the data, from one or two arguments.
+
+    With `images_alone`, a folder of images in no known layout is one of the reader ``folder``.
+    """
     from tracknoise.exceptions import SettingsError
     from tracknoise.sequences.reader_registry import READERS
     from tracknoise.sequences.recognise import recognise
@@ -66,24 +89,47 @@ def named_recording(words: Sequence[str]) -> tuple[str, Path | None]:
     (word,) = words
     if word in READERS and not READERS.load(word).needs_root:
         return word, None
-    return recognise(Path(word)), Path(word)
+    return recognise(Path(word), images_alone=images_alone), Path(word)
 
 
-def open_recording(words: Sequence[str], options: Sequence[str] | None) -> Recording:
-    """The recording that arguments and options name."""
-    from tracknoise.sequences.reader_registry import make_reader
+def open_recording(
+    words: Sequence[str],
+    options: Sequence[str] | None,
+    *,
+    trajectory: str | None = None,
+    trajectory_of: str = "camera",
+    camera: Path | None = None,
+) -> Recording:
+    """The recording that arguments and options name; `camera`: file of the intrinsics, the reader's `camera_file`."""
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.foreign_files import absolute
+    from tracknoise.sequences.estimated_poses import posed_by
+    from tracknoise.sequences.reader_registry import READERS, make_reader
+    from tracknoise.sequences.timed_poses import PosesOf
 
-    name, path = named_recording(words)
+    if trajectory_of not in list(PosesOf):
+        raise SettingsError(f"--trajectory-of {trajectory_of}: expected {' or '.join(PosesOf)}")
+    of = PosesOf(trajectory_of)
+    name, path = named_recording(words, images_alone=trajectory is not None or camera is not None)
     given = options_of(options)
-    stereo = not _is_of_reader(name) and _is_stereo(given.pop(_DEPTH, _DEPTHS[0]))
-    return Recording(make_reader(name, path, given), path, given, stereo)
+    stereo = not _is_of_reader(name, _DEPTH) and _is_stereo(given.pop(_DEPTH, _DEPTHS[0]))
+    if camera is not None:
+        if not _is_of_reader(name, _CAMERA_FILE):
+            with_file = [one for one in READERS.names() if _is_of_reader(one, _CAMERA_FILE)]
+            raise SettingsError(f"--camera: the reader {name} takes none, expected one of {', '.join(with_file)}")
+        given[_CAMERA_FILE] = str(camera)
+    reader = make_reader(name, path, given)
+    if trajectory is not None:
+        trajectory = str(absolute(Path(), Path(trajectory)))
+        reader = posed_by(reader, trajectory, of)
+    return Recording(reader, path, given, stereo, trajectory, of)
 
 
-def _is_of_reader(name: str) -> bool:
-    """Whether a reader of another package has an option of this name itself."""
+def _is_of_reader(name: str, option: str) -> bool:
+    """Whether a reader has an option of this name itself."""
     from tracknoise.sequences.reader_registry import READERS
 
-    return _DEPTH in getattr(READERS.load(name), "__dataclass_fields__", {})
+    return option in getattr(READERS.load(name), "__dataclass_fields__", {})
 
 
 def _is_stereo(depth: object) -> bool:

@@ -27,6 +27,7 @@ def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
     moved = dataset.model_copy(
         update={
             "root": None if dataset.root is None else absolute(folder, dataset.root),
+            "trajectory": _absolute_template(folder, dataset.trajectory),
             "options": _absolute(folder, READERS, dataset.reader, dataset.options),
         }
     )
@@ -42,15 +43,20 @@ def _second(folder: Path, experiment: Experiment) -> SecondTruthSettings | None:
     second = experiment.truth.second
     if second is None:
         return None
-    trajectory = None if second.trajectory is None else str(absolute(folder, Path(second.trajectory)))
+    trajectory = _absolute_template(folder, second.trajectory)
     options = _absolute(folder, READERS, experiment.dataset.reader, second.options)
     return second.model_copy(update={"trajectory": trajectory, "options": options})
 
 
+def _absolute_template(folder: Path, trajectory: str | None) -> str | None:
+    return None if trajectory is None else str(absolute(folder, Path(trajectory)))
+
+
 def option_paths(experiment: Experiment) -> Iterator[Path | PathTemplate]:
-    """The paths among the options of the reader, the second truth and the trackers."""
+    """The paths among the options of the reader, the second truth and the trackers, and of trajectories."""
     dataset = experiment.dataset
     yield from READERS.paths(dataset.reader, dataset.options, dataset.root)
+    yield from [] if dataset.trajectory is None else [PathTemplate(dataset.trajectory)]
     second = experiment.truth.second
     if second is not None:
         yield from READERS.paths(dataset.reader, second.options, dataset.root)

@@ -4,14 +4,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import partial
-from pathlib import Path
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment, SecondTruthSettings
 from tracknoise.sequences.corrected import corrected
-from tracknoise.sequences.other_poses import with_trajectory
+from tracknoise.sequences.estimated_poses import posed_by, with_trajectory
 from tracknoise.sequences.reader_registry import make_reader, open_together
-from tracknoise.sequences.sequence import FilteringReader, Sequence, SharingReader
+from tracknoise.sequences.sequence import FilteringReader, Reader, Sequence, SharingReader
 from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.sequences.views import view
 from tracknoise.tables.identity import Direction, SequenceId
@@ -51,7 +50,7 @@ def plan(experiment: Experiment) -> list[Task]:
         If the reader, one of its options, a scene or a lighting is unknown, or the data's folder is wrong.
     """
     dataset = experiment.dataset
-    listed = make_reader(*_reader_arguments(dataset)).sequences()
+    listed = _reader(dataset).sequences()
     _check_selected("scene", dataset.scenes, {item.scene for item in listed})
     for lightings in (dataset.lightings, *(way.lightings for way in experiment.views)):
         _check_selected("lighting", lightings, {item.lighting for item in listed})
@@ -88,7 +87,7 @@ def _distinct(tasks: Iterable[Task]) -> list[Task]:
 
 def excluded_scenes(experiment: Experiment) -> dict[str, str]:
     """Why the reader excludes scenes of the data set from the plan, by scene."""
-    reader = make_reader(*_reader_arguments(experiment.dataset))
+    reader = _reader(experiment.dataset)
     return reader.excluded_scenes() if isinstance(reader, FilteringReader) else {}
 
 
@@ -97,7 +96,7 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
 
     Readers that share nothing get one batch per task, so that more batches run at the same time.
     """
-    if not tasks or not isinstance(make_reader(*_reader_arguments(tasks[0].experiment.dataset)), SharingReader):
+    if not tasks or not isinstance(_reader(tasks[0].experiment.dataset), SharingReader):
         return [[task] for task in tasks]
     together: dict[tuple[str, str, str, tuple[int, ...]], list[Task]] = {}
     for task in tasks:
@@ -120,7 +119,7 @@ def open_batch(
     dataset = experiment.dataset
     recorded = [replace(task.sequence, rotation=0, direction=Direction.forward) for task in tasks]
     once = list(dict.fromkeys(recorded))
-    sequences = [change(sequence) for sequence in open_together(make_reader(*_reader_arguments(dataset)), once)]
+    sequences = [change(sequence) for sequence in open_together(_reader(dataset), once)]
     if experiment.truth.depth == "stereo":
         sequences = [with_stereo_depth(sequence) for sequence in sequences]
     corrections = experiment.truth.corrections.as_corrections()
@@ -138,8 +137,11 @@ def open_batch(
     ]
 
 
-def _reader_arguments(dataset: DatasetSettings) -> tuple[str, Path | None, dict[str, object]]:
-    return dataset.reader, dataset.root, dataset.options
+def _reader(dataset: DatasetSettings) -> Reader:
+    reader = make_reader(dataset.reader, dataset.root, dataset.options)
+    if dataset.trajectory is None:
+        return reader
+    return posed_by(reader, dataset.trajectory, dataset.trajectory_of, dataset.trajectory_time_shift_s)
 
 
 def _check_selected(kind: str, names: list[str] | None, known: set[str]) -> None:
@@ -169,6 +171,8 @@ def open_second(tasks: list[Task]) -> list[Sequence]:
     if second.trajectory is not None:
         return open_batch(tasks, change=partial(_with_trajectory, second, second.trajectory))
     experiment = tasks[0].experiment
+    recorded = experiment.dataset.model_copy(update={"trajectory": None})
+    experiment = experiment.model_copy(update={"dataset": recorded})
     for name, value in second.options.items():
         experiment = experiment.with_option(name, value)
     return open_batch([replace(task, experiment=experiment) for task in tasks])
@@ -176,4 +180,4 @@ def open_second(tasks: list[Task]) -> list[Sequence]:
 
 def _with_trajectory(second: SecondTruthSettings, template: str, sequence: Sequence) -> Sequence:
     path = sequence.id.expand(template, speed=1)
-    return with_trajectory(sequence, path, time_shift_s=second.time_shift_s)
+    return with_trajectory(sequence, path, poses_of=second.trajectory_of, time_shift_s=second.time_shift_s)

@@ -32,6 +32,7 @@ from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKi
 from tracknoise.options import options_schemas, parts_of
 from tracknoise.plugins import Plugins
 from tracknoise.sequences.frame_range import frames_of, require_range
+from tracknoise.sequences.timed_poses import PosesOf
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
@@ -66,6 +67,15 @@ def _frames_of_text(given: object) -> object:
 _Frames = Annotated[list[int] | None, BeforeValidator(_frames_of_text, json_schema_input_type=list[int] | str | None)]
 
 
+def _with_known_placeholders(trajectory: str | None) -> str | None:
+    if trajectory is not None:
+        SequenceId("", "").expand(trajectory, speed=1)
+    return trajectory
+
+
+_Trajectory = Annotated[str | None, AfterValidator(_with_known_placeholders)]
+
+
 class DatasetSettings(_Section):
     """Dataset and the part of it that is measured."""
 
@@ -89,6 +99,16 @@ class DatasetSettings(_Section):
     """Scenes that are not independent of each other, such as pieces of one recording: patterns of their names, such as
     `chess/*`, by group. The first group that fits counts. Other scenes are independent; an empty table makes all of
     them so. Default: what the reader knows. It can be changed without measuring again."""
+    trajectory: _Trajectory = None
+    """File of poses that replace those of the recording, which may be missing: the trajectory of a SLAM, VIO or
+    structure from motion in the format of TUM, EuRoC or KITTI, rows by the names of images, or a folder of COLMAP.
+    Relative to the experiment file; `{scene}` and `{lighting}` are replaced. Nothing is taken as known of its errors.
+    Default: the poses of the recording."""
+    trajectory_of: Annotated[PosesOf, Field(strict=False)] = PosesOf.camera
+    """What these poses are poses of: the `camera` of the images, or the `body` that the recording states it is on."""
+    trajectory_time_shift_s: float = 0.0
+    """Added to the times of the frames to get the clock of the trajectory, seconds; for poses of the body, beside what
+    the recording states."""
     options: dict[str, Any] = {}
     """Options of the reader: see `tracknoise datasets NAME`."""
 
@@ -200,12 +220,12 @@ class CorrectionSettings(_Section):
 class SecondTruthSettings(_Section):
     """A second truth of the same images. Trackers run once, and their errors are computed by both truths."""
 
-    trajectory: str | None = None
-    """File of poses in the format of TUM: time, position and quaternion of `world_from_camera` in each row. Relative
-    to the experiment file; `{scene}` and `{lighting}` are replaced. Times are those of the frames. For frames without
-    times, each row is a frame."""
+    trajectory: _Trajectory = None
+    """File of poses, in any format of `dataset.trajectory`, and with the same placeholders."""
+    trajectory_of: Annotated[PosesOf, Field(strict=False)] = PosesOf.camera
+    """As `dataset.trajectory_of`."""
     time_shift_s: float = 0.0
-    """Added to the times of the frames to get the clock of the trajectory, seconds."""
+    """As `dataset.trajectory_time_shift_s`."""
     options: dict[str, Any] = {}
     """Options of the reader that differ for the second truth, such as `poses`."""
 
@@ -214,13 +234,6 @@ class SecondTruthSettings(_Section):
         if (self.trajectory is None) == (not self.options):
             raise ValueError("expected either trajectory or options")
         return self
-
-    @field_validator("trajectory")
-    @classmethod
-    def _placeholders_are_known(cls, trajectory: str | None) -> str | None:
-        if trajectory is not None:
-            SequenceId("", "").expand(trajectory, speed=1)
-        return trajectory
 
 
 _Figure = Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -10,6 +10,7 @@ import tomlkit
 from tracknoise.sequences.reader_registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
 from tracknoise.sequences.stereo import with_stereo_depth
+from tracknoise.sequences.timed_poses import PosesOf
 from tracknoise.text import counted
 from tracknoise.trackers.rejection import Model, Rejection
 
@@ -29,7 +30,13 @@ _REJECTION = (
 
 
 def experiment_template(
-    reader: Reader, path: Path | None, options: Mapping[str, object], *, stereo: bool = False
+    reader: Reader,
+    path: Path | None,
+    options: Mapping[str, object],
+    *,
+    stereo: bool = False,
+    trajectory: str | None = None,
+    trajectory_of: PosesOf = PosesOf.camera,
 ) -> str:
     """Experiment file (TOML) that measures all sequences of a reader with two trackers.
 
@@ -44,6 +51,10 @@ def experiment_template(
         written as absolute ones.
     stereo
         Whether depth is computed from a second camera, in place of recorded depth.
+    trajectory
+        File of poses that the reader's were replaced by, an absolute path; None for none.
+    trajectory_of
+        What these are poses of.
 
     Raises
     ------
@@ -54,16 +65,29 @@ def experiment_template(
     first = with_stereo_depth(reader.open(listed[0])) if stereo else reader.open(listed[0])
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
-    dataset = [
-        _dataset(reader, path, scenes),
-        _options(reader.name, READERS.with_paths_from(Path(), reader.name, options)),
-    ]
-    parts = [_heading(name, path, first), *dataset, _truth(first, stereo=stereo), _trackers()]
+    given = READERS.with_paths_from(Path(), reader.name, options)
+    poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
+    dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]
+    named = _named_again(reader, path, given, poses)
+    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
-def _heading(name: str, path: Path | None, first: Sequence) -> list[str]:
-    checked = shlex.quote(str(path.resolve())) if path else name
+def _named_again(reader: Reader, path: Path | None, options: Mapping[str, object], poses: Mapping[str, str]) -> str:
+    """The recording as arguments of a command."""
+    words = (
+        [reader.name, str(path.resolve())]
+        if path and (options or poses)
+        else [str(path.resolve()) if path else reader.name]
+    )
+    for key, value in options.items():
+        words += ["--option", f"{key}={value}" if isinstance(value, str) else _entry(key, value).replace(" = ", "=", 1)]
+    for key, value in poses.items():
+        words += [f"--{key.replace('_', '-')}", value]
+    return shlex.join(words)
+
+
+def _heading(name: str, checked: str, first: Sequence) -> list[str]:
     speeds = [1] if len(first) < _FEW_FRAMES else [1, 2, 4]
     return [
         f"# {counted(len(first), 'frame')} of {first.camera.width}x{first.camera.height} px in the first sequence.",
@@ -75,7 +99,7 @@ def _heading(name: str, path: Path | None, first: Sequence) -> list[str]:
     ]
 
 
-def _dataset(reader: Reader, path: Path | None, scenes: list[str]) -> list[str]:
+def _dataset(reader: Reader, path: Path | None, scenes: list[str], poses: Mapping[str, str]) -> list[str]:
     named = scenes[:_MOST_NAMED]
     more = f" (and {len(scenes) - len(named)} more)" if len(scenes) > len(named) else ""
     root = [] if path is None else [_entry("root", str(path.resolve()))]
@@ -84,6 +108,7 @@ def _dataset(reader: Reader, path: Path | None, scenes: list[str]) -> list[str]:
         "[dataset]",
         _entry("reader", reader.name),
         *root,
+        *(_entry(key, value) for key, value in poses.items()),
         f"# {_entry('scenes', named)}  # to measure only some{more}",
         "# max_frames = 300  # to measure only the first frames of each sequence",
     ]

@@ -30,6 +30,7 @@ from tracknoise.geometry.pose import invert
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.entries import Entries
 from tracknoise.sequences.scenes import with_option
+from tracknoise.sequences.sequence import Body
 from tracknoise.sequences.system_cameras import camera_names, read_system_camera, system_of
 
 _POSITIONS = 65
@@ -54,6 +55,11 @@ class CameraFile:
     # rolling shutter of the camera; None where all rows are exposed together, or the file does not say
     shutter: RollingShutter | None = None
     unused: tuple[str, ...] = ()  # sentences about what the file says and is not used
+
+    @property
+    def body(self) -> Body | None:
+        """What the camera is mounted on; None where the file does not say."""
+        return None if self.body_from_camera is None else Body(self.body_from_camera, self.time_shift_s or 0.0)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -334,7 +334,7 @@ _DISTORTED, _ORIGINALS = "distorted", "input"
 """How programs for Gaussian splatting name what undistorted images and cameras were made from."""
 _LEVELS = 4
 """How far above a reconstruction the folder of its images may be."""
-_SCALE = "COLMAP does not know the scale: its unit of length stands where metres are meant"
+SCALE_NOTE = "COLMAP does not know the scale: its unit of length stands where metres are meant"
 
 
 class DepthMaps(StrEnum):
@@ -406,7 +406,7 @@ class Colmap(SceneReader):
                 *(depth_notes(depths) if any(depths) else ()),
                 *pose_notes(poses),
                 "images are in the order of their names",
-                _SCALE,
+                SCALE_NOTE,
             ),
             cameras=cameras if len(set(cameras)) > 1 else None,
             group=Path(os.path.relpath(images if found is None else found.beside, self.root)).as_posix(),

@@ -22,10 +22,10 @@ from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.sequences.camera_files import CameraFile, cameras_in, read_camera_file, read_yaml
 from tracknoise.sequences.images import Levels, read_gray, require_levels
 from tracknoise.sequences.likely_times import StatedBy, require_likely_rate, require_pose_rate
-from tracknoise.sequences.poses import checked_poses
+from tracknoise.sequences.poses import checked_poses, no_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
-from tracknoise.sequences.sequence import SecondCamera
+from tracknoise.sequences.sequence import Body, SecondCamera
 from tracknoise.sequences.timed_poses import (
     in_order,
     order_notes,
@@ -227,10 +227,10 @@ def _number(place: str, row: list[str], column: int) -> float:
 _EXTRINSICS = "T_BS"
 
 
-def read_camera(path: Path, camera: str) -> CameraFile:
-    """Read the intrinsics of a camera, and its place on the body."""
+def read_camera(path: Path, camera: str, *, on_body: bool = True) -> CameraFile:
+    """Read the intrinsics of a camera, and its place on the body, which may be missing unless it is needed."""
     read = read_camera_file(path, camera=camera if cameras_in(path) else None)
-    if read.body_from_camera is None:
+    if on_body and read.body_from_camera is None:
         raise DataError(path, f"no place of {camera} on the body", f"{_EXTRINSICS} or T_cam_imu")
     return read
 
@@ -360,13 +360,23 @@ class Euroc(SceneReader):
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
 
+    def recordings(self) -> list[SequenceId]:
+        """All recordings: see `ImageReader.recordings`."""
+        return self.sequences()
+
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one recording, except for its images."""
+        return self._opened(sequence, with_poses=True)
+
+    def open_images(self, sequence: SequenceId) -> RecordedSequence:
+        """The same without poses: see `ImageReader.open_images`."""
+        return self._opened(sequence, with_poses=False)
+
+    def _opened(self, sequence: SequenceId, *, with_poses: bool) -> RecordedSequence:
         files = Files(self._folder(sequence))
         images = read_table(files.list_of_images(self.camera), _IMAGE_COLUMNS, self.time_unit, _UNIT)
         file = self.camera_file or files.calibration(self.camera)
-        calibration = read_camera(file, self.camera)
-        assert calibration.body_from_camera is not None, "checked when it was read"
+        calibration = read_camera(file, self.camera, on_body=with_poses)
         order = in_order(images.times_ns)
         names = file_names(images)
         require_distinct(images.path, images.times_ns, names)
@@ -376,15 +386,24 @@ class Euroc(SceneReader):
         if self.time_unit is None:
             require_likely_rate(times_s, images.path, _UNIT, taken=TimeUnit.ns)
         shift_s = (calibration.time_shift_s or 0.0) if self.time_shift_s is None else self.time_shift_s
-        poses, path, notes = self._camera_poses(files, calibration.body_from_camera, start_ns, times_s, shift_s)
-        second, second_notes = find_second(
-            files,
-            self.camera,
-            calibration.body_from_camera,
-            images.times_ns[order],
-            camera_file=self.camera_file,
-            levels=self.image_levels,
-            unit=self.time_unit,
+        body = calibration.body_from_camera
+        poses, path, notes = no_poses(len(order)), None, tuple[str, ...]()
+        if with_poses:
+            assert body is not None, "checked when it was read"
+            poses, path, notes = self._camera_poses(files, body, start_ns, times_s, shift_s)
+            notes = (*_shift_notes(shift_s), *notes)
+        second, second_notes = (
+            (None, tuple[str, ...]())
+            if body is None
+            else find_second(
+                files,
+                self.camera,
+                body,
+                images.times_ns[order],
+                camera_file=self.camera_file,
+                levels=self.image_levels,
+                unit=self.time_unit,
+            )
         )
         return RecordedSequence(
             id=sequence,
@@ -395,7 +414,6 @@ class Euroc(SceneReader):
             notes=(
                 f"the camera is that of {file}",
                 *calibration.notes,
-                *_shift_notes(shift_s),
                 *order_notes(images.path, images.times_ns),
                 *notes,
                 *second_notes,
@@ -407,6 +425,8 @@ class Euroc(SceneReader):
             second=second,
             shutter=calibration.shutter,
             path=path,
+            body=None if body is None else Body(body, shift_s),
+            poses_elsewhere=not with_poses,
         )
 
     def _scenes(self) -> dict[str, Path]:

@@ -9,8 +9,9 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, asdict, dataclass, replace
+from decimal import Decimal
 from functools import partial
-from itertools import compress
+from itertools import compress, pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -27,21 +28,29 @@ from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
 from tracknoise.sequences.likely_times import seconds_of
-from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses, surplus_notes
-from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
+from tracknoise.sequences.poses import no_poses, quaternion_poses, read_rows, require_poses, surplus_notes
+from tracknoise.sequences.recorded import (
+    DepthReader,
+    ImageFiles,
+    RecordedSequence,
+    depth_files,
+    depth_notes,
+    image_names,
+)
 from tracknoise.sequences.scenes import (
     SceneReader,
     find_scenes,
     numbered_files,
     parent_of,
     require_unbroken,
+    scene_folder,
     with_option,
 )
 from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
 from tracknoise.sequences.writing import new_folder, only_camera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
-from tracknoise.time_units import TimeUnit
+from tracknoise.time_units import TimeUnit, is_likely, rate_of, unit_of_clock
 
 _IMAGES, _DEPTH, _POSES, _CAMERA, _TIMES = "images", "depth", "poses.txt", "camera.json", "timestamps.txt"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
@@ -50,6 +59,8 @@ _KNOWN = {*_PARTS, _TIMES}
 _MOST_NAMED, _MOST_LEVELS = 8, 3
 _COLUMNS = "tx ty tz qx qy qz qw"
 _DEFAULT_MODEL = "radtan"
+_FIRST_CLOCK = 10**12
+"""Smaller whole numbers in the names of images are numbers of frames; larger ones are times in ms, us or ns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +109,44 @@ class Folder(SceneReader):
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
 
+    def recordings(self) -> list[SequenceId]:
+        """All folders of images, however they are named, sorted: see `ImageReader.recordings`."""
+        return [SequenceId(self.name, scene) for scene in self._image_folders()]
+
+    def open_images(self, sequence: SequenceId) -> RecordedSequence:
+        """Images in the order of their names, without poses: see `ImageReader.open_images`."""
+        folder = scene_folder(self._image_folders(), sequence)
+        inside = _IMAGES if is_folder(folder / _IMAGES) else "."
+        images = tuple(folder / name for name in natural_order(image_names(folder, inside)))
+        if not images:
+            raise DataError(folder / inside, "no images", "PNG, JPEG or BMP files")
+        if self.camera_file is None and not is_there(folder / _CAMERA):
+            raise DataError(folder, f"no {_CAMERA}", f"it, or {with_option('camera_file', 'FILE')}")
+        stated = (
+            self._named_camera(first_readable(images))
+            if self.camera_file is not None
+            else read_camera_file(folder / _CAMERA, lens=self.lens)
+        )
+        depths = _namesakes(folder / _DEPTH, images)
+        read_depth = _depth_reader(folder, depths, self.depth_unit_m or stated.depth_unit_m)
+        timestamps_s, start_ns, time_notes = self._times_of_images(folder, images)
+        return RecordedSequence(
+            id=sequence,
+            source=str(images[0].parent),
+            camera=stated.camera,
+            world_from_camera=no_poses(len(images)),
+            poses_elsewhere=True,
+            body=stated.body,
+            timestamps_s=timestamps_s,
+            time_unit_stated=self.time_unit is not None,
+            clock_start_ns=start_ns,
+            shutter=stated.shutter,
+            images=ImageFiles(images, stated.camera, self.image_levels),
+            depths=depth_files(depths, stated.camera, partial(_with_radius, read_depth, self.depth_radius_px)),
+            notes=(*stated.notes, *self._notes(), *time_notes, *(depth_notes(depths) if any(depths) else ())),
+            group=parent_of(sequence.scene),
+        )
+
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one sequence, except for its images and depths."""
         folder = self._folder(sequence)
@@ -116,6 +165,7 @@ class Folder(SceneReader):
             timestamps_s=_timestamps(folder / _TIMES, len(images), self.time_unit),
             time_unit_stated=self.time_unit is not None,
             shutter=stated.shutter,
+            body=stated.body,
             images=ImageFiles(images, camera, self.image_levels),
             depths=depth_files(depths, camera, partial(_with_radius, read_depth, self.depth_radius_px)),
             notes=(
@@ -137,6 +187,27 @@ class Folder(SceneReader):
             return ()
         black, white = self.image_levels
         return (f"16-bit images are scaled: {black:g} becomes 0 and {white:g} becomes 255",)
+
+    def _image_folders(self) -> dict[str, Path]:
+        return find_scenes(
+            self.root,
+            lambda below, files: _IMAGES in below or any(name.lower().endswith(_IMAGE_ENDINGS) for name in files),
+            expected=f"folders of PNG, JPEG or BMP files, or with {_IMAGES}/",
+        )
+
+    def _times_of_images(
+        self, folder: Path, images: tuple[Path, ...]
+    ) -> tuple[NDArray[np.float64] | None, int | None, tuple[str, ...]]:
+        """Times of a file, otherwise those in the names of images; and time 0 by their clock, ns."""
+        if is_there(folder / _TIMES):
+            return _timestamps(folder / _TIMES, len(images), self.time_unit), None, ()
+        times_ns = _times_in_names(images, self.time_unit)
+        if times_ns is None:
+            return None, None, _gap_notes(images)
+        timestamps_s: NDArray[np.float64] = (times_ns - times_ns[0]) / 1e9
+        if self.time_unit is None and (rate := rate_of(timestamps_s)) is not None and not is_likely(rate):
+            return None, None, _gap_notes(images)
+        return timestamps_s, int(times_ns[0]), (f"times are those in the names of images, such as {images[0].name}",)
 
     def _scenes(self) -> dict[str, Path]:
         return find_scenes(
@@ -267,6 +338,42 @@ def _image_name(images: Mapping[int, Path], number: int) -> str:
         return f"{number:06d}.png"
     shortest = min(images.values(), key=lambda path: len(path.stem))
     return f"{number:0{len(shortest.stem)}d}{shortest.suffix}"
+
+
+def _namesakes(folder: Path, images: tuple[Path, ...]) -> tuple[Path | None, ...]:
+    """Depth map of each image, by its name; None of one without."""
+    paths = sorted(folder.iterdir()) if is_folder(folder) else []
+    depths = {path.stem: path for path in paths if path.suffix in (".npy", ".png")}
+    return tuple(depths.get(image.stem) for image in images)
+
+
+def _times_in_names(images: tuple[Path, ...], unit: TimeUnit | None) -> NDArray[np.int64] | None:
+    """(n,) int64: ns of names such as 1403636579763555584.png or 1305031102.175304.png; None where they are no times.
+
+    `unit`: by default that in which the number can be a time since 1970; numbers with a point are seconds.
+    """
+    stems = [image.stem for image in images]
+    if not all(re.fullmatch(r"\d{1,19}(?:\.\d{1,12})?", stem) for stem in stems):
+        return None
+    if unit is None:
+        pointed = all("." in stem for stem in stems)
+        if not pointed and (any("." in stem for stem in stems) or min(map(int, stems)) < _FIRST_CLOCK):
+            return None
+        unit = TimeUnit.s if pointed else unit_of_clock(float(stems[0]))
+    times = [int(Decimal(stem) * (TimeUnit.ns.per_second // unit.per_second)) for stem in stems]
+    increasing = all(first < second for first, second in pairwise(times))
+    return np.array(times, np.int64) if increasing and times[-1] < 2**63 else None
+
+
+def _gap_notes(images: tuple[Path, ...]) -> tuple[str, ...]:
+    """A sentence where numbers of images jump, as if frames between were missing."""
+    found = [re.search(r"(\d{1,18})\D*$", image.stem) for image in images]
+    counted_up = [int(match[1]) for match in found if match]
+    steps = np.diff(counted_up) if len(counted_up) == len(images) else np.empty(0)
+    if not len(steps) or steps.max() == steps.min():
+        return ()
+    at = int(np.argmax(steps != np.median(steps)))
+    return (f"the numbers of images jump from {images[at].name} to {images[at + 1].name}: frames may be missing",)
 
 
 def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:

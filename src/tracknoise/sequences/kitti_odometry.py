@@ -33,10 +33,10 @@ from tracknoise.sequences.kitti_files import (
     rigid,
 )
 from tracknoise.sequences.likely_times import seconds_of
-from tracknoise.sequences.poses import read_rows, require_poses, surplus_notes
+from tracknoise.sequences.poses import no_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder, with_option
-from tracknoise.sequences.sequence import SecondCamera
+from tracknoise.sequences.sequence import Body, SecondCamera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
 from tracknoise.time_units import TimeUnit
@@ -195,8 +195,19 @@ class KittiOdometry:
         courses = find_courses(self.root)
         return {name: f"no poses in {course.poses}" for name, course in courses.items() if not course.poses.exists()}
 
+    def recordings(self) -> list[SequenceId]:
+        """All sequences, those without poses too, sorted: see `ImageReader.recordings`."""
+        return [SequenceId(self.name, scene) for scene in find_courses(self.root)]
+
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one sequence, except for its images and depths."""
+        return self._opened(sequence, with_poses=True)
+
+    def open_images(self, sequence: SequenceId) -> RecordedSequence:
+        """The same without poses: see `ImageReader.open_images`."""
+        return self._opened(sequence, with_poses=False)
+
+    def _opened(self, sequence: SequenceId, *, with_poses: bool) -> RecordedSequence:
         courses = find_courses(self.root)
         scene_folder({name: course.folder for name, course in courses.items()}, sequence)
         course = courses[sequence.scene]
@@ -204,14 +215,19 @@ class KittiOdometry:
         frames = find_frames(course, number)
         P = read_projection(course.folder / CALIBRATION, number)
         camera = _camera(P, frames.images)
-        reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
+        reference, pose_notes = no_poses(len(frames.images)), tuple[str, ...]()
+        if with_poses:
+            reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
+        reference_from_camera = invert(camera_from_reference(P))
         timestamps_s, time_notes = read_times(course.folder / TIMES, frames.numbers, self.time_unit)
         depth_of_scans = self._depth(course, number, frames.depths)
         return RecordedSequence(
             id=sequence,
             source=str(course.folder),
             camera=camera,
-            world_from_camera=reference @ invert(camera_from_reference(P)),
+            world_from_camera=reference @ reference_from_camera,
+            body=Body(reference_from_camera),
+            poses_elsewhere=not with_poses,
             images=ImageFiles(frames.images, camera),
             depths=None if depth_of_scans is None else depth_files(frames.depths, camera, depth_of_scans),
             notes=(

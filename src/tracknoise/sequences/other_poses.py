@@ -1,17 +1,14 @@
 """Poses of the same recording from elsewhere: of another estimator, or at times without a frame."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.pose import PosePath, invert, nearest, transform
-from tracknoise.sequences.likely_times import require_seconds
-from tracknoise.sequences.poses import read_rows, require_some_poses
+from tracknoise.geometry.pose import PosePath, invert, transform
+from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.sequence import (
     IMAGE_AXES,
     Axes,
@@ -22,16 +19,7 @@ from tracknoise.sequences.sequence import (
     second_of,
     times_of,
 )
-from tracknoise.sequences.timed_poses import poses_at, trajectory
 from tracknoise.sequences.views import View
-from tracknoise.text import counted
-
-_COLUMNS = "timestamp tx ty tz qx qy qz qw"
-LONGEST_GAP_S = 0.1
-"""Longest time between two poses of a file that are interpolated, seconds."""
-
-_SAME_TIME_S = 1e-6
-"""A frame this close to a pose in time has this pose: times are rounded when they are shifted, or written."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +33,8 @@ class OtherPoses(View):
 
     poses: NDArray[np.float64]  # (n, 4, 4) float64: world_from_camera of each frame, all NaN for a frame without a pose
     name: str  # where they are from, for messages
+    path: PosePath | None = None  # the other poses at other times than those of frames; None where there are none
+    pose_notes: tuple[str, ...] = ()  # what is to be said of them, one sentence each
 
     def __post_init__(self) -> None:
         require_some_poses(self.poses, self.name)
@@ -72,7 +62,7 @@ class OtherPoses(View):
     @property
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown, and where the poses are from."""
-        return (*self.sequence.notes, f"poses are from {self.name}")
+        return (*self.sequence.notes, f"poses are from {self.name}", *self.pose_notes)
 
     @property
     def second(self) -> SecondCamera | None:
@@ -95,50 +85,13 @@ class OtherPoses(View):
         return transform(self.poses[index] @ invert(self.sequence.world_from_camera[index]), points_world)
 
 
-def with_trajectory(sequence: Sequence, path: Path, *, time_shift_s: float = 0.0) -> OtherPoses:
-    """The sequence with the poses of a file: rows of a time, a position and a quaternion (TUM format).
-
-    Where the sequence has times, poses are interpolated at them. Otherwise each row belongs to a frame, in order.
-
-    Parameters
-    ----------
-    sequence
-        As recorded: all of its frames, in their order.
-    path
-        The file; poses are world_from_camera, metres.
-    time_shift_s
-        Added to the times of the frames to get the clock of the file, seconds.
-
-    Raises
-    ------
-    DataError
-        If the file is missing or damaged, holds no pose for two frames, or, without times, another number of rows.
-    """
-    rows, places = read_rows(path, _COLUMNS)
-    if sequence.timestamps_s is None:
-        poses = _by_row(path, rows, places, len(sequence))
-    else:
-        poses = _by_time(path, rows, places, sequence.timestamps_s + time_shift_s)
-    return OtherPoses(sequence, poses, str(path))
-
-
-def _by_row(path: Path, rows: NDArray[np.float64], places: list[str], count: int) -> NDArray[np.float64]:
-    if len(rows) != count:
-        raise DataError(
-            path, f"{counted(len(rows), 'pose')} for {counted(count, 'frame')} without times", "one row per frame"
-        )
-    numbers = np.arange(count, dtype=np.float64)
-    return poses_at(trajectory(path, numbers, rows[:, 1:], places), numbers, max_gap_s=0.0)[0]
-
-
-def _by_time(
-    path: Path, rows: NDArray[np.float64], places: list[str], frames_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    require_seconds(rows[:, 0], places)
-    recorded = trajectory(path, rows[:, 0], rows[:, 1:], places)
-    same = nearest(frames_s, recorded.times_s, max_gap_s=_SAME_TIME_S)
-    at_s = np.where(same >= 0, recorded.times_s[same], frames_s)
-    return poses_at(recorded, at_s, max_gap_s=LONGEST_GAP_S)[0]
+def has_other_poses(sequence: Sequence) -> bool:
+    """Whether a sequence, or one that it shows, has other poses than its reader's."""
+    while isinstance(sequence, View):
+        if isinstance(sequence, OtherPoses):
+            return True
+        sequence = sequence.sequence
+    return False
 
 
 _SAME_TIME = 1e-6

@@ -111,6 +111,11 @@ def has_pose(world_from_camera: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(~np.isnan(world_from_camera).all(axis=(1, 2)))
 
 
+def no_poses(n_frames: int) -> NDArray[np.float64]:
+    """(n, 4, 4) float64: the poses of frames that have none."""
+    return np.full((n_frames, 4, 4), np.nan)
+
+
 def pose_notes(world_from_camera: NDArray[np.float64]) -> tuple[str, ...]:
     """A sentence if there are frames without a pose."""
     known = has_pose(world_from_camera)

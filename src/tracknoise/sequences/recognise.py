@@ -10,6 +10,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import is_folder, is_regular_file
 from tracknoise.sequences.reader_registry import READERS
 
+_ANY_IMAGE = r".*\.(?:png|jpe?g|bmp)"
 _MOST_ENTRIES, _MOST_LEVELS = 20_000, 6
 
 
@@ -42,7 +43,12 @@ SIGNATURES = (
         "rgb.txt and groundtruth.txt",
         "rgb depth depth.txt accelerometer.txt",
     ),
-    _signature("sevenscenes", r"frame-\d+\.pose\.txt", "frame-NNNNNN.pose.txt", "camera-intrinsics.txt"),
+    _signature(
+        "sevenscenes",
+        r"frame-\d+\.(?:pose\.txt|color\.(?:png|jpg))",
+        "frame-NNNNNN.color.png and frame-NNNNNN.pose.txt",
+        "camera-intrinsics.txt",
+    ),
     _signature(
         "tartanair",
         r"pose_(?:left|right|[lr]cam_[a-z]+)\.txt",
@@ -74,13 +80,15 @@ SIGNATURES = (
 """The most telling names come first."""
 
 
-def recognise(path: Path) -> str:
+def recognise(path: Path, *, images_alone: bool = False) -> str:
     """Name of the reader whose layout a data set has.
 
     Parameters
     ----------
     path
         Folder of the data set, or a file such as a bag.
+    images_alone
+        Whether a folder of images in no known layout is one of the reader ``folder``.
 
     Raises
     ------
@@ -94,6 +102,8 @@ def recognise(path: Path) -> str:
     for signature in SIGNATURES:
         if signature.reader in known and any(re.fullmatch(signature.pattern, name) for name in found):
             return signature.reader
+    if images_alone and any(re.fullmatch(_ANY_IMAGE, name, re.IGNORECASE) for name in found):
+        return "folder"
     raise DataError(path, *_unknown(found, known))
 
 

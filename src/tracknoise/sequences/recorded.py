@@ -22,6 +22,7 @@ from tracknoise.sequences.sequence import (
     IMAGE_AXES,
     TRIANGULATED,
     Axes,
+    Body,
     SecondCamera,
     TruthKind,
     facts_of,
@@ -78,10 +79,14 @@ class RecordedSequence:
         How images are read out; None where all rows of an image are exposed together. It needs timestamps.
     path
         Camera poses at other times than those of frames, on the clock of the timestamps; None where there are none.
+    body
+        What the camera is mounted on; None where nothing is stated.
     recorded_axes
         Axes of the camera in the poses that were read, before they were turned into those of the image.
     z_depth_from
         What depths were computed from, along z; None where they are read from files, or there are none.
+    poses_elsewhere
+        Whether all poses may be NaN, because they are to come from elsewhere.
 
     Raises
     ------
@@ -110,8 +115,10 @@ class RecordedSequence:
     second: SecondCamera | None = None
     shutter: RollingShutter | None = None
     path: PosePath | None = None
+    body: Body | None = None
     recorded_axes: Axes = IMAGE_AXES
     z_depth_from: str | None = None
+    poses_elsewhere: bool = False
 
     def __post_init__(self) -> None:
         place = f"{self.id.dataset} {self.id.scene}"
@@ -120,7 +127,8 @@ class RecordedSequence:
         for name, count in self._counts():
             if count != len(self):
                 raise DataError(place, counted(count, name), f"one for each of the {counted(len(self), 'pose')}")
-        require_some_poses(self.world_from_camera, place)
+        if not self.poses_elsewhere:
+            require_some_poses(self.world_from_camera, place)
         if self.timestamps_s is not None and (found := _out_of_order(self.timestamps_s)):
             raise DataError(place, f"timestamps that do not increase ({found})", "increasing timestamps")
         if self.timestamps_s is not None:

@@ -1,7 +1,7 @@
 """The reader of bags: see docs/formats.md."""
 
 import re
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -17,7 +17,7 @@ from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import Levels, require_levels
 from tracknoise.sequences.likely_times import require_likely_rate
 from tracknoise.sequences.orientation import turned_notes
-from tracknoise.sequences.poses import checked_poses, pose_notes
+from tracknoise.sequences.poses import checked_poses, no_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.rosbag_frames import (
     BagDepths,
@@ -33,6 +33,7 @@ from tracknoise.sequences.rosbag_frames import (
 )
 from tracknoise.sequences.rosbag_messages import UNNAMED_DEPTH, Wanted, camera_of, frame_name
 from tracknoise.sequences.scenes import SceneReader, parent_of, with_option
+from tracknoise.sequences.sequence import Body
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
 from tracknoise.time_units import TimeUnit
@@ -122,11 +123,24 @@ class Rosbag(SceneReader):
     def _scenes(self) -> dict[str, Path]:
         return find_bags(self.root)
 
+    def recordings(self) -> list[SequenceId]:
+        """All bags: see `ImageReader.recordings`."""
+        return self.sequences()
+
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Go through one bag once. Images and depths are read later."""
+        return self._opened(sequence, with_poses=True)
+
+    def open_images(self, sequence: SequenceId) -> RecordedSequence:
+        """The same without poses: see `ImageReader.open_images`."""
+        return self._opened(sequence, with_poses=False)
+
+    def _opened(self, sequence: SequenceId, *, with_poses: bool) -> RecordedSequence:
         path = self._folder(sequence)
         file, calibration = BagFile.at(path), self._calibration()
-        scan = in_unit(scan_bag(path, self._wanted()), self.time_unit or TimeUnit.s)
+        scan = in_unit(
+            scan_bag(path, replace(self._wanted(), poses_elsewhere=not with_poses)), self.time_unit or TimeUnit.s
+        )
         times_ns, positions = in_order(str(path), scan.images, self.time)
         timestamps_s = (times_ns - times_ns[0]) / 1e9
         if self.time_unit is None:
@@ -134,14 +148,14 @@ class Rosbag(SceneReader):
             place = f"{path} {scan.images.topic}"
             require_likely_rate(timestamps_s, place, partial(with_option, "time_unit"), instead=f'time = "{other}"')
         shift_s = self._shift_s(calibration)
-        poses, along, sources = camera_poses(
-            path,
-            scan,
-            self._frames(calibration),
-            times_ns + round(shift_s * 1e9),
-            clock=self.time,
-            max_gap_s=self.max_pose_gap_s,
-        )
+        frames = self._frames(calibration)
+        poses, along, sources = no_poses(len(times_ns)), None, tuple[str, ...]()
+        if with_poses:
+            at_ns = times_ns + round(shift_s * 1e9)
+            poses, along, notes = camera_poses(
+                path, scan, frames, at_ns, clock=self.time, max_gap_s=self.max_pose_gap_s
+            )
+            sources = (*notes, *_shifted(shift_s), *pose_notes(poses))
         camera, camera_notes = _camera(path, scan, calibration)
         depths, depth_notes = self._depths(file, scan, times_ns, self._depth_unit_m(calibration))
         return RecordedSequence(
@@ -154,8 +168,6 @@ class Rosbag(SceneReader):
             notes=(
                 *camera_notes,
                 *sources,
-                *_shifted(shift_s),
-                *pose_notes(poses),
                 *depth_notes,
                 *_repeated(scan, positions),
                 *turned_notes(scan.images.topic, scan.images.turned, len(scan.images.positions)),
@@ -166,6 +178,8 @@ class Rosbag(SceneReader):
             group=parent_of(sequence.scene),
             shutter=None if calibration is None else calibration.shutter,
             path=along,
+            body=None if frames.body_from_camera is None else Body(frames.body_from_camera, shift_s),
+            poses_elsewhere=not with_poses,
         )
 
     def _wanted(self) -> Wanted:

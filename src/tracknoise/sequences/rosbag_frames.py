@@ -61,7 +61,7 @@ class Scan:
     # camera_info, camera_info_topic: the intrinsics; None where they come from somewhere else
     camera_info: CameraInfo | None
     camera_info_topic: str
-    pose_topic: str  # where the poses come from
+    pose_topic: str  # where the poses come from; empty where that is not the bag
     pose: Link | None  # the poses of the topic; None where they come from tf
     transforms: tuple[Link, ...]  # the transforms of all tf topics
 
@@ -82,17 +82,18 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
     depths = None if chosen.depth is None else _messages(bag, chosen.depth)
     if info is not None and depths is not None and chosen.depth_info is not None and depths.frame != images.frame:
         _require_aligned(f"{path} {depths.topic}", info, _intrinsics(bag, chosen.depth_info), images.frame)
-    pose = None if chosen.pose.kind == TRANSFORMS else pose_link(bag, chosen.pose)
-    moving = [link for topic in chosen.transforms for link in transform_links(bag, topic, moving=True)]
-    static = [link for topic in chosen.static_transforms for link in transform_links(bag, topic, moving=False)]
+    is_of_topic = chosen.pose is not None and chosen.pose.kind != TRANSFORMS
+    pose = pose_link(bag, chosen.pose) if chosen.pose is not None and is_of_topic else None
+    topics = () if chosen.pose is None else ((chosen.static_transforms, False), (chosen.transforms, True))
+    links = [link for some, moving in topics for topic in some for link in transform_links(bag, topic, moving=moving)]
     return Scan(
         images=images,
         depths=depths,
         camera_info=info,
         camera_info_topic="" if chosen.camera_info is None else chosen.camera_info.name,
-        pose_topic=chosen.pose.name,
+        pose_topic="" if chosen.pose is None else chosen.pose.name,
         pose=pose,
-        transforms=(*static, *moving),
+        transforms=tuple(links),
     )
 
 

@@ -304,7 +304,9 @@ class Wanted:
     depth: str | None = None
     camera_info: str | None = None
     pose: str | None = None
-    intrinsics_given: bool = False  # whether the intrinsics come from somewhere else
+    # whether intrinsics and poses come from somewhere else
+    intrinsics_given: bool = False
+    poses_elsewhere: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +318,7 @@ class Chosen:
     depth: Topic | None
     camera_info: Topic | None
     depth_info: Topic | None  # of the intrinsics beside the depths; None where there are none
-    pose: Topic  # of poses; may be one of transforms
+    pose: Topic | None  # of poses; may be one of transforms; None where poses come from somewhere else
     # transforms, static_transforms: all topics of transforms
     transforms: tuple[Topic, ...]
     static_transforms: tuple[Topic, ...]
@@ -337,7 +339,9 @@ def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
         depth=depth,
         depth_info=None if depth is None else next(iter(_beside(depth, infos)), None),
         camera_info=None if wanted.intrinsics_given else _camera_info(bag, wanted.camera_info, image, infos),
-        pose=_only(
+        pose=None
+        if wanted.poses_elsewhere
+        else _only(
             bag, "pose_topic", wanted.pose, [*_of_kinds(filled, POSE_KINDS), *moving], (*POSE_KINDS, TRANSFORMS)
         ),
         transforms=moving,

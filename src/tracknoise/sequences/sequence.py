@@ -183,6 +183,14 @@ class SecondCamera:
     images: Callable[[int], NDArray[np.uint8] | None]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """What the camera of a recording is mounted on, such as an IMU or a reference camera."""
+
+    from_camera: NDArray[np.float64]  # (4, 4) float64, metres: pose of the camera in the frame of the body, constant
+    time_shift_s: float = 0.0  # to be added to the time of an image to get the time of the body's clock, seconds
+
+
 Axes: TypeAlias = tuple[int, int, int]
 """For x, y and z of poses: which axis of the image it is (1 right, 2 down, 3 forward), negative if opposite."""
 IMAGE_AXES: Axes = (1, 2, 3)
@@ -252,6 +260,11 @@ class FurtherFacts(Protocol):
     @property
     def second(self) -> SecondCamera | None:
         """A second camera, from which `tracknoise.sequences.stereo` computes depth."""
+        ...
+
+    @property
+    def body(self) -> Body | None:
+        """What the camera is mounted on, if the recording states where: other poses may be those of it."""
         ...
 
     @property
@@ -356,6 +369,12 @@ def second_of(sequence: Sequence) -> SecondCamera | None:
     return second
 
 
+def body_of(sequence: Sequence) -> Body | None:
+    """What the camera of a sequence is mounted on; None where nothing is stated."""
+    body: Body | None = getattr(sequence, "body", None)
+    return body
+
+
 def recorded_axes(sequence: Sequence) -> Axes:
     """Axes of the camera that the reader of a sequence expects in its poses; those of the image if it states none."""
     axes: Axes = getattr(sequence, "recorded_axes", IMAGE_AXES)
@@ -429,6 +448,19 @@ class FilteringReader(Protocol):
         DataError
             If the files that determine it cannot be read.
         """
+        ...
+
+
+@runtime_checkable
+class ImageReader(Protocol):
+    """A `Reader` of recordings whose poses may be elsewhere."""
+
+    def recordings(self) -> list[SequenceId]:
+        """All sequences, those without poses too, sorted: see `Reader.sequences`."""
+        ...
+
+    def open_images(self, sequence: SequenceId) -> Sequence:
+        """As `Reader.open`, without poses: none are looked for, and all are NaN."""
         ...
 
 

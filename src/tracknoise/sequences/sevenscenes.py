@@ -30,9 +30,17 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import DepthMap, reproject_depth
 from tracknoise.geometry.pose import invert, nearest_rigid
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
-from tracknoise.sequences.poses import checked_poses, numbers, quaternion_poses, read_matrix, require_poses
+from tracknoise.sequences.poses import checked_poses, no_poses, numbers, quaternion_poses, read_matrix, require_poses
 from tracknoise.sequences.recorded import DepthFiles, ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
+from tracknoise.sequences.scenes import (
+    SceneReader,
+    find_scenes,
+    numbered_files,
+    parent_of,
+    require_unbroken,
+    scene_folder,
+)
+from tracknoise.sequences.sequence import Body
 from tracknoise.tables.identity import SequenceId
 
 INTRINSICS = "camera-intrinsics.txt"
@@ -218,7 +226,7 @@ def _name(image: Path) -> str:
     return f"{image.parent.name}/{image.name.split('.')[0]}"
 
 
-_POSE = re.compile(r"frame-(\d+)\.pose\.txt")
+_POSE, _COLOUR = re.compile(r"frame-(\d+)\.pose\.txt"), re.compile(r"frame-(\d+)\.color\.(?:png|jpg)")
 _FRAMES_PER_S = 30.0
 _TIMES = f"the recording has no times: {_FRAMES_PER_S:g} frames per second are assumed, the nominal rate of the Kinect"
 
@@ -263,16 +271,43 @@ class SevenScenes(SceneReader):
         is_registered = self.calibration is Calibration.registered
         require(is_registered or not sfm, "calibration", str(self.calibration), "'registered' with poses = 'sfm'")
 
+    def recordings(self) -> list[SequenceId]:
+        """All sequences, those without poses too, sorted: see `ImageReader.recordings`."""
+        return [SequenceId(self.name, scene) for scene in self._folders(_COLOUR, "frame-NNNNNN.color.png")]
+
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one sequence, except for its images and depths."""
         folder = self._folder(sequence)
-        images, poses, depths, numbers = _frame_files(folder)
-        cameras, world_from_camera, notes = self._geometry(folder, images, poses)
+        images, depths, numbers = _frame_files(folder)
+        geometry = self._geometry(folder, images, () if self.sfm_file is not None else _pose_files(folder, numbers))
+        return self._opened(sequence, folder, images, depths, numbers, *geometry)
+
+    def open_images(self, sequence: SequenceId) -> RecordedSequence:
+        """The same without poses: see `ImageReader.open_images`."""
+        folder = scene_folder(self._folders(_COLOUR, "frame-NNNNNN.color.png"), sequence)
+        images, depths, numbers = _frame_files(folder)
+        cameras = self._cameras(folder, images, COLOUR_FOCAL_PX)
+        return self._opened(sequence, folder, images, depths, numbers, cameras, None, cameras.notes)
+
+    def _opened(
+        self,
+        sequence: SequenceId,
+        folder: Path,
+        images: tuple[Path, ...],
+        depths: tuple[Path | None, ...],
+        numbers: range,
+        cameras: Cameras,
+        world_from_camera: NDArray[np.float64] | None,
+        notes: tuple[str, ...],
+    ) -> RecordedSequence:
+        turned = cameras.colour_from_depth
         return RecordedSequence(
             id=sequence,
             source=str(folder),
             camera=cameras.colour,
-            world_from_camera=world_from_camera,
+            world_from_camera=no_poses(len(images)) if world_from_camera is None else world_from_camera,
+            poses_elsewhere=world_from_camera is None,
+            body=None if turned is None else Body(invert(turned)),
             images=ImageFiles(images, cameras.colour),
             depths=find_depths(depths, cameras),
             notes=(*notes, *depth_notes(depths), _TIMES),
@@ -282,8 +317,12 @@ class SevenScenes(SceneReader):
         )
 
     def _scenes(self) -> dict[str, Path]:
-        expected = "folders of frame-NNNNNN.pose.txt files"
-        return find_scenes(self.root, lambda _, files: any(map(_POSE.fullmatch, files)), expected=expected)
+        return self._folders(_POSE, "frame-NNNNNN.pose.txt")
+
+    def _folders(self, pattern: re.Pattern[str], name: str) -> dict[str, Path]:
+        """Folders with a file of a pattern."""
+        expected = f"folders of {name} files"
+        return find_scenes(self.root, lambda _, files: any(map(pattern.fullmatch, files)), expected=expected)
 
     def _geometry(
         self, folder: Path, images: tuple[Path, ...], poses: tuple[Path, ...]
@@ -313,18 +352,21 @@ def _of_colour(world_from_depth: NDArray[np.float64], cameras: Cameras) -> NDArr
     return np.asarray(world_from_depth @ invert(cameras.colour_from_depth))
 
 
-def _frame_files(folder: Path) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[Path | None, ...], range]:
-    """Image, pose and (where there is one) depth of each frame, and the numbers of the frames."""
-    images = numbered_files(folder, r"frame-(\d+)\.color\.(?:png|jpg)")
+def _frame_files(folder: Path) -> tuple[tuple[Path, ...], tuple[Path | None, ...], range]:
+    """Image and (where there is one) depth of each frame, and the numbers of the frames."""
+    images = numbered_files(folder, _COLOUR.pattern)
     depths = numbered_files(folder, r"frame-(\d+)\.depth\.png")
-    poses = numbered_files(folder, _POSE.pattern)
     frames = require_unbroken(images, depths, lambda number: folder / f"frame-{number:06d}.color.png")
+    return tuple(images[number] for number in frames), tuple(map(depths.get, frames)), frames
+
+
+def _pose_files(folder: Path, frames: range) -> tuple[Path, ...]:
+    """File of the pose of each frame."""
+    poses = numbered_files(folder, _POSE.pattern)
     for number in frames:
         if number not in poses:
             require_poses(folder / f"frame-{number:06d}.pose.txt", poses=len(poses), images=len(frames))
-    in_order = [(images[number], poses[number], depths.get(number)) for number in frames]
-    image_paths, pose_paths, depth_paths = zip(*in_order, strict=True)
-    return image_paths, pose_paths, depth_paths, frames
+    return tuple(poses[number] for number in frames)
 
 
 def _read_poses(paths: tuple[Path, ...]) -> tuple[NDArray[np.float64], tuple[str, ...]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence as Items
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,13 @@ from tracknoise.exceptions import DataError, NothingToMeasureError
 from tracknoise.geometry.pose import PosePath, interpolate_poses
 from tracknoise.sequences.poses import quaternion_poses, require_some_poses
 from tracknoise.text import counted_of
+
+
+class PosesOf(StrEnum):
+    """What the poses of a recording are poses of."""
+
+    camera = "camera"
+    body = "body"
 
 
 def in_order(times: NDArray[np.float64] | NDArray[np.int64]) -> NDArray[np.intp]:

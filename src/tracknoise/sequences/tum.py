@@ -15,7 +15,6 @@ import re
 from collections.abc import Callable, Iterator
 from collections.abc import Sequence as Items
 from dataclasses import KW_ONLY, dataclass
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -32,10 +31,12 @@ from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
 from tracknoise.sequences.images import first_readable, image_size, read_depth_png16
 from tracknoise.sequences.likely_times import require_likely_rate, require_pose_rate, require_seconds
-from tracknoise.sequences.poses import read_rows
+from tracknoise.sequences.poses import no_poses, read_rows
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
+from tracknoise.sequences.sequence import Body
 from tracknoise.sequences.timed_poses import (
+    PosesOf,
     Trajectory,
     in_order,
     order_notes,
@@ -263,13 +264,6 @@ _REGISTERED = "depth maps are assumed to be registered to the images pixel by pi
 _FLIP = np.diag((1.0, -1.0, 1.0, 1.0))
 
 
-class PosesOf(StrEnum):
-    """What the poses of a recording are poses of."""
-
-    camera = "camera"
-    body = "body"
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Calibration:
     """The camera of a recording.
@@ -288,6 +282,8 @@ class Calibration:
         Depth of the integer 1, metres.
     shutter
         Rolling shutter that a file of the camera states; None where there is none.
+    body
+        What the camera is mounted on, if its file states where.
     """
 
     camera: CameraModel
@@ -296,6 +292,7 @@ class Calibration:
     upside_down: bool = False
     depth_unit_m: float = DEPTH_UNIT_M
     shutter: RollingShutter | None = None
+    body: Body | None = None
 
     def world_from_camera(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses of the camera, (n, 4, 4) float64, from the recorded ones."""
@@ -354,6 +351,7 @@ def _from_file(file: Path, read: CameraFile, known: Recording | None, poses_of: 
         upside_down=upside_down,
         depth_unit_m=read.depth_unit_m or DEPTH_UNIT_M,
         shutter=read.shutter,
+        body=read.body,
     )
 
 
@@ -483,8 +481,20 @@ class Tum(SceneReader):
         require_bounds(self)
         require_finite("time_shift_s", self.time_shift_s)
 
+    def recordings(self) -> list[SequenceId]:
+        """All recordings: see `ImageReader.recordings`."""
+        return self.sequences()
+
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one recording, except for its images and depths."""
+        recorded = _read_trajectory(self._folder(sequence), self.pose_time_unit or self.time_unit or TimeUnit.s)
+        return self._opened(sequence, recorded)
+
+    def open_images(self, sequence: SequenceId) -> RecordedSequence:
+        """The same without poses: see `ImageReader.open_images`."""
+        return self._opened(sequence, None)
+
+    def _opened(self, sequence: SequenceId, recorded: Trajectory | None) -> RecordedSequence:
         folder = self._folder(sequence)
         unit = self.time_unit or TimeUnit.s
         images, depths = read_lists(folder, unit)
@@ -497,19 +507,16 @@ class Tum(SceneReader):
             poses_of=self.poses_of,
             read_camera=partial(self._camera_of, images.files),
         )
-        recorded = _read_trajectory(folder, self.pose_time_unit or unit)
         timestamps_s, time_notes = self._timestamps(images, recorded)
-        poses, pose_notes = poses_at(recorded, images.times_s + self.time_shift_s, max_gap_s=self.max_pose_gap_s)
+        poses, path, pose_notes = self._camera_poses(images, timestamps_s, recorded, calibration)
         paths, association_notes = _depths_of(images, depths, max_gap_s=self.max_gap_s)
-        world_from_camera = calibration.world_from_camera(poses)
-        start_s = images.times_s[0] + self.time_shift_s
-        path = PosePath(recorded.times_s - start_s, calibration.world_from_camera(recorded.poses))
         read_depth = partial(read_depth_png16, metres_per_unit=self.depth_unit_m or calibration.depth_unit_m)
         return RecordedSequence(
             id=sequence,
             source=str(folder),
             camera=calibration.camera,
-            world_from_camera=world_from_camera,
+            world_from_camera=poses,
+            poses_elsewhere=recorded is None,
             images=ImageFiles(images.files, calibration.camera),
             depths=depth_files(paths, calibration.camera, read_depth),
             notes=(*calibration.notes, *pose_notes, *images.notes, *time_notes, *association_notes),
@@ -518,10 +525,27 @@ class Tum(SceneReader):
             clock_start_ns=None if timestamps_s is None else round(1e9 * images.times_s[0]),
             group=None if known is None else known.place,
             shutter=calibration.shutter,
-            path=None
-            if timestamps_s is None
-            else path_through(timestamps_s, world_from_camera, path, max_gap_s=self.max_pose_gap_s),
+            body=calibration.body,
+            path=path,
         )
+
+    def _camera_poses(
+        self,
+        images: FileList,
+        timestamps_s: NDArray[np.float64] | None,
+        recorded: Trajectory | None,
+        calibration: Calibration,
+    ) -> tuple[NDArray[np.float64], PosePath | None, tuple[str, ...]]:
+        """Poses of the camera at the times of images, and between them."""
+        if recorded is None:
+            return no_poses(len(images.files)), None, ()
+        taken, notes = poses_at(recorded, images.times_s + self.time_shift_s, max_gap_s=self.max_pose_gap_s)
+        poses = calibration.world_from_camera(taken)
+        if timestamps_s is None:
+            return poses, None, notes
+        start_s = images.times_s[0] + self.time_shift_s
+        path = PosePath(recorded.times_s - start_s, calibration.world_from_camera(recorded.poses))
+        return poses, path_through(timestamps_s, poses, path, max_gap_s=self.max_pose_gap_s), notes
 
     def _camera_of(self, images: tuple[Path, ...], file: Path) -> CameraFile:
         """A file's camera; an image says its size where the file does not."""
@@ -531,14 +555,16 @@ class Tum(SceneReader):
         expected = f"folders with {COLOUR} or {PAIRS[0]}"
         return find_scenes(self.root, lambda _, files: not {COLOUR, *PAIRS}.isdisjoint(files), expected=expected)
 
-    def _timestamps(self, images: FileList, recorded: Trajectory) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+    def _timestamps(
+        self, images: FileList, recorded: Trajectory | None
+    ) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
         """Times since the first image; None where small whole numbers show that they are numbers of frames."""
         times_s, unit = images.times_s, self.time_unit
         if unit is None and _are_numbers(times_s):
             return None, (_NUMBERS,)
         if unit is None:
             require_likely_rate(times_s, images.path, _UNIT)
-        if self.pose_time_unit is None:
+        if recorded is not None and self.pose_time_unit is None:
             require_pose_rate(recorded.times_s, times_s, recorded.path, _POSE_UNIT, taken=unit or TimeUnit.s)
         return times_s - times_s[0], ()
 

@@ -17,9 +17,11 @@ from tracknoise.sequences.frame_range import frame_range, range_note
 from tracknoise.sequences.sequence import (
     IMAGE_AXES,
     Axes,
+    Body,
     Scan,
     Sequence,
     Surface,
+    body_of,
     camera_at,
     caveats_of,
     clock_start_of,
@@ -194,6 +196,11 @@ class View:
     def shutter(self) -> RollingShutter | None:
         """That of the sequence shown."""
         return shutter_of(self.sequence)
+
+    @property
+    def body(self) -> Body | None:
+        """That of the sequence shown."""
+        return body_of(self.sequence)
 
     @property
     def recorded_axes(self) -> Axes:

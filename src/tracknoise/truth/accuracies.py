@@ -9,6 +9,7 @@ from importlib import resources
 from typing import Any
 
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
+from tracknoise.sequences.other_poses import has_other_poses
 from tracknoise.sequences.sequence import (
     Sequence,
     TruthKind,
@@ -98,7 +99,8 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
     """What is known of the errors of a sequence's truth. On each topic the first counts: user, data, shipped figures.
 
     Depth does not count where points lie on an exact surface. Clock and readout do not count without times of frames,
-    nor does a shipped readout where the truth accounts for a rolling shutter.
+    nor does a shipped readout where the truth accounts for a rolling shutter, nor shipped figures of poses and clock
+    where the poses are not those of the reader.
 
     Parameters
     ----------
@@ -128,10 +130,12 @@ def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccurac
     """The most important first."""
     yield rule.stated
     yield accuracy_of(sequence)
-    modelled = () if shutter_of(sequence) is None else ("readout",)
+    others = {"readout"} if shutter_of(sequence) is not None else set()
+    if has_other_poses(sequence):
+        others |= {"rotation", "translation", "clock"}
     for row in shipped_rows() if rule.shipped else ():
         if row.is_about(sequence.id):
-            yield row.accuracy.without(modelled)
+            yield row.accuracy.without(others)
 
 
 def _notes(accuracy: TruthAccuracy) -> Iterator[str]:

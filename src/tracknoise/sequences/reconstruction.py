@@ -1,0 +1,231 @@
+"""Poses from the images of a sequence alone: structure from motion with COLMAP (package pycolmap, extra ``sfm``).
+
+Intrinsics are fixed. Images of a path are matched with their successors, near and far, and all poses are found
+together (global mapping, GLOMAP): what begins with two frames and adds others ends in a wrong minimum where successive
+frames have little parallax. The bound on matches is smaller than COLMAP's, which is meant for photographs of several
+thousand pixels: pairs of video frames have wrong solutions within it.
+"""
+
+import math
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.geometry.cameras import Camera, CameraModel, EquidistantCamera, FovCamera
+from tracknoise.geometry.depth import sample
+from tracknoise.geometry.pose import invert, position_rows
+from tracknoise.sequences.colmap import CORNER_PX
+from tracknoise.sequences.poses import no_poses
+from tracknoise.sequences.sequence import Sequence, clock_start_of, times_of
+from tracknoise.sequences.writing import only_camera
+from tracknoise.text import counted
+
+_MOST_FEATURES = 1500
+_SEED = 0
+_MATCH_PX, _MOST_MATCH_PX, _USUAL_PX = 1.5, 4.0, 640
+"""Distance of matches from epipolar lines: up to the usual width of images, and at most, where it grows with them."""
+_FEWEST_REGISTERED = 2
+_FRAMES_OF_SCALE, _FEWEST_OF_SCALE = 30, 20
+"""Frames whose depth is read for the scale, and the fewest points that give it."""
+
+
+def require_colmap() -> ModuleType:
+    """The package pycolmap.
+
+    Raises
+    ------
+    SettingsError
+        If it is not installed: the message says what to install.
+    """
+    try:
+        import pycolmap
+    except ImportError as error:
+        found = "poses from images alone need pycolmap, which is not installed"
+        raise SettingsError(f"{found}: pip install 'tracknoise[sfm]', or give poses: --trajectory FILE") from error
+    return pycolmap
+
+
+def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: None) -> NDArray[np.float64]:
+    """Reconstruct the poses of a sequence from its images.
+
+    The unit of length is the metre where frames have depth: the median over all points gives it. Otherwise it is
+    arbitrary, which errors in pixels do not see.
+
+    Parameters
+    ----------
+    sequence
+        Its poses are not used.
+    say
+        Called with a line before each step.
+
+    Returns
+    -------
+    (n, 4, 4) float64
+        world_from_camera of the largest connected part; NaN for frames that it does not contain.
+
+    Raises
+    ------
+    SettingsError
+        If pycolmap is not installed.
+    DataError
+        If the camera changes or COLMAP does not know its model, or no two frames could be connected.
+    """
+    colmap = require_colmap()
+    model, parameters = _camera(only_camera(sequence), sequence.source)
+    colmap.logging.minloglevel = colmap.logging.FATAL
+    colmap.set_random_seed(_SEED)
+    with tempfile.TemporaryDirectory(prefix="tracknoise-sfm-") as name:
+        folder = Path(name)
+        images, database, models = folder / "images", folder / "database.db", folder / "models"
+        images.mkdir()
+        models.mkdir()
+        say(f"reconstructing poses from {counted(len(sequence), 'image')}: features")
+        _write_images(sequence, images)
+        reader = colmap.ImageReaderOptions(camera_model=model, camera_params=",".join(map(repr, parameters)))
+        common = {
+            "camera_mode": colmap.CameraMode.SINGLE,
+            "image_names": sorted(path.name for path in images.iterdir()),
+        }
+        colmap.Database.open(database).close()
+        colmap.import_images(database, images, options=reader, **common)  # numbers in order, whichever is ready first
+        colmap.extract_features(
+            database,
+            images,
+            reader_options=reader,
+            extraction_options=_extraction(colmap),
+            device=colmap.Device.cpu,
+            **common,
+        )
+        say("reconstructing poses: matches")
+        _match(colmap, database, max(sequence.camera.width, sequence.camera.height))
+        say("reconstructing poses: cameras and points")
+        found = colmap.global_mapping(database, images, models, _mapping(colmap))
+        largest = max(found.values(), key=lambda model: model.num_reg_images(), default=None)
+        poses = no_poses(len(sequence))
+        frames = {} if largest is None else _registered(largest)
+        for index, image in frames.items():
+            camera_from_world = np.vstack([image.cam_from_world().matrix(), (0.0, 0.0, 0.0, 1.0)])
+            poses[index] = invert(camera_from_world[None])[0]
+        unit_m = None if largest is None else _unit_m(sequence, largest, frames)
+    if unit_m is not None:
+        say(f"reconstructing poses: depth gives the scale (1 unit is {unit_m:.4g} m)")
+        poses[:, :3, 3] *= unit_m
+    registered = int(np.isfinite(poses[:, 0, 0]).sum())
+    if registered < _FEWEST_REGISTERED:
+        expected = "images with overlap, texture and parallax, or poses: --trajectory FILE"
+        raise DataError(sequence.source, "images from which COLMAP reconstructs no poses", expected)
+    return poses
+
+
+def _registered(model: Any) -> dict[int, Any]:
+    """Images of a reconstruction that have a pose, by the number of their frame."""
+    posed = ((int(Path(image.name).stem), image) for image in model.images.values() if image.has_pose)
+    return dict(sorted(posed, key=lambda item: item[0]))
+
+
+def _unit_m(sequence: Sequence, model: Any, frames: dict[int, Any]) -> float | None:
+    """Metres in a unit of a reconstruction: the median of measured over reconstructed depths; None without depth."""
+    ratios = []
+    for index in list(frames)[:: max(len(frames) // _FRAMES_OF_SCALE, 1)]:
+        depth, image = sequence.depth(index), frames[index]
+        seen = [point for point in image.points2D if point.has_point3D()]
+        if depth is None or not seen:
+            continue
+        measured = sample(depth, np.array([point.xy for point in seen]) - CORNER_PX)
+        points = np.array([model.point3D(point.point3D_id).xyz for point in seen])
+        reconstructed = (points @ image.cam_from_world().matrix()[:, :3].T + image.cam_from_world().matrix()[:, 3])[
+            :, 2
+        ]
+        usable = measured.valid & (reconstructed > 0.0)
+        ratios.append(measured.depth_m[usable] / reconstructed[usable])
+    joined = np.concatenate(ratios) if ratios else np.empty(0)
+    return float(np.median(joined)) if len(joined) >= _FEWEST_OF_SCALE else None
+
+
+def trajectory_text(sequence: Sequence, poses: NDArray[np.float64], heading: str) -> str:
+    """Poses (n, 4, 4) in the format of TUM, at the times of frames, or their numbers where times are unknown.
+
+    Parameters
+    ----------
+    sequence
+        Whose times they are: by the clock of the recording where that is known.
+    poses
+        One for each frame; frames without a pose have no row.
+    heading
+        A comment.
+    """
+    times_s, start_ns = times_of(sequence), clock_start_of(sequence) or 0
+    known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
+    nanoseconds = [start_ns + round(1e9 * time) for time in ([] if times_s is None else times_s.tolist())]
+    rows = zip(known.tolist(), position_rows(poses[known], canonical=True).tolist(), strict=True)
+    lines = [
+        " ".join([_stamp(nanoseconds[frame]) if nanoseconds else str(frame), *(f"{value:.12g}" for value in row)])
+        for frame, row in rows
+    ]
+    return "\n".join([f"# {heading}", "# timestamp tx ty tz qx qy qz qw (world_from_camera)", *lines, ""])
+
+
+def _stamp(ns: int) -> str:
+    sign, seconds = "-" * (ns < 0), divmod(abs(ns), 10**9)
+    return f"{sign}{seconds[0]}.{seconds[1]:09d}"
+
+
+def _camera(camera: CameraModel, source: str) -> tuple[str, tuple[float, ...]]:
+    """COLMAP's model of a camera and its parameters."""
+    if not isinstance(camera, Camera | EquidistantCamera | FovCamera):
+        known = "radtan, equidistant or fov, or poses: --trajectory FILE"
+        raise DataError(source, f"a camera of the model {type(camera).__name__}, which COLMAP does not have", known)
+    pinhole = (camera.fx, camera.fy, camera.cx + CORNER_PX, camera.cy + CORNER_PX)
+    if isinstance(camera, FovCamera):
+        return "FOV", (*pinhole, camera.omega)
+    if isinstance(camera, EquidistantCamera):
+        return "OPENCV_FISHEYE", (*pinhole, *camera.distortion)
+    count = len(camera.distortion)
+    if count <= 4:
+        return ("OPENCV", (*pinhole, *camera.distortion)) if count else ("PINHOLE", pinhole)
+    return "FULL_OPENCV", (*pinhole, *camera.distortion, *[0.0] * (8 - count))
+
+
+def _write_images(sequence: Sequence, folder: Path) -> None:
+    digits = max(6, math.ceil(math.log10(len(sequence) + 1)))
+    for index in range(len(sequence)):
+        _, png = cv2.imencode(".png", sequence.image(index))
+        (folder / f"{index:0{digits}d}.png").write_bytes(png.tobytes())
+
+
+def _extraction(colmap: ModuleType) -> object:
+    options = colmap.FeatureExtractionOptions(use_gpu=False)
+    options.sift.max_num_features = _MOST_FEATURES
+    return options
+
+
+def _match(colmap: ModuleType, database: Path, size_px: int) -> None:
+    """Match images in a single thread, as they are mapped: several would find other poses each time."""
+    verification = colmap.TwoViewGeometryOptions()
+    verification.ransac.max_error = min(_MATCH_PX * max(size_px / _USUAL_PX, 1.0), _MOST_MATCH_PX)
+    verification.ransac.random_seed = _SEED
+    colmap.match_sequential(
+        database,
+        matching_options=colmap.FeatureMatchingOptions(use_gpu=False, num_threads=1),
+        pairing_options=colmap.SequentialPairingOptions(num_threads=1),
+        verification_options=verification,
+        device=colmap.Device.cpu,
+    )
+
+
+def _mapping(colmap: ModuleType) -> object:
+    options = colmap.GlobalPipelineOptions(random_seed=_SEED, num_threads=1)
+    mapper, adjustment = options.mapper, options.mapper.bundle_adjustment
+    mapper.random_seed, mapper.num_threads = _SEED, 1
+    for part in (mapper.rotation_averaging, mapper.global_positioning, mapper.retriangulation):
+        part.random_seed = _SEED
+    adjustment.refine_focal_length = adjustment.refine_principal_point = adjustment.refine_extra_params = False
+    mapper.global_positioning.use_gpu = adjustment.ceres.use_gpu = False
+    return options

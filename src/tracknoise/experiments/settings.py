@@ -270,8 +270,8 @@ class TruthSettings(_Section):
     """How true positions of features are computed."""
 
     kind: str | None = None
-    """Kind of truth: `birth`, `raycast`, `scan`, `triangulated`, or one of another package. Default: the best that the
-    data allow."""
+    """Kind of truth: `birth`, `raycast`, `scan`, `swept` (depth from images of other frames), `triangulated`, or one of
+    another package. Default: the best that the data allow."""
     depth: Literal["recorded", "stereo"] = "recorded"
     """Depth for the truth `birth`: as `recorded`, or by semi-global matching with a second camera (`stereo`)."""
     population: Annotated[Population, Field(strict=False)] = defaults.POPULATION

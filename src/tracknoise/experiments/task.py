@@ -40,7 +40,7 @@ from tracknoise.processes import raise_if_interruption, release_memory
 from tracknoise.sequences.images import content_hash, encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, group_of, z_depth_from
+from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence, TruthKind, group_of, z_depth_from
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry
@@ -216,12 +216,19 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         key_frame=measurement.key_frame,
         group=group_of(sequence),
         kernels=kernels(),
-        z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
+        z_depth_from=_z_depth_from(sequence, measurement.truth),
         depth_edges=depth_edges(measurement),
         states_accuracy=measurement.states_accuracy,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )
+
+
+def _z_depth_from(sequence: Sequence, truth: str) -> str | None:
+    """What depths along z were computed from; None where their kind is only stated, or there are none."""
+    if truth == SWEPT:
+        return "images of other frames"
+    return z_depth_from(sequence) if truth in list(TruthKind) else None
 
 
 def _notes(sequence: Sequence, n_frames: int, truth: str, measured: tuple[str, ...]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import tomlkit
 
 from tracknoise.sequences.reader_registry import READERS, reader_defaults
-from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
+from tracknoise.sequences.sequence import SWEPT, Reader, Sequence
 from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.text import counted
 from tracknoise.trackers.rejection import Model, Rejection
@@ -104,7 +104,7 @@ def _truth(first: Sequence, *, stereo: bool) -> list[str]:
     if not first.truths:
         return []
     best = first.truths[0]
-    why = "there is no depth: points are fitted to tracks and poses" if best == TRIANGULATED else "the default here"
+    why = "there is no depth: it is computed from the images of other frames" if best == SWEPT else "the default here"
     depth = [_entry("depth", "stereo")] if stereo else []
     return ["", "[truth]", *depth, f"# {_entry('kind', best)}  # {why}"]
 

@@ -9,7 +9,7 @@ from importlib import resources
 from typing import Any
 
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
-from tracknoise.sequences.sequence import Sequence, TruthKind, accuracy_of, shutter_of, times_of
+from tracknoise.sequences.sequence import SWEPT, Sequence, TruthKind, accuracy_of, shutter_of, times_of
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import significant
 
@@ -87,8 +87,9 @@ def _row(entry: dict[str, Any]) -> _Row:
 def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_RULE) -> KnownAccuracy:
     """What is known of the errors of a sequence's truth. On each topic the first counts: user, data, shipped figures.
 
-    Depth does not count where points lie on an exact surface. Clock and readout do not count without times of frames,
-    nor does a shipped readout where the truth accounts for a rolling shutter.
+    Depth does not count where points lie on an exact surface, nor where the truth measures the errors of its own.
+    Clock and readout do not count without times of frames, nor does a shipped readout where the truth accounts for a
+    rolling shutter.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
     rule
         What the user says.
     """
-    useless = {"depth"} if kind == TruthKind.raycast else set()
+    useless = {"depth"} if kind in (TruthKind.raycast, SWEPT) else set()
     if times_of(sequence) is None:
         useless |= {"clock", "readout"}
     figures, notes = TruthAccuracy(), []

@@ -1,6 +1,7 @@
 """How wrong depth from the images of other frames is, and what that does to the errors of tracks.
 
-    python -m benchmarks.validity.swept_depth [--motions NAME ...] [--frames N] [--width N] [--recordings READER:PATH ...]
+    python -m benchmarks.validity.swept_depth [--motions NAME ...] [--frames N] [--width N]
+        [--recordings READER:PATH ...]
 
 Exact recordings are measured twice by the same trackers: with their exact truth, and as if they had no depth
 (`swept`). Printed are, for each recording:
@@ -53,8 +54,9 @@ class Kept(View):
 def recordings(motions: Sequence[str], size: tuple[int, int, int], others: Sequence[str]) -> Iterator[Recording]:
     """Simulated ones of each motion, and others."""
     width, height, frames = size
-    reader = Simulated(motions=tuple(motions), frames=frames, width=width, height=height)
-    yield from (Kept(reader.open(one)) for one in (reader.sequences() if motions else ()))
+    for motion in motions:
+        reader = Simulated(motions=(motion,), frames=frames, width=width, height=height)
+        yield from (Kept(reader.open(one)) for one in reader.sequences())
     for other in others:
         name, _, path = other.partition(":")
         yield from map(Kept, tn.open_sequences(name, path))

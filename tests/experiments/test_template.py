@@ -52,7 +52,7 @@ def test_relative_paths_of_options_are_those_of_the_current_folder(tmp_path, mon
 def test_without_depth_it_says_how_truth_is_computed_and_can_be_run(sample, tmp_path):
     reader = make_reader("kitti-odometry", sample("kitti_odometry"))
     text = experiment_template(reader, sample("kitti_odometry"), {})
-    assert '# kind = "triangulated"  # there is no depth' in text
+    assert '# kind = "swept"  # there is no depth' in text
     file = tmp_path / "first.toml"
     file.write_text(text)
     short = load_experiment(file, frames=6, trackers=["lucas-kanade"])

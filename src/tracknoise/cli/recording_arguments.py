@@ -38,13 +38,13 @@ class Recording:
     options
         Options of the reader that were given.
     stereo
-        Whether depth is computed from a second camera, in place of recorded depth.
+        Whether depth is computed from a second camera, in place of recorded depth; None where nothing was said.
     """
 
     reader: "Reader"
     path: Path | None
     options: dict[str, object]
-    stereo: bool
+    stereo: bool | None
 
     def view(self, sequence: "Images") -> "Images":
         """A sequence of the reader, with the depth that was asked for."""
@@ -75,7 +75,8 @@ def open_recording(words: Sequence[str], options: Sequence[str] | None) -> Recor
 
     name, path = named_recording(words)
     given = options_of(options)
-    stereo = not _is_of_reader(name) and _is_stereo(given.pop(_DEPTH, _DEPTHS[0]))
+    asked = not _is_of_reader(name) and _DEPTH in given
+    stereo = _is_stereo(given.pop(_DEPTH)) if asked else None
     return Recording(make_reader(name, path, given), path, given, stereo)
 
 

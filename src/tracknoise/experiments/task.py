@@ -47,7 +47,7 @@ from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth_faults.assessment import MOST, refutes
-from tracknoise.words import SELF_REFERENTIAL
+from tracknoise.words import DEPTH_FROM_IMAGES, SELF_REFERENTIAL
 
 
 @one_blas_thread()
@@ -238,6 +238,7 @@ def _notes(sequence: Sequence, n_frames: int, truth: str, measured: tuple[str, .
         *pose_notes(sequence.world_from_camera[:n_frames]),
         *shutter_notes(sequence, n_frames),
         *((SELF_REFERENTIAL,) if truth == TRIANGULATED else ()),
+        *((DEPTH_FROM_IMAGES,) if truth == SWEPT else ()),
         *measured,
     )
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import tomlkit
 
+from tracknoise.exceptions import DataError
 from tracknoise.sequences.reader_registry import READERS, reader_defaults
-from tracknoise.sequences.sequence import SWEPT, Reader, Sequence
+from tracknoise.sequences.sequence import SWEPT, Reader, Sequence, second_of
 from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.text import counted
 from tracknoise.trackers.rejection import Model, Rejection
@@ -29,7 +30,7 @@ _REJECTION = (
 
 
 def experiment_template(
-    reader: Reader, path: Path | None, options: Mapping[str, object], *, stereo: bool = False
+    reader: Reader, path: Path | None, options: Mapping[str, object], *, stereo: bool | None = None
 ) -> str:
     """Experiment file (TOML) that measures all sequences of a reader with two trackers.
 
@@ -43,7 +44,7 @@ def experiment_template(
         Options of the reader that differ from the defaults; relative paths start from the current folder, and are
         written as absolute ones.
     stereo
-        Whether depth is computed from a second camera, in place of recorded depth.
+        Whether depth is computed from a second camera, in place of recorded depth; None for where there is no other.
 
     Raises
     ------
@@ -51,14 +52,16 @@ def experiment_template(
         If the reader finds no sequence, cannot open the first, or that has no second camera for depth from stereo.
     """
     listed = reader.sequences()
-    first = with_stereo_depth(reader.open(listed[0])) if stereo else reader.open(listed[0])
+    first = reader.open(listed[0])
+    if stereo or (stereo is None and _has_pair_alone(first)):
+        first, stereo = with_stereo_depth(first), True
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
     dataset = [
         _dataset(reader, path, scenes),
         _options(reader.name, READERS.with_paths_from(Path(), reader.name, options)),
     ]
-    parts = [_heading(name, path, first), *dataset, _truth(first, stereo=stereo), _trackers()]
+    parts = [_heading(name, path, first), *dataset, _truth(first, stereo=bool(stereo)), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
@@ -97,6 +100,17 @@ def _options(name: str, options: Mapping[str, object]) -> list[str]:
     if not defaults:
         return []
     return ["", "[dataset.options]", *(_entry(key, value) for key, value in options.items()), *defaults]
+
+
+def _has_pair_alone(sequence: Sequence) -> bool:
+    """Whether a sequence has no depth, but a second camera beside the first."""
+    if sequence.truths[:1] != (SWEPT,) or second_of(sequence) is None:
+        return False
+    try:
+        with_stereo_depth(sequence)
+    except DataError:  # the cameras are no stereo pair
+        return False
+    return True
 
 
 def _truth(first: Sequence, *, stereo: bool) -> list[str]:

@@ -222,11 +222,12 @@ def truth(data: RunData) -> Judgement:
 
 
 def without_truth(data: RunData) -> str:
-    """How many observations have no true position, where these are most; begins with a space."""
+    """How many observations have no true position, if most or if depth is from images; begins with a space."""
     statuses = data.nominal(data.counts).filter(kind="truth")
     total = int(statuses["n"].sum())
     without = total - int(statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum())
-    if without <= _MOSTLY * total:
+    from_images = any(entry.depth_is_from_images for entry in data.sequences.values())
+    if without <= (0.0 if from_images else _MOSTLY) * total:
         return ""
     rest = "; no error could be measured" if without == total else ""
     return f" {percent(without / total)} of observations lack true positions{rest}."

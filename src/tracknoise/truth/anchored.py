@@ -116,8 +116,8 @@ class AnchoredTruth:
     """A truth that gives each track one world point, taken from the track's first frame.
 
     All methods accept any number of features, including 0, and treat each feature independently. Calls for one frame
-    should come together, as only the depth of the latest frame is kept. `surround`: None where there is no dense depth. `depth_sigma`: None where errors of
-    depths are not known one by one.
+    should come together, as only the depth of the latest frame is kept. `surround`: None where there is no dense
+    depth. `depth_sigma`: None where errors of depths are not known one by one.
     """
 
     __slots__ = ("_anchor", "_geometry", "_surface", "depth_sigma", "kind", "surround")

@@ -100,7 +100,7 @@ class Rays:
 
     def points(self, which: int, inverse: Floats) -> Floats:
         """(n, 3): points at inverse depths (n,)."""
-        return self.origin[which] + self.direction[which] / inverse[:, None]
+        return np.asarray(self.origin[which] + self.direction[which] / inverse[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -395,7 +395,7 @@ class _Fit:
         parts = [known * side * part for side in (self._before, ~self._before) for part in (far, ~far)]
         count = np.sum([part.any(axis=0) for part in parts], axis=0)
         moved = np.stack([(part * (own - mean)).sum(axis=0) / total for part in parts])
-        return np.sqrt(np.square(moved).sum(axis=0) * count / np.maximum(count - 1, 1))
+        return np.asarray(np.sqrt(np.square(moved).sum(axis=0) * count / np.maximum(count - 1, 1)))
 
     def _sums(self, inverse: Floats, tilt: Floats, last: NDArray[np.intp]) -> _Sums:
         shape = len(self._frames), len(inverse)
@@ -433,7 +433,7 @@ def _weights(sums: _Sums) -> Floats:
 
 def _weighted(weight: Floats, values: Floats) -> Floats:
     """(n, k): sums over frames of values (f, n, k); what is not seen has no weight."""
-    return np.einsum("fn,fnk->nk", weight, np.where(weight[:, :, None] > 0.0, values, 0.0))
+    return np.asarray(np.einsum("fn,fnk->nk", weight, np.where(weight[:, :, None] > 0.0, values, 0.0)))
 
 
 def _of_halves(sums: _Sums, weight: Floats) -> Floats:
@@ -441,7 +441,7 @@ def _of_halves(sums: _Sums, weight: Floats) -> Floats:
     towards, normal = _weighted(weight, sums.towards), _weighted(weight, sums.normal)
     normal = np.where(normal > 0.0, normal, np.nan)
     own = towards[:, 3:] / normal[:, 6:] - (towards[:, 0] / normal[:, 0])[:, None]
-    return HALF_SHARE * np.abs(own).max(axis=1)
+    return np.asarray(HALF_SHARE * np.abs(own).max(axis=1))
 
 
 def _of_noise(sums: _Sums, weight: Floats) -> Floats:
@@ -452,7 +452,7 @@ def _of_noise(sums: _Sums, weight: Floats) -> Floats:
     miss = np.where(used, 2.0 * (1.0 - sums.alike), 0.0).sum(axis=0) / np.maximum(used.sum(axis=0), 1) / _WEIGHT.sum()
     known = (texture > 0.0) & (slope.sum(axis=0) > 0.0)
     px = NOISE_SHARE * np.sqrt(np.maximum(miss, 0.0) / np.where(known, texture, np.nan))
-    return px * slope.sum(axis=0) / np.maximum(np.square(slope).sum(axis=0), _TINY)
+    return np.asarray(px * slope.sum(axis=0) / np.maximum(np.square(slope).sum(axis=0), _TINY))
 
 
 def _mean_of_better_half(scores: Floats) -> Floats:
@@ -488,7 +488,7 @@ def _weighted_median(values: Floats, weight: Floats) -> Floats:
     order = np.argsort(values, axis=0)
     below = np.cumsum(np.take_along_axis(weight, order, axis=0), axis=0)
     middle = np.argmax(below >= 0.5 * below[-1], axis=0)
-    return np.take_along_axis(np.take_along_axis(values, order, axis=0), middle[None], axis=0)[0]
+    return np.asarray(np.take_along_axis(np.take_along_axis(values, order, axis=0), middle[None], axis=0)[0])
 
 
 def _median(values: Floats) -> Floats:

@@ -83,3 +83,8 @@ def test_it_says_how_outliers_are_rejected_and_how_to_choose_the_other_way(tmp_p
         ("lucas-kanade", "fundamental"),
         ("correspondence", "fundamental"),
     ]
+
+
+def test_a_second_camera_does_not_replace_depth():
+    reader = make_reader("simulated", None, {"motions": ["sideways"], "frames": 3, "baseline_m": 0.1})
+    assert "depth =" not in experiment_template(reader, None, {})

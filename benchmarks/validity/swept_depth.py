@@ -1,7 +1,7 @@
 """How wrong depth from the images of other frames is, and what that does to the errors of tracks.
 
     python -m benchmarks.validity.swept_depth [--motions NAME ...] [--frames N] [--width N]
-        [--recordings READER:PATH ...]
+        [--recordings READER:PATH ...] [--truth KIND]
 
 Exact recordings are measured twice by the same trackers: with their exact truth, and as if they had no depth
 (`swept`). Printed are, for each recording:
@@ -122,6 +122,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--width", type=int, default=480)
     parser.add_argument("--recordings", nargs="*", default=[])
+    parser.add_argument("--truth", help="kind of the exact truth: birth leaves out features at depth edges")
     chosen = parser.parse_args()
     size = (chosen.width, chosen.width * 3 // 4, chosen.frames)
     runs: dict[str, list[Measurement]] = {"exact": [], "swept": []}
@@ -130,7 +131,7 @@ def main() -> None:
             recording.image(index)
         times = [time.monotonic()]
         pair = []
-        for kind in (None, SWEPT):
+        for kind in (chosen.truth, SWEPT):
             pair.append(measure(recording, TRACKERS, truth=kind))
             times.append(time.monotonic())
         exact, swept = pair

@@ -51,7 +51,7 @@ _NEGLIGIBLE = 0.02
 _MOST_PLANES, _CANDIDATES, _AT_ONCE, _ITERATIONS = 96, 3, 100, 4
 _COARSE, _FINE = offsets(7), offsets(11)
 _STEPS_PX = 0.75 * np.arange(-3, 4)
-_ALIKE, _POSSIBLE, _UNIQUE = 0.7, 0.3, 0.9
+_ALIKE, _POSSIBLE, _UNIQUE = 0.5, 0.3, 0.9
 _NEAR_PX, _APART_PX, _LEAST_SPREAD_PX = 1.5, 2.0, 0.02
 _LEAST_VARIANCE = 0.01
 _FARTHEST, _STEP, _RIDGE, _TINY, _SMOOTH = 1e-4, 1e-3, 1e-9, 1e-300, 0.2
@@ -245,9 +245,9 @@ class PlaneSweep:
         u, v = np.meshgrid(np.linspace(0, camera.width - 1, 5), np.linspace(0, camera.height - 1, 5))
         rays = Rays.of(self._geometry, index, np.stack([u.ravel(), v.ravel()], axis=1))
         far = np.full(u.size, _STEP / np.linalg.norm(self._centres[rung[0]] - self._centres[index]))
-        slopes = np.stack([self._slope(rays, [frame], far) for frame in rung])
-        first, most = (float(np.max(one, initial=0.0, where=np.isfinite(one))) for one in (slopes[0], slopes))
-        first = first if first > 0.0 else np.inf  # a camera that sees nothing there
+        slopes = [self._slope(rays, [frame], far) for frame in rung]
+        seen = [float(np.nanmax(slope)) for slope in slopes if np.isfinite(slope).any()]
+        first, most = min(seen, default=1.0), max(seen, default=1.0)
         count = int(np.clip(LARGEST_PX / 2.0 * most / first, 16, _MOST_PLANES))
         planes = np.linspace(0.0, LARGEST_PX / first, count)
         planes[0] = _FARTHEST * planes[-1]

@@ -13,9 +13,14 @@ Errors are mostly no noise: a patch is not flat, or lies on two surfaces. With r
 alone gives (left, right, upper, lower), and r_g that of one side of the frames (earlier or later, near or far), the
 variance is that of the mean of the r_g, plus
 
-    c^2 max_h (r_h - r)^2    (sweep.spread)
+    c^2 max_h (r_h - r)^2 + c^2 v / sum g^2    (sweep.spread)
 
-where c was found once, on simulated recordings (`benchmarks.validity.swept_depth`).
+The last term is the noise of the point's own patch, which all frames have in common: v is the variance of the
+differences of gray values, g their derivative. Both c are 0.7: then errors in simulated recordings are as large as
+stated (`benchmarks.validity.swept_depth`).
+
+A point has no inverse depth if its patch is found in fewer than two frames, is found at two depths as well, or has too
+little parallax. So there is none without texture, and none where the camera does not change its position.
 """
 
 from dataclasses import dataclass
@@ -34,27 +39,34 @@ Images = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 OFFSETS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 """How many frames before and after a frame the images lie that it is compared with."""
-CACHE_BYTES = 96 << 20
-"""Size of the images that are kept. Of large images fewer frames are compared, so that each is read once."""
+CACHE_BYTES = 160 << 20
+"""Size of the images that are kept. Large images are compared with fewer frames, so that each is read once."""
 LARGEST_PX = 64.0
 """Parallax of the nearest points that are looked for, in the frame of the shortest baseline, px."""
 
 LEAST_SIGMAS, LEAST_PARALLAX_PX = 2.0, 0.5
 """An inverse depth is known where it exceeds so many of its standard deviations, and moves the point so far."""
 HALF_SHARE, NOISE_SHARE = 0.7, 0.7
-"""The number c of (sweep.spread), and that of noise, as samples of interpolated images have some in common."""
+"""The numbers c of (sweep.spread), of halves and of noise."""
 STEEPEST = 2.0
-"""Usual slope of surfaces against the image plane: a prior of the fit."""
+"""Slope of surfaces against the image plane, metres per metre: the standard deviation of a prior of the fit."""
 
 _NEGLIGIBLE = 0.02
 """Baselines below this share of the longest say nothing."""
-_MOST_PLANES, _CANDIDATES, _AT_ONCE, _ITERATIONS = 96, 3, 100, 4
+_MOST_PLANES, _CANDIDATES, _AT_ONCE = 96, 3, 100
 _COARSE, _FINE = offsets(7), offsets(11)
 _STEPS_PX = 0.75 * np.arange(-3, 4)
-_ALIKE, _POSSIBLE, _UNIQUE = 0.5, 0.3, 0.9
-_NEAR_PX, _APART_PX, _LEAST_SPREAD_PX = 1.5, 2.0, 0.02
-_LEAST_VARIANCE = 0.01
-_FARTHEST, _STEP, _RIDGE, _TINY, _SMOOTH = 1e-4, 1e-3, 1e-9, 1e-300, 0.2
+"""Around an inverse depth, in the frame of a rung that shows the most parallax."""
+_POSSIBLE, _ALIKE = 0.3, 0.5
+"""Least correlation of a candidate on the lowest rung, and of patches that are alike."""
+_UNIQUE, _APART_PX = 0.9, 2.0
+"""A rival is so far away, and its scores add up to such a share of the best."""
+_ITERATIONS, _NEAR_PX = 4, 1.5
+"""Frames that want a larger step than this take no part in it."""
+_LEAST_SPREAD_PX, _LEAST_VARIANCE = 0.02, 0.01
+_SMOOTH = 0.2
+"""Weight of the prior, relative to the differences of gray values."""
+_FARTHEST, _STEP, _RIDGE, _TINY = 1e-4, 1e-3, 1e-9, 1e-300
 
 _CROSS = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 _AROUND = np.array([(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
@@ -172,7 +184,7 @@ class PlaneSweep:
         self._centres = sequence.world_from_camera[:, :3, 3]
         self._posed = [geometry.has_pose(index) for index in range(len(sequence))]
         image_bytes = 5 * sequence.camera.width * sequence.camera.height  # of float32, and a quarter of it
-        self._reach = int(np.clip(CACHE_BYTES // image_bytes // 2, 4, max(OFFSETS)))
+        self._reach = int(np.clip(CACHE_BYTES // image_bytes // 2, 2, max(OFFSETS)))
         self._images = FrameImages(sequence, 2 * self._reach + 1)
 
     def found(self, index: int, uv: Floats) -> Swept:

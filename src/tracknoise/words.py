@@ -21,6 +21,11 @@ SELF_REFERENTIAL = (
     "epipolar line, is not in these errors."
 )
 """What holds for errors of triangulated truth, wherever they are shown."""
+DEPTH_FROM_IMAGES = (
+    "depth is computed from the images of other frames: hidden points count as visible, and a feature with little "
+    "parallax or texture has no true position"
+)
+"""What holds for truth whose depth is from images."""
 SPACE = "\N{NO-BREAK SPACE}"
 MINUS, DASH, TIMES = "\N{MINUS SIGN}", "\N{EN DASH}", "\N{MULTIPLICATION SIGN}"
 _VIEW = {

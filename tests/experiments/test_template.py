@@ -52,7 +52,7 @@ def test_relative_paths_of_options_are_those_of_the_current_folder(tmp_path, mon
 def test_without_depth_it_says_how_truth_is_computed_and_can_be_run(sample, tmp_path):
     reader = make_reader("kitti-odometry", sample("kitti_odometry"))
     text = experiment_template(reader, sample("kitti_odometry"), {})
-    assert '# kind = "triangulated"  # there is no depth' in text
+    assert '# kind = "swept"  # there is no depth' in text
     file = tmp_path / "first.toml"
     file.write_text(text)
     short = load_experiment(file, frames=6, trackers=["lucas-kanade"])
@@ -83,3 +83,8 @@ def test_it_says_how_outliers_are_rejected_and_how_to_choose_the_other_way(tmp_p
         ("lucas-kanade", "fundamental"),
         ("correspondence", "fundamental"),
     ]
+
+
+def test_a_second_camera_does_not_replace_depth():
+    reader = make_reader("simulated", None, {"motions": ["sideways"], "frames": 3, "baseline_m": 0.1})
+    assert "depth =" not in experiment_template(reader, None, {})

@@ -207,7 +207,7 @@ def test_depth_is_optional(tmp_path: Path) -> None:
     write_folder(Made(deep=False), tmp_path / "scene")
     (tmp_path / "scene/depth").rmdir()
     sequence = opened(tmp_path / "scene")
-    assert sequence.truths == ("triangulated",)
+    assert sequence.truths == ("swept", "triangulated")
     assert sequence.depth(0) is None
 
 

@@ -50,8 +50,8 @@ def test_is_a_sequence():
 
 
 def test_offers_truth_from_depth_only_where_there_is_some():
-    assert make().truths == ("triangulated",)
-    assert make(depths=depth_files((None, None), CAMERA, READ)).truths == ("triangulated",)
+    assert make().truths == ("swept", "triangulated")
+    assert make(depths=depth_files((None, None), CAMERA, READ)).truths == ("swept", "triangulated")
     assert make(depths=depth_files((None, Path("d.png")), CAMERA, READ)).truths == (TruthKind.birth,)
 
 

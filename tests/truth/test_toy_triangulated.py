@@ -161,7 +161,9 @@ def test_a_covariance_is_kept_where_the_truth_states_one(installed, sequence):
 def test_a_kind_that_no_package_adds_is_unknown_and_lists_the_others(installed, sequence):
     with pytest.raises(UnknownNameError, match="unknown kind of truth 'stereo'") as caught:
         make_truth(sequence, "stereo")
-    assert str(caught.value).endswith("known: birth, raycast, scan, triangulated, triangulated-toy, uncertain-toy")
+    assert str(caught.value).endswith(
+        "known: birth, raycast, scan, swept, triangulated, triangulated-toy, uncertain-toy"
+    )
 
 
 def test_a_declared_kind_without_its_data_is_an_error_and_never_another_kind(make_room, at):

@@ -156,16 +156,16 @@ def test_positions_that_fit_no_point_disturb_nothing():
         assert (found.depth_m[~np.isnan(found.depth_m)] > 0).all()
 
 
-def test_a_recording_without_depth_is_measured_by_triangulation(tmp_path):
+def test_a_recording_without_depth_can_be_measured_by_triangulation(tmp_path):
     simulated = open_sequence("simulated", motions=["sideways"], frames=10, width=160, height=120, supersampling=1)
     write_folder(simulated, tmp_path / "scene")
     for path in (tmp_path / "scene" / "depth").iterdir():
         path.unlink()
     (tmp_path / "scene" / "depth").rmdir()
     sequence = open_sequence("folder", tmp_path)
-    assert sequence.truths == ("triangulated",)
+    assert sequence.truths[-1] == "triangulated"
     settings = tracknoise.LucasKanade(min_features=60, max_features=90)
-    found = tracknoise.measure(sequence, settings)
+    found = tracknoise.measure(sequence, settings, truth="triangulated")
     assert found.truth == "triangulated"
     assert found.observations.filter(truth="valid").height > 300
     asked = tracknoise.measure(simulated, settings, truth="triangulated")
@@ -176,7 +176,7 @@ def test_a_recording_without_depth_is_measured_by_triangulation(tmp_path):
 
 def test_the_oracle_needs_points_that_triangulation_does_not_have():
     with pytest.raises(tracknoise.TracknoiseError, match="a kind of truth that cannot place points"):
-        tracknoise.measure(sideways(4), tracknoise.Oracle(n_features=5))
+        tracknoise.measure(sideways(4), tracknoise.Oracle(n_features=5), truth="triangulated")
 
 
 def test_a_single_pose_is_not_enough():
@@ -197,7 +197,7 @@ def imported(observed):
 def test_tracks_of_two_observations_have_distances_from_epipolar_lines_alone():
     sequence = sideways(2)
     observed = make_tracks(sequence, count=200, length=2, rng=np.random.default_rng(3)).observed
-    run = tracknoise.analyse(tracknoise.measure(sequence, imported(observed)))
+    run = tracknoise.analyse(tracknoise.measure(sequence, imported(observed), truth="triangulated"))
     noise = run.table("triangulated_noise", trimming="untrimmed").filter(pl.col("length_low").is_null())
     assert noise.select("measure", "n").rows() == [("epipolar", 200)]
     assert noise["sigma_px"][0] == pytest.approx(NOISE_PX, rel=0.15)

@@ -52,7 +52,7 @@ class Recording:
     options
         Options of the reader that were given.
     stereo
-        Whether depth is computed from a second camera, in place of recorded depth.
+        Whether depth is computed from a second camera, in place of recorded depth; None where nothing was said.
     trajectory
         File of the poses, in place of the recorded ones, as an absolute path; None for the recorded ones.
     trajectory_of
@@ -62,7 +62,7 @@ class Recording:
     reader: "Reader"
     path: Path | None
     options: dict[str, object]
-    stereo: bool
+    stereo: bool | None
     trajectory: str | None
     trajectory_of: "PosesOf"
 
@@ -112,7 +112,8 @@ def open_recording(
     of = PosesOf(trajectory_of)
     name, path = named_recording(words, images_alone=trajectory is not None or camera is not None)
     given = options_of(options)
-    stereo = not _is_of_reader(name, _DEPTH) and _is_stereo(given.pop(_DEPTH, _DEPTHS[0]))
+    asked = not _is_of_reader(name, _DEPTH) and _DEPTH in given
+    stereo = _is_stereo(given.pop(_DEPTH)) if asked else None
     if camera is not None:
         if not _is_of_reader(name, _CAMERA_FILE):
             with_file = [one for one in READERS.names() if _is_of_reader(one, _CAMERA_FILE)]

@@ -8,6 +8,7 @@ from tracknoise.phrases.headline import MOST_TRACKERS
 from tracknoise.phrases.measures import Subject, shown_size
 from tracknoise.phrases.sentences import joined, sentences_of
 from tracknoise.phrases.size_topic import size_measure
+from tracknoise.phrases.truth_topic import depth_is_from_images, without_truth
 from tracknoise.phrases.window_topic import sigma_sentence
 from tracknoise.report.answer import accuracy, summarise
 from tracknoise.report.report_data import ReportData
@@ -88,7 +89,8 @@ def _trust(data: ReportData) -> list[str]:
     why, step = sentences_of(found.text)[:1], sentences_of(found.step)[:1]
     verdict = joined([found.opening, *why, *(f"Next: {one}" for one in step)])
     change = joined(sentences_of(truth_change(data.run, data.trust) or "")[:1])
-    return [verdict, found.poses, change, *data.findings.filter(topic="copies")["brief"]]
+    lost = without_truth(data).strip() if depth_is_from_images(data) else ""
+    return [verdict, found.poses, lost, change, *data.findings.filter(topic="copies")["brief"]]
 
 
 def most_important(data: ReportData, most: int) -> list[str]:

@@ -14,7 +14,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, recorded_axes, z_depth_from
+from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence, TruthKind, recorded_axes, z_depth_from
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity
 from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth, edge_share, sampled_depths
@@ -183,6 +183,8 @@ def _rivals(observed: pl.DataFrame, young: pl.DataFrame) -> Iterator[str]:
 
 def _of_depths(measurement: "Measurement") -> Iterator[str]:
     """A median depth of features that cannot be in metres."""
+    if measurement.truth == SWEPT:  # whose errors do not depend on the unit
+        return
     depths_m: NDArray[np.float64] = measurement.tracks["depth_m"].drop_nulls().to_numpy()
     if not len(depths_m) or NEAREST_M <= float(np.median(depths_m)) <= FARTHEST_M:
         return

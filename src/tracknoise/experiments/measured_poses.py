@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from tracknoise.geometry.pose import from_quaternion
-from tracknoise.measurement.refined_poses import REFERENCE, RefinedPoses
+from tracknoise.measurement.refined_poses import RefinedPoses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
@@ -24,4 +24,4 @@ def with_measured_poses(sequence: Sequence, pieces: Iterable[Piece]) -> Sequence
         led, table = True, folder.sequence_table("poses", entry.key).drop_nulls()
         rows = table.select("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw").to_numpy()
         poses[first + table["frame"].to_numpy()] = from_quaternion(rows[:, :3], rows[:, 3:])
-    return RefinedPoses(sequence, poses, REFERENCE, (poses, poses), {}) if led else sequence
+    return RefinedPoses.of(sequence, poses) if led else sequence

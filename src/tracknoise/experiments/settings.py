@@ -283,8 +283,8 @@ class TruthSettings(_Section):
     """How true positions of features are computed."""
 
     kind: str | None = None
-    """Kind of truth: `birth`, `raycast`, `scan`, `triangulated`, or one of another package. Default: the best that the
-    data allow."""
+    """Kind of truth: `birth`, `raycast`, `scan`, `swept` (depth from images of other frames), `triangulated`, or one of
+    another package. Default: the best that the data allow."""
     poses: Literal["refined", "stated"] = "refined"
     """Poses that lead: refined by reference tracks, unless the stated ones are exact or stated to be better, or
     reference tracks do not determine them (`refined`); or the `stated` ones in any case. See docs/truth.md."""

@@ -42,14 +42,14 @@ from tracknoise.processes import raise_if_interruption, release_memory
 from tracknoise.sequences.images import content_hash, encode_png
 from tracknoise.sequences.poses import pose_notes
 from tracknoise.sequences.row_poses import shutter_notes
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, group_of, z_depth_from
+from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence, TruthKind, group_of, z_depth_from
 from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry, joined_fit
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth_faults.assessment import MOST, refutes
-from tracknoise.words import SELF_REFERENTIAL
+from tracknoise.words import DEPTH_FROM_IMAGES, SELF_REFERENTIAL
 
 
 @one_blas_thread()
@@ -232,13 +232,20 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         key_frame=measurement.key_frame,
         group=group_of(sequence),
         kernels=kernels(),
-        z_depth_from=z_depth_from(sequence) if measurement.truth in list(TruthKind) else None,
+        z_depth_from=_z_depth_from(sequence, measurement.truth),
         depth_edges=depth_edges(measurement),
         states_accuracy=measurement.states_accuracy,
         pose_fit=measurement.pose_fit,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )
+
+
+def _z_depth_from(sequence: Sequence, truth: str) -> str | None:
+    """What depths along z were computed from; None where their kind is only stated, or there are none."""
+    if truth == SWEPT:
+        return "images of other frames"
+    return z_depth_from(sequence) if truth in list(TruthKind) else None
 
 
 def _notes(sequence: Sequence, n_frames: int, truth: str, measured: tuple[str, ...]) -> tuple[str, ...]:
@@ -248,6 +255,7 @@ def _notes(sequence: Sequence, n_frames: int, truth: str, measured: tuple[str, .
         *pose_notes(sequence.world_from_camera[:n_frames]),
         *shutter_notes(sequence, n_frames),
         *((SELF_REFERENTIAL,) if truth == TRIANGULATED else ()),
+        *((DEPTH_FROM_IMAGES,) if truth == SWEPT else ()),
         *measured,
     )
 

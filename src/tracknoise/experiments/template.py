@@ -7,8 +7,9 @@ from pathlib import Path
 
 import tomlkit
 
+from tracknoise.exceptions import DataError
 from tracknoise.sequences.reader_registry import READERS, reader_defaults
-from tracknoise.sequences.sequence import TRIANGULATED, Reader, Sequence
+from tracknoise.sequences.sequence import SWEPT, Reader, Sequence, second_of
 from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.sequences.timed_poses import PosesOf
 from tracknoise.text import counted
@@ -34,7 +35,7 @@ def experiment_template(
     path: Path | None,
     options: Mapping[str, object],
     *,
-    stereo: bool = False,
+    stereo: bool | None = None,
     trajectory: str | None = None,
     trajectory_of: PosesOf = PosesOf.camera,
 ) -> str:
@@ -50,7 +51,7 @@ def experiment_template(
         Options of the reader that differ from the defaults; relative paths start from the current folder, and are
         written as absolute ones.
     stereo
-        Whether depth is computed from a second camera, in place of recorded depth.
+        Whether depth is computed from a second camera, in place of recorded depth; None for where there is no other.
     trajectory
         File of poses that the reader's were replaced by, an absolute path; None for none.
     trajectory_of
@@ -62,14 +63,16 @@ def experiment_template(
         If the reader finds no sequence, cannot open the first, or that has no second camera for depth from stereo.
     """
     listed = reader.sequences()
-    first = with_stereo_depth(reader.open(listed[0])) if stereo else reader.open(listed[0])
+    first = reader.open(listed[0])
+    if stereo or (stereo is None and _has_pair_alone(first)):
+        first, stereo = with_stereo_depth(first), True
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
     given = READERS.with_paths_from(Path(), reader.name, options)
     poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
     dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]
     named = _named_again(reader, path, given, poses)
-    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _trackers()]
+    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=bool(stereo)), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
@@ -124,12 +127,23 @@ def _options(name: str, options: Mapping[str, object]) -> list[str]:
     return ["", "[dataset.options]", *(_entry(key, value) for key, value in options.items()), *defaults]
 
 
+def _has_pair_alone(sequence: Sequence) -> bool:
+    """Whether a sequence has no depth, but a second camera beside the first."""
+    if sequence.truths[:1] != (SWEPT,) or second_of(sequence) is None:
+        return False
+    try:
+        with_stereo_depth(sequence)
+    except DataError:  # the cameras are no stereo pair
+        return False
+    return True
+
+
 def _truth(first: Sequence, *, stereo: bool) -> list[str]:
     """Depth from stereo if it is chosen, and the default kind of truth as a comment; nothing where none is possible."""
     if not first.truths:
         return []
     best = first.truths[0]
-    why = "there is no depth: points are fitted to tracks and poses" if best == TRIANGULATED else "the default here"
+    why = "there is no depth: it is computed from the images of other frames" if best == SWEPT else "the default here"
     depth = [_entry("depth", "stereo")] if stereo else []
     return ["", "[truth]", *depth, f"# {_entry('kind', best)}  # {why}"]
 

@@ -22,7 +22,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recording
-from tracknoise.sequences.sequence import Sequence, TruthKind, halves_of
+from tracknoise.sequences.sequence import SWEPT, Sequence, TruthKind, halves_of
 from tracknoise.sequences.views import frame_step
 from tracknoise.tables.enumerations import Axis, FloorSource
 from tracknoise.tables.schema import AXIS, FLOOR_SOURCE, FLOORS, ORIGIN, TruthStatus
@@ -156,13 +156,16 @@ class TruthFloor:
 
     @classmethod
     def of(cls, sequence: Sequence, truth: Truth, rule: AccuracyRule) -> "TruthFloor":
-        """That of a sequence: for the kinds of truth that fix a point in one frame (`TruthKind`)."""
-        if truth.kind not in tuple(TruthKind):
+        """That of a sequence: for the kinds of truth that fix a point in one frame (all but fitted ones)."""
+        own_depth = truth.kind == SWEPT
+        if truth.kind not in tuple(TruthKind) and not own_depth:
             return cls(sequence, None, truth.key_frame)
         known = known_accuracy(sequence, truth.kind, rule)
-        if known.figures.is_exact and not known.is_complete and halves_of(sequence) is None:
+        measures_itself = own_depth or halves_of(sequence) is not None
+        if known.figures.is_exact and not known.is_complete and not measures_itself:
             return cls(sequence, None, truth.key_frame)
-        errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=frame_step(sequence))
+        step = frame_step(sequence)
+        errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=step, own_depth=own_depth)
         return cls(sequence, errors, truth.key_frame, known.notes, known.is_complete)
 
     def add(self, recording: Recording, positions: TruePositions) -> tuple[TruePositions, pl.DataFrame]:

@@ -13,7 +13,8 @@ The errors of the halves are taken to be independent. Nothing else is assumed of
 
 from collections.abc import Mapping
 from collections.abc import Sequence as Items
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,15 @@ from tracknoise.measurement.reference_tracks import KINDS, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, path_of, stated_accuracy
+from tracknoise.sequences.sequence import (
+    SWEPT,
+    TRIANGULATED,
+    Sequence,
+    TruthKind,
+    halves_of,
+    path_of,
+    stated_accuracy,
+)
 from tracknoise.sequences.views import frame_step
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.truth.accuracies import POSE_TOPICS, AccuracyRule, known_accuracy
@@ -34,7 +43,6 @@ from tracknoise.words import percent, pixels
 
 Array = NDArray[np.float64]
 
-REFERENCE = "reference tracks"
 AGE = 10
 """Age at which errors of poses are stated, frames."""
 FEWEST_TRACKS = 40
@@ -51,23 +59,16 @@ _LEAST_PARALLAX_PX = 2.0
 class RefinedPoses(OtherPoses):
     """A sequence with refined poses."""
 
-    # by halves and by each kind of the reference tracks: (n, 4, 4) each
-    pose_halves: tuple[Array, Array]
-    by_kind: Mapping[str, Array]
+    # by halves and by each kind of the reference tracks: (n, 4, 4) each; none where they are not at hand
+    pose_halves: tuple[Array, Array] | None = None
+    by_kind: Mapping[str, Array] = field(default_factory=dict)
     # share of what an unknown readout of a rolling shutter moves that refined poses do not absorb
     readout_left: float = 1.0
 
-    @property
-    def path(self) -> PosePath | None:
-        """The path of the sequence shown, corrected as its frames are."""
-        path, times = path_of(self.sequence), self.timestamps_s
-        posed = has_pose(self.poses) & has_pose(self.sequence.world_from_camera)
-        if path is None or times is None or posed.sum() < 2:
-            return path
-        # stated poses are corrected on the left, by the correction of the frame before and after
-        change = PosePath(times[posed], self.poses[posed] @ invert(self.sequence.world_from_camera[posed]))
-        inside = np.clip(path.times, times[posed][0], times[posed][-1])
-        return PosePath(path.times, change.at(inside) @ path.poses)
+    @classmethod
+    def of(cls, sequence: Sequence, poses: Array, **more: Any) -> "RefinedPoses":
+        """Of refined poses (n, 4, 4): the path of the sequence is corrected as its frames are."""
+        return cls(sequence, poses, "reference tracks", _corrected_path(sequence, poses), **more)
 
     @property
     def truth_accuracy(self) -> TruthAccuracy:
@@ -121,11 +122,24 @@ class Leading:
         ]
         fits = [fit for _, fit in found]
         if all(fit.leads for fit in fits):
-            return cls([one for one, _ in found], second or sequences, fits)
+            kinds = {kind or next(iter(one.truths), TRIANGULATED) for one in sequences}
+            stated = () if SWEPT in kinds else sequences  # depths are swept once, with the poses that lead
+            return cls([one for one, _ in found], second or stated, fits)
         return cls(sequences, second, [replace(fit, leads=False, reason=fit.reason or _OTHERS) for fit in fits])
 
 
 _OTHERS = "Poses are not refined, as those of other lightings are not."
+
+
+def _corrected_path(sequence: Sequence, poses: Array) -> PosePath | None:
+    """The path of a sequence with the corrections of its frames, on the left of its poses, interpolated in time."""
+    path, times = path_of(sequence), sequence.timestamps_s
+    posed = has_pose(poses) & has_pose(sequence.world_from_camera)
+    if path is None or times is None or posed.sum() < 2:
+        return path
+    change = PosePath(times[posed], poses[posed] @ invert(sequence.world_from_camera[posed]))
+    inside = np.clip(path.times, times[posed][0], times[posed][-1])
+    return PosePath(path.times, change.at(inside) @ path.poses)
 
 
 def refined(
@@ -175,7 +189,7 @@ def refined(
     return (found if fit.leads else sequence), fit
 
 
-_WITH_DEPTH_OF_BIRTH = (TruthKind.birth,)
+_WITH_DEPTH_OF_BIRTH = (TruthKind.birth, SWEPT)
 """Kinds of truth whose points are fixed in the first frame of a track by a depth that is no part of the tracks."""
 
 
@@ -188,7 +202,8 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> Re
     half = np.random.default_rng(0).permutation(len(tracks.birth)) % 2 == 0
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
     by_kind = {name: adjustment.of(best, tracks.kind == kind) for kind, name in enumerate(KINDS)}
-    return RefinedPoses(sequence, best.poses, REFERENCE, halves, by_kind, _readout_left(adjustment, sequence, best))
+    left = _readout_left(adjustment, sequence, best)
+    return RefinedPoses.of(sequence, best.poses, pose_halves=halves, by_kind=by_kind, readout_left=left)
 
 
 def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> float:
@@ -209,7 +224,7 @@ def _compared(
     rows = age == min(AGE, int(age.max()))
     one, other, best, given = (
         adjustment.residuals(poses, depth_m)[rows]
-        for poses in (*found.pose_halves, found.poses, sequence.world_from_camera)
+        for poses in (*(halves_of(found) or ()), found.poses, sequence.world_from_camera)
     )
     left_px = _rms((one - other) / 2.0)
     fit = PoseFit(True, references, left_px, _rms(given - best), int(age[rows][0]))

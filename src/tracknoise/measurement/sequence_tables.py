@@ -15,7 +15,7 @@ from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.processes import release_memory
 from tracknoise.sequences.poses import require_some_poses
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence
 from tracknoise.tables import schema
 from tracknoise.tables.enumerations import EdgeSide
 from tracknoise.tables.identity import SequenceId
@@ -239,8 +239,8 @@ def measure_sequences(
     progress
         Called after each frame of all sequences.
     second
-        The same sequences with another truth, such as other poses, in the same order. Their images are not read. By
-        default there is none.
+        The same sequences with another truth, such as other poses, in the same order. Their images are read only
+        where depth is computed from them. By default there is none.
     kept_bytes
         Size of the images of each sequence that are kept; by default none is.
 
@@ -278,7 +278,7 @@ def measure_sequences(
     release_memory()
     notes = [second_notes(*pair) for pair in zip(sequences, second, strict=True)] if second else [()] * len(sequences)
     for sequence, known, result, more in zip(sequences, truths, results, notes, strict=True):
-        _check_features(sequence, result, known.key_frame)
+        _check_features(sequence, result, known)
         floor = TruthFloor.of(sequence, known, accuracy)
         tables = _sequence_tables(sequence, setups, floor, result, n_frames, known.kind)
         release_memory()
@@ -351,7 +351,7 @@ def _is_known(positions: TruePositions) -> bool:
     return any(values is not None and bool(np.isfinite(values).any()) for values in found)
 
 
-def _check_features(sequence: Sequence, result: TrackingResult, key_frame: int | None) -> None:
+def _check_features(sequence: Sequence, result: TrackingResult, truth: Truth) -> None:
     if not any(len(recording.first_frame) for recording in result.recordings):
         raise NothingToMeasureError(
             sequence.source,
@@ -365,11 +365,15 @@ def _check_features(sequence: Sequence, result: TrackingResult, key_frame: int |
         raise NothingToMeasureError(
             sequence.source, found, "a camera that changes its position, and poses that fit the images"
         )
-    if key_frame is None:
+    if truth.kind == SWEPT:
+        found = "no depth from the images of other frames for any feature"
+        expected = f"a camera that changes its position, and texture; or the kind of truth {TRIANGULATED!r}"
+        raise NothingToMeasureError(sequence.source, found, expected)
+    if truth.key_frame is None:
         raise NothingToMeasureError(
             sequence.source, "no depth for any feature", "depth for some, so that their true positions are known"
         )
-    found = f"no feature of the key frame {key_frame} on the scan"
+    found = f"no feature of the key frame {truth.key_frame} on the scan"
     raise NothingToMeasureError(
         sequence.source, found, "features where it has points; it must be in metres, as the poses are"
     )

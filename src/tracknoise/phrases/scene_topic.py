@@ -134,6 +134,7 @@ _TRUTHS: Mapping[str, str] = {
     "raycast": "ray casting of the exact surface",
     "birth": "poses and depth",
     "scan": "scan and poses",
+    "swept": "poses, and depth from the images",
     "triangulated": "points fitted to the tracks",
 }
 

@@ -221,12 +221,17 @@ def truth(data: RunData) -> Judgement:
     return Judgement(asked, f"{found.text}{without_truth(data)}{step}", "truth")
 
 
+def depth_is_from_images(data: RunData) -> bool:
+    """Whether depths of any sequence are computed from the images of other frames."""
+    return any(entry.depth_is_from_images for entry in data.sequences.values())
+
+
 def without_truth(data: RunData) -> str:
-    """How many observations have no true position, where these are most; begins with a space."""
+    """How many observations have no true position, if most or if depth is from images; begins with a space."""
     statuses = data.nominal(data.counts).filter(kind="truth")
     total = int(statuses["n"].sum())
     without = total - int(statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum())
-    if without <= _MOSTLY * total:
+    if without <= (0.0 if depth_is_from_images(data) else _MOSTLY) * total:
         return ""
     rest = "; no error could be measured" if without == total else ""
     return f" {percent(without / total)} of observations lack true positions{rest}."

@@ -20,6 +20,7 @@ from tracknoise.sequences.poses import require_some_poses
 from tracknoise.sequences.scenes import with_option
 from tracknoise.sequences.sequence import (
     IMAGE_AXES,
+    SWEPT,
     TRIANGULATED,
     Axes,
     Body,
@@ -153,8 +154,8 @@ class RecordedSequence:
 
     @property
     def truths(self) -> tuple[str, ...]:
-        """Birth where there are depths, otherwise triangulated."""
-        return (TRIANGULATED,) if self.depths is None else (TruthKind.birth,)
+        """Birth where there are depths; otherwise swept, and triangulated."""
+        return (SWEPT, TRIANGULATED) if self.depths is None else (TruthKind.birth,)
 
     @property
     def surface(self) -> None:

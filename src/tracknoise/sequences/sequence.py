@@ -27,8 +27,10 @@ class TruthKind(StrEnum):
     scan = "scan"
 
 
+SWEPT = "swept"
+"""Kind of truth that needs images and poses: a recording without any of `TruthKind` offers it first."""
 TRIANGULATED = "triangulated"
-"""Kind of truth that needs poses only: a sequence without any of `TruthKind` offers it."""
+"""Kind of truth that needs poses only, the last that a recording offers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -162,6 +162,11 @@ class SequenceEntry:
         """Whether true positions are fitted to the tracks that they are compared with."""
         return self.truth == "triangulated"
 
+    @property
+    def depth_is_from_images(self) -> bool:
+        """Whether depths are computed from the images of other frames: not every track has one."""
+        return self.truth == "swept"
+
 
 @dataclass(frozen=True, slots=True)
 class FailureEntry:

@@ -11,6 +11,7 @@ from typing import Any
 from tracknoise.geometry.accuracy import TOPICS, AccuracyKind, TruthAccuracy
 from tracknoise.sequences.other_poses import has_other_poses
 from tracknoise.sequences.sequence import (
+    SWEPT,
     Sequence,
     TruthKind,
     accuracy_of,
@@ -98,9 +99,9 @@ def _row(entry: dict[str, Any]) -> _Row:
 def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_RULE) -> KnownAccuracy:
     """What is known of the errors of a sequence's truth. On each topic the first counts: user, data, shipped figures.
 
-    Depth does not count where points lie on an exact surface. Clock and readout do not count without times of frames,
-    nor does a shipped readout where the truth accounts for a rolling shutter, nor shipped figures of poses and clock
-    where the poses are not those of the reader.
+    Depth does not count where points lie on an exact surface, nor where the truth measures the errors of its own.
+    Clock and readout do not count without times of frames, nor does a shipped readout where the truth accounts for a
+    rolling shutter, nor shipped figures of poses and clock where the poses are not those of the reader.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
     rule
         What the user says.
     """
-    useless = {"depth"} if kind == TruthKind.raycast else set()
+    useless = {"depth"} if kind in (TruthKind.raycast, SWEPT) else set()
     if times_of(sequence) is None:
         useless |= {"clock", "readout"}
     if halves_of(sequence) is not None:

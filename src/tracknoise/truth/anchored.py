@@ -88,6 +88,9 @@ Anchor = Callable[[int, NDArray[np.float64]], Anchors]
 Surround = Callable[[int, NDArray[np.float64]], Surroundings]
 """Takes a frame and pixels (n, 2) of it; returns what lies around them."""
 
+DepthSigma = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
+"""Takes a frame and pixels (n, 2) of it; returns standard deviations (n,) of their depths, metres, NaN if unknown."""
+
 
 def anchor_points(
     geometry: SequenceGeometry,
@@ -113,10 +116,11 @@ class AnchoredTruth:
     """A truth that gives each track one world point, taken from the track's first frame.
 
     All methods accept any number of features, including 0, and treat each feature independently. Calls for one frame
-    should come together, as only the depth of the latest frame is kept. `surround`: None where there is no dense depth.
+    should come together, as only the depth of the latest frame is kept. `surround`: None where there is no dense
+    depth. `depth_sigma`: None where errors of depths are not known one by one.
     """
 
-    __slots__ = ("_anchor", "_geometry", "_surface", "kind", "surround")
+    __slots__ = ("_anchor", "_geometry", "_surface", "depth_sigma", "kind", "surround")
 
     def __init__(
         self,
@@ -125,8 +129,10 @@ class AnchoredTruth:
         anchor: Anchor,
         surface: VisibleSurface,
         surround: Surround | None = None,
+        depth_sigma: DepthSigma | None = None,
     ) -> None:
         self.kind = kind
+        self.depth_sigma = depth_sigma
         self.surround = surround
         self._geometry = geometry
         self._anchor = anchor
@@ -169,11 +175,12 @@ class AnchoredTruth:
 class BirthSession:
     """The tracks of one tracker setup, each anchored in its first frame."""
 
-    __slots__ = ("_surroundings", "_tracks", "_truth")
+    __slots__ = ("_sigmas", "_surroundings", "_tracks", "_truth")
 
     def __init__(self, truth: AnchoredTruth) -> None:
         self._truth = truth
         self._surroundings: list[Surroundings] = []
+        self._sigmas: list[NDArray[np.float64]] = []
         self._tracks = truth.tracks()
 
     def observe(self, index: int, tracks: NDArray[np.uint32], uv: NDArray[np.float64], born: NDArray[np.bool_]) -> None:
@@ -182,8 +189,12 @@ class BirthSession:
         new, surround = uv[born], self._truth.surround
         known = unknown_surroundings(len(new)) if surround is None or not len(new) else surround(index, new)
         self._surroundings.append(known)
+        if self._truth.depth_sigma is not None:
+            self._sigmas.append(self._truth.depth_sigma(index, new))
         self._tracks.locate(index, tracks, np.where(born[:, np.newaxis], uv, np.nan))
 
     def resolve(self) -> TruePositions:
         """True positions of all observations: see `tracknoise.truth.truth.TruthSession.resolve`."""
-        return replace(self._tracks.positions(), surroundings=joined_surroundings(self._surroundings))
+        sigma_m = None if self._truth.depth_sigma is None else np.concatenate([np.empty(0), *self._sigmas])
+        around = joined_surroundings(self._surroundings)
+        return replace(self._tracks.positions(), surroundings=around, depth_sigma_m=sigma_m)

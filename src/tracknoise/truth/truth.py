@@ -34,6 +34,9 @@ class TruePositions:
     leverage : (n, 2, 2) float64, or None
         Where true positions are fitted to the observations: covariance of each true position for white noise of 1 px in
         these, no unit; NaN where it is unknown. None for other kinds of truth.
+    depth_sigma_m : (m,) float64, or None
+        Standard deviation of each of these depths, metres; NaN where it is unknown. None where it follows from the
+        stated accuracy of depths.
     surroundings
         What lies around the point of each track in its first frame, (m,). None if this kind of truth has no dense
         depth.
@@ -46,6 +49,7 @@ class TruePositions:
     epipolar: NDArray[np.float64] | None = None
     leverage: NDArray[np.float64] | None = None
     surroundings: Surroundings | None = None
+    depth_sigma_m: NDArray[np.float64] | None = None
 
 
 class TruthSession(Protocol):

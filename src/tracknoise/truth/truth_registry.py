@@ -18,6 +18,7 @@ TRUTHS: Plugins[TruthSource] = Plugins(
         "birth": "tracknoise.truth.birth:BirthDepth",
         "raycast": "tracknoise.truth.raycast:RayCast",
         "scan": "tracknoise.truth.scan:KeyFrameScan",
+        "swept": "tracknoise.truth.swept:SweptDepth",
         "triangulated": "tracknoise.truth.triangulated:Triangulated",
     },
     needs=("kind", "open"),

@@ -101,10 +101,13 @@ class AnchoredPoints:
     anchor: NDArray[np.intp]
     frame: NDArray[np.intp]
     points_world: NDArray[np.float64]  # (n, 3): metres
+    # (n,): standard deviation of the depth in `anchor`, metres; None where it follows from the stated accuracy
+    depth_sigma_m: NDArray[np.float64] | None = None
 
     def part(self, rows: slice) -> "AnchoredPoints":
         """Some of the observations."""
-        return AnchoredPoints(self.anchor[rows], self.frame[rows], self.points_world[rows])
+        sigma_m = None if self.depth_sigma_m is None else self.depth_sigma_m[rows]
+        return AnchoredPoints(self.anchor[rows], self.frame[rows], self.points_world[rows], sigma_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -284,7 +287,8 @@ def anchored_points(
     anchor = births if key_frame is None else np.full(len(births), key_frame, np.intp)
     located = np.isfinite(points).all(axis=1) & has_pose(sequence.world_from_camera)[anchor]
     rows = np.flatnonzero(located[track] & np.isfinite(positions.uv).all(axis=1))
-    return rows, AnchoredPoints(anchor[track[rows]], frame[rows], points[track[rows]])
+    sigma_m = None if positions.depth_sigma_m is None else positions.depth_sigma_m[track[rows]]
+    return rows, AnchoredPoints(anchor[track[rows]], frame[rows], points[track[rows]], sigma_m)
 
 
 _ROWS_AT_ONCE = 1 << 15
@@ -333,22 +337,24 @@ class TrueErrors:
         Of the truth.
     step
         Frames of the recording from one frame of the sequence to the next.
+    own_depth
+        Whether the points bring the errors of their depths.
     """
 
-    __slots__ = ("_accuracy", "_derivatives", "_has_halves", "_step", "sources")
+    __slots__ = ("_accuracy", "_derivatives", "_has_halves", "_own_depth", "_step", "sources")
 
-    def __init__(self, derivatives: "TruthDerivatives", accuracy: TruthAccuracy, *, step: int) -> None:
-        self._derivatives, self._accuracy, self._step = derivatives, accuracy, step
+    def __init__(
+        self, derivatives: "TruthDerivatives", accuracy: TruthAccuracy, *, step: int, own_depth: bool = False
+    ) -> None:
+        self._derivatives, self._accuracy, self._step, self._own_depth = derivatives, accuracy, step, own_depth
         self._has_halves = derivatives.has_halves
-        known = {FloorSource.poses} if self._has_halves else set()
-        self.sources = tuple(
-            source for source in SOURCES if source in known or not accuracy.topics.isdisjoint(SOURCES[source])
-        )
+        known = accuracy.topics | ({"depth"} if own_depth else set()) | ({"rotation"} if self._has_halves else set())
+        self.sources = tuple(source for source in SOURCES if not known.isdisjoint(SOURCES[source]))
 
     @property
     def is_exact(self) -> bool:
         """Whether all that is known about the truth is that it has no errors."""
-        return self._accuracy.is_exact and not self._has_halves
+        return self._accuracy.is_exact and not self._own_depth and not self._has_halves
 
     @property
     def pose_laws(self) -> PoseLaws:
@@ -368,7 +374,9 @@ class TrueErrors:
             yield rows, self._uncertainty(part, self._derivatives.sensitivity(part))
 
     def _uncertainty(self, points: "AnchoredPoints", found: "Sensitivity") -> Uncertainty:
-        moved = {source: of(found) for source, of in self._movements().items() if source in self.sources}
+        moved = {
+            source: of(found) for source, of in self._movements(points.depth_sigma_m).items() if source in self.sources
+        }
         covariance = {source: _outer(px[:, :, None]) for source, px in moved.items()}
         if FloorSource.poses in self.sources and not self._has_halves:
             lag = self._step * np.abs(points.frame - points.anchor).astype(np.float64)
@@ -376,7 +384,9 @@ class TrueErrors:
         turned = (found.rotation_here + found.rotation_there) / 2.0
         return Uncertainty(covariance, np.concatenate([found.translation, turned], axis=2), moved)
 
-    def _movements(self) -> Mapping[FloorSource, Callable[["Sensitivity"], NDArray[np.float64]]]:
+    def _movements(
+        self, depth_sigma_m: NDArray[np.float64] | None
+    ) -> Mapping[FloorSource, Callable[["Sensitivity"], NDArray[np.float64]]]:
         """Displacement by one standard deviation of each source that has one, px."""
         accuracy = self._accuracy
         clock_s, readout_s = (1e-3 * (value or 0.0) for value in (accuracy.clock_ms, accuracy.readout_ms))
@@ -384,7 +394,10 @@ class TrueErrors:
         if self._has_halves:
             halves[FloorSource.poses] = lambda found: found.halves
         return halves | {
-            FloorSource.depth: lambda found: found.depth * accuracy.depth.sigma_m(found.depth_m)[:, None],
+            FloorSource.depth: lambda found: (
+                found.depth
+                * (accuracy.depth.sigma_m(found.depth_m) if depth_sigma_m is None else depth_sigma_m)[:, None]
+            ),
             FloorSource.clock: lambda found: found.clock * clock_s,
             FloorSource.readout: lambda found: found.readout * readout_s,
             FloorSource.focal: lambda found: found.focal * (accuracy.focal_relative or 0.0),

@@ -1,0 +1,79 @@
+"""Truth without depth: the depth of each feature's first frame, from the images of other frames."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.sequences.poses import require_some_poses
+from tracknoise.sequences.sequence import SWEPT, Sequence
+from tracknoise.tables.schema import TruthStatus
+from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
+from tracknoise.truth.plane_sweep import PlaneSweep, Swept
+from tracknoise.truth.visibility import Depths, SequenceGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class SweptDepth:
+    """Depth at birth by a plane sweep (`tracknoise.truth.plane_sweep`), whatever the track does later.
+
+    Nothing is known of what hides a point: one in the image and in front of the camera counts as visible.
+    """
+
+    kind: ClassVar[str] = SWEPT
+
+    def open(self, sequence: Sequence) -> AnchoredTruth:
+        """Make the truth of one sequence. Features whose depth the images do not determine get no true position.
+
+        Raises
+        ------
+        DataError
+            If fewer than two frames have a pose.
+        """
+        require_some_poses(sequence.world_from_camera, sequence.source)
+        geometry = SequenceGeometry(sequence)
+        births = _Births(geometry)
+        return AnchoredTruth(self.kind, geometry, births.anchor, _Nothing(), depth_sigma=births.depth_sigma)
+
+
+class _Nothing:
+    """A surface of which nothing is known."""
+
+    def depths(self, index: int, uv: NDArray[np.float64]) -> Depths:
+        """See `tracknoise.truth.visibility.VisibleSurface.depths`."""
+        return np.zeros(len(uv)), np.zeros(len(uv), np.bool_)
+
+
+class _Births:
+    """Depths of features in their first frame. Those of one frame are kept: several trackers and speeds share them."""
+
+    __slots__ = ("_found", "_geometry", "_index", "_sweep")
+
+    def __init__(self, geometry: SequenceGeometry) -> None:
+        self._geometry, self._sweep = geometry, PlaneSweep(geometry)
+        self._index: int | None = None
+        self._found: dict[tuple[float, ...], tuple[float, float]] = {}
+
+    def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchors:
+        """World points of features; no_depth where the images determine none."""
+        inverse = self._swept(index, uv).inverse_depth
+        known = np.isfinite(inverse)
+        status = np.where(known, TruthStatus.valid, TruthStatus.no_depth).astype(np.int8)
+        return anchor_points(self._geometry, index, uv, 1.0 / np.where(known, inverse, 1.0), status)
+
+    def depth_sigma(self, index: int, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) float64, metres: standard deviation of the depth of features; NaN where there is no depth."""
+        found = self._swept(index, uv)
+        return found.sigma / np.square(found.inverse_depth)
+
+    def _swept(self, index: int, uv: NDArray[np.float64]) -> Swept:
+        if index != self._index:
+            self._index, self._found = index, {}
+        keys = [tuple(position) for position in uv.tolist()]
+        new = [key for key in dict.fromkeys(keys) if key not in self._found]
+        if new:
+            swept = self._sweep.found(index, np.array(new))
+            self._found.update(zip(new, zip(swept.inverse_depth, swept.sigma, strict=True), strict=True))
+        inverse, sigma = np.array([self._found[key] for key in keys]).reshape(-1, 2).T
+        return Swept(inverse, sigma)

@@ -1,0 +1,212 @@
+"""Depth from the images of other frames: exact worlds whose depth is hidden, its error, and where there is none."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import polars as pl
+import pytest
+from tests.lean import with_models
+
+import tracknoise
+from tracknoise.exceptions import NothingToMeasureError
+from tracknoise.phrases.truth_topic import without_truth
+from tracknoise.report.report_data import ReportData
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.views import View
+from tracknoise.tables.schema import TruthStatus
+from tracknoise.tables.store import RunFolder
+from tracknoise.truth.plane_sweep import OFFSETS, PlaneSweep
+from tracknoise.truth.truth_registry import make_truth
+from tracknoise.truth.uncertainty import TruthDerivatives, anchored_points
+from tracknoise.truth.visibility import SequenceGeometry
+
+SIZE = {"width": 240, "height": 180, "frames": 24}
+LOOKS = {
+    "pinhole": {},
+    "distorted": {"lens": "radtan", "distortion": (-0.2, 0.05, 0.001, -0.002)},
+    "rolling": {"imaging": {"readout_s": 0.02, "rate_hz": 30.0}},
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bare(View):
+    """A sequence without depth and surface, which counts how often each image is read."""
+
+    reads: list[int] = field(default_factory=list)
+
+    @property
+    def truths(self):
+        return ("swept", "triangulated")
+
+    @property
+    def surface(self):
+        return None
+
+    def depth(self, index):
+        raise AssertionError("the depth is hidden")
+
+    def image(self, index):
+        self.reads.append(index)
+        return self.sequence.image(index)
+
+
+@pytest.fixture(scope="module", params=list(LOOKS))
+def exact(request):
+    return tracknoise.open_sequence("simulated", motions=["sideways"], seed=3, **SIZE, **LOOKS[request.param])
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return tracknoise.open_sequence("simulated", motions=["sideways"], seed=3, **SIZE)
+
+
+def corners(sequence, index, count=150):
+    """Some corners, not beside the border, between pixels."""
+    found = cv2.FastFeatureDetector_create(10).detect(sequence.image(index))
+    uv = np.array([one.pt for one in found if 12 < one.pt[0] < 228 and 12 < one.pt[1] < 168])
+    random = np.random.default_rng(0)
+    return random.permutation(uv)[:count] + random.uniform(-0.4, 0.4, (count, 2))
+
+
+def test_depths_are_those_of_the_surface_and_so_are_their_errors(exact):
+    hidden = Bare(exact)
+    uv = corners(exact, 7)
+    geometry = SequenceGeometry(hidden)
+    found = PlaneSweep(geometry).found(7, uv)
+    points, hit = exact.cast(7, uv)
+    depth_m = geometry.to_camera(7, uv, points)[:, 2]
+    known = np.isfinite(found.inverse_depth) & hit
+    error = found.inverse_depth * depth_m - 1.0
+    assert known.mean() > 0.8
+    assert abs(np.median(error[known])) < 0.004
+    assert np.median(np.abs(error[known])) < 0.02
+    ratio = np.abs(error / depth_m / found.sigma)[known]
+    assert 0.1 < np.median(ratio) < 1.5
+    assert np.mean(ratio < 3.0) > 0.85
+
+
+def test_what_a_track_does_later_changes_nothing(recorded):
+    hidden, uv = Bare(recorded), corners(recorded, 4, 30)
+    tracks, born = np.arange(30, dtype=np.uint32), np.ones(30, bool)
+    true = []
+    for drift in (0.0, 5.0):
+        session = make_truth(hidden).start()
+        session.observe(4, tracks, uv, born)
+        session.observe(5, tracks, uv + drift, ~born)
+        true.append(session.resolve())
+    np.testing.assert_array_equal(true[0].uv, true[1].uv)
+    np.testing.assert_array_equal(true[0].uv[:30], uv)
+    assert np.isfinite(true[0].uv[30:]).any()
+
+
+def test_trackers_share_depths_and_images(recorded):
+    hidden, uv = Bare(recorded), corners(recorded, 4, 20)
+    truth = make_truth(hidden)
+    one, other = truth.anchor(4, uv), truth.anchor(4, uv[::-1])
+    np.testing.assert_array_equal(one[0], other[0][::-1])
+    assert len(hidden.reads) == len(set(hidden.reads)) <= len(recorded)
+
+
+def test_the_error_of_each_depth_is_in_the_floor(recorded):
+    """It moves a true position as far as a depth does that is wrong by one standard deviation."""
+    found = tracknoise.measure(
+        Bare(recorded), tracknoise.LucasKanade(min_features=40, max_features=60), truth="swept", max_frames=8
+    )
+    hidden, uv = Bare(recorded), corners(recorded, 0, 40)
+    session = make_truth(hidden).start()
+    tracks, born = np.arange(40, dtype=np.uint32), np.ones(40, bool)
+    session.observe(0, tracks, uv, born)
+    session.observe(6, tracks, uv, ~born)
+    true = session.resolve()
+    geometry, sigma_m = SequenceGeometry(hidden), 1e-3 * true.depth_sigma_m
+    moved = []
+    for depth_m in (true.depth_m, true.depth_m + sigma_m):
+        points = geometry.camera_at(0).unproject(uv, np.where(np.isfinite(depth_m), depth_m, 1.0))
+        moved.append(geometry.project(6, geometry.to_world(0, uv, points)))
+    frame, track = np.repeat([0, 6], 40), np.tile(np.arange(40), 2)
+    rows, points = anchored_points(hidden, frame, track, true, key_frame=None)
+    derivative = TruthDerivatives(hidden).sensitivity(points).depth * points.depth_sigma_m[:, None] * 1e-3
+    later = points.frame == 6
+    np.testing.assert_allclose(derivative[later], (moved[1] - moved[0])[track[rows][later]], rtol=1e-2, atol=1e-9)
+    assert set(found.floors["source"]) >= {"depth"}
+    seen = found.observations.filter(pl.col("age") > 0, truth="valid")
+    assert seen["cov_true_uu"].null_count() == 0
+    assert seen["cov_true_uu"].min() > 0.0
+
+
+def still(sequence, **changes):
+    """What a folder without depth would be."""
+    return RecordedSequence(
+        id=sequence.id,
+        source="a recording",
+        camera=sequence.camera,
+        world_from_camera=changes.pop("poses", sequence.world_from_camera),
+        images=changes.pop("images", sequence.image),
+    )
+
+
+def test_a_recording_without_depth_has_errors_and_a_sigma_to_set(recorded):
+    """As with depth, and unlike where points are fitted to the tracks."""
+    settings = tracknoise.LucasKanade(min_features=150, max_features=200)
+    by_depth = tracknoise.measure(recorded, settings)
+    without = tracknoise.measure(still(recorded), settings)
+    assert without.truth == "swept"
+    with with_models():
+        runs = [tracknoise.analyse(one) for one in (by_depth, without)]
+    sigmas = [run.sigma("openvins")["lucas-kanade"].sigma_px for run in runs]
+    assert sigmas[1] == pytest.approx(sigmas[0], rel=0.15)
+    assert "observations lack true positions" in without_truth(ReportData.of(RunFolder(runs[1].path)))
+
+
+def rotating(sequence):
+    poses = sequence.world_from_camera.copy()
+    poses[:, :3, 3] = poses[0, :3, 3]
+    return still(sequence, poses=poses)
+
+
+def repeated(sequence):
+    return still(
+        sequence,
+        poses=np.repeat(sequence.world_from_camera[:1], len(sequence), axis=0),
+        images=lambda _: sequence.image(0),
+    )
+
+
+def plain(sequence):
+    return still(sequence, images=lambda _: np.full((180, 240), 90, np.uint8))
+
+
+@pytest.mark.parametrize("made", [rotating, repeated, plain])
+def test_without_parallax_or_texture_nothing_has_a_depth(made, recorded):
+    sequence = made(recorded)
+    truth = make_truth(sequence)
+    points, status = truth.anchor(5, corners(recorded, 5, 40))
+    assert (status == TruthStatus.no_depth).all()
+    assert np.isnan(points).all()
+    assert np.isnan(truth.depth_sigma(5, corners(recorded, 5, 40))).all()
+
+
+def test_a_recording_in_which_nothing_has_a_depth_is_refused_in_one_line(recorded):
+    with pytest.raises(
+        NothingToMeasureError, match=r"no depth from the images of other frames.*'triangulated'"
+    ) as caught:
+        tracknoise.measure(rotating(recorded), tracknoise.LucasKanade(min_features=40, max_features=60), max_frames=4)
+    assert "\n" not in str(caught.value)
+
+
+def test_frames_are_chosen_by_baseline(recorded):
+    """Also where the camera stands still for a while, and frames without a pose take no part."""
+    poses = recorded.world_from_camera.copy()
+    poses[5:9] = poses[5]
+    poses[10] = np.nan
+    sweep = PlaneSweep(SequenceGeometry(still(recorded, poses=poses)))
+    rungs = sweep.rungs(6)
+    frames = [frame for rung in rungs for frame in rung]
+    assert frames
+    assert not {5, 7, 8, 10} & set(frames)
+    assert {abs(frame - 6) for frame in frames} <= set(OFFSETS)
+    lengths = [[np.linalg.norm(poses[frame, :3, 3] - poses[6, :3, 3]) for frame in rung] for rung in rungs]
+    assert all(max(one) <= 2.0 * min(one) for one in lengths)
+    assert all(max(one) <= min(two) for one, two in pairwise(lengths))

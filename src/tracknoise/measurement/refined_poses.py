@@ -211,7 +211,7 @@ def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -
     rows = np.arange(len(adjustment.tracks.frame))
     points = adjustment.anchored_points(sequence.world_from_camera, best.depth_m, rows)
     moved = TruthDerivatives(sequence).sensitivity(points).readout
-    left, whole = _rms(adjustment.left_of(best, moved)), _rms(moved)
+    left, whole = _size(adjustment.left_of(best, moved)), _size(moved)
     return min(left / whole, 1.0) if whole > 0.0 else 1.0
 
 
@@ -226,8 +226,8 @@ def _compared(
         adjustment.residuals(poses, depth_m)[rows]
         for poses in (*(halves_of(found) or ()), found.poses, sequence.world_from_camera)
     )
-    left_px = _rms((one - other) / 2.0)
-    fit = PoseFit(True, references, left_px, _rms(given - best), int(age[rows][0]))
+    left_px = _size((one - other) / 2.0)
+    fit = PoseFit(True, references, left_px, _size(given - best), int(age[rows][0]))
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
@@ -237,14 +237,17 @@ def _compared(
     points = adjustment.anchored_points(sequence.world_from_camera, depth_m, np.flatnonzero(rows))
     known = TrueErrors(TruthDerivatives(sequence), _only_poses(stated), step=frame_step(sequence))
     spread = np.concatenate([sum(part.covariance.values()) for _, part in known.of(points)])
-    if np.sqrt(np.nanmean(np.trace(spread, axis1=1, axis2=2))) < left_px:
+    if np.sqrt(np.nanmedian(np.trace(spread, axis1=1, axis2=2))) < left_px:
         return replace(
             fit, leads=False, reason="The stated poses are stated to be better than reference tracks can tell."
         )
     return fit
 
 
-def _rms(moved: Array) -> float:
-    """RMS of both coordinates (n, 2) together."""
-    squares = np.sum(moved**2, axis=1)
-    return float(np.sqrt(np.nanmean(squares))) if np.isfinite(squares).any() else 0.0
+def _size(moved: Array) -> float:
+    """Robust RMS of both coordinates (n, 2) together, px: that of a round Gaussian with the same median length."""
+    length = np.linalg.norm(moved, axis=1)
+    return float(np.nanmedian(length) / _MEDIAN_TO_RMS) if np.isfinite(length).any() else 0.0
+
+
+_MEDIAN_TO_RMS = float(np.sqrt(np.log(2.0)))

@@ -38,7 +38,7 @@ class PoseFit:
     references
         Median number of reference tracks in a frame; None where they were not followed.
     left_px
-        RMS of true positions by what is left of the errors of the refined poses, both coordinates together, px.
+        Robust RMS of true positions by what is left of the errors of the refined poses, both coordinates together, px.
     stated_px
         What the stated poses would add, likewise.
     age

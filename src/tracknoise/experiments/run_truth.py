@@ -89,6 +89,7 @@ def trust_table(
         cautions=_each(entries, "cautions"),
         depth_edges=fmean(entry.depth_edges for entry in entries),
         is_fitted=any(entry.truth == TRIANGULATED for entry in entries),
+        measures_depths=any(entry.depth_is_from_images for entry in entries),
         scene_shares=scene_shares(pl.concat(rigid)),
     )
     return assess(evidence, entries[0].sequence.dataset)

@@ -4,6 +4,7 @@ from types import ModuleType
 
 import polars as pl
 
+from tracknoise.phrases.truth_topic import without_truth
 from tracknoise.report import measured
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import TrackEnd, TruthStatus
@@ -109,6 +110,15 @@ def test_conditions_mostly_without_true_positions_are_named(make_run: Callable[.
     data = ReportData.of(make_run(told=False, depthless=("correspondence",)))
     places = [place for place, _ in measured.without_truth(data)]
     assert places == ["correspondence at speed 1", "correspondence at speed 2"]
+
+
+def test_any_share_without_depth_from_images_is_told(make_run: Callable[..., RunFolder]) -> None:
+    told = {}
+    for truth in ("birth", "swept"):
+        run = make_run(told=False, scenes=("a", "b", "c"), truth=truth, depthless=("b",))
+        told[truth] = without_truth(ReportData.of(run))
+    assert told["birth"] == ""
+    assert told["swept"].endswith("of observations lack true positions.")
 
 
 def test_scenes_mostly_without_true_positions_are_named(make_run: Callable[..., RunFolder]) -> None:

@@ -243,6 +243,7 @@ def test_depths_that_their_maps_contradict_are_not_to_be_stated_but_replaced() -
     assert verdict(audit=audit(**shown)).step == better
     assert verdict(audit=audit(**shown), sizes={"lk": ErrorSize(10, 0.5, {10: 0.1})}).step == better
     assert "State the accuracy of the depths" in verdict(audit=audit(depths=(0.4, 0.0, 0.7))).step
+    assert verdict(audit=audit(depths=(0.4, 0.0, 0.7)), measures_depths=True).step == better
 
 
 def test_what_is_stated_is_compared_with_errors_of_all_ages() -> None:

@@ -90,6 +90,7 @@ def trust_table(
         depth_edges=fmean(entry.depth_edges for entry in entries),
         pose_fits=[entry.pose_fit for entry in entries],
         is_fitted=any(entry.truth == TRIANGULATED for entry in entries),
+        measures_depths=any(entry.depth_is_from_images for entry in entries),
         scene_shares=scene_shares(pl.concat(rigid)),
     )
     return assess(evidence, entries[0].sequence.dataset)

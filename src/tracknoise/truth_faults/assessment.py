@@ -93,6 +93,8 @@ class TruthEvidence:
         Share of the pixels with depth at which depths of neighbours differ: features there have no true position.
     is_fitted
         Whether points are fitted to the tracks.
+    measures_depths
+        Whether the truth measures the errors of its depths, so that none are to be stated.
     of_images
         How well rotations and directions of motion fit images without depth, in sentences; empty where this is unknown.
     pose_fits
@@ -113,6 +115,7 @@ class TruthEvidence:
     cautions: Sequence[str] = ()
     depth_edges: float = 0.0
     is_fitted: bool = False
+    measures_depths: bool = False
     of_images: str = ""
     pose_fits: Sequence[PoseFit | None] = ()
     is_check: bool = False
@@ -633,7 +636,7 @@ def _of_cause(evidence: TruthEvidence, bounds: _Bounds, cause: TruthCause) -> st
         return _POSES
     if cause is TruthCause.depths and _noise_text(evidence):
         return _SMOOTH
-    is_known = bounds.are_depths_shown or bounds.size.stated_share is not None
+    is_known = bounds.are_depths_shown or bounds.size.stated_share is not None or evidence.measures_depths
     return _BETTER_DEPTHS if cause is TruthCause.depths and is_known else _STEPS[cause]
 
 

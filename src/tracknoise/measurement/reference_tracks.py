@@ -4,9 +4,10 @@ They belong to a recording. Those that are measured are never among them.
 """
 
 from collections.abc import Mapping
-from functools import partial
+from dataclasses import replace
 from math import ceil, sqrt
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,52 +19,75 @@ from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.detection import Detection, Detector, Spacing
 from tracknoise.trackers.lucas_kanade import LucasKanade
 from tracknoise.trackers.rejection import Model, Rejection
-from tracknoise.trackers.tracker import Frame, TrackerSettings
+from tracknoise.trackers.tracker import Frame, Step, Tracker, TrackerSettings
 from tracknoise.truth.pose_adjustment import ReferenceTracks
 from tracknoise.truth.visibility import SequenceGeometry
 
 KINDS = FOLLOWED, MATCHED = "followed", "matched"
 PER_KIND = 1000
-"""Features of each kind that are wanted in a frame."""
+"""Features of each kind in a frame, at most."""
 LONGEST = 48
 """Frames of a track, at most: older ones begin again."""
+_RENEWED = 0.85
+"""Share of the followed features below which new ones begin."""
 _PACKING = 0.7
+_MATCHED_PX = 100_000
+"""Pixels of the images, at most, in which features are matched: descriptors take most of the time."""
+_MATCHED_APART_PX, _CONTRAST, _MISSED_FRAMES = 4, 0.02, 5
 _DEPTH_RELATIVE = 0.01
 """Standard deviation of a depth of unknown accuracy, relative to it."""
 
 
 def reference_trackers(width: int, height: int) -> Mapping[str, TrackerSettings]:
-    """The two kinds: corners that are followed forward and back, and corners that are matched by their descriptors."""
+    """The two kinds: corners that are followed forward and back, and blobs that are matched by their descriptors."""
     apart = max(3, ceil(_PACKING * sqrt(width * height / PER_KIND)))
-    spread = partial(Detection, spacing=Spacing.circles, distance_px=apart)
+    free = Rejection(model=Model.none)
     return {
         FOLLOWED: LucasKanade(
-            detection=spread(detector=Detector.gftt),
-            rejection=Rejection(model=Model.none),
-            min_features=PER_KIND,
+            detection=Detection(detector=Detector.gftt, spacing=Spacing.circles, distance_px=apart),
+            rejection=free,
+            min_features=int(_RENEWED * PER_KIND),
             max_features=PER_KIND,
             backward_px=0.5,
             max_age=LONGEST,
         ),
         MATCHED: Correspondence(
-            detection=spread(subpixel_px=3), rejection=Rejection(model=Model.none), max_features=PER_KIND, max_ratio=0.8
+            detection=Detection(
+                detector=Detector.sift, contrast=_CONTRAST, spacing=Spacing.circles, distance_px=_MATCHED_APART_PX
+            ),
+            rejection=free,
+            max_features=PER_KIND,
+            max_missed_frames=_MISSED_FRAMES,
+            max_ratio=0.8,
         ),
     }
 
 
 def reference_tracks(sequence: Sequence, n_frames: int, *, progress: Progress | None = None) -> ReferenceTracks:
     """Follow and match features through a sequence."""
-    trackers = reference_trackers(sequence.camera.width, sequence.camera.height)
-    setups = [TrackerSetup(name, settings, 1) for name, settings in trackers.items()]
+    width, height = sequence.camera.width, sequence.camera.height
+    setups = [TrackerSetup(name, one, 1) for name, one in reference_trackers(width, height).items()]
     running = [start_tracker(setup, sequence, None, 0, n_frames) for setup in setups]
     recorders = [Recorder() for _ in setups]
+    small = min(1.0, sqrt(_MATCHED_PX / (width * height)))
+    size = max(1, round(small * width)), max(1, round(small * height))
     for index in range(n_frames):
         frame = Frame(index, sequence.image(index))
-        for tracker, recorder in zip(running, recorders, strict=True):
-            recorder.add(index, tracker.step(frame), gradient_rad=lambda uv: np.full(len(uv), np.nan, np.float32))
+        for setup, tracker, recorder in zip(setups, running, recorders, strict=True):
+            step = tracker.step(frame) if setup.tracker == FOLLOWED else _step_in(tracker, frame, size)
+            recorder.add(index, step, gradient_rad=lambda uv: np.full(len(uv), np.nan, np.float32))
         if progress is not None:
             progress(index + 1, n_frames)
     return _joined(sequence, n_frames, [recorder.finish() for recorder in recorders])
+
+
+def _step_in(tracker: Tracker, frame: Frame, size: tuple[int, int]) -> Step:
+    """A step in an image of another size, with positions in the one that is given."""
+    if size == frame.size:
+        return tracker.step(frame)
+    image = np.asarray(cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    step = tracker.step(Frame(frame.index, image))
+    return replace(step, uv=(step.uv + 0.5) * (np.array(frame.size) / size) - 0.5)
 
 
 def _joined(sequence: Sequence, n_frames: int, recordings: list[Recording]) -> ReferenceTracks:
@@ -80,33 +104,40 @@ def _joined(sequence: Sequence, n_frames: int, recordings: list[Recording]) -> R
     later = ~at_birth & posed[frame] & posed[birth[track]] & (frame - birth[track] <= LONGEST)
     used = np.zeros(len(birth), np.bool_)
     used[track[later]] = True
-    depth_m, sigma = _depths(geometry, birth, birth_uv, used)
-    if np.isfinite(depth_m).any():
-        used &= np.isfinite(depth_m)
     order = np.flatnonzero(used)[np.argsort(birth[used], kind="stable")]
     number = np.full(len(birth), -1, np.intp)
     number[order] = np.arange(len(order))
-    rows = np.flatnonzero(later & (number[track] >= 0))
+    rows = np.flatnonzero(later)
     rows = rows[np.lexsort((frame[rows], number[track[rows]]))]
-    return ReferenceTracks(
+    unknown = np.full(len(order), np.nan)
+    found = ReferenceTracks(
         birth=birth[order],
         birth_uv=birth_uv[order],
-        depth_m=depth_m[order],
-        depth_sigma=sigma[order],
+        depth_m=unknown,
+        depth_sigma=unknown,
         kind=kind[order],
         track=number[track[rows]],
         frame=frame[rows].astype(np.intp),
         uv=uv[rows],
     )
+    return with_depths(sequence, found)
+
+
+def with_depths(sequence: Sequence, tracks: ReferenceTracks) -> ReferenceTracks:
+    """The tracks with the depths of a sequence; those without one are left out, unless none has any."""
+    depth_m, sigma = _depths(SequenceGeometry(sequence), tracks.birth, tracks.birth_uv)
+    found = replace(tracks, depth_m=depth_m, depth_sigma=sigma)
+    known = np.isfinite(depth_m)
+    return found.chosen(known) if known.any() else found
 
 
 def _depths(
-    geometry: SequenceGeometry, birth: NDArray[np.intp], uv: NDArray[np.float64], used: NDArray[np.bool_]
+    geometry: SequenceGeometry, birth: NDArray[np.intp], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Depth of tracks at their birth, metres, NaN where there is none, and its relative standard deviation."""
     depth_m, sigma = np.full((2, len(birth)), np.nan)
-    for index in np.unique(birth[used]).tolist():
-        rows = np.flatnonzero(used & (birth == index))
+    for index in np.unique(birth).tolist():
+        rows = np.flatnonzero(birth == index)
         depth = geometry.depth(index)
         if depth is None:
             continue

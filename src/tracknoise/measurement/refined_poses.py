@@ -37,7 +37,7 @@ from tracknoise.sequences.sequence import (
 from tracknoise.sequences.views import frame_step
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.truth.accuracies import POSE_TOPICS, AccuracyRule, known_accuracy
-from tracknoise.truth.pose_adjustment import PoseAdjustment, State
+from tracknoise.truth.pose_adjustment import PoseAdjustment, ReferenceTracks, State
 from tracknoise.truth.uncertainty import TrueErrors, TruthDerivatives
 from tracknoise.words import percent, pixels
 
@@ -170,7 +170,13 @@ def refined(
     stated = known_accuracy(sequence, kind, rule).figures
     if {"rotation", "translation"} <= stated.topics and _only_poses(stated).is_exact:
         return sequence, PoseFit(False, reason="The stated poses are exact.")
-    tracks = reference_tracks(sequence, n_frames, progress=progress)
+    return refined_by(sequence, reference_tracks(sequence, n_frames, progress=progress), stated, n_frames)
+
+
+def refined_by(
+    sequence: Sequence, tracks: ReferenceTracks, stated: TruthAccuracy, n_frames: int
+) -> tuple[Sequence, PoseFit]:
+    """As `refined`, by tracks that were made before; `stated` is known of the errors of the truth."""
     frames = np.bincount(tracks.frame, minlength=n_frames) + np.bincount(tracks.birth, minlength=n_frames)
     references = float(np.median(frames)) if n_frames else 0.0
     posed = frames[has_pose(sequence.world_from_camera[:n_frames])]

@@ -1,0 +1,435 @@
+"""How right errors are that are measured against poses refined by reference tracks, where stated poses are spoilt.
+
+    python -m benchmarks.validity.refined_truth RESULTS --cache FOLDER [--seeds N] [--first N] [--scenes NAME ...]
+        [--faults NAME ...] [--shares S ...]
+
+Scenes of exact poses: simulated motions of 50 frames at 480 x 360 px and 30 Hz, and with `--tartanair FOLDER` the
+sample of TartanAir v1 in it. Each is followed once by Lucas-Kanade, correspondence, dense flow and a plain OpenCV
+program, and by the reference tracks, and kept in `--cache`. For each fault, share and seed, the truth is spoilt, as in
+`benchmarks.validity.truth_verdicts`, so that it makes this share of the squared errors of Lucas-Kanade at ages up to
+10. Nothing is stated of its accuracy. `nothing` spoils nothing. Each scene, fault, share and seed is one line of
+RESULTS, a file of JSON, and is not made again.
+
+Errors of each tracker are those of the visible observations by the exact truth, by the stated one, by the refined one,
+and by poses from reference tracks of one kind alone. Core is 1.4826 times the median of their absolute values, bias
+their median. Printed are the shares of values
+
+- whose refined core (or RMS of errors up to 5 px) is within 10 % or .02 px of the exact truth's, and within 5 %;
+- whose refined core is further from the exact one than the stated core is, by more than .02 px;
+- whose exact core is held by the refined one less twice its floor, and plus it, in squares;
+- of pairs of trackers that references of one kind order as the exact truth does, leave undecided, or order wrongly.
+"""
+
+import argparse
+import json
+import pickle
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import cv2
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from benchmarks.validity.rigid import pose_noise
+from benchmarks.validity.truth_verdicts import FAULTS, RATE_HZ, Degrade, Followed, Recorded, by_hand
+from tracknoise.experiments.measure import Measurement, measure
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.depth import sample
+from tracknoise.inference.robust_fits import scales
+from tracknoise.measurement.reference_tracks import KINDS, reference_tracks, with_depths
+from tracknoise.measurement.refined_poses import RefinedPoses, refined_by
+from tracknoise.sequences.reader_registry import open_sequence
+from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.sequence import Sequence as Recording
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.identity import SequenceId
+from tracknoise.trackers.features import Features, report
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step
+from tracknoise.trackers.tracker_registry import make_tracker
+from tracknoise.truth.pose_adjustment import PoseAdjustment, ReferenceTracks
+from tracknoise.truth_faults.pose_errors import CUT
+
+Array = NDArray[np.float64]
+
+MOTIONS = ("arvr", "forward", "sideways", "shaken arvr")
+WORLDS, FRAMES, WIDTH, HEIGHT = (1, 2), 50, 480, 360
+AGES = (1, 10, 24)
+SHARES = (0.15, 0.4, 0.9)
+NOTHING, PROGRAM = "nothing", "opencv"
+TRACKERS = ("lucas-kanade", "correspondence", "dense-flow")
+EXACT, STATED, REFINED = "exact", "stated", "refined"
+UNKNOWN = TruthAccuracy()
+CLIP_PX, PER_MEDIAN = 5.0, 1.4826
+NEAR, CLOSE_PX = 0.1, 0.02
+_ROUNDS, _CLOSE = 12, 0.05
+
+
+def jitter_and_walk(scene: Followed, size: float, rng: np.random.Generator) -> tuple[Array, Sequence[Array]]:
+    """Both noises of poses, of a size in degrees, and of 6 cm for each degree."""
+    noise = (pose_noise(law, size, 0.06 * size, len(scene.poses), rng) for law in ("white", "walk"))
+    return scene.poses @ next(noise) @ next(noise), scene.depths
+
+
+SPOILT: Mapping[str, tuple[Degrade, float]] = {
+    "jitter and walk": (jitter_and_walk, 0.01),
+    **{name: (fault.degrade, fault.small) for name, fault in FAULTS.items()},
+}
+"""How each fault is planted, and the size at which the search begins."""
+
+
+class Program:
+    """What a short program does with OpenCV: corners of Shi and Tomasi, Lucas-Kanade, new ones when few are left."""
+
+    kind = PROGRAM
+
+    def start(self, context: SequenceContext) -> "Program":
+        """Begin without features."""
+        self._before: NDArray[np.uint8] | None = None
+        self._features, self._next = Features.begin(0, np.empty((0, 2))), 0
+        return self
+
+    def step(self, frame: Frame) -> Step:
+        """Follow into the next image."""
+        old, ended = self._features, np.zeros(len(self._features), np.int8)
+        found = old
+        if self._before is not None and len(old):
+            points = old.uv.astype(np.float32)[:, None]
+            moved, ok, _ = cv2.calcOpticalFlowPyrLK(self._before, frame.image, points, None)  # type: ignore[call-overload]
+            inside = ((moved[:, 0] >= 0) & (moved[:, 0] < frame.size)).all(axis=1)
+            alive = (ok[:, 0] == 1) & inside
+            ended = np.where(alive, -1, 0).astype(np.int8)
+            found = old.chosen(alive, moved[alive, 0].astype(np.float64))
+        new = np.empty((0, 2))
+        if len(found) < 300:
+            free = np.full(frame.image.shape, 255, np.uint8)
+            for u, v in np.rint(found.uv).astype(int).tolist():
+                cv2.circle(free, (u, v), 8, 0, -1)
+            corners = cv2.goodFeaturesToTrack(frame.image, 500 - len(found), 0.01, 8, mask=free)
+            new = np.empty((0, 2)) if corners is None else corners[:, 0].astype(np.float64)
+        begun = Features.begin(self._next, new, frame.index)
+        self._next += len(new)
+        self._features, self._before = found.joined(begun), frame.image.copy()
+        response = np.full(len(new), np.nan, np.float32)
+        return report(offered=old.ids, end=ended, matched=len(found), found=found, new=begun, response=response)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene(Followed):
+    """A followed recording, with its reference tracks."""
+
+    references: ReferenceTracks
+    seen: Mapping[str, ReferenceTracks]  # visible observations of each tracker, with exact depths
+    cpu_s: Mapping[str, float]  # of the trackers together, and of the reference tracks
+
+
+def filmed(name: str, tartanair: Path | None) -> Recording:
+    """The images and the exact truth of a scene, in memory, without a statement about its accuracy."""
+    if tartanair is not None and name == "tartanair":
+        sequence = open_sequence("tartanair", tartanair)
+    else:
+        motion, seed = name.removeprefix("shaken ").rsplit(" ", 1)
+        options: dict[str, Any] = {"motions": [motion], "frames": FRAMES, "width": WIDTH, "height": HEIGHT}
+        sequence = open_sequence("simulated", seed=int(seed), imaging={"rate_hz": RATE_HZ}, **options)
+        if name.startswith("shaken "):
+            sequence = replace(sequence, world_from_camera=by_hand(sequence.world_from_camera))
+    images = [sequence.image(index) for index in range(len(sequence))]
+    return RecordedSequence(
+        id=SequenceId("made", name),
+        source=name,
+        camera=sequence.camera,
+        world_from_camera=sequence.world_from_camera,
+        images=images.__getitem__,
+        depths=[sequence.depth(index) for index in range(len(sequence))].__getitem__,
+        timestamps_s=np.arange(len(images)) / RATE_HZ,
+    )
+
+
+def made(name: str, tartanair: Path | None) -> Scene:
+    """Film and follow one scene."""
+    sequence = filmed(name, tartanair)
+    recorded = {one: Recorded(make_tracker(one, {}), []) for one in TRACKERS}
+    recorded[PROGRAM] = Recorded(Program(), [])
+    begin = process_time()
+    measured = measure(sequence, recorded, truth="birth")
+    middle = process_time()
+    references = reference_tracks(sequence, len(sequence))
+    maps = [sequence.depth(index) for index in range(len(sequence))]
+    return Scene(
+        name=name,
+        camera=sequence.camera,
+        poses=sequence.world_from_camera,
+        depths=tuple(np.asarray(one.depth_m, dtype=np.float32) for one in maps if one is not None),
+        valid=tuple(np.asarray(one.valid) for one in maps if one is not None),
+        steps={},
+        references=references,
+        seen={one: visible(measured, one, sequence) for one in recorded},
+        cpu_s={"measured": middle - begin, "references": process_time() - middle},
+    )
+
+
+def visible(measured: Measurement, tracker: str, sequence: Recording) -> ReferenceTracks:
+    """Observations of a tracker that the exact truth sees."""
+    rows = measured.observations.filter(pl.col("truth").is_in(["valid"]) | (pl.col("age") == 0), tracker=tracker)
+    track, frame, age = (rows[name].to_numpy().astype(np.intp) for name in ("track", "frame", "age"))
+    uv = rows.select("u_px", "v_px").to_numpy()
+    births, later = np.flatnonzero(age == 0), np.flatnonzero(age > 0)
+    births = births[np.isin(track[births], track[later])]
+    births = births[np.argsort(frame[births], kind="stable")]
+    number = np.full(int(track.max()) + 1, -1)
+    number[track[births]] = np.arange(len(births))
+    later = later[np.lexsort((frame[later], number[track[later]]))]
+    unknown = np.full(len(births), np.nan)
+    found = ReferenceTracks(
+        frame[births], uv[births], unknown, unknown, np.zeros(len(births), np.intp), number[track[later]],
+        frame[later], uv[later],
+    )  # fmt: skip
+    return with_depths(sequence, found)
+
+
+def scene_of(name: str, cache: Path, tartanair: Path | None) -> Scene:
+    """A scene, from the cache where it is there."""
+    file = cache / f"{name.replace(' ', '-')}.pickle"
+    if not file.is_file():
+        cache.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(pickle.dumps(made(name, tartanair)))
+    return pickle.loads(file.read_bytes())
+
+
+Errors = Mapping[str, Array]
+"""Errors (n, 2) of the observations of each tracker, px."""
+
+
+class Bench:
+    """A scene, and the errors of its trackers by any truth."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._frames = {name: PoseAdjustment(self.stated(scene.poses, scene.depths), one) for name, one in self.seen}
+        self.exact = self.errors(scene.poses, None)
+        self.age = {name: one.frame - one.birth[one.track] for name, one in self.seen}
+        self._sizes: dict[tuple[str, float], float] = {}
+
+    @property
+    def seen(self) -> Sequence[tuple[str, ReferenceTracks]]:
+        """Observations of the trackers."""
+        return [*self.scene.seen.items()]
+
+    def stated(self, poses: Array, depths: Sequence[Array]) -> Recording:
+        """The recording with another truth."""
+        return self.scene.stated(poses, depths)
+
+    def errors(self, poses: Array, spoilt: Recording | None) -> Errors:
+        """Errors by these poses, and by the depths of a recording, or the exact ones."""
+        depths = {name: one.depth_m if spoilt is None else depth_at(spoilt, one) for name, one in self.seen}
+        return {name: self._frames[name].residuals(poses, depths[name]) for name, _ in self.seen}
+
+    def spoilt(self, fault: str, size: float, seed: int) -> tuple[Array, Recording, bool]:
+        """Poses and recording with a fault, and whether its depths are other ones."""
+        if fault == NOTHING:
+            return self.scene.poses, self.stated(self.scene.poses, self.scene.depths), False
+        poses, depths = SPOILT[fault][0](self.scene, size, np.random.default_rng(seed))
+        return poses, self.stated(poses, depths), depths is not self.scene.depths
+
+    def size(self, fault: str, share: float) -> float:
+        """Size of a fault that makes this share of the squared errors."""
+        if fault == NOTHING:
+            return 0.0
+        key = fault, share
+        if key not in self._sizes:
+            size, low, high = SPOILT[fault][1], 0.0, np.inf
+            for _ in range(_ROUNDS):
+                poses, recording, other = self.spoilt(fault, size, 0)
+                found = self.planted(self.errors(poses, recording if other else None))
+                if abs(found - share) <= _CLOSE * min(share, 1.0 - share):
+                    break
+                low, high = (size, high) if found < share else (low, size)
+                found = min(max(found, 1e-6), 0.98)
+                size *= float(np.clip(np.sqrt(share / (1.0 - share) * (1.0 - found) / found), 0.05, 20.0))
+                if not low < size < high:
+                    size = float(np.sqrt(low * high))
+            self._sizes[key] = size
+        return self._sizes[key]
+
+    def planted(self, errors: Errors) -> float:
+        """Share of the squared errors of the first tracker, without outliers as in (pose.share)."""
+        near = self.age[TRACKERS[0]] <= REFERENCE_AGE
+        own, every = (one[TRACKERS[0]][near] for one in (self.exact, errors))
+        known = np.isfinite(every).all(axis=1) & np.isfinite(own).all(axis=1)
+        own, every, age = own[known], every[known], self.age[TRACKERS[0]][near][known]
+        scale = scales(age, every)
+        weight = (np.hypot(*every.T) <= CUT * scale) / scale**2
+        shift = np.sum((every - own) ** 2, axis=1)
+        return float((weight * shift).sum() / (weight * np.sum(every**2, axis=1)).sum())
+
+    def run(self, fault: str, share: float, seed: int) -> dict[str, Any]:
+        """One line of the results."""
+        size = self.size(fault, share)
+        poses, recording, other = self.spoilt(fault, size, seed)
+        depths = recording if other else None
+        given = self.errors(poses, depths)
+        begin = process_time()
+        references = with_depths(recording, self.scene.references) if other else self.scene.references
+        found, fit = refined_by(recording, references, UNKNOWN, len(poses))
+        used_s = process_time() - begin
+        row = {"leads": fit.leads, "reason": fit.reason, "references": fit.references, "left_px": fit.left_px}
+        row |= {"stated_px": fit.stated_px, "cpu_s": round(used_s, 2), "planted": round(self.planted(given), 4)}
+        truths = {EXACT: self.exact, STATED: given, REFINED: given}
+        floors = {name: np.zeros_like(errors) for name, errors in given.items()}
+        if isinstance(found, RefinedPoses):
+            truths[REFINED] = self.errors(found.poses, depths)
+            truths |= {kind: self.errors(one, depths) for kind, one in found.by_kind.items()}
+            halves = [self.errors(one, depths) for one in found.pose_halves]
+            floors = {name: (halves[0][name] - halves[1][name]) / 2.0 for name, _ in self.seen}
+            row |= self.left(references, found, recording)
+        return {**row, "size": size, "values": self.values(truths, floors)}
+
+    def left(self, references: ReferenceTracks, found: RefinedPoses, recording: Recording) -> dict[str, float]:
+        """RMS of what refined and stated poses really leave of the reference tracks, at `REFERENCE_AGE`, px."""
+        frames = PoseAdjustment(recording, references)
+        rows = references.frame - references.birth[references.track] == REFERENCE_AGE
+        exact, best, given = (
+            frames.residuals(one, references.depth_m)[rows]
+            for one in (self.scene.poses, found.poses, recording.world_from_camera)
+        )
+        left, stated = (float(np.sqrt(np.nanmean(np.sum((one - exact) ** 2, axis=1)))) for one in (best, given))
+        return {"left_true_px": left, "stated_true_px": stated}
+
+    def values(self, truths: Mapping[str, Errors], floors: Errors) -> dict[str, Any]:
+        """Core, RMS and bias by tracker, age and truth, and the floor of refined poses."""
+        found: dict[str, Any] = {}
+        for name, age in product(self.scene.seen, AGES):
+            rows = self.age[name] == age
+            if rows.sum() < 50:
+                continue
+            one = {truth: sizes(errors[name][rows]) for truth, errors in truths.items()}
+            one["floor"] = np.sqrt(np.nanmean(floors[name][rows] ** 2, axis=0)).round(5).tolist()
+            found.setdefault(name, {})[str(age)] = {**one, "n": int(rows.sum())}
+        return found
+
+
+def depth_at(recording: Recording, tracks: ReferenceTracks) -> Array:
+    """Depths of a recording at births, metres."""
+    depth_m = np.full(len(tracks.birth), np.nan)
+    for index in np.unique(tracks.birth).tolist():
+        rows, depth = np.flatnonzero(tracks.birth == index), recording.depth(index)
+        if depth is not None:
+            depth_m[rows] = sample(depth, tracks.birth_uv[rows]).depth_m
+    return depth_m
+
+
+def sizes(errors: Array) -> list[float]:
+    """Core, clipped RMS and median of both coordinates."""
+    core = PER_MEDIAN * np.nanmedian(np.abs(errors), axis=0)
+    rms = np.sqrt(np.nanmean(np.clip(errors, -CLIP_PX, CLIP_PX) ** 2, axis=0))
+    return np.concatenate([core, rms, np.nanmedian(errors, axis=0)]).round(5).tolist()
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> pl.DataFrame:
+    """One row for each line of the results, tracker, age and coordinate."""
+    found = []
+    for row, tracker in product(rows, (*TRACKERS, PROGRAM)):
+        for age, values in row["values"].get(tracker, {}).items():
+            for axis in (0, 1):
+                one = {"tracker": tracker, "age": int(age), "n": values["n"], "floor": values["floor"][axis]}
+                for truth in (EXACT, STATED, REFINED, *KINDS):
+                    known = values.get(truth, values[STATED])
+                    one |= {
+                        f"{what}_{truth}": known[place + axis] for place, what in ((0, "core"), (2, "rms"), (4, "bias"))
+                    }
+                found.append({name: row[name] for name in ("scene", "fault", "share", "seed", "leads")} | one)
+    return pl.DataFrame(found)
+
+
+def judged(what: str) -> dict[str, pl.Expr]:
+    """Shares of values."""
+    exact, stated, given = (pl.col(f"{what}_{truth}") for truth in (EXACT, STATED, REFINED))
+    wrong = (given - exact).abs()
+    return {
+        "near": (wrong <= pl.max_horizontal(NEAR * exact, pl.lit(CLOSE_PX))).mean(),
+        "within 5 %": (wrong <= 0.05 * exact).mean(),
+        "stated near": ((stated - exact).abs() <= pl.max_horizontal(NEAR * exact, pl.lit(CLOSE_PX))).mean(),
+        "worse": (wrong > (stated - exact).abs() + CLOSE_PX).mean(),
+    }
+
+
+def held() -> pl.Expr:
+    """Whether the refined core, less its floor, holds the exact one."""
+    exact, given, floor = (pl.col(name) ** 2 for name in (f"core_{EXACT}", f"core_{REFINED}", "floor"))
+    return (exact >= given - 2.0 * floor) & (exact <= given + floor)
+
+
+def orders(values: pl.DataFrame) -> dict[str, int]:
+    """Pairs of trackers by the larger of both cores, by references of each kind."""
+    counts = {"same": 0, "undecided": 0, "wrong": 0}
+    names = [f"core_{truth}" for truth in (EXACT, *KINDS)] + ["floor"]
+    squares = values.group_by("scene", "fault", "share", "seed", "age", "tracker").agg(pl.col(names).pow(2).mean())
+    for _, part in squares.group_by("scene", "fault", "share", "seed", "age"):
+        for one, other in combinations(part.select(names).rows(), 2):
+            exact, *apart = (a - b for a, b in zip(one[:-1], other[:-1], strict=True))
+            unclear = min(map(abs, apart)) <= one[-1] + other[-1] or apart[0] * apart[1] <= 0.0
+            counts["undecided" if unclear else "same" if apart[0] * exact > 0.0 else "wrong"] += 1
+    return counts
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """A line for each fault and share, and for all."""
+    every = table(rows)
+    runs = pl.DataFrame([{k: v for k, v in row.items() if k != "values"} for row in rows], infer_schema_length=None)
+    for keys, part in [*every.group_by("fault", "share", maintain_order=True), (("all", 0.0), every)]:
+        own = runs if keys[0] == "all" else runs.filter(fault=keys[0], share=keys[1])
+        known = own.filter(pl.col("leads"))
+        left = known.select(pl.col("left_px", "left_true_px", "stated_true_px").pow(2).mean().sqrt()).row(0)
+        yield (
+            f"{keys[0]} {keys[1]:.0%}: {own.height} runs, {known.height} refined; "
+            f"left {left[0] or 0:.3f}, really {left[1] or 0:.3f}, stated {left[2] or 0:.3f} px"
+        )
+        for what in ("core", "rms"):
+            found = part.select(**judged(what)).row(0, named=True)
+            yield f"    {what}: " + ", ".join(f"{name} {share:.3f}" for name, share in found.items())
+        bias = part.select((pl.col(f"bias_{REFINED}") - pl.col(f"bias_{EXACT}")).abs() <= 0.03).to_series().mean()
+        holds = part.select(held()).to_series().mean()
+        told = ", ".join(f"{name} {count}" for name, count in orders(part).items())
+        yield f"    bias within .03 px {bias:.3f}; floor holds the exact core {holds:.3f}; pairs: {told}"
+
+
+def main() -> None:
+    """Measure what is missing, and print the shares."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("--cache", type=Path, required=True, help="folder of the followed scenes")
+    parser.add_argument("--tartanair", type=Path, help="folder of TartanAir v1")
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--scenes", nargs="*", help="by default all")
+    parser.add_argument("--faults", nargs="*", default=[NOTHING, *SPOILT])
+    parser.add_argument("--shares", type=float, nargs="*", default=SHARES)
+    given = parser.parse_args()
+    names = given.scenes or [f"{motion} {world}" for world, motion in product(WORLDS, MOTIONS)]
+    names += ["tartanair"] if given.tartanair and not given.scenes else []
+    rows = [json.loads(line) for line in given.results.read_text().splitlines()] if given.results.exists() else []
+    done = {(row["scene"], row["fault"], row["share"], row["seed"]) for row in rows}
+    benches: dict[str, Bench] = {}
+    with given.results.open("a") as file:
+        for seed, name in product(range(given.first, given.first + given.seeds), names):
+            cells = [
+                (fault, share if fault != NOTHING else 0.0) for fault, share in product(given.faults, given.shares)
+            ]
+            for fault, share in dict.fromkeys(cells):
+                key = {"scene": name, "fault": fault, "share": share, "seed": seed}
+                if tuple(key.values()) in done or (fault == NOTHING and seed):
+                    continue
+                if name not in benches:
+                    benches[name] = Bench(scene_of(name, given.cache, given.tartanair))
+                rows.append(key | benches[name].run(fault, share, seed))
+                print(json.dumps(rows[-1]), file=file, flush=True)
+    for line in summary(rows):
+        print(line)
+
+
+if __name__ == "__main__":
+    main()

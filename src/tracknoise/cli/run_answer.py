@@ -88,7 +88,7 @@ def _trust(data: ReportData) -> list[str]:
     why, step = sentences_of(found.text)[:1], sentences_of(found.step)[:1]
     verdict = joined([found.opening, *why, *(f"Next: {one}" for one in step)])
     change = joined(sentences_of(truth_change(data.run, data.trust) or "")[:1])
-    return [verdict, found.poses, change, *data.findings.filter(topic="copies")["brief"]]
+    return [verdict, found.poses, found.stated, change, *data.findings.filter(topic="copies")["brief"]]
 
 
 def most_important(data: ReportData, most: int) -> list[str]:

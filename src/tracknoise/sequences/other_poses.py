@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.pose import PosePath, invert, nearest, transform
+from tracknoise.geometry.pose import PosePath, invert, nearest, position_rows, transform
 from tracknoise.sequences.likely_times import require_seconds
-from tracknoise.sequences.poses import read_rows, require_some_poses
+from tracknoise.sequences.poses import has_pose, read_rows, require_some_poses
 from tracknoise.sequences.sequence import (
     IMAGE_AXES,
     Axes,
     Scan,
     SecondCamera,
     Sequence,
+    clock_start_of,
     path_of,
     second_of,
     times_of,
@@ -139,6 +140,22 @@ def _by_time(
     same = nearest(frames_s, recorded.times_s, max_gap_s=_SAME_TIME_S)
     at_s = np.where(same >= 0, recorded.times_s[same], frames_s)
     return poses_at(recorded, at_s, max_gap_s=LONGEST_GAP_S)[0]
+
+
+def trajectory_text(sequence: Sequence, about: str) -> str:
+    """Poses of a sequence as `with_trajectory` reads them, after a comment that says what they are.
+
+    Without times, rows have numbers of frames, and those of frames without a pose are NaN.
+    """
+    times, poses = sequence.timestamps_s, sequence.world_from_camera
+    stamps = np.arange(len(poses), dtype=np.float64) if times is None else times
+    rows = np.column_stack([stamps, position_rows(poses)])
+    written = rows if times is None else rows[has_pose(poses)]
+    lines = (" ".join(map(repr, row)) for row in written.tolist())
+    start = clock_start_of(sequence)
+    clock = "the clock of the recording" if start is None else f"the first frame, which is {start * 1e-9:.9f} s"
+    unit = "frame" if times is None else f"time in s by {clock}"
+    return "\n".join([f"# {about}", f"# {unit}; {_COLUMNS[10:]}, m, world_from_camera", *lines, ""])
 
 
 _SAME_TIME = 1e-6

@@ -206,7 +206,7 @@ def stated_errors(found: RefinedPoses) -> dict[str, float] | None:
     if not known.any():
         return None
     lags, squares = lags[known], squares[known]
-    weight = 1.0 / np.sqrt(lags)
+    weight = lags**-1.5  # mean squares of a random walk spread in proportion to k sqrt(k)
     law = np.column_stack([2.0 * np.ones(len(lags)), lags * frame_step(found.sequence)])
     parts = [nnls(law * weight[:, None], column * weight)[0] for column in squares.T]
     values = np.sqrt(np.concatenate(parts)).tolist()

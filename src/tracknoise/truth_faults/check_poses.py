@@ -76,7 +76,7 @@ def refined_trajectory(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
             moved = poses[start] @ invert(found[:1])[0]
         poses[part.start : part.stop] = moved @ found
     if not any(fit.leads for fit in fits):
-        raise DataError(sequence.source, f"no poses that are refined: {fits[0].reason[:-1]}", "poses that can be")
+        raise DataError(sequence.source, fits[0].reason.rstrip("."), "poses that reference tracks refine")
     return RefinedPoses(sequence, poses, REFERENCE, (poses, poses), {}), tuple(notes)
 
 

@@ -115,7 +115,8 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
             if seen is not None:
                 seen(sequence, evidence)
             of_images = list(_from_images(sequence, evidence))
-            if not any(item.severity is Severity.fatal for item in items):
+            of_data = (item for item in (*items, *of_images) if item.topic != "warping")
+            if not any(item.severity is Severity.fatal for item in of_data):
                 leading, fit, of_poses = leading_poses(sequence)
                 items.append(of_poses)
             if leading is not sequence:
@@ -192,7 +193,7 @@ def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
 
 
 def _of_leading(stated: list[Item], leading: list[Item]) -> list[Item]:
-    """Items about stated poses; those that make results wrong with these alone are to be kept in mind."""
+    """Items about stated poses; what makes results wrong with these alone is to be kept in mind."""
     wrong = {item.topic for item in leading if item.severity is Severity.fatal}
     return [
         replace(item, severity=Severity.caveat, text=f"{item.text} {_STATED_ALONE}")

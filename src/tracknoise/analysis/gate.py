@@ -217,6 +217,8 @@ class Gate:
         One less the probability of a false answer.
     ages
         Whether every single age must pass, or their mean.
+    poses
+        Which poses have to lead in all runs: refined or stated; None for any.
     """
 
     tolerances: Mapping[str, float]
@@ -224,6 +226,7 @@ class Gate:
     speeds: tuple[int, ...] | None = None
     level: float = LEVEL
     ages: ComparedAges = ComparedAges.every
+    poses: str | None = None
 
     def covers(self, of: Compared) -> bool:
         """Whether a condition is one of the gate."""

@@ -56,7 +56,8 @@ def audit(
     document = _json(trust, found, curves, corrections, accuracy)
     write_json(context.obj, document, as_json=as_json, file=json_file)
     if not as_json:
-        context.obj.result(f"{textwrap.fill(verdict.sentence, WIDTH)}\n")
+        texts = filter(None, [verdict.sentence, verdict.stated])
+        context.obj.result("\n".join([*(textwrap.fill(text, WIDTH) for text in texts), ""]))
         _print(context.obj, trust, found, curves, corrections, accuracy)
     return 0 if verdict.is_usable else UNUSABLE
 

@@ -21,9 +21,11 @@ from tracknoise.cli.shared_options import (
     QuietOption,
     write_json,
 )
-from tracknoise.cli.terminal import WIDTH, Terminal
+from tracknoise.cli.terminal import WIDTH, Terminal, wrapped
 
 if TYPE_CHECKING:
+    from tracknoise.cli.recording_arguments import Recording
+    from tracknoise.tables.identity import SequenceId
     from tracknoise.truth_faults.check_report import CheckReport, Item
 
 
@@ -35,6 +37,14 @@ def check(
     trajectory_of: TrajectoryOfOption = "camera",
     scenes: Annotated[int, typer.Option("--scenes", min=1, help="Read the images of this many sequences.")] = 3,
     html: Annotated[Path | None, typer.Option("--html", help="Write a page with pictures to this file.")] = None,
+    write_trajectory: Annotated[
+        str | None,
+        typer.Option(
+            "--write-trajectory",
+            metavar="FILE",
+            help="Write the refined poses of all frames in the format of TUM; {scene} in the name for several scenes.",
+        ),
+    ] = None,
     as_json: JsonOption = False,
     json_file: JsonFileOption = None,
     quiet: QuietOption = False,
@@ -46,7 +56,7 @@ def check(
     by frames. Exit status 0 if the truth is trusted or limited, 4 if it is not trusted or this is unknown.
 
     Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`,
-    `tracknoise check /data/euroc --option depth=stereo`
+    `tracknoise check /data/euroc --option depth=stereo`, `tracknoise check /data/mine --write-trajectory refined.txt`
     """
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
@@ -54,7 +64,9 @@ def check(
     from tracknoise.truth_faults.check_recording import Pictures, check_reader
 
     opened = open_recording(recording, option, trajectory=trajectory, trajectory_of=trajectory_of)
-    require_outputs([("--html", html), ("--json-file", json_file)], inputs=[opened.path])
+    trajectories = {} if write_trajectory is None else _trajectories(opened, write_trajectory, most=scenes)
+    outputs = [("--html", html), ("--json-file", json_file), *(("--write-trajectory", one) for one in trajectories)]
+    require_outputs(outputs, inputs=[opened.path])
     context.obj.say(f"reader: {opened.reader.name}")
     pictures = Pictures()
     source = str(opened.path or opened.reader.name)
@@ -66,7 +78,39 @@ def check(
     if not as_json:
         _print(context.obj, report)
         context.obj.say("a first answer in about a minute: tracknoise init RECORDING, then tracknoise run FILE --quick")
+    for path, name in trajectories.items():
+        _write_trajectory(context.obj, opened, name, path)
     return 0 if report.truth.is_usable else UNUSABLE
+
+
+def _trajectories(opened: "Recording", template: str, *, most: int) -> dict[Path, "SequenceId"]:
+    """The file of each sequence that is checked."""
+    from tracknoise.exceptions import SettingsError
+
+    names = opened.reader.sequences()[:most]
+    try:
+        files = {name.expand(template, speed=1): name for name in names}
+    except ValueError as error:
+        raise SettingsError(f"--write-trajectory {template}: {error}") from error
+    if len(files) < len(names):
+        found = f"one file for {len(names)} sequences"
+        raise SettingsError(f"--write-trajectory {template}: {found}, expected {{scene}} or {{lighting}} in its name")
+    return files
+
+
+def _write_trajectory(terminal: Terminal, opened: "Recording", name: "SequenceId", path: Path) -> None:
+    """Write the refined poses of all frames of a sequence."""
+    from tracknoise.sequences.other_poses import trajectory_text
+    from tracknoise.tables.files import write_atomically
+    from tracknoise.tables.identity import readable
+    from tracknoise.truth_faults.check_poses import refined_trajectory
+
+    terminal.say(f"{readable(name.key)}: refining the poses of all frames")
+    found, notes = refined_trajectory(opened.view(opened.reader.open(name)))
+    for note in notes:
+        terminal.warn(f"{readable(name.key)}: {note}")
+    write_atomically(path, trajectory_text(found, f"refined poses of {readable(name.key)}").encode())
+    terminal.say(f"written: {path.resolve()}")
 
 
 _COLOURS: Mapping[str, str] = {
@@ -79,9 +123,11 @@ _COLOURS: Mapping[str, str] = {
 def _print(terminal: Terminal, report: "CheckReport") -> None:
     """The verdict on the truth, then all items; of several sequences, the verdict on each before its items."""
     _say(terminal, report.truth.sentence, "", report.truth.verdict)
+    if report.truth.stated:
+        terminal.result("\n".join(wrapped(report.truth.stated)))
     terminal.result("")
     for sequence in report.sequences:
-        own = f" {sequence.truth.caveat}" if len(report.sequences) > 1 else ""
+        own = f" {sequence.truth.caveat} {sequence.truth.stated}".rstrip() if len(report.sequences) > 1 else ""
         _say(terminal, f"{sequence.sequence}:{own}", "  ", sequence.truth.verdict)
         for item in sequence.items:
             _say_item(terminal, item)

@@ -11,6 +11,7 @@ _BEGINNINGS = {
     "--html": ("an earlier page", re.compile(rb"\s*<!doctype html>")),
     "--json-file": ("an earlier JSON document", re.compile(rb'\s*\{\s*"format": ?(\d|"tracknoise\.noise-table/)')),
     "--markdown": ("earlier Markdown", re.compile(rb"\s*## ")),
+    "--write-trajectory": ("an earlier trajectory of it", re.compile(rb"# refined poses of ")),
 }
 """What an option may replace, and how it begins. Other options may replace any file but an input."""
 _MOST_BYTES = 1 << 10

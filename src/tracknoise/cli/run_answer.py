@@ -90,7 +90,7 @@ def _trust(data: ReportData) -> list[str]:
     verdict = joined([found.opening, *why, *(f"Next: {one}" for one in step)])
     change = joined(sentences_of(truth_change(data.run, data.trust) or "")[:1])
     lost = without_truth(data).strip() if depth_is_from_images(data) else ""
-    return [verdict, found.poses, lost, change, *data.findings.filter(topic="copies")["brief"]]
+    return [verdict, found.poses, found.stated, lost, change, *data.findings.filter(topic="copies")["brief"]]
 
 
 def most_important(data: ReportData, most: int) -> list[str]:

@@ -231,7 +231,8 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
 def _truth(data: ReportData) -> list[str]:
     """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
     change, copies = truth_change(data.run, data.trust), data.findings.filter(topic="copies")["text"]
-    texts = (TruthVerdict.of(data.trust).sentence, *([change] if change else []), *copies)
+    truth = TruthVerdict.of(data.trust)
+    texts = (*filter(None, [truth.sentence, truth.stated, change]), *copies)
     return ["\n".join([*wrapped(text), ""]) for text in texts]
 
 

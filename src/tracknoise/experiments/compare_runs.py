@@ -42,18 +42,19 @@ from tracknoise.statistics.grouping import Condition, TablesByCondition, by_cond
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Axis, ComparedAges, Trimming
 from tracknoise.tables.identity import readable
-from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.manifest import LEADING, REFINED, Manifest, SequenceEntry, joined_fit
 from tracknoise.tables.quantities import RATIOS
 from tracknoise.tables.schema import POINT_TRACKING, WINDOW_NOISE
 from tracknoise.tables.schema import RATIOS as RATIO_SUMS
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import parse_toml
+from tracknoise.words import pixels
 
 _DATA, _TRUTH = "dataset.", "truth."
 _FREE = (
     *("dataset.root", "dataset.groups", "dataset.scenes", "dataset.lightings", "dataset.max_scenes"),
-    *("truth.accuracy.", "truth.second."),
+    *("truth.accuracy.", "truth.second.", "truth.poses"),  # which poses lead is compared for each sequence
 )
 """Settings that may differ: the folder of the data, which part of it is measured, and what changes no error."""
 _OF_IMAGES = ("n_frames", "width", "height")
@@ -143,7 +144,11 @@ def _require_sequence(first: OpenedRun, second: OpenedRun, key: str) -> None:
         raise _refusal(
             first, second, "other data", f"frame {known.snapshot_frame} of {sequence} differs", "the same image"
         )
-    for name in ("poses", "cameras"):
+    leading = known.leading_poses, found.leading_poses
+    if leading[0] != leading[1]:
+        values = f"poses of {sequence} are {leading[0]} and {leading[1]}"
+        raise _refusal(first, second, "other truth", values, 'the same, as with poses = "stated" in [truth] of both')
+    for name in ("cameras",) if leading[0] == REFINED else ("poses", "cameras"):
         if _hash(known, name) != _hash(found, name) and not _equal(first, second, name, key):
             raise _refusal(first, second, "other truth", f"{name} of {sequence} differ", "the same")
 
@@ -170,6 +175,21 @@ def _some(keys: Iterable[str]) -> str:
     """A few keys."""
     ordered = sorted(keys)
     return ", ".join(ordered[:_SHORT]) + (", ..." if len(ordered) > _SHORT else "")
+
+
+def _refined_apart(first: OpenedRun, second: OpenedRun, keys: Iterable[str]) -> Iterator[str]:
+    """A sentence about sequences whose poses were refined twice, with results that differ."""
+    apart = [
+        key
+        for key in keys
+        if first.manifest.sequences[key].leading_poses == REFINED
+        and _hash(first.manifest.sequences[key], "poses") != _hash(second.manifest.sequences[key], "poses")
+        and not _equal(first, second, "poses", key)
+    ]
+    fit = joined_fit([run.manifest.sequences[key].pose_fit for key in apart for run in (first, second)])
+    if fit is not None and fit.left_px is not None:
+        left = f"differences may contain what is left of their errors, {pixels(fit.left_px)} px at age {fit.age}"
+        yield f"Poses of {_some(apart)} were refined in other parts of frames: {left}."
 
 
 def failed_in(first: OpenedRun, second: OpenedRun) -> Iterator[str]:
@@ -403,7 +423,8 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     fitted = any(first.manifest.sequences[key].truth == TRIANGULATED for key in keys)
     missing = (*failed_in(first, second), *left_out(first, second))
     apart = unmatched(known, found, matched if trackers is None else None)
-    notes = (*missing, *left_out(second, first), *apart, *([_FITTED] if fitted else []))
+    others = (*left_out(second, first), *_refined_apart(first, second, keys))
+    notes = (*missing, *others, *apart, *([_FITTED] if fitted else []))
     groups = groups_of_scenes(first.manifest.sequences, first.settings["dataset"].get("groups"))
     pairs = [(key, other) for key, other in paired_conditions(known, matched) if other in found.conditions]
     asked = [
@@ -469,7 +490,7 @@ def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> tuple[
     return first.filter(longest), second.filter(longest)
 
 
-_KEYS = ("tolerances", "trackers", "speeds", "level", "ages")
+_KEYS = ("tolerances", "trackers", "speeds", "level", "ages", "poses")
 _MOST = 1000
 """Largest tolerance."""
 _RENAMED = {
@@ -484,7 +505,8 @@ def read_gate(path: Path) -> Gate:
     Parameters
     ----------
     path
-        A TOML file with a table ``tolerances``, and optionally ``trackers``, ``speeds``, ``level`` and ``ages``.
+        A TOML file with a table ``tolerances``, and optionally ``trackers``, ``speeds``, ``level``,
+        ``ages`` and ``poses``.
 
     Raises
     ------
@@ -501,6 +523,7 @@ def read_gate(path: Path) -> Gate:
         speeds=_listed(path, found, "speeds", int),
         level=_level(path, found.get("level", LEVEL)),
         ages=_ages(path, found.get("ages", ComparedAges.every)),
+        poses=_poses(path, found.get("poses")),
     )
 
 
@@ -549,6 +572,12 @@ def _ages(path: Path, value: object) -> ComparedAges:
     if value not in list(ComparedAges):
         raise SettingsError(f"{path}: ages: found {value!r}, expected one of {', '.join(ComparedAges)}")
     return ComparedAges(str(value))
+
+
+def _poses(path: Path, value: object) -> str | None:
+    if value not in (None, *LEADING):
+        raise SettingsError(f"{path}: poses: found {value!r}, expected one of {', '.join(LEADING)}")
+    return None if value is None else str(value)
 
 
 def _is_number(value: object) -> bool:
@@ -611,10 +640,19 @@ def compare(
     )
     rows = verdicts(asked, margin=margin, level=level, ages=ComparedAges(ages))
     missing = [sentence for part in found for sentence in part.missing]
+    missing += [] if gate is None else [text for run in (known, *compared) for text in _unwanted_poses(run, gate)]
     expected = [condition for part in found for condition in part.expected]
     result = None if gate is None else judge(gate, asked, missing, expected)
     side = RunSide(known.name, str(known.folder.path), truth=TruthVerdict.of_run(known.folder))
     return Comparison(side, sides, tuple(rows), margin, level, ComparedAges(ages), result)
+
+
+def _unwanted_poses(run: OpenedRun, gate: Gate) -> Iterator[str]:
+    """A sentence about sequences of a run with other leading poses than the gate wants."""
+    sequences = run.manifest.sequences
+    other = [key for key, entry in sequences.items() if gate.poses not in (None, entry.leading_poses)]
+    if other:
+        yield f"poses of {_some(other)} in {run.name} are {sequences[other[0]].leading_poses}, not {gate.poses}"
 
 
 def _require(others: Sequence[object], margin: float, level: float, ages: str) -> None:

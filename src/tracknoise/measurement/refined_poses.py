@@ -9,6 +9,11 @@ tracks is about their mean, and has the variance of
     (e1 - e2) / 2    (refined.floor)
 
 The errors of the halves are taken to be independent. Nothing else is assumed of the tracks.
+
+Relative poses of frames that are k apart differ between stated and refined poses. From the mean squares of each
+coordinate, those by (refined.floor) are taken off. What is left is that of the stated poses, and grows by
+
+    mean square = 2 white^2 + walk^2 k    (refined.law)
 """
 
 from collections.abc import Mapping
@@ -18,6 +23,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert
@@ -49,6 +56,8 @@ FEWEST_TRACKS = 40
 """Reference tracks in a frame, of which each half has half."""
 _FEW_FRAMES = 0.1
 """Share of frames that may have fewer."""
+LARGEST_LAG = 24
+"""Largest distance of two frames to which (refined.law) is fitted, frames."""
 _MOST_RESIDUAL_PX = 3.0
 """Median residual of reference tracks at `AGE` beyond which no poses fit them."""
 _LEAST_PARALLAX_PX = 2.0
@@ -228,12 +237,14 @@ def _compared(
     tracks, sequence = adjustment.tracks, found.sequence
     age = tracks.frame - tracks.birth[tracks.track]
     rows = age == min(AGE, int(age.max()))
-    one, other, best, given = (
-        adjustment.residuals(poses, depth_m)[rows]
+    every = [
+        adjustment.residuals(poses, depth_m)
         for poses in (*(halves_of(found) or ()), found.poses, sequence.world_from_camera)
-    )
+    ]
+    next_px = _size((every[3] - every[2])[age == 1])
+    one, other, best, given = (residual[rows] for residual in every)
     left_px = _size((one - other) / 2.0)
-    fit = PoseFit(True, references, left_px, _size(given - best), int(age[rows][0]))
+    fit = PoseFit(True, references, left_px, _size(given - best), int(age[rows][0]), next_px, stated_errors(found))
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
@@ -257,3 +268,42 @@ def _size(moved: Array) -> float:
 
 
 _MEDIAN_TO_RMS = float(np.sqrt(np.log(2.0)))
+
+
+def stated_errors(found: RefinedPoses) -> dict[str, float] | None:
+    """How the errors of relative stated poses grow, by (refined.law) and the names of `TruthAccuracy`.
+
+    Degrees about each axis and metres along each, in frames of the recording. None where they are not larger than
+    reference tracks can tell.
+    """
+    given, best, halves = found.sequence.world_from_camera, found.poses, halves_of(found)
+    if halves is None:
+        return None
+    one, other = halves
+    lags = np.arange(1, min(LARGEST_LAG, len(best) // 2) + 1)
+    squares = np.array(
+        [_relative_squares(given, best, lag) - _relative_squares(one, other, lag) / 4.0 for lag in lags.tolist()]
+    )
+    known = np.isfinite(squares).all(axis=1)
+    if not known.any():
+        return None
+    lags, squares = lags[known], squares[known]
+    weight = lags**-1.5  # mean squares of a random walk spread in proportion to k sqrt(k)
+    law = np.column_stack([2.0 * np.ones(len(lags)), lags * frame_step(found.sequence)])
+    parts = [nnls(law * weight[:, None], column * weight)[0] for column in squares.T]
+    values = np.sqrt(np.concatenate(parts)).tolist()
+    return dict(zip(_LAW, values, strict=True)) if any(values) else None
+
+
+_LAW = ("rotation_white_deg", "rotation_deg_per_sqrt_frame", "translation_white_m", "translation_m_per_sqrt_frame")
+
+
+def _relative_squares(one: Array, other: Array, lag: int) -> Array:
+    """(2,): mean squares of the differences of relative poses, deg^2 about each axis and m^2 along each."""
+    relative = [invert(poses[:-lag]) @ poses[lag:] for poses in (one, other)]
+    between = invert(relative[0]) @ relative[1]
+    between = between[np.isfinite(between).all(axis=(1, 2))]
+    if not len(between):
+        return np.full(2, np.nan)
+    turned = Rotation.from_matrix(between[:, :3, :3]).as_rotvec(degrees=True)
+    return np.array([np.mean(np.square(turned)), np.mean(np.square(between[:, :3, 3]))])

@@ -114,7 +114,9 @@ def verdicts(data: ReportData) -> list[str]:
     """Sentences: the verdict, what it changed in that of a check, what the audit found, and what is stated."""
     found = [] if data.truth_is_fitted else _floor(data)
     change = truth_change(data.run, data.trust)
-    return [TruthVerdict.of(data.trust).sentence, *([change] if change else []), *audit_sentences(data.audit), *found]
+    truth = TruthVerdict.of(data.trust)
+    said = filter(None, [truth.sentence, truth.stated, change])
+    return [*said, *audit_sentences(data.audit), *found]
 
 
 def corrections(data: ReportData) -> str | None:

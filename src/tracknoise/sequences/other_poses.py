@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.pose import PosePath, invert, transform
-from tracknoise.sequences.poses import require_some_poses
+from tracknoise.geometry.pose import PosePath, invert, position_rows, transform
+from tracknoise.sequences.poses import has_pose, require_some_poses
 from tracknoise.sequences.sequence import (
     IMAGE_AXES,
     Axes,
     Scan,
     SecondCamera,
     Sequence,
+    clock_start_of,
     path_of,
     second_of,
     times_of,
@@ -92,6 +93,22 @@ def has_other_poses(sequence: Sequence) -> bool:
             return True
         sequence = sequence.sequence
     return False
+
+
+def trajectory_text(sequence: Sequence, about: str) -> str:
+    """Poses of a sequence as `with_trajectory` reads them, after a comment that says what they are.
+
+    Without times, rows have numbers of frames, and those of frames without a pose are NaN.
+    """
+    times, poses = sequence.timestamps_s, sequence.world_from_camera
+    stamps = np.arange(len(poses), dtype=np.float64) if times is None else times
+    rows = np.column_stack([stamps, position_rows(poses)])
+    written = rows if times is None else rows[has_pose(poses)]
+    lines = (" ".join(map(repr, row)) for row in written.tolist())
+    start = clock_start_of(sequence)
+    clock = "the clock of the recording" if start is None else f"the first frame, which is {start * 1e-9:.9f} s"
+    unit = "frame" if times is None else f"time in s by {clock}"
+    return "\n".join([f"# {about}", f"# {unit}; tx ty tz qx qy qz qw, m, world_from_camera", *lines, ""])
 
 
 _SAME_TIME = 1e-6

@@ -27,6 +27,10 @@ _SEAL = "sha256"
 _REMEDY = "measure again with --fresh"
 
 
+LEADING = REFINED, STATED = "refined", "stated"
+"""Poses that lead: refined by reference tracks, or those that the data state."""
+
+
 @dataclass(frozen=True, slots=True)
 class PoseFit:
     """Which poses of a sequence lead, and what its reference tracks say about them.
@@ -43,6 +47,11 @@ class PoseFit:
         What the stated poses would add, likewise.
     age
         At which these hold, frames.
+    next_px
+        What the stated poses would add at age 1, px.
+    stated_errors
+        How the errors of relative stated poses grow, (pose.law), by the names of `TruthAccuracy`; None where they are
+        not larger than reference tracks can tell.
     reason
         Why stated poses lead, a sentence; empty where refined ones do.
     """
@@ -52,6 +61,8 @@ class PoseFit:
     left_px: float | None = None
     stated_px: float | None = None
     age: int | None = None
+    next_px: float | None = None
+    stated_errors: Mapping[str, float] | None = None
     reason: str = ""
 
 
@@ -63,17 +74,25 @@ def joined_fit(fits: Sequence[PoseFit | None]) -> PoseFit | None:
     known = [fit for fit in fits if fit is not None]
     if not known:
         return None
-    numbers = {name: _together(known, name) for name in ("references", "left_px", "stated_px")}
+    numbers = {name: [getattr(fit, name) for fit in known] for name in ("left_px", "stated_px", "next_px")}
+    counts = [fit.references for fit in known if fit.references is not None]
     ages = [fit.age for fit in known if fit.age is not None]
-    reason = next((fit.reason for fit in known if fit.reason), "")
-    return PoseFit(all(fit.leads for fit in fits if fit), age=max(ages, default=None), reason=reason, **numbers)
+    laws = [fit.stated_errors for fit in known if fit.stated_errors is not None]
+    names = dict.fromkeys(name for law in laws for name in law)
+    return PoseFit(
+        all(fit.leads for fit in fits if fit),
+        references=median(counts) if counts else None,
+        age=max(ages, default=None),
+        stated_errors={name: _together([law.get(name) for law in laws]) or 0.0 for name in names} or None,
+        reason=next((fit.reason for fit in known if fit.reason), ""),
+        **{name: _together(values) for name, values in numbers.items()},
+    )
 
 
-def _together(fits: Sequence[PoseFit], name: str) -> float | None:
-    values: list[float] = [value for fit in fits if (value := getattr(fit, name)) is not None]
-    if not values:
-        return None
-    return median(values) if name == "references" else sqrt(fmean(value * value for value in values))
+def _together(values: Sequence[float | None]) -> float | None:
+    """Root of the mean of the squares of those that are known."""
+    known = [value for value in values if value is not None]
+    return sqrt(fmean(value * value for value in known)) if known else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +185,11 @@ class SequenceEntry:
     def depth_is_from_images(self) -> bool:
         """Whether depths are computed from the images of other frames: not every track has one."""
         return self.truth == "swept"
+
+    @property
+    def leading_poses(self) -> str:
+        """Which poses lead: one of `LEADING`."""
+        return REFINED if self.pose_fit is not None and self.pose_fit.leads else STATED
 
 
 @dataclass(frozen=True, slots=True)

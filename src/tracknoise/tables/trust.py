@@ -28,12 +28,15 @@ class TruthVerdict:
     poses
         What reference tracks left of the errors of refined poses, and what the stated ones would add, two sentences;
         empty where stated poses lead.
+    stated
+        The verdict on the stated poses and the size of their errors, in sentences; empty where they lead.
     """
 
     verdict: Trust = Trust.unknown
     text: str = _NOT_ASSESSED
     step: str = "Run the experiment again."
     poses: str = ""
+    stated: str = ""
 
     @classmethod
     def of(cls, trust: pl.DataFrame) -> "TruthVerdict":
@@ -41,8 +44,9 @@ class TruthVerdict:
         if trust.is_empty():
             return cls()
         row = trust.row(0, named=True)
-        poses = trust.filter(cause=TruthCause.refined_poses)["text"].to_list()
-        return cls(Trust(row["verdict"]), row["text"], row["step"] or "", next(iter(poses), ""))
+        texts = dict(trust.select("cause", "text").drop_nulls().iter_rows())
+        both = (texts.get(cause, "") for cause in (TruthCause.refined_poses, TruthCause.stated_poses))
+        return cls(Trust(row["verdict"]), row["text"], row["step"] or "", *both)
 
     @classmethod
     def of_run(cls, run: RunFolder) -> "TruthVerdict":

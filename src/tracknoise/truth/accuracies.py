@@ -1,7 +1,7 @@
 """What is known of the errors of a truth: from the user, the reader, and the figures shipped for data sets."""
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cache
@@ -141,7 +141,11 @@ def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccurac
 
 def _notes(accuracy: TruthAccuracy) -> Iterator[str]:
     for topic, names in TOPICS.items():
-        sizes = [_UNITS[name].format(significant(value, 3)) for name, value in accuracy.figures(names).items() if value]
-        if sizes:
+        if sizes := sizes_of(accuracy.figures(names), digits=3):
             source = f": {accuracy.source}" if accuracy.source else ""
             yield f"error of the truth, {topic}: {', '.join(sizes)} ({accuracy.kind}{source})"
+
+
+def sizes_of(figures: Mapping[str, float], *, digits: int) -> list[str]:
+    """``0.05 deg per sqrt(frame)``, for each figure above 0, by the names of `TruthAccuracy`."""
+    return [_UNITS[name].format(significant(value, digits)) for name, value in figures.items() if value]

@@ -29,6 +29,7 @@ from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.manifest import PoseFit, joined_fit
 from tracknoise.tables.schema import check, empty
+from tracknoise.truth.accuracies import sizes_of
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.depth_checks import MOST_EDGES
 from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, MOVED, NAMED_FAULTS
@@ -314,10 +315,16 @@ class _FittedPoses:
         by = f"Poses were refined by {fit.references:.0f} independent tracks a frame{some}"
         refined = f"{by}; what is left of their errors is {left} at age {fit.age}."
         added = f"The stated poses would add {stated}."
-        verdict = f" Their own verdict: {self.verdict}." if self.verdict is not None else ""
         yield {"cause": TruthCause.refined_poses, "bound_px": fit.left_px, "age": fit.age, "text": f"{refined} {added}"}
-        sizes = {"bound_px": fit.stated_px, "age": fit.age, "verdict": self.verdict, "text": f"{added}{verdict}"}
+        sizes = {"bound_px": fit.stated_px, "age": fit.age, "verdict": self.verdict, "text": self._of_stated(fit)}
         yield {"cause": TruthCause.stated_poses, **sizes}
+
+    def _of_stated(self, fit: PoseFit) -> str:
+        """The verdict on the stated poses, and how their errors grow."""
+        law = sizes_of(fit.stated_errors or {}, digits=2)
+        next_px = "" if fit.next_px is None else f" At age 1 they would add {pixels(fit.next_px)}{SPACE}px."
+        errors = f" Their errors: {listing(law)}." if law else ""
+        return f"Stated poses: {self.verdict or Trust.unknown}.{errors}{next_px}"
 
 
 def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:

@@ -6,7 +6,7 @@
 
 import base64
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -21,6 +21,7 @@ from tracknoise.tables.identity import readable
 from tracknoise.tables.trust import TruthVerdict, ranges
 from tracknoise.text import printable
 from tracknoise.time_units import rate_of
+from tracknoise.truth_faults.check_poses import leading_poses
 from tracknoise.truth_faults.check_report import CheckReport, Item, SequenceReport, Severity
 from tracknoise.truth_faults.check_verdict import sequence_trust
 from tracknoise.truth_faults.clock_check import clock
@@ -102,7 +103,7 @@ _SEVERITY = {
 def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], None] | None = None) -> SequenceReport:
     """Check one sequence."""
     items: list[Item] = []
-    evidence = None
+    evidence, leading, fit = None, sequence, None
     try:
         require_likely_times(sequence)
         items += filter(None, [view_changes(sequence)])
@@ -111,12 +112,20 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
         items += reader_notes(sequence)
         if not any(item.topic == "counts" and item.severity is Severity.fatal for item in items):
             evidence = Evidence.measured(sequence)
-            items += _from_images(sequence, evidence)
             if seen is not None:
                 seen(sequence, evidence)
+            of_images = list(_from_images(sequence, evidence))
+            of_data = (item for item in (*items, *of_images) if item.topic != "warping")
+            if not any(item.severity is Severity.fatal for item in of_data):
+                leading, fit, of_poses = leading_poses(sequence)
+                items.append(of_poses)
+            if leading is not sequence:
+                evidence = evidence.with_poses(leading.world_from_camera)
+                of_images = _of_leading(of_images, list(_from_images(leading, evidence)))
+            items += of_images
     except DataError as error:
         items.append(_unreadable(error))
-    trust = sequence_trust(sequence, evidence, items)
+    trust = sequence_trust(leading, evidence, items, fit)
     verdict = TruthVerdict.of(trust)
     severity = _SEVERITY[verdict.verdict]
     if not any(item.severity is severity and item.text in verdict.text for item in items):
@@ -181,6 +190,20 @@ def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
         if (repeated := repeatability(evidence)) is not None:
             yield repeated
         yield clock(evidence, sequence.timestamps_s)
+
+
+def _of_leading(stated: list[Item], leading: list[Item]) -> list[Item]:
+    """Items about stated poses; what makes results wrong with these alone is to be kept in mind."""
+    wrong = {item.topic for item in leading if item.severity is Severity.fatal}
+    return [
+        replace(item, severity=Severity.caveat, text=f"{item.text} {_STATED_ALONE}")
+        if item.severity is Severity.fatal and item.topic not in wrong
+        else item
+        for item in stated
+    ]
+
+
+_STATED_ALONE = "This is so with the stated poses, and not with the refined ones."
 
 
 def _unreadable(error: DataError) -> Item:

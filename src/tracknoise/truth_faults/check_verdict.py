@@ -14,6 +14,7 @@ from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.sequences.sequence import Sequence, TruthKind
 from tracknoise.sequences.views import frame_step
 from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.tables.manifest import PoseFit
 from tracknoise.truth.accuracies import known_accuracy
 from tracknoise.truth.uncertainty import AnchoredPoints, TrueErrors, TruthDerivatives
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
@@ -27,20 +28,27 @@ from tracknoise.truth_faults.pose_accuracy import pose_share
 
 _FEWEST = 30
 """Fewest points of an age whose errors have a size."""
+_OF_STATED_POSES = {"pose jumps"}
+"""Topics that are not about refined poses."""
 
 
-def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[Item]) -> pl.DataFrame:
+def sequence_trust(
+    sequence: Sequence, evidence: Evidence | None, items: ListOf[Item], fit: PoseFit | None = None
+) -> pl.DataFrame:
     """The verdict on the truth of a sequence, schema `TRUST`.
 
     Parameters
     ----------
     sequence, evidence
-        The sequence, and the motion of its images; None where it was not measured.
+        The sequence with the poses that lead, and the motion of its images; None where it was not measured.
     items
         What was found about it.
+    fit
+        Which poses lead; None where this was not asked.
     """
     mistakes = [item.text for item in items if item.severity is Severity.fatal]
-    cautions = [item.text for item in items if item.severity is Severity.caveat and item.topic in CAUTIONS]
+    cautioned = CAUTIONS - _OF_STATED_POSES if fit is not None and fit.leads else CAUTIONS
+    cautions = [item.text for item in items if item.severity is Severity.caveat and item.topic in cautioned]
     followed = "its images were not read" if evidence is None else Followed.of(evidence, sequence)
     samples = followed if isinstance(followed, str) else check_samples(followed)
     is_fitted = evidence is not None and not evidence.has_depth and set(TruthKind).isdisjoint(sequence.truths)
@@ -61,6 +69,7 @@ def sequence_trust(sequence: Sequence, evidence: Evidence | None, items: ListOf[
         depth_edges=max((float(item.values.get("edges") or 0.0) for item in items), default=0.0),
         is_fitted=is_fitted,
         of_images=" ".join(item.text for item in items if is_fitted and item.topic == "warping"),
+        pose_fits=[fit],
         is_check=True,
     )
     return assess(found, dataset)

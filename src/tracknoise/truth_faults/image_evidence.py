@@ -489,12 +489,12 @@ class _Chain:
     thresholds_px: tuple[float, ...]
 
 
-def windows(n_frames: int) -> list[range]:
+def windows(n_frames: int, most: int = _MOST_FRAMES, length: int = _WINDOW_FRAMES) -> list[range]:
     """Parts of a recording that are read: all of a short one, otherwise stretches spread evenly over it."""
-    if n_frames <= _MOST_FRAMES:
+    if n_frames <= most:
         return [range(n_frames)]
-    starts = np.linspace(0, n_frames - _WINDOW_FRAMES, _MOST_FRAMES // _WINDOW_FRAMES).astype(int)
-    return [range(start, start + _WINDOW_FRAMES) for start in starts.tolist()]
+    starts = np.linspace(0, n_frames - length, most // length).astype(int)
+    return [range(start, start + length) for start in starts.tolist()]
 
 
 def measure_flow(sequence: Sequence, parts: ListOf[range]) -> Flow:
@@ -635,6 +635,15 @@ class Evidence:
         has_depth = bool(with_depth) and 2 * len(with_depth) >= len(moving)
         pairs = tuple(with_depth if has_depth else moving)
         return cls(flow, poses, camera, has_depth, pairs, z_depth_from if has_depth else None, expected)
+
+    def with_poses(self, poses: NDArray[np.float64]) -> "Evidence":
+        """The same with other poses: (n, 4, 4), NaN for frames whose pairs are left out."""
+        known: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
+        parts = (
+            tuple(pair for pair in pairs if known[pair.first] and known[pair.second])
+            for pairs in (self.flow.steps, self.flow.wide)
+        )
+        return Evidence.of(Flow(*parts), poses, self.camera, self.z_depth_from, self.expected)
 
     @property
     def stands_still(self) -> bool:

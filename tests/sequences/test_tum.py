@@ -14,7 +14,7 @@ from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.reader_registry import make_reader, open_sequence
-from tracknoise.sequences.sequence import TRIANGULATED, path_of
+from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, path_of
 from tracknoise.sequences.simulated import Simulated
 from tracknoise.sequences.tum import Tum
 
@@ -217,7 +217,7 @@ def test_without_depth_there_is_no_truth_at_birth(scene):
     (scene / "depth.txt").unlink()
     read = open_sequence("tum", scene)
     assert read.depth(0) is None
-    assert read.truths == (TRIANGULATED,)
+    assert read.truths == (SWEPT, TRIANGULATED)
     write_list(scene, "depth", [1.0], [np.zeros((48, 64), np.uint16)])
     with pytest.raises(DataError, match=r"depth: depth maps: 1, but none within 0\.02 s of an image"):
         open_sequence("tum", scene)

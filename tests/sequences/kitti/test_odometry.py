@@ -14,7 +14,7 @@ from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.sequences.kitti_odometry import KittiOdometry
 from tracknoise.sequences.reader_registry import make_reader, open_sequence
-from tracknoise.sequences.sequence import TRIANGULATED
+from tracknoise.sequences.sequence import SWEPT, TRIANGULATED
 from tracknoise.sequences.simulated import Simulated
 
 INTRINSICS = (60.0, 61.0, 31.0, 24.0)
@@ -49,7 +49,7 @@ def test_a_simulated_recording_is_read_as_it_was_made(tmp_path):
     for index in range(5):
         np.testing.assert_array_equal(read.image(index), shown[index])
         assert read.depth(index) is None
-    assert read.truths == (TRIANGULATED,)
+    assert read.truths == (SWEPT, TRIANGULATED)
 
 
 @pytest.mark.parametrize("camera", range(4))

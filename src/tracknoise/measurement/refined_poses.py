@@ -117,8 +117,9 @@ def refined_by(
 ) -> tuple[Sequence, PoseFit]:
     """As `refined`, by tracks that were made before; `stated` is known of the errors of the truth."""
     frames = np.bincount(tracks.frame, minlength=n_frames) + np.bincount(tracks.birth, minlength=n_frames)
-    references = float(np.median(frames)) if n_frames else 0.0
-    few = np.mean(frames[has_pose(sequence.world_from_camera[:n_frames])] < FEWEST_TRACKS)
+    frames = frames[has_pose(sequence.world_from_camera[:n_frames])]
+    references = float(np.median(frames)) if len(frames) else 0.0
+    few = np.mean(frames < FEWEST_TRACKS)
     if not len(tracks.frame) or few > _FEW_FRAMES:
         frames_with = f"{percent(float(few))} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
         reason = f"Poses are not refined: {frames_with}."
@@ -143,7 +144,7 @@ def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
 
 def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> RefinedPoses:
     tracks = adjustment.tracks
-    half = np.random.default_rng(0).permutation(len(tracks.birth)) % 2 == 0
+    half = adjustment.half(best)
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
     by_kind = {name: adjustment.of(best, tracks.kind == kind) for kind, name in enumerate(KINDS)}
     return RefinedPoses(sequence, best.poses, REFERENCE, halves, by_kind, _readout_left(adjustment, sequence, best))

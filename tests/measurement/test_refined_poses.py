@@ -1,65 +1,124 @@
-"""Sizes of the errors of stated poses: planted walks and jitter come back, and what cannot be told is not stated."""
+"""Poses that were spoilt come back by reference tracks; what cannot be determined is refused with its reason."""
 
 import numpy as np
 import pytest
-from benchmarks.validity.rigid import CAMERA, by_hand, pose_noise
+from tests.measurement.planes import CAMERA, FRAMES, depths_of, images_of, moving, recorded, walked
 
-from tracknoise.measurement.refined_poses import REFERENCE, RefinedPoses, stated_errors
-from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.tables.identity import SequenceId
-from tracknoise.tables.manifest import PoseFit, joined_fit
+from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.measurement.reference_tracks import KINDS
+from tracknoise.measurement.refined_poses import RefinedPoses, refined
+from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 
-FRAMES = 200
-EXACT = by_hand(FRAMES)
-DEG, METRES = 0.05, 0.004
+POSES = moving()
+IMAGES, DEPTHS = images_of(POSES), depths_of(POSES)
+EXACT = TruthAccuracy(rotation_white_deg=0.0, translation_white_m=0.0)
 
 
-def found(stated, *, halves=(EXACT, EXACT)):
-    sequence = RecordedSequence(
-        id=SequenceId("made", "by-hand"),
-        source="made",
-        camera=CAMERA,
-        world_from_camera=stated,
-        images=lambda index: np.zeros((480, 640), np.uint8),
+@pytest.fixture(scope="module")
+def spoilt():
+    sequence = recorded(walked(POSES), IMAGES, DEPTHS)
+    return sequence, *refined(sequence, "birth", DEFAULT_RULE, FRAMES)
+
+
+def true_shift_px(poses: np.ndarray, first: int = 1) -> float:
+    """RMS of the displacement of true positions by poses that are not exact, over pixels and frames from `first` on."""
+    u, v = np.meshgrid(np.linspace(10, 190, 7), np.linspace(10, 140, 6))
+    uv = np.stack([u.ravel(), v.ravel()], axis=1)
+    squares = []
+    for frame in range(first, FRAMES):
+        points = CAMERA.unproject(uv, DEPTHS[0].depth_m[np.rint(uv[:, 1]).astype(int), np.rint(uv[:, 0]).astype(int)])
+        seen = []
+        for one in (poses, POSES):
+            moved = np.linalg.inv(one[frame]) @ one[0]
+            seen.append(CAMERA.project(points @ moved[:3, :3].T + moved[:3, 3]))
+        squares.append(np.nanmean(np.sum((seen[0] - seen[1]) ** 2, axis=1)))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def test_spoilt_poses_come_back(spoilt):
+    sequence, found, fit = spoilt
+    assert fit.leads
+    assert isinstance(found, RefinedPoses)
+    stated_px, left_px = true_shift_px(sequence.world_from_camera), true_shift_px(found.poses)
+    assert stated_px > 1.0
+    assert left_px < 0.1 * stated_px
+
+
+def test_what_is_told_of_the_poses_is_what_is_true_of_them(spoilt):
+    sequence, _, fit = spoilt
+    assert fit.age == FRAMES - 1
+    assert fit.stated_px == pytest.approx(true_shift_px(sequence.world_from_camera, fit.age), rel=0.4)
+    assert fit.left_px < 0.2
+    assert fit.references > 200
+
+
+def test_halves_and_each_kind_alone_have_poses_of_their_own(spoilt):
+    sequence, found, _ = spoilt
+    assert set(found.by_kind) == set(KINDS)
+    for poses in (*found.pose_halves, *found.by_kind.values()):
+        assert 0.0 < true_shift_px(poses) < 0.3 * true_shift_px(sequence.world_from_camera)
+
+
+def test_exact_poses_that_state_nothing_hardly_move():
+    found, fit = refined(recorded(POSES, IMAGES, DEPTHS), "birth", DEFAULT_RULE, FRAMES)
+    assert fit.leads
+    assert true_shift_px(found.world_from_camera) < 0.15
+
+
+def test_poses_that_are_stated_to_be_exact_stay():
+    sequence = recorded(walked(POSES), IMAGES, DEPTHS)
+    found, fit = refined(sequence, "birth", AccuracyRule(EXACT), FRAMES)
+    assert found is sequence
+    assert not fit.leads
+    assert "exact" in fit.reason
+
+
+def test_a_camera_that_only_turns_is_refused_without_depth_and_not_with_it():
+    poses = moving(moves=False)
+    images = images_of(poses)
+    stated = walked(poses, metres=1e-4)
+    without = refined(recorded(stated, images, None), "birth", DEFAULT_RULE, FRAMES)[1]
+    assert not without.leads
+    assert "change its position" in without.reason
+    assert refined(recorded(stated, images, depths_of(poses)), "birth", DEFAULT_RULE, FRAMES)[1].leads
+
+
+def test_images_without_texture_are_refused():
+    blank = [np.full_like(IMAGES[0], 90) for _ in IMAGES]
+    sequence = recorded(walked(POSES), blank, DEPTHS)
+    found, fit = refined(sequence, "birth", DEFAULT_RULE, FRAMES)
+    assert found is sequence
+    assert "fewer than" in fit.reason
+
+
+def test_images_that_show_another_motion_are_refused():
+    rng = np.random.default_rng(0)
+    noise = [rng.integers(60, 200, one.shape).astype(np.uint8) for one in IMAGES]
+    assert not refined(recorded(walked(POSES), noise, DEPTHS), "birth", DEFAULT_RULE, FRAMES)[1].leads
+
+
+def test_frames_without_a_pose_stay_without():
+    stated = walked(POSES)
+    stated[[0, 3]] = np.nan
+    found, fit = refined(recorded(stated, IMAGES, DEPTHS), "birth", DEFAULT_RULE, FRAMES)
+    assert fit.leads
+    assert np.isnan(found.world_from_camera[[0, 3]]).all()
+    assert np.isfinite(np.delete(found.world_from_camera, [0, 3], axis=0)).all()
+
+
+def test_repeated_frames_do_not_move_the_camera():
+    twice = np.arange(FRAMES) // 2
+    stated = walked(POSES[twice])
+    found, fit = refined(
+        recorded(stated, [IMAGES[one] for one in twice], [DEPTHS[one] for one in twice]), "birth", DEFAULT_RULE, FRAMES
     )
-    return stated_errors(RefinedPoses(sequence, EXACT, REFERENCE, halves, {}))
+    assert fit.leads
+    between = np.linalg.inv(found.world_from_camera[0::2]) @ found.world_from_camera[1::2]
+    assert np.abs(between[:, :3, 3]).max() < 1e-3
 
 
-def spoilt(seed):
-    return EXACT @ pose_noise("walk", DEG, METRES, FRAMES, np.random.default_rng(seed))
-
-
-def test_a_planted_walk_comes_back():
-    laws = [found(spoilt(seed)) for seed in range(12)]
-    rms = {name: np.sqrt(np.mean([law[name] ** 2 for law in laws])) for name in laws[0]}
-    assert rms["rotation_deg_per_sqrt_frame"] == pytest.approx(DEG, rel=0.15)
-    assert rms["translation_m_per_sqrt_frame"] == pytest.approx(METRES, rel=0.15)
-    assert rms["rotation_white_deg"] < 0.3 * rms["rotation_deg_per_sqrt_frame"]
-
-
-def test_planted_jitter_comes_back():
-    law = found(EXACT @ pose_noise("white", DEG, METRES, FRAMES, np.random.default_rng(4)))
-    assert law["rotation_white_deg"] == pytest.approx(DEG, rel=0.15)
-    assert law["translation_white_m"] == pytest.approx(METRES, rel=0.15)
-    assert law["rotation_deg_per_sqrt_frame"] < 0.4 * DEG
-
-
-def test_errors_as_small_as_those_of_refined_poses_are_not_stated():
-    halves = spoilt(1), spoilt(2)
-    assert found(EXACT, halves=halves) is None
-
-
-def test_frames_without_a_pose_take_no_part():
-    stated = spoilt(3)
-    stated[::50] = np.nan
-    assert found(stated)["translation_m_per_sqrt_frame"] > 0.0
-
-
-def test_what_no_part_determined_stays_undetermined_when_parts_are_joined():
-    refused = PoseFit(False, reason="Poses are not refined: no depth.")
-    law = {"rotation_deg_per_sqrt_frame": 0.3}
-    joined = joined_fit([PoseFit(True, 200.0, 0.1, 3.0, 10, 1.0, law), PoseFit(True, 300.0, 0.1, 4.0, 10, None, None)])
-    assert joined_fit([refused]).stated_px is None
-    assert joined_fit([refused]).stated_errors is None
-    assert (joined.next_px, joined.stated_errors) == (1.0, law)
-    assert joined.stated_px == pytest.approx(np.sqrt(12.5))
+def test_other_kinds_of_truth_keep_their_poses():
+    sequence = recorded(walked(POSES), IMAGES, DEPTHS)
+    found, fit = refined(sequence, "scan", DEFAULT_RULE, FRAMES)
+    assert found is sequence
+    assert "scan" in fit.reason

@@ -187,8 +187,8 @@ def refined_by(
 ) -> tuple[Sequence, PoseFit]:
     """As `refined`, by tracks that were made before; `stated` is known of the errors of the truth."""
     frames = np.bincount(tracks.frame, minlength=n_frames) + np.bincount(tracks.birth, minlength=n_frames)
-    references = float(np.median(frames)) if n_frames else 0.0
     posed = frames[has_pose(sequence.world_from_camera[:n_frames])]
+    references = float(np.median(posed)) if len(posed) else 0.0
     few = np.count_nonzero(posed < FEWEST_TRACKS) / max(len(posed), 1)
     if not len(tracks.frame) or few > _FEW_FRAMES:
         frames_with = f"{percent(few)} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
@@ -214,7 +214,7 @@ def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
 
 def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> RefinedPoses:
     tracks = adjustment.tracks
-    half = np.random.default_rng(0).permutation(len(tracks.birth)) % 2 == 0
+    half = adjustment.half(best)
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
     by_kind = {name: adjustment.of(best, tracks.kind == kind) for kind, name in enumerate(KINDS)}
     left = _readout_left(adjustment, sequence, best)
@@ -255,9 +255,8 @@ def _compared(
     known = TrueErrors(TruthDerivatives(sequence), _only_poses(stated), step=frame_step(sequence))
     spread = np.concatenate([sum(part.covariance.values()) for _, part in known.of(points)])
     if np.sqrt(np.nanmedian(np.trace(spread, axis1=1, axis2=2))) < left_px:
-        return replace(
-            fit, leads=False, reason="The stated poses are stated to be better than reference tracks can tell."
-        )
+        reason = "The stated poses are stated to be better than reference tracks can tell."
+        return replace(fit, leads=False, reason=reason)
     return fit
 
 

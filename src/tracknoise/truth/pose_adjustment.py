@@ -43,6 +43,8 @@ _LARGEST_STEP = 0.5
 _GAUGE = 1e-6
 _HYPOTHESES = 24
 _TWIST = 6
+_BLOCK = 0.15
+"""Side of the blocks of points that are in the same half, as a part of their median depth."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,6 +179,16 @@ class PoseAdjustment:
             if np.nanmedian(change) < _CONVERGED_PX:
                 break
         return state
+
+    def half(self, state: "State") -> NDArray[np.bool_]:
+        """(m,) bool: half of the tracks, drawn by blocks of space, so that all tracks of a point are in the same half.
+
+        Errors of tracks of one point are not independent: both kinds may have it, and tracks that end begin again.
+        """
+        points = transform(state.poses[self.tracks.birth], self._rays * state.depth_m[:, None])
+        blocks = np.floor(points / (_BLOCK * np.median(state.depth_m)))
+        block = np.unique(blocks, axis=0, return_inverse=True)[1].reshape(-1)
+        return np.asarray((np.random.default_rng(0).permutation(int(block.max(initial=0)) + 1) % 2 == 0)[block])
 
     def of(self, state: "State", tracks: NDArray[np.bool_]) -> Array:
         """Poses (n, 4, 4) by some of the tracks, (m,) bool, near the state that fits all."""

@@ -1,4 +1,4 @@
-"""The check refines poses as a run does: spoilt ones are told from the truth, exact ones stay, trajectories are better."""
+"""The check refines poses as a run does: spoilt ones are found, exact ones stay, and trajectories are better."""
 
 from dataclasses import dataclass
 
@@ -43,9 +43,7 @@ class Spoilt(View):
 
 @pytest.fixture(scope="module")
 def exact():
-    return open_sequence(
-        "simulated", motions=["arvr"], frames=FRAMES, width=320, height=240, supersampling=1
-    )
+    return open_sequence("simulated", motions=["arvr"], frames=FRAMES, width=320, height=240, supersampling=1)
 
 
 @pytest.fixture(scope="module")

@@ -283,3 +283,49 @@ def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, record
     assert tracknoise(*run)[1] == out  # the run keeps it
     code, _, err = tracknoise(*run, "--check", str(document))
     assert (code, "check.json" in err) == (1, True)
+
+
+def spoilt(recording, folder):
+    shutil.copytree(recording / "walk", folder / "walk")
+    path = folder / "walk" / "poses.txt"
+    rows = np.loadtxt(path).reshape(16, -1)
+    walk = np.cumsum(np.random.default_rng(6).normal(0.0, np.radians(0.3), (16, 3)), axis=0)
+    rows[:, -4:] = (Rotation.from_quat(rows[:, -4:]) * Rotation.from_rotvec(walk)).as_quat()
+    np.savetxt(path, rows)
+    return folder
+
+
+@pytest.mark.usefixtures("without_clock")
+def test_the_stated_poses_have_a_verdict_of_their_own_and_refined_ones_are_written(tracknoise, recording, tmp_path):
+    wrong, page, written = spoilt(recording, tmp_path / "data"), tmp_path / "check.html", tmp_path / "walk.txt"
+    arguments = ["check", str(wrong), "--html", str(page), "--write-trajectory", str(tmp_path / "{scene}.txt")]
+    _, out, err = tracknoise(*arguments)
+    text = " ".join(out.split())
+    assert text.count("The stated poses would add") == 1
+    assert text.count("Stated poses: ") == 1
+    assert "Stated poses: " in page.read_text()
+    assert f"written: {written}" in err
+    exact, stated, found = (
+        Rotation.from_quat(np.loadtxt(path)[:, -4:])
+        for path in (recording / "walk/poses.txt", wrong / "walk/poses.txt", written)
+    )
+    moved = [
+        np.mean((one[:-3].inv() * one[3:] * (exact[:-3].inv() * exact[3:]).inv()).magnitude())
+        for one in (stated, found)
+    ]
+    assert moved[1] < 0.5 * moved[0]
+
+
+def test_a_trajectory_replaces_no_other_file_and_several_scenes_need_several_files(tracknoise, recording, tmp_path):
+    other = tmp_path / "notes.txt"
+    other.write_text("0 0 0 0 0 0 0 1\n")
+    code, out, err = tracknoise("check", str(recording), "--write-trajectory", str(other))
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "found a file of another kind, expected a new file or an earlier trajectory" in err
+    for name in ("one", "two"):
+        shutil.copytree(recording / "walk", tmp_path / "several" / name)
+    code, out, err = tracknoise("check", str(tmp_path / "several"), "--write-trajectory", str(tmp_path / "x.txt"))
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "one file for 2 sequences, expected {scene} or {lighting} in its name" in err
+    code, _, err = tracknoise("check", str(recording), "--write-trajectory", str(tmp_path / "{place}.txt"))
+    assert (code, "{place} is not a placeholder" in err) == (1, True)

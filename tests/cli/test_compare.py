@@ -2,11 +2,13 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from tests.report.synthetic import World, write_run
 
+from tracknoise.tables.manifest import PoseFit
 from tracknoise.tables.store import RunFolder
 
 SCENES = tuple(f"scene-{number}" for number in range(8))
@@ -64,6 +66,33 @@ def test_a_run_that_failed_to_measure_a_scene_does_not_pass(tracknoise, make, ga
     assert status == 4
     assert "After could not measure scene-0@default, which compare-base measured." in out
     assert "after: after could not measure scene-0@default" in err
+
+
+def with_leading_poses(run, folder, fit):
+    """A copy of a run in which poses of all sequences lead as given."""
+    copy = RunFolder(Path(shutil.copytree(run, folder)))
+    manifest = copy.manifest()
+    manifest.sequences = {key: replace(entry, pose_fit=fit) for key, entry in manifest.sequences.items()}
+    copy.write_manifest(manifest)
+    return str(copy.path)
+
+
+def test_runs_with_different_leading_poses_are_refused(tracknoise, make, tmp_path):
+    refined = with_leading_poses(make("seed", seed=1), tmp_path / "refined", PoseFit(True, 300.0, 0.1, 1.0, 10))
+    status, out, err = tracknoise("compare", make("base"), refined)
+    assert (status, out) == (1, "")
+    assert "other truth: poses of scene-0@default are stated and refined, expected the same" in err
+    kept = with_leading_poses(make("seed", seed=1), tmp_path / "kept", PoseFit(False, reason="They are exact."))
+    assert tracknoise("compare", make("base"), kept)[0] == 0
+
+
+@pytest.mark.parametrize(("wanted", "expected"), [("stated", 0), ("refined", 4)])
+def test_a_gate_names_which_poses_have_to_lead(tracknoise, make, gate, wanted, expected):
+    tolerances = 'ages = "mean"\n[tolerances]\ncore = 0.25\nlifetime = 0.25\n'
+    file = gate(f'poses = "{wanted}"\n{tolerances}')
+    status, out, _ = tracknoise("compare", make("base"), make("seed", seed=1), "--gate", file)
+    assert status == expected
+    assert ("are stated, not refined" in out) == (expected == 4)
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ def test_a_gate(tmp_path):
 def test_defaults(tmp_path):
     gate = read_gate(write(tmp_path, "[tolerances]\ncore = 0.1\n"))
     assert (gate.level, gate.ages, gate.trackers, gate.speeds) == (0.95, "every", None, None)
+    assert gate.poses is None
 
 
 @pytest.mark.parametrize(
@@ -42,6 +43,8 @@ def test_defaults(tmp_path):
         ),
         ("level = 2\n[tolerances]\ncore = 0.1", "level: found 2"),
         ('ages = "all"\n[tolerances]\ncore = 0.1', "ages: found 'all', expected one of every, mean"),
+        ('poses = "best"\n[tolerances]\ncore = 0.1', "poses: found 'best', expected one of refined, stated"),
+        ("poses = []\n[tolerances]\ncore = 0.1", r"poses: found \[\], expected one of"),
         ("ages = [1]\n[tolerances]\ncore = 0.1", r"ages: found \[1\]"),
         ('speeds = ["1"]\n[tolerances]\ncore = 0.1', "speeds: found .* expected a list of whole numbers"),
         ("trackers = []\n[tolerances]\ncore = 0.1", "trackers: found .* expected a list of names"),

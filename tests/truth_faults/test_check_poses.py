@@ -1,4 +1,4 @@
-"""The check refines poses as a run does: spoilt ones are told from the truth, exact ones stay, trajectories are better."""
+"""The check refines poses as a run does: spoilt ones are found, exact ones stay, and trajectories are better."""
 
 from dataclasses import dataclass
 

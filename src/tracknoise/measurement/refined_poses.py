@@ -88,7 +88,7 @@ class RefinedPoses(OtherPoses):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Those of the sequence shown: the refinement is told by itself."""
+        """Those of the sequence shown: `PoseFit` states what was refined."""
         return self.sequence.notes
 
 

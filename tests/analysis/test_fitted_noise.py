@@ -47,7 +47,7 @@ def run(tmp_path_factory):
     for number in range(8):
         sequence = sequence_of(f"scene-{number}")
         tracker = tracknoise.Imported(path=track_file(folder / f"{number}.parquet", sequence, number))
-        measured.append(tracknoise.measure(sequence, tracker))
+        measured.append(tracknoise.measure(sequence, tracker, truth="triangulated"))
     with without_audit(), without_depths():
         return tracknoise.analyse(measured)
 

@@ -77,7 +77,7 @@ class RefinedPoses(OtherPoses):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Those of the sequence shown: the refinement is told by itself."""
+        """Those of the sequence shown: the refinement has a sentence of its own."""
         return self.sequence.notes
 
 

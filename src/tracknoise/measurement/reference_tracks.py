@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import ceil, sqrt
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +17,7 @@ from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.detection import Detection, Detector, Spacing
 from tracknoise.trackers.lucas_kanade import LucasKanade
+from tracknoise.trackers.preprocessing import resized
 from tracknoise.trackers.rejection import Model, Rejection
 from tracknoise.trackers.tracker import Frame, Step, Tracker, TrackerSettings
 from tracknoise.truth.pose_adjustment import ReferenceTracks
@@ -85,8 +85,7 @@ def _step_in(tracker: Tracker, frame: Frame, size: tuple[int, int]) -> Step:
     """A step in an image of another size, with positions in the one that is given."""
     if size == frame.size:
         return tracker.step(frame)
-    image = np.asarray(cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    step = tracker.step(Frame(frame.index, image))
+    step = tracker.step(resized(frame, size))
     return replace(step, uv=(step.uv + 0.5) * (np.array(frame.size) / size) - 0.5)
 
 

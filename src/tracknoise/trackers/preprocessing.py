@@ -57,3 +57,8 @@ class Preprocessing:
         if self.equalisation is Equalisation.histogram:
             return np.asarray(cv2.equalizeHist(image), dtype=np.uint8)
         return np.asarray(cv2.createCLAHE(self.clip_limit, (self.tiles, self.tiles)).apply(image), dtype=np.uint8)
+
+
+def resized(frame: Frame, size: tuple[int, int]) -> Frame:
+    """The frame with a smaller image, of (width, height) px."""
+    return Frame(frame.index, np.asarray(cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA), np.uint8))

@@ -120,8 +120,9 @@ def refined(
         return sequence, PoseFit(False, reason="The stated poses are exact.")
     tracks = reference_tracks(sequence, n_frames, progress=progress)
     frames = np.bincount(tracks.frame, minlength=n_frames) + np.bincount(tracks.birth, minlength=n_frames)
-    references = float(np.median(frames)) if n_frames else 0.0
-    few = np.mean(frames[has_pose(sequence.world_from_camera[:n_frames])] < FEWEST_TRACKS)
+    frames = frames[has_pose(sequence.world_from_camera[:n_frames])]
+    references = float(np.median(frames)) if len(frames) else 0.0
+    few = np.mean(frames < FEWEST_TRACKS) if len(frames) else 1.0
     if not len(tracks.frame) or few > _FEW_FRAMES:
         frames_with = f"{percent(float(few))} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
         reason = f"Poses are not refined: {frames_with}."
@@ -167,14 +168,16 @@ def _compared(
     """Which poses lead, by what halves of the tracks say and by what is stated."""
     tracks, sequence = adjustment.tracks, found.sequence
     age = tracks.frame - tracks.birth[tracks.track]
-    rows = age == min(AGE, int(age.max()))
+    ages = set(age.tolist())
+    shown = max((one for one in ages if one <= AGE), default=min(ages))
+    rows = age == shown
     every = [
         adjustment.residuals(poses, depth_m) for poses in (*found.pose_halves, found.poses, sequence.world_from_camera)
     ]
-    next_px = _rms((every[3] - every[2])[age == 1])
+    next_px = _rms((every[3] - every[2])[age == 1]) if (age == 1).any() else None
     one, other, best, given = (residual[rows] for residual in every)
     left_px = _rms((one - other) / 2.0)
-    fit = PoseFit(True, references, left_px, _rms(given - best), int(age[rows][0]), next_px, stated_errors(found))
+    fit = PoseFit(True, references, left_px, _rms(given - best), shown, next_px, stated_errors(found))
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."

@@ -123,11 +123,9 @@ def _joined(sequence: Sequence, n_frames: int, recordings: list[Recording]) -> R
 
 
 def with_depths(sequence: Sequence, tracks: ReferenceTracks) -> ReferenceTracks:
-    """The tracks with the depths of a sequence; those without one are left out, unless none has any."""
+    """The tracks with the depths of a sequence, where it has one."""
     depth_m, sigma = _depths(SequenceGeometry(sequence), tracks.birth, tracks.birth_uv)
-    found = replace(tracks, depth_m=depth_m, depth_sigma=sigma)
-    known = np.isfinite(depth_m)
-    return found.chosen(known) if known.any() else found
+    return replace(tracks, depth_m=depth_m, depth_sigma=sigma)
 
 
 def _depths(

@@ -8,7 +8,8 @@ tracks is about their mean, and has the variance of
 
     (e1 - e2) / 2    (refined.floor)
 
-The errors of the halves are taken to be independent. Nothing else is assumed of the tracks.
+The errors of the halves are taken to be independent. Nothing else is assumed of the tracks. The halves are the two
+kinds of tracks where these differ by more.
 
 Relative poses of frames that are k apart differ between stated and refined poses. From the mean squares of each
 coordinate, those by (refined.floor) are taken off. What is left is that of the stated poses, and grows by
@@ -28,7 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert
-from tracknoise.measurement.reference_tracks import KINDS, reference_tracks
+from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
@@ -60,6 +61,8 @@ LARGEST_LAG = 24
 """Largest distance of two frames to which (refined.law) is fitted, frames."""
 _MOST_RESIDUAL_PX = 3.0
 """Median residual of reference tracks at `AGE` beyond which no poses fit them."""
+_CLEARLY = 2.0
+"""How much larger what the stated poses would add has to be than what is left of the errors of refined ones."""
 _LEAST_PARALLAX_PX = 2.0
 """Median parallax of reference tracks, without which the images do not tell depths."""
 
@@ -189,7 +192,7 @@ def refined_by(
     frames = np.bincount(tracks.frame, minlength=n_frames) + np.bincount(tracks.birth, minlength=n_frames)
     posed = frames[has_pose(sequence.world_from_camera[:n_frames])]
     references = float(np.median(posed)) if len(posed) else 0.0
-    few = np.count_nonzero(posed < FEWEST_TRACKS) / max(len(posed), 1)
+    few = np.count_nonzero(posed < FEWEST_TRACKS) / len(posed) if len(posed) else 1.0
     if not len(tracks.frame) or few > _FEW_FRAMES:
         frames_with = f"{percent(few)} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
         reason = f"Poses are not refined: {frames_with}."
@@ -217,8 +220,17 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> Re
     half = adjustment.half(best)
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
     by_kind = {name: adjustment.of(best, tracks.kind == kind) for kind, name in enumerate(KINDS)}
+    pairs = [halves]
+    if min(np.bincount(tracks.kind[tracks.track], minlength=len(KINDS))) >= FEWEST_TRACKS * len(best.poses) / 2:
+        pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
+    farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
     left = _readout_left(adjustment, sequence, best)
-    return RefinedPoses.of(sequence, best.poses, pose_halves=halves, by_kind=by_kind, readout_left=left)
+    return RefinedPoses.of(sequence, best.poses, pose_halves=farthest, by_kind=by_kind, readout_left=left)
+
+
+def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:
+    """Size of the differences of predicted positions by two sets of poses, px."""
+    return _size(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
 
 
 def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> float:
@@ -236,19 +248,24 @@ def _compared(
     """Which poses lead, by what halves of the tracks say and by what is stated."""
     tracks, sequence = adjustment.tracks, found.sequence
     age = tracks.frame - tracks.birth[tracks.track]
-    rows = age == min(AGE, int(age.max()))
+    ages = set(age.tolist())
+    shown = max((one for one in ages if one <= AGE), default=min(ages))
+    rows = age == shown
     every = [
         adjustment.residuals(poses, depth_m)
         for poses in (*(halves_of(found) or ()), found.poses, sequence.world_from_camera)
     ]
-    next_px = _size((every[3] - every[2])[age == 1])
+    next_px = _size((every[3] - every[2])[age == 1]) if (age == 1).any() else None
     one, other, best, given = (residual[rows] for residual in every)
-    left_px = _size((one - other) / 2.0)
-    fit = PoseFit(True, references, left_px, _size(given - best), int(age[rows][0]), next_px, stated_errors(found))
+    left_px, stated_px = _size((one - other) / 2.0), _size(given - best)
+    fit = PoseFit(True, references, left_px, stated_px, shown, next_px, stated_errors(found))
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
         return PoseFit(False, references, reason=reason)
+    if not stated_px > _CLEARLY * left_px:
+        reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
+        return replace(fit, leads=False, reason=reason)
     if not {"rotation", "translation"} <= stated.topics:
         return fit
     points = adjustment.anchored_points(sequence.world_from_camera, depth_m, np.flatnonzero(rows))

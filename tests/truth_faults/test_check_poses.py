@@ -8,7 +8,8 @@ from benchmarks.validity.rigid import pose_noise
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.sequences.other_poses import trajectory_text, with_trajectory
+from tracknoise.sequences.estimated_poses import with_trajectory
+from tracknoise.sequences.other_poses import trajectory_text
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.views import View
 from tracknoise.tables.enumerations import Trust

@@ -489,7 +489,7 @@ def test_random_depths_are_seen_where_the_camera_moves_evenly_to_the_side() -> N
 
 def test_what_few_errors_do_not_tell_about_depths_is_unknown() -> None:
     samples = make_samples(np.random.default_rng(0), replace(WORLD, noise_px=(0.3,)), theta_of({}))
-    few = samples.chosen(np.arange(0, len(samples.age), len(samples.age) // 210))
+    few = samples.chosen(np.arange(0, len(samples.age), len(samples.age) // 70))
     assert explained(few, available(few)).depths is None
 
 

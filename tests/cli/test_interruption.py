@@ -36,6 +36,8 @@ root = "data"
 [[trackers]]
 kind = "oracle"
 options = { n_features = 20, margin_px = 2 }
+[truth]
+poses = "stated"  # pipes are read once
 [statistics]
 min_features = 2
 """

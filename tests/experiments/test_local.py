@@ -176,6 +176,8 @@ def test_a_worker_that_died_is_an_error_of_the_call():
 def test_no_socket_of_a_run_accepts_a_stranger(scenes, tmp_path, told):
     """Neither this process nor a worker listens anywhere, so that no other user can send them work."""
     experiment = scenes(2)
+    stated = experiment.truth.model_copy(update={"poses": "stated"})  # pipes are read once
+    experiment = experiment.model_copy(update={"truth": stated})
     images = [tmp_path / f"data/seq-{number:02}/frame-000002.color.png" for number in (1, 2)]
     contents = [image.read_bytes() for image in images]
     for image in images:

@@ -28,7 +28,8 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.pose import PosePath, invert
+from tracknoise.geometry.pose import PosePath, invert, transform
+from tracknoise.inference.robust_fits import weights
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.other_poses import OtherPoses
@@ -63,6 +64,7 @@ _MOST_RESIDUAL_PX = 3.0
 """Median residual of reference tracks at `AGE` beyond which no poses fit them."""
 _CLEARLY = 2.0
 """How much larger what the stated poses would add has to be than what is left of the errors of refined ones."""
+_FAULT_STEPS, _AS_WELL = 5, 1.1
 _LEAST_PARALLAX_PX = 2.0
 """Median parallax of reference tracks, without which the images do not tell depths."""
 
@@ -263,6 +265,9 @@ def _compared(
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
         return PoseFit(False, references, reason=reason)
+    if _is_of_camera_or_depths(adjustment, found):
+        reason = "An error of the focal length or the depths explains reference tracks as well as other poses would."
+        return replace(fit, leads=False, reason=reason)
     if not stated_px > _CLEARLY * left_px:
         reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
@@ -275,6 +280,35 @@ def _compared(
         reason = "The stated poses are stated to be better than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
     return fit
+
+
+def _is_of_camera_or_depths(adjustment: PoseAdjustment, found: RefinedPoses) -> bool:
+    """Whether the focal length and a law of the errors of depths explain what stated poses leave, as refined ones do.
+
+    No poses mend such an error: they would only hide it.
+    """
+    tracks, stated = adjustment.tracks, found.sequence.world_from_camera
+    age = tracks.frame - tracks.birth[tracks.track]
+    rows = np.flatnonzero((age <= AGE) & np.isfinite(tracks.depth_m[tracks.track]))
+    if len(rows) < FEWEST_TRACKS:
+        return False
+    depth_m, points = tracks.depth_m, adjustment.anchored_points(stated, tracks.depth_m, rows)
+    moved = TruthDerivatives(found.sequence).sensitivity(points)
+    z = moved.depth_m[:, None]
+    slant = np.linalg.norm(transform(invert(stated[points.anchor]), points.points_world), axis=1)[:, None] / z - 1.0
+    faults = np.stack([moved.focal, moved.depth, *(moved.depth * z * one for one in (1.0, z, slant))], axis=2)
+    left = adjustment.residuals(stated, depth_m)[rows]
+    known = np.isfinite(faults).all(axis=(1, 2)) & np.isfinite(left).all(axis=1)
+    faults, left = faults[known], left[known]
+    unit = np.maximum(np.sqrt(np.mean(faults**2, axis=(0, 1))), 1e-12)
+    rest = left
+    for _ in range(_FAULT_STEPS):
+        weight = weights(np.sum(rest**2, axis=1) / max(_size(rest), 1e-6) ** 2 * 2.0)[:, None, None] ** 0.5
+        design = (faults / unit * weight).reshape(-1, faults.shape[2])
+        theta = np.linalg.lstsq(design, (left * weight[:, :, 0]).ravel(), rcond=1e-6)[0]
+        rest = left - (faults / unit) @ theta
+    refined_px = _size(adjustment.residuals(found.poses, depth_m)[rows][known])
+    return _size(rest) <= _AS_WELL * refined_px < _size(left)
 
 
 def _size(moved: Array) -> float:

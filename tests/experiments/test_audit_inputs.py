@@ -41,7 +41,7 @@ def sequence():
 
 def audited(sequence, **options) -> AuditedTables:
     measured = measure(sequence, {"oracle": ORACLE, "lucas-kanade": "lucas-kanade"}, speeds=(1, 2), **options)
-    tables = tables_to_keep(EXPERIMENT, sequence, measured)
+    tables = tables_to_keep(EXPERIMENT, measured)
     return kept(tables)
 
 
@@ -89,7 +89,7 @@ def test_points_of_a_scan_are_anchored_in_the_key_frame(sequence) -> None:
     points, hit = sequence.surface.cast(3, np.stack([u.ravel(), v.ravel()], axis=1))
     scanned = Changed(sequence, truths=("scan",), scan=Scan(points[hit], 3), camera=sequence.camera)
     measured = measure(scanned, "lucas-kanade")
-    tables = tables_to_keep(EXPERIMENT, scanned, measured)
+    tables = tables_to_keep(EXPERIMENT, measured)
     assert kept(tables).samples["birth_frame"].unique().to_list() == [3]
     assert kept(tables).samples["frame"].min() < 3 < kept(tables).samples["frame"].max()
     require_reproduced(kept(tables))
@@ -98,7 +98,7 @@ def test_points_of_a_scan_are_anchored_in_the_key_frame(sequence) -> None:
 def test_turned_views_are_not_audited_again(sequence) -> None:
     view = turned(sequence, 90)
     measured = measure(view, {"oracle": ORACLE})
-    assert tables_to_keep(EXPERIMENT, view, measured)["audit_samples"].is_empty()
+    assert tables_to_keep(EXPERIMENT, measured)["audit_samples"].is_empty()
 
 
 def test_times_and_fisheye_lenses_are_kept(sequence) -> None:
@@ -107,7 +107,7 @@ def test_times_and_fisheye_lenses_are_kept(sequence) -> None:
     times = 5.0 + 0.1 * np.arange(12.0)
     changed = Changed(sequence, truths=("birth",), timestamps_s=times, camera=fisheye)
     measured = measure(changed, {"oracle": ORACLE})
-    tables = tables_to_keep(EXPERIMENT, changed, measured)
+    tables = tables_to_keep(EXPERIMENT, measured)
     assert tables["cameras"]["time_s"].to_list() == times.tolist()
     assert tables["audit_samples"].filter(pl.col("frame") == 4)["time_s"].unique().to_list() == [times[4]]
     samples = read_samples([kept(tables)], NO_GROUPS)

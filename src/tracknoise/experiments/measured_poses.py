@@ -2,8 +2,11 @@
 
 from collections.abc import Iterable
 
-from tracknoise.geometry.pose import from_quaternion
+import numpy as np
+
+from tracknoise.estimators.proof_windows import recorded_poses
 from tracknoise.measurement.refined_poses import RefinedPoses
+from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
@@ -21,7 +24,7 @@ def with_measured_poses(sequence: Sequence, pieces: Iterable[Piece]) -> Sequence
     for folder, entry, first in pieces:
         if entry.pose_fit is None or not entry.pose_fit.leads:
             continue
-        led, table = True, folder.sequence_table("poses", entry.key).drop_nulls()
-        rows = table.select("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw").to_numpy()
-        poses[first + table["frame"].to_numpy()] = from_quaternion(rows[:, :3], rows[:, 3:])
+        led, found = True, recorded_poses(folder.sequence_table("poses", entry.key))
+        known = np.flatnonzero(has_pose(found))
+        poses[first + known] = found[known]
     return RefinedPoses.of(sequence, poses) if led else sequence

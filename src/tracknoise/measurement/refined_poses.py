@@ -36,9 +36,9 @@ from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import (
     SWEPT,
-    TRIANGULATED,
     Sequence,
     TruthKind,
+    best_truth,
     halves_of,
     path_of,
     stated_accuracy,
@@ -124,19 +124,13 @@ class Leading:
         """
         if only_stated:
             return cls(sequences, second, [None for _ in sequences])
+        kinds = [kind or best_truth(one) for one in sequences]
         found = [
-            refined(
-                one,
-                kind or next(iter(one.truths), TRIANGULATED),
-                rule,
-                min(len(one), n_frames or len(one)),
-                progress=progress,
-            )
-            for one in sequences
+            refined(one, of, rule, min(len(one), n_frames or len(one)), progress=progress)
+            for one, of in zip(sequences, kinds, strict=True)
         ]
         fits = [fit for _, fit in found]
         if all(fit.leads for fit in fits):
-            kinds = {kind or next(iter(one.truths), TRIANGULATED) for one in sequences}
             stated = () if SWEPT in kinds else sequences  # depths are swept once, with the poses that lead
             return cls([one for one, _ in found], second or stated, fits)
         return cls(sequences, second, [replace(fit, leads=False, reason=fit.reason or _OTHERS) for fit in fits])

@@ -348,6 +348,11 @@ def accuracy_of(sequence: Sequence) -> TruthAccuracy:
     return single if more is None else more.over(single)
 
 
+def best_truth(sequence: Sequence) -> str:
+    """The best kind of truth that a sequence offers, or fitted points where it offers none."""
+    return next(iter(sequence.truths), TRIANGULATED)
+
+
 def halves_of(sequence: Sequence) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Poses by two halves of what the poses of a sequence are from; None where there are none."""
     halves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = getattr(sequence, "pose_halves", None)

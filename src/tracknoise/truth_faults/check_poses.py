@@ -6,7 +6,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.pose import invert
 from tracknoise.measurement.refined_poses import RefinedPoses, refined
 from tracknoise.sequences.poses import has_pose
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence
+from tracknoise.sequences.sequence import Sequence, best_truth
 from tracknoise.sequences.views import PartOfSequence
 from tracknoise.tables.manifest import PoseFit, joined_fit
 from tracknoise.truth.accuracies import DEFAULT_RULE
@@ -83,9 +83,8 @@ def refined_trajectory(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
 
 
 def _refined(sequence: Sequence, part: range) -> tuple[Sequence, PoseFit]:
-    kind = next(iter(sequence.truths), TRIANGULATED)
     shown = sequence if len(part) == len(sequence) else PartOfSequence(sequence, part)
-    return refined(shown, kind, DEFAULT_RULE, len(part))
+    return refined(shown, best_truth(sequence), DEFAULT_RULE, len(part))
 
 
 def _values(fit: PoseFit) -> dict[str, float | int | str | None]:

@@ -10,7 +10,7 @@ program, and by the reference tracks, and kept in `--cache`. For each fault, sha
 10. Nothing is stated of its accuracy. `nothing` spoils nothing. Each scene, fault, share and seed is one line of
 RESULTS, a file of JSON, and is not made again.
 
-Errors of each tracker are those of the visible observations by the exact truth, by the stated one, by the refined one,
+Errors of each tracker are those of the visible observations with a depth in all truths, by the exact truth, by the stated one, by the refined one,
 and by poses from reference tracks of one kind alone. Core is 1.4826 times the median of their absolute values, bias
 their median. Printed are the shares of values
 
@@ -39,7 +39,6 @@ from benchmarks.validity.rigid import pose_noise
 from benchmarks.validity.truth_verdicts import FAULTS, RATE_HZ, Degrade, Followed, Recorded, by_hand, noisy_depth
 from tracknoise.experiments.measure import Measurement, measure
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.depth import sample
 from tracknoise.inference.robust_fits import scales
 from tracknoise.measurement.reference_tracks import KINDS, reference_tracks, with_depths
 from tracknoise.measurement.refined_poses import RefinedPoses, refined_by
@@ -48,10 +47,13 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.identity import SequenceId
+from tracknoise.tables.schema import TruthStatus
 from tracknoise.trackers.features import Features, report
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 from tracknoise.trackers.tracker_registry import make_tracker
+from tracknoise.truth.birth import BirthDepths
 from tracknoise.truth.pose_adjustment import PoseAdjustment, ReferenceTracks
+from tracknoise.truth.visibility import SequenceGeometry
 from tracknoise.truth_faults.pose_errors import CUT
 
 Array = NDArray[np.float64]
@@ -290,10 +292,12 @@ class Bench:
         row |= {"stated_px": fit.stated_px, "cpu_s": round(used_s, 2), "planted": round(self.planted(given), 4)}
         truths = {EXACT: self.exact, STATED: given, REFINED: given}
         floors = {name: np.zeros_like(errors) for name, errors in given.items()}
+        row |= {"corrections": dict(fit.corrections), "joins_depths": fit.joins_depths}
         if isinstance(found, RefinedPoses):
-            truths[REFINED] = self.errors(found.poses, depths)
-            truths |= {kind: self.errors(one, depths) for kind, one in found.by_kind.items()}
-            halves = [self.errors(one, depths) for one in found.pose_halves]
+            changed = found if other or fit.corrections or fit.joins_depths else None
+            truths[REFINED] = self.errors(found.poses, changed)
+            truths |= {kind: self.errors(one, changed) for kind, one in found.by_kind.items()}
+            halves = [self.errors(one, changed) for one in found.pose_halves]
             floors = {name: (halves[0][name] - halves[1][name]) / 2.0 for name, _ in self.seen}
             row |= self.left(references, found, recording)
         return {**row, "size": size, "values": self.values(truths, floors)}
@@ -316,19 +320,20 @@ class Bench:
             rows = self.age[name] == age
             if rows.sum() < 50:
                 continue
-            one = {truth: sizes(errors[name][rows]) for truth, errors in truths.items()}
+            known = np.all([np.isfinite(errors[name][rows]).all(axis=1) for errors in truths.values()], axis=0)
+            one = {truth: sizes(errors[name][rows][known]) for truth, errors in truths.items()}
             one["floor"] = np.sqrt(np.nanmean(floors[name][rows] ** 2, axis=0)).round(5).tolist()
             found.setdefault(name, {})[str(age)] = {**one, "n": int(rows.sum())}
         return found
 
 
 def depth_at(recording: Recording, tracks: ReferenceTracks) -> Array:
-    """Depths of a recording at births, metres."""
-    depth_m = np.full(len(tracks.birth), np.nan)
+    """Depths of a recording at births, metres; NaN where it has none."""
+    births, depth_m = BirthDepths(SequenceGeometry(recording)), np.full(len(tracks.birth), np.nan)
     for index in np.unique(tracks.birth).tolist():
-        rows, depth = np.flatnonzero(tracks.birth == index), recording.depth(index)
-        if depth is not None:
-            depth_m[rows] = sample(depth, tracks.birth_uv[rows]).depth_m
+        rows = np.flatnonzero(tracks.birth == index)
+        found, status = births.of(index, tracks.birth_uv[rows])
+        depth_m[rows] = np.where(status == TruthStatus.valid, found, np.nan)
     return depth_m
 
 

@@ -1,14 +1,16 @@
-"""The poses that led when a sequence was measured, for a sequence that is opened again."""
+"""The poses and depths that led when a sequence was measured, for a sequence that is opened again."""
 
 from collections.abc import Iterable
 
 import numpy as np
 
 from tracknoise.estimators.proof_windows import recorded_poses
+from tracknoise.measurement.adjusted_depths import depth_corrections
 from tracknoise.measurement.refined_poses import RefinedPoses
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.manifest import PoseFit, SequenceEntry, joined_fit
 from tracknoise.tables.store import RunFolder
 
 Piece = tuple[RunFolder, SequenceEntry, int]
@@ -18,13 +20,19 @@ Piece = tuple[RunFolder, SequenceEntry, int]
 def with_measured_poses(sequence: Sequence, pieces: Iterable[Piece]) -> Sequence:
     """A sequence as opened, with the refined poses that led when its pieces were measured; itself where none did.
 
-    Refined poses of a part go on from the stated pose of its first frame. No track goes on from part to part.
+    Refined poses of a part go on from the stated pose of its first frame. No track goes on from part to part. Depths
+    are corrected as those of the parts together.
     """
-    poses, led = sequence.world_from_camera.copy(), False
+    poses, led = sequence.world_from_camera.copy(), list[PoseFit]()
     for folder, entry, first in pieces:
         if entry.pose_fit is None or not entry.pose_fit.leads:
             continue
-        led, found = True, recorded_poses(folder.sequence_table("poses", entry.key))
+        led.append(entry.pose_fit)
+        found = recorded_poses(folder.sequence_table("poses", entry.key))
         known = np.flatnonzero(has_pose(found))
         poses[first + known] = found[known]
-    return RefinedPoses.of(sequence, poses) if led else sequence
+    fit = joined_fit(led)
+    if fit is None:
+        return sequence
+    with_depths = corrected(sequence, depth_corrections(fit.corrections))
+    return RefinedPoses.of(with_depths, poses, joins_depths=fit.joins_depths)

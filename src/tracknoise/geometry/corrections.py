@@ -6,7 +6,9 @@ from dataclasses import asdict, dataclass, fields
 from numbers import Real
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Gt
+from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.geometry.shutter import RollingShutter
@@ -101,6 +103,15 @@ class Corrections:
         values = asdict(self)
         said = (_SENTENCES[name].format(_shown(values[name])) for name in _SENTENCES if self._changes(name))
         return tuple(sentence.replace(" 1 frames ", " 1 frame ") for sentence in said)
+
+    def depths_m(self, stated_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(...) float64: depths, metres, with their factor and offsets; 0 where none is left."""
+        found_m = self.depth_scale * stated_m + self.depth_offset_m
+        more = self.inverse_depth_offset_per_m
+        if not more:
+            return found_m
+        bend = 1.0 + more * found_m
+        return np.asarray(np.where((found_m > 0.0) & (bend > 0.0), found_m / np.where(bend > 0.0, bend, 1.0), 0.0))
 
     def _changes(self, name: str) -> bool:
         changed: bool = getattr(self, name) != getattr(UNCORRECTED, name)

@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert, transform
-from tracknoise.inference.robust_fits import weights
+from tracknoise.measurement.adjusted_depths import AdjustedDepths
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.other_poses import OtherPoses
@@ -64,7 +64,8 @@ _MOST_RESIDUAL_PX = 3.0
 """Median residual of reference tracks at `AGE` beyond which no poses fit them."""
 _CLEARLY = 2.0
 """How much larger what the stated poses would add has to be than what is left of the errors of refined ones."""
-_FAULT_STEPS, _AS_WELL = 5, 1.1
+_MUCH = 1.0 / 3.0
+"""Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
 _LEAST_PARALLAX_PX = 2.0
 """Median parallax of reference tracks, without which the images do not tell depths."""
 
@@ -76,6 +77,8 @@ class RefinedPoses(OtherPoses):
     # by halves and by each kind of the reference tracks: (n, 4, 4) each; none where they are not at hand
     pose_halves: tuple[Array, Array] | None = None
     by_kind: Mapping[str, Array] = field(default_factory=dict)
+    # whether depths of features are joined from the maps of neighbouring frames
+    joins_depths: bool = False
     # share of what an unknown readout of a rolling shutter moves that refined poses do not absorb
     readout_left: float = 1.0
 
@@ -197,9 +200,9 @@ def refined_by(
     if not adjustment.parallax_px() >= _LEAST_PARALLAX_PX:
         reason = "Poses are not refined: without depth, the camera has to change its position by more."
         return sequence, PoseFit(False, references, reason=reason)
-    best = adjustment.best()
-    found = _adjusted(adjustment, sequence, best)
-    fit = _compared(found, adjustment, best.depth_m, stated, references)
+    depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
+    found = _adjusted(depths)
+    fit = _compared(found, depths, stated, references)
     return (found if fit.leads else sequence), fit
 
 
@@ -211,7 +214,8 @@ def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
     return figures.without(figures.topics - {"rotation", "translation"})
 
 
-def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> RefinedPoses:
+def _adjusted(depths: AdjustedDepths) -> RefinedPoses:
+    adjustment, sequence, best = depths.adjustment, depths.sequence, depths.best
     tracks = adjustment.tracks
     half = adjustment.half(best)
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
@@ -221,7 +225,8 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> Re
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
     left = _readout_left(adjustment, sequence, best)
-    return RefinedPoses.of(sequence, best.poses, pose_halves=farthest, by_kind=by_kind, readout_left=left)
+    known = {"pose_halves": farthest, "by_kind": by_kind, "readout_left": left}
+    return RefinedPoses.of(sequence, best.poses, joins_depths=depths.joined_are_better(), **known)
 
 
 def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:
@@ -238,31 +243,31 @@ def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -
     return min(left / whole, 1.0) if whole > 0.0 else 1.0
 
 
-def _compared(
-    found: RefinedPoses, adjustment: PoseAdjustment, depth_m: Array, stated: TruthAccuracy, references: float
-) -> PoseFit:
+def _compared(found: RefinedPoses, depths: AdjustedDepths, stated: TruthAccuracy, references: float) -> PoseFit:
     """Which poses lead, by what halves of the tracks say and by what is stated."""
+    adjustment, depth_m = depths.adjustment, depths.best.depth_m
     tracks, sequence = adjustment.tracks, found.sequence
     age = tracks.frame - tracks.birth[tracks.track]
     ages = set(age.tolist())
     shown = max((one for one in ages if one <= AGE), default=min(ages))
     rows = age == shown
     every = [
-        adjustment.residuals(poses, depth_m)
-        for poses in (*(halves_of(found) or ()), found.poses, sequence.world_from_camera)
+        *(adjustment.residuals(poses, depth_m) for poses in (*(halves_of(found) or ()), found.poses)),
+        adjustment.residuals(sequence.world_from_camera, depths.stated_m),
     ]
     next_px = _size((every[3] - every[2])[age == 1]) if (age == 1).any() else None
     one, other, best, given = (residual[rows] for residual in every)
     left_px, stated_px = _size((one - other) / 2.0), _size(given - best)
-    fit = PoseFit(True, references, left_px, stated_px, shown, next_px, stated_errors(found))
+    errors = stated_errors(found)
+    fit = PoseFit(True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, found.joins_depths)
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
         return PoseFit(False, references, reason=reason)
-    if _is_of_camera_or_depths(adjustment, found):
-        reason = "An error of the focal length or the depths explains reference tracks as well as other poses would."
+    if _is_of_camera(depths, found):
+        reason = "An error of the camera or the kind of depth explains reference tracks as well as other poses would."
         return replace(fit, leads=False, reason=reason)
-    if not stated_px > _CLEARLY * left_px:
+    if not (stated_px > _CLEARLY * left_px or found.joins_depths or depths.corrections):
         reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
     if not {"rotation", "translation"} <= stated.topics:
@@ -276,33 +281,25 @@ def _compared(
     return fit
 
 
-def _is_of_camera_or_depths(adjustment: PoseAdjustment, found: RefinedPoses) -> bool:
-    """Whether the focal length and a law of the errors of depths explain what stated poses leave, as refined ones do.
+def _is_of_camera(depths: AdjustedDepths, found: RefinedPoses) -> bool:
+    """Whether an error of the focal length, or of the kind of depth, makes much of what stated poses leave.
 
-    No poses mend such an error: they would only hide it.
+    It has to be established: no poses absorb all of it. Other poses would only hide it.
     """
-    tracks, stated = adjustment.tracks, found.sequence.world_from_camera
-    age = tracks.frame - tracks.birth[tracks.track]
-    rows = np.flatnonzero((age <= AGE) & np.isfinite(tracks.depth_m[tracks.track]))
-    if len(rows) < FEWEST_TRACKS:
-        return False
-    depth_m, points = tracks.depth_m, adjustment.anchored_points(stated, tracks.depth_m, rows)
-    moved = TruthDerivatives(found.sequence).sensitivity(points)
+    adjustment, best, tracks = depths.adjustment, depths.best, depths.adjustment.tracks
+    young = tracks.frame - tracks.birth[tracks.track] <= AGE
+    points = adjustment.anchored_points(best.poses, best.depth_m, np.arange(len(young)))
+    poses = OtherPoses(found.sequence, best.poses, "reference tracks")
+    moved = TruthDerivatives(poses).sensitivity(points)
     z = moved.depth_m[:, None]
-    slant = np.linalg.norm(transform(invert(stated[points.anchor]), points.points_world), axis=1)[:, None] / z - 1.0
-    faults = np.stack([moved.focal, moved.depth, *(moved.depth * z * one for one in (1.0, z, slant))], axis=2)
-    left = adjustment.residuals(stated, depth_m)[rows]
-    known = np.isfinite(faults).all(axis=(1, 2)) & np.isfinite(left).all(axis=1)
-    faults, left = faults[known], left[known]
-    unit = np.maximum(np.sqrt(np.mean(faults**2, axis=(0, 1))), 1e-12)
-    rest = left
-    for _ in range(_FAULT_STEPS):
-        weight = weights(np.sum(rest**2, axis=1) / max(_size(rest), 1e-6) ** 2 * 2.0)[:, None, None] ** 0.5
-        design = (faults / unit * weight).reshape(-1, faults.shape[2])
-        theta = np.linalg.lstsq(design, (left * weight[:, :, 0]).ravel(), rcond=1e-6)[0]
-        rest = left - (faults / unit) @ theta
-    refined_px = _size(adjustment.residuals(found.poses, depth_m)[rows][known])
-    return _size(rest) <= _AS_WELL * refined_px < _size(left)
+    there = transform(invert(best.poses[points.anchor]), points.points_world)
+    along_ray = moved.depth * (np.linalg.norm(there, axis=1)[:, None] - z)
+    stated_px = _size(adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
+    for displaced in (moved.focal, along_ray):
+        fault = adjustment.fault(best, displaced)
+        if fault.is_established and _size(fault.size * displaced[young]) > _MUCH * stated_px:
+            return True
+    return False
 
 
 def _size(moved: Array) -> float:

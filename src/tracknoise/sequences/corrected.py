@@ -111,7 +111,7 @@ class CorrectedSequence(View):
         depth = self.sequence.depth(index)
         if depth is None or not self.corrections.change_depths:
             return depth
-        depth_m = self._corrected_m(depth.depth_m.astype(np.float64))
+        depth_m = self.corrections.depths_m(depth.depth_m.astype(np.float64))
         if self.corrections.depth_along_ray:
             depth_m = depth_m * _cosines_of_image(self.camera_at(index))
         return replace(depth, depth_m=depth_m, valid=depth.valid & (depth_m > 0.0))
@@ -119,21 +119,12 @@ class CorrectedSequence(View):
     def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Surface points under pixels: at their corrected depths, on the rays of the corrected camera."""
         points_world, hit = View.cast(self, index, uv)
-        depth_m = self._corrected_m(transform(invert(self._recorded_poses.at(index, uv)), points_world)[:, 2])
+        depth_m = self.corrections.depths_m(transform(invert(self._recorded_poses.at(index, uv)), points_world)[:, 2])
         if self.corrections.depth_along_ray:
             depth_m = depth_m * _cosines(self.camera_at(index), uv)
         usable = hit & (depth_m > 0.0)
         points = self.camera_at(index).unproject(uv, np.where(usable, depth_m, 1.0))
         return transform(self._poses.at(index, uv), points), usable
-
-    def _corrected_m(self, stated_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Depths with their factor and offsets; 0 where none is left."""
-        found_m = self.corrections.depth_scale * stated_m + self.corrections.depth_offset_m
-        more = self.corrections.inverse_depth_offset_per_m
-        if not more:
-            return found_m
-        bend = 1.0 + more * found_m
-        return np.asarray(np.where((found_m > 0.0) & (bend > 0.0), found_m / np.where(bend > 0.0, bend, 1.0), 0.0))
 
     @cached_property
     def _mounting(self) -> NDArray[np.float64]:

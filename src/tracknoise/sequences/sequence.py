@@ -359,6 +359,12 @@ def halves_of(sequence: Sequence) -> tuple[NDArray[np.float64], NDArray[np.float
     return halves
 
 
+def joins_depths(sequence: Sequence) -> bool:
+    """Whether depths of features are to be joined from the maps of neighbouring frames."""
+    joined: bool = getattr(sequence, "joins_depths", False)
+    return joined
+
+
 def readout_left_of(sequence: Sequence) -> float:
     """Share of what an unknown readout moves that the poses of a sequence do not absorb; 1 of stated poses."""
     left: float = getattr(sequence, "readout_left", 1.0)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 
-FORMAT = 11
+FORMAT = 12
 _SEAL = "sha256"
 _REMEDY = "measure again with --fresh"
 
@@ -52,6 +52,10 @@ class PoseFit:
     stated_errors
         How the errors of relative stated poses grow, (pose.law), by the names of `TruthAccuracy`; None where they are
         not larger than reference tracks can tell.
+    corrections
+        Of the stated depths, by the names of `Corrections`: what reference tracks say beyond what other poses explain.
+    joins_depths
+        Whether depths of features are joined from the maps of neighbouring frames.
     reason
         Why stated poses lead, a sentence; empty where refined ones do.
     """
@@ -63,7 +67,22 @@ class PoseFit:
     age: int | None = None
     next_px: float | None = None
     stated_errors: Mapping[str, float] | None = None
+    corrections: Mapping[str, float] = field(default_factory=dict)
+    joins_depths: bool = False
     reason: str = ""
+
+    @property
+    def of_depths(self) -> str:
+        """What was done with depths, sentences; empty where they are as stated."""
+        added = [_ADDED[name].format(f"{value:.3g}") for name, value in self.corrections.items()]
+        joined = ["Depths were joined from the maps of neighbouring frames."] if self.joins_depths else []
+        return " ".join([*added, *joined])
+
+
+_ADDED = {
+    "inverse_depth_offset_per_m": "By reference tracks, {} 1/m was added to inverse depths.",
+    "depth_offset_m": "By reference tracks, {} m was added to depths.",
+}
 
 
 def joined_fit(fits: Sequence[PoseFit | None]) -> PoseFit | None:
@@ -79,11 +98,14 @@ def joined_fit(fits: Sequence[PoseFit | None]) -> PoseFit | None:
     ages = [fit.age for fit in known if fit.age is not None]
     laws = [fit.stated_errors for fit in known if fit.stated_errors is not None]
     names = dict.fromkeys(name for law in laws for name in law)
+    corrected = dict.fromkeys(name for fit in known for name in fit.corrections)
     return PoseFit(
         all(fit.leads for fit in fits if fit),
         references=median(counts) if counts else None,
         age=max(ages, default=None),
         stated_errors={name: _together([law.get(name) for law in laws]) or 0.0 for name in names} or None,
+        corrections={name: median(fit.corrections.get(name, 0.0) for fit in known) for name in corrected},
+        joins_depths=any(fit.joins_depths for fit in known),
         reason=next((fit.reason for fit in known if fit.reason), ""),
         **{name: _together(values) for name, values in numbers.items()},
     )

@@ -9,24 +9,29 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.depth import at_pixels, sample
 from tracknoise.geometry.surroundings import Surroundings, around, find_surroundings, unknown_surroundings
-from tracknoise.sequences.sequence import Sequence, TruthKind
+from tracknoise.sequences.sequence import Sequence, TruthKind, joins_depths
 from tracknoise.tables.schema import TruthStatus
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
+from tracknoise.truth.joined_depths import JoinedDepths
 from tracknoise.truth.visibility import DepthMapSurface, SequenceGeometry
 
 
 @dataclass(frozen=True, slots=True)
 class BirthDepth:
-    """Depth at birth, read at the sub-pixel position in the first frame: (truth.birth)."""
+    """Depth at birth, read at the sub-pixel position in the first frame: (truth.birth).
+
+    Where the sequence says so, it is joined from the maps of neighbouring frames: (depth.joined).
+    """
 
     kind: ClassVar[str] = TruthKind.birth
 
     def open(self, sequence: Sequence) -> AnchoredTruth:
         """Make the truth of one sequence. Features whose first frame has no depth there get no true position."""
         geometry = SequenceGeometry(sequence)
+        births = BirthDepths(geometry)
 
         def anchor(index: int, uv: NDArray[np.float64]) -> Anchors:
-            return anchor_points(geometry, index, uv, *_birth_depth(geometry, index, uv))
+            return anchor_points(geometry, index, uv, *births.of(index, uv))
 
         return AnchoredTruth(
             self.kind, geometry, anchor, DepthMapSurface(geometry), partial(_mapped_surroundings, geometry)
@@ -41,15 +46,31 @@ def _mapped_surroundings(geometry: SequenceGeometry, index: int, uv: NDArray[np.
     return find_surroundings(geometry.camera_at(index), uv, *at_pixels(depth, around(uv)), depth.accuracy)
 
 
-def _birth_depth(
-    geometry: SequenceGeometry, index: int, uv: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Depth of features in a frame, and their status: edge next to a depth discontinuity."""
-    depth = geometry.depth(index)
-    if depth is None:
-        return np.ones(len(uv)), np.full(len(uv), TruthStatus.no_depth, np.int8)
-    read = sample(depth, uv)
-    status = np.full(len(uv), TruthStatus.no_depth, np.int8)
-    status[read.edge] = TruthStatus.edge
-    status[read.valid] = TruthStatus.valid
-    return read.depth_m, status
+class BirthDepths:
+    """Depths of features in the first frame of their tracks.
+
+    Parameters
+    ----------
+    geometry
+        Of the sequence.
+    """
+
+    __slots__ = ("_geometry", "_joined")
+
+    def __init__(self, geometry: SequenceGeometry) -> None:
+        self._geometry = geometry
+        self._joined = JoinedDepths(geometry) if joins_depths(geometry.sequence) else None
+
+    def of(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+        """Depths (n,), metres, of pixels (n, 2) of a frame, and their status: edge next to a depth discontinuity."""
+        depth = self._geometry.depth(index)
+        if depth is None:
+            return np.ones(len(uv)), np.full(len(uv), TruthStatus.no_depth, np.int8)
+        read = sample(depth, uv)
+        status = np.full(len(uv), TruthStatus.no_depth, np.int8)
+        status[read.edge] = TruthStatus.edge
+        status[read.valid] = TruthStatus.valid
+        depth_m = read.depth_m
+        if self._joined is not None and read.valid.any():
+            depth_m[read.valid] = self._joined.of(index, uv[read.valid], depth_m[read.valid])
+        return depth_m, status

@@ -43,6 +43,7 @@ _LARGEST_STEP = 0.5
 _GAUGE = 1e-6
 _HYPOTHESES = 24
 _TWIST = 6
+_ESTABLISHED, _OF_A_KIND = 3.0, 1.0 / 3.0
 _BLOCK = 0.15
 """Side of the blocks of points that are in the same half, as a part of their median depth."""
 
@@ -90,6 +91,25 @@ class State:
 
     poses: Array  # (n, 4, 4): world_from_camera of each frame
     depth_m: Array  # (m,): of each track at its birth, metres
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """How large a fault is: its size, its standard deviation, and its size by the tracks of each kind."""
+
+    size: float
+    deviation: float
+    of_kinds: tuple[float, ...]
+
+    @property
+    def ratio(self) -> float:
+        """The size in standard deviations, without its sign."""
+        return abs(self.size) / self.deviation
+
+    @property
+    def is_established(self) -> bool:
+        """Whether it is clearly not 0, and tracks of each kind find much of it."""
+        return self.ratio >= _ESTABLISHED and all(one / self.size > _OF_A_KIND for one in self.of_kinds)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,10 +205,15 @@ class PoseAdjustment:
 
         Errors of tracks of one point are not independent: both kinds may have it, and tracks that end begin again.
         """
+        block = self._blocks(state)
+        drawn = np.random.default_rng(0).permutation(int(block.max(initial=0)) + 1)
+        return np.asarray(drawn[block] % 2 == 0)
+
+    def _blocks(self, state: "State") -> Integers:
+        """(m,): number of the block of space of each track."""
         points = transform(state.poses[self.tracks.birth], self._rays * state.depth_m[:, None])
         blocks = np.floor(points / (_BLOCK * np.median(state.depth_m)))
-        block = np.unique(blocks, axis=0, return_inverse=True)[1].reshape(-1)
-        return np.asarray((np.random.default_rng(0).permutation(int(block.max(initial=0)) + 1) % 2 == 0)[block])
+        return np.asarray(np.unique(blocks, axis=0, return_inverse=True)[1].reshape(-1))
 
     def of(self, state: "State", tracks: NDArray[np.bool_]) -> Array:
         """Poses (n, 4, 4) by some of the tracks, (m,) bool, near the state that fits all."""
@@ -208,6 +233,31 @@ class PoseAdjustment:
         start = State(self._stated, self._start.depth_m)  # where the priors are 0
         twist, stretch = self._step(start, changed, weight, np.ones(len(self.tracks.birth), np.bool_))
         return np.where(known, changed.moved(self.tracks, twist, stretch), np.nan)
+
+    def fault(self, state: "State", moved: Array) -> "Fault":
+        """How much of a fault the residuals hold that no poses and depths of tracks absorb.
+
+        With the displacements m (n, 2) of observations by one unit of it, what is left m~ = `left_of` of them, and the
+        weights W of residuals r, it is (m' W m~)^-1 m~' W r. Its variance is that of sums over blocks of space.
+        """
+        linear = self._linear(state)
+        left = self.left_of(state, moved)
+        known = np.isfinite(left).all(axis=1) & np.isfinite(linear.residual).all(axis=1)
+        weight = np.where(known, self._weights(linear.residual), 0.0)
+        left, residual = np.where(known[:, None], left, 0.0), np.where(known[:, None], linear.residual, 0.0)
+        curvature = weight * np.sum(np.where(known[:, None], moved, 0.0) * left, axis=1)
+        slope = weight * np.sum(left * residual, axis=1)
+        if not curvature.sum() > 0.0:
+            return Fault(0.0, np.inf, ())
+        size = float(slope.sum() / curvature.sum())
+        blocks = np.bincount(self._blocks(state)[self.tracks.track], slope - size * curvature)
+        kind = self.tracks.kind[self.tracks.track]
+        of_kinds = np.bincount(kind, slope) / np.maximum(np.bincount(kind, curvature), 1e-12)
+        return Fault(size, float(np.sqrt(np.sum(blocks**2)) / curvature.sum()), tuple(of_kinds.tolist()))
+
+    def by_log_depth(self, state: "State") -> Array:
+        """(n, 2): displacements of predicted positions with the logarithms of the depths at birth, px."""
+        return self._linear(state).by_depth
 
     def _weights(self, residual: Array) -> Array:
         """(n,) float64, 1/px^2: of observations; 0 where one is unknown."""
@@ -280,7 +330,7 @@ class PoseAdjustment:
         born = tracks.birth[tracks.track]
         along = np.sum(by_birth * twist[born] + by_pose * twist[tracks.frame], axis=1)
         stretch = (slope - np.bincount(tracks.track, along, count)) / curvature
-        return twist, np.clip(stretch, -_LARGEST_STEP, _LARGEST_STEP)
+        return twist, stretch
 
     def _births(self) -> Iterator[tuple[NDArray[np.intp], int, int]]:
         """Rows of the observations of the tracks that are born in each frame, and the range of these tracks."""
@@ -331,7 +381,7 @@ class PoseAdjustment:
     def _moved(self, state: State, twist: Array, stretch: Array) -> State:
         poses = state.poses.copy()
         poses[self._posed] = poses[self._posed] @ exponential(twist[self._posed])
-        return State(poses, state.depth_m * np.exp(stretch))
+        return State(poses, state.depth_m * np.exp(np.clip(stretch, -_LARGEST_STEP, _LARGEST_STEP)))
 
     def _with_depths(self, state: State) -> State:
         """With the depth of tracks that have none: the best of many along the ray, by the stated poses."""

@@ -315,7 +315,8 @@ class _FittedPoses:
         by = f"Poses were refined by {fit.references:.0f} independent tracks a frame{some}"
         refined = f"{by}; what is left of their errors is {left} at age {fit.age}."
         added = f"The stated poses would add {stated}."
-        yield {"cause": TruthCause.refined_poses, "bound_px": fit.left_px, "age": fit.age, "text": f"{refined} {added}"}
+        text = " ".join(filter(None, [refined, fit.of_depths, added]))
+        yield {"cause": TruthCause.refined_poses, "bound_px": fit.left_px, "age": fit.age, "text": text}
         sizes = {"bound_px": fit.stated_px, "age": fit.age, "verdict": self.verdict, "text": self._of_stated(fit)}
         yield {"cause": TruthCause.stated_poses, **sizes}
 

@@ -48,7 +48,8 @@ def leading_poses(sequence: Sequence) -> tuple[Sequence, PoseFit, Item]:
         halves[:, part.start : part.stop] = one.pose_halves
         readout = max(readout, one.readout_left)
     frames = f"{has_pose(poses).sum()} of {len(poses)} frames"
-    item = Item("poses", Severity.ok, f"Poses were refined in {frames}.", _values(fit))
+    text = " ".join(filter(None, [f"Poses were refined in {frames}.", fit.of_depths]))
+    item = Item("poses", Severity.ok, text, _values(fit))
     of_halves = halves[0], halves[1]
     return RefinedPoses.of(sequence, poses, pose_halves=of_halves, readout_left=readout), fit, item
 
@@ -97,4 +98,5 @@ def _values(fit: PoseFit) -> dict[str, float | int | str | None]:
         "age": fit.age,
         "stated_next_px": fit.next_px,
         **{f"stated_{name}": value for name, value in (fit.stated_errors or {}).items()},
+        **fit.corrections,
     }

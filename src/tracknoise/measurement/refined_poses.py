@@ -28,7 +28,7 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.pose import PosePath, invert, transform
+from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.measurement.adjusted_depths import AdjustedDepths
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
 from tracknoise.measurement.tracking import Progress
@@ -286,17 +286,11 @@ def _is_of_camera(depths: AdjustedDepths, found: RefinedPoses) -> bool:
 
     It has to be established: no poses absorb all of it. Other poses would only hide it.
     """
-    adjustment, best, tracks = depths.adjustment, depths.best, depths.adjustment.tracks
+    adjustment, tracks = depths.adjustment, depths.adjustment.tracks
     young = tracks.frame - tracks.birth[tracks.track] <= AGE
-    points = adjustment.anchored_points(best.poses, best.depth_m, np.arange(len(young)))
-    poses = OtherPoses(found.sequence, best.poses, "reference tracks")
-    moved = TruthDerivatives(poses).sensitivity(points)
-    z = moved.depth_m[:, None]
-    there = transform(invert(best.poses[points.anchor]), points.points_world)
-    along_ray = moved.depth * (np.linalg.norm(there, axis=1)[:, None] - z)
     stated_px = _size(adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
-    for displaced in (moved.focal, along_ray):
-        fault = adjustment.fault(best, displaced)
+    for displaced in depths.displaced_by_camera():
+        fault = adjustment.fault(depths.best, displaced)
         if fault.is_established and _size(fault.size * displaced[young]) > _MUCH * stated_px:
             return True
     return False

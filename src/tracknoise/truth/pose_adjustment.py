@@ -6,6 +6,8 @@ has the residual
 
     r(i, t) = x(i, t) - pi(T_t^-1 T_b Z(i) ray(i)) = J_t xi_t + J_b xi_b + g delta_i + noise           (truth.refined)
 
+where J_b = -J_t Ad(T_t^-1 T_b): only the motion of one camera against the other moves an image.
+
 - Noise: the residuals of one kind of track and one age have a robust scale of their own, and the weights of Student's
   distribution. Errors of depths and poses that the fit cannot remove are noise too.
 - Depths: log Z has the prior of the stated depth, or none.
@@ -15,7 +17,9 @@ Depths are eliminated. What is left is a banded system of the poses, as tracks e
 """
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,36 +104,46 @@ class Fault:
     size: float
     deviation: float
     of_kinds: tuple[float, ...]
-
-    @property
-    def ratio(self) -> float:
-        """The size in standard deviations, without its sign."""
-        return abs(self.size) / self.deviation
+    explained: float  # what it takes off the weighted squares of residuals
 
     @property
     def is_established(self) -> bool:
         """Whether it is clearly not 0, and tracks of each kind find much of it."""
-        return self.ratio >= _ESTABLISHED and all(one / self.size > _OF_A_KIND for one in self.of_kinds)
+        clear = abs(self.size) >= _ESTABLISHED * self.deviation > 0.0
+        return clear and all(one / self.size > _OF_A_KIND for one in self.of_kinds)
+
+
+class _Pairs:
+    """The pairs of a frame of birth and a later frame that have observations, sorted by both."""
+
+    def __init__(self, tracks: ReferenceTracks) -> None:
+        frames = int(tracks.frame.max(initial=0)) + 1
+        key, self.of_row = np.unique(tracks.birth[tracks.track] * frames + tracks.frame, return_inverse=True)
+        self.birth, self.frame = np.divmod(key, frames)
+        self.order = np.argsort(self.of_row, kind="stable")  # of the rows
+        self.starts = np.searchsorted(self.of_row[self.order], np.arange(len(key) + 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Linear:
-    """Residuals (n, 2) of observations and their derivatives: (n, 2, 6) by poses at birth and now, (n, 2) by depth."""
+    """Residuals (n, 2) of observations and their derivatives: (n, 2, 6) by the pose now, (n, 2) by depth.
+
+    `carried`, (pairs, 6, 6): twists of the pose at birth as such of the pose now, with the other sign.
+    """
 
     residual: Array
-    by_birth: Array
     by_pose: Array
     by_depth: Array
+    carried: Array
 
-    def moved(self, tracks: ReferenceTracks, twist: Array, stretch: Array) -> Array:
+    def between(self, pairs: _Pairs, twist: Array) -> Array:
+        """(pairs, 6): twists of the pose now that do what twists (frames, 6) of both poses do."""
+        return np.asarray(twist[pairs.frame] - np.einsum("pij,pj->pi", self.carried, twist[pairs.birth]))
+
+    def moved(self, tracks: ReferenceTracks, pairs: _Pairs, twist: Array, stretch: Array) -> Array:
         """Residuals after twists (frames, 6) of poses and changes (m,) of log depths."""
-        born = tracks.birth[tracks.track]
-        return np.asarray(
-            self.residual
-            - np.einsum("nij,nj->ni", self.by_birth, twist[born])
-            - np.einsum("nij,nj->ni", self.by_pose, twist[tracks.frame])
-            - self.by_depth * stretch[tracks.track, None]
-        )
+        turned = np.einsum("nij,nj->ni", self.by_pose, self.between(pairs, twist)[pairs.of_row])
+        return np.asarray(self.residual - turned - self.by_depth * stretch[tracks.track, None])
 
 
 class PoseAdjustment:
@@ -160,14 +174,30 @@ class PoseAdjustment:
         known = tracks.depth_m[np.isfinite(tracks.depth_m)]
         self._has_depth = bool(len(known))
         self._group = tracks.kind[tracks.track] * (self._reach + 1) + tracks.frame - born
-        start = State(self._stated.copy(), tracks.depth_m.copy())
-        self._start = start if self._has_depth and np.isfinite(tracks.depth_m).all() else self._with_depths(start)
+        self._pairs = _Pairs(tracks)
         self._depth_prior = np.where(np.isfinite(tracks.depth_m), tracks.depth_sigma, np.inf)
+        self._start = State(self._stated.copy(), self._depths(tracks.depth_m))
         self._logs = np.log(self._start.depth_m)
+        self._far_m = float(np.median(self._start.depth_m)) if len(tracks.birth) else 1.0
+
+    def chosen(self, tracks: NDArray[np.bool_]) -> "PoseAdjustment":
+        """The adjustment by some of the tracks, (m,) bool, with the same prior."""
+        part, rows = copy(self), np.flatnonzero(tracks[self.tracks.track])
+        part._choose(tracks, rows)
+        part._logs, part._start = self._logs[tracks], State(self._start.poses, self._start.depth_m[tracks])
+        return part
+
+    def _choose(self, tracks: NDArray[np.bool_], rows: Integers) -> None:
+        """Leave out the other tracks, but for what their depths are at the start."""
+        self.tracks = self.tracks.chosen(tracks)
+        self._cameras, self._group, self._pairs = self._cameras.chosen(rows), self._group[rows], _Pairs(self.tracks)
+        self._rays, self._depth_prior = self._rays[tracks], self._depth_prior[tracks]
+        if self._in_frame is not None and self._in_row is not None:
+            self._in_frame, self._in_row = self._in_frame[rows], self._in_row[rows]
 
     def residuals(self, poses: Array, depth_m: Array) -> Array:
         """(n, 2): observed less predicted positions, px, by poses (frames, 4, 4) and depths (m,) at births."""
-        return self._linear(State(poses, depth_m)).residual
+        return self.tracks.uv - self._cameras.project(self._seen(State(poses, depth_m))[0])
 
     def anchored_points(self, poses: Array, depth_m: Array, rows: Integers) -> AnchoredPoints:
         """The points of some observations in the world of these poses."""
@@ -180,22 +210,21 @@ class PoseAdjustment:
         """Median parallax of the tracks by the stated poses, px; infinite where depths are known without it."""
         if self._has_depth:
             return np.inf
-        far = State(self._stated, 1e6 * self._start.depth_m)
-        near = self._linear(State(self._stated, self._start.depth_m)).residual
-        moved = np.linalg.norm(near - self._linear(far).residual, axis=1)
+        far = 1e6 * self._start.depth_m
+        near = self.residuals(self._stated, self._start.depth_m)
+        moved = np.linalg.norm(near - self.residuals(self._stated, far), axis=1)
         most = np.zeros(len(self.tracks.birth))
         np.maximum.at(most, self.tracks.track, np.nan_to_num(moved))
         return float(np.median(most))
 
-    def best(self) -> "State":
-        """The state that fits all tracks."""
-        state = self._start
-        every = np.ones(len(self.tracks.birth), np.bool_)
+    def best(self, start: "State | None" = None) -> "State":
+        """The state that fits all tracks, from another one that is near."""
+        state = start or self._start
         for _ in range(_STEPS):
             linear = self._linear(state)
-            twist, stretch = self._step(state, linear, self._weights(linear.residual), every)
+            twist, stretch = self._step(state, linear, self._weights(linear.residual))
             state = self._moved(state, twist, stretch)
-            change = np.abs(linear.moved(self.tracks, twist, stretch) - linear.residual)
+            change = np.abs(linear.moved(self.tracks, self._pairs, twist, stretch) - linear.residual)
             if np.nanmedian(change) < _CONVERGED_PX:
                 break
         return state
@@ -206,7 +235,7 @@ class PoseAdjustment:
         Errors of tracks of one point are not independent: both kinds may have it, and tracks that end begin again.
         """
         block = self._blocks(state)
-        drawn = np.random.default_rng(0).permutation(int(block.max(initial=0)) + 1)
+        drawn = np.random.default_rng(0).permutation(np.arange(int(block.max(initial=0)) + 1))
         return np.asarray(drawn[block] % 2 == 0)
 
     def _blocks(self, state: "State") -> Integers:
@@ -217,12 +246,13 @@ class PoseAdjustment:
 
     def of(self, state: "State", tracks: NDArray[np.bool_]) -> Array:
         """Poses (n, 4, 4) by some of the tracks, (m,) bool, near the state that fits all."""
-        linear = self._linear(state)
+        part, near = self.chosen(tracks), State(state.poses, state.depth_m[tracks])
+        linear = part._linear(near)
         residual = linear.residual
         for _ in range(_STEPS_FROM_BEST):
-            twist, stretch = self._step(state, linear, self._weights(residual), tracks)
-            residual = linear.moved(self.tracks, twist, stretch)
-        return self._moved(state, twist, stretch).poses
+            twist, stretch = part._step(near, linear, part._weights(residual))
+            residual = linear.moved(part.tracks, part._pairs, twist, stretch)
+        return part._moved(near, twist, stretch).poses
 
     def left_of(self, state: "State", moved: Array) -> Array:
         """What poses and depths do not absorb of small displacements (n, 2) of true positions, px; NaN stays."""
@@ -231,8 +261,8 @@ class PoseAdjustment:
         weight = np.where(known[:, 0], self._weights(linear.residual), 0.0)
         changed = replace(linear, residual=np.where(known, moved, 0.0))
         start = State(self._stated, self._start.depth_m)  # where the priors are 0
-        twist, stretch = self._step(start, changed, weight, np.ones(len(self.tracks.birth), np.bool_))
-        return np.where(known, changed.moved(self.tracks, twist, stretch), np.nan)
+        twist, stretch = self._step(start, changed, weight)
+        return np.where(known, changed.moved(self.tracks, self._pairs, twist, stretch), np.nan)
 
     def fault(self, state: "State", moved: Array) -> "Fault":
         """How much of a fault the residuals hold that no poses and depths of tracks absorb.
@@ -242,18 +272,17 @@ class PoseAdjustment:
         """
         linear = self._linear(state)
         left = self.left_of(state, moved)
-        known = np.isfinite(left).all(axis=1) & np.isfinite(linear.residual).all(axis=1)
-        weight = np.where(known, self._weights(linear.residual), 0.0)
-        left, residual = np.where(known[:, None], left, 0.0), np.where(known[:, None], linear.residual, 0.0)
-        curvature = weight * np.sum(np.where(known[:, None], moved, 0.0) * left, axis=1)
-        slope = weight * np.sum(left * residual, axis=1)
+        weight = np.where(np.isfinite(left[:, 0]), self._weights(linear.residual), 0.0)
+        curvature = np.nan_to_num(weight * np.sum(moved * left, axis=1))
+        slope = np.nan_to_num(weight * np.sum(left * linear.residual, axis=1))
         if not curvature.sum() > 0.0:
-            return Fault(0.0, np.inf, ())
+            return Fault(0.0, np.inf, (), 0.0)
         size = float(slope.sum() / curvature.sum())
         blocks = np.bincount(self._blocks(state)[self.tracks.track], slope - size * curvature)
         kind = self.tracks.kind[self.tracks.track]
         of_kinds = np.bincount(kind, slope) / np.maximum(np.bincount(kind, curvature), 1e-12)
-        return Fault(size, float(np.sqrt(np.sum(blocks**2)) / curvature.sum()), tuple(of_kinds.tolist()))
+        deviation = float(np.sqrt(np.sum(blocks**2)) / curvature.sum())
+        return Fault(size, deviation, tuple(of_kinds.tolist()), size * float(slope.sum()))
 
     def by_log_depth(self, state: "State") -> Array:
         """(n, 2): displacements of predicted positions with the logarithms of the depths at birth, px."""
@@ -264,38 +293,35 @@ class PoseAdjustment:
         scale = scales(self._group, residual)
         return np.asarray(weights(squared(residual, scale)) / scale**2)
 
-    def _linear(self, state: State) -> _Linear:
-        tracks = self.tracks
+    def _seen(self, state: State) -> tuple[Array, Array, Array]:
+        """Points in the camera and in the frame of the pose that see them, (n, 3), and (pairs, 4, 4): between poses."""
+        tracks, pairs = self.tracks, self._pairs
         at_birth = (self._rays * state.depth_m[:, None])[tracks.track]
         if self._in_frame is not None:
             at_birth = transform(self._in_frame, at_birth)
-        here_from_birth = invert(state.poses[tracks.frame]) @ state.poses[tracks.birth[tracks.track]]
-        points = transform(here_from_birth, at_birth)
-        seen, turn = points, here_from_birth[:, :3, :3]
-        if self._in_row is not None:
-            row = invert(self._in_row)
-            seen = transform(row, points)
+        here_from_birth = invert(state.poses[pairs.frame]) @ state.poses[pairs.birth]
+        points = transform(here_from_birth[pairs.of_row], at_birth)
+        return points if self._in_row is None else transform(invert(self._in_row), points), points, here_from_birth
+
+    def _linear(self, state: State) -> _Linear:
+        seen, points, here_from_birth = self._seen(state)
         by_point = self._cameras.jacobians(seen)
         if self._in_row is not None:
-            by_point = by_point @ row[:, :3, :3]
-        at_start = by_point @ turn
-        centre = at_birth if self._in_frame is None else at_birth - self._in_frame[:, :3, 3]
-        linear = _Linear(
-            residual=tracks.uv - self._cameras.project(seen),
-            by_birth=np.concatenate([at_start, -at_start @ cross_matrices(at_birth)], axis=2),
-            by_pose=np.concatenate([-by_point, by_point @ cross_matrices(points)], axis=2),
-            by_depth=np.einsum("nij,nj->ni", at_start, centre),
-        )
-        known = np.isfinite(linear.residual).all(axis=1) & np.isfinite(by_point).all(axis=(1, 2))
-        values = {name: getattr(linear, name) for name in _Linear.__slots__}
-        for name, value in values.items():
-            value[~known] = np.nan if name == "residual" else 0.0
-        return _Linear(**values)
+            by_point = by_point @ invert(self._in_row)[:, :3, :3]
+        if self._in_frame is None:
+            centre = here_from_birth[self._pairs.of_row, :3, 3]
+        else:
+            centre = transform(here_from_birth[self._pairs.of_row], self._in_frame[:, :3, 3])
+        residual = self.tracks.uv - self._cameras.project(seen)
+        by_pose = np.concatenate([-by_point, np.cross(by_point, points[:, None])], axis=2)
+        by_depth = np.einsum("nij,nj->ni", by_point, points - centre)
+        unknown = ~(np.isfinite(residual).all(axis=1) & np.isfinite(by_point).all(axis=(1, 2)))
+        residual[unknown], by_pose[unknown], by_depth[unknown] = np.nan, 0.0, 0.0
+        return _Linear(residual, by_pose, by_depth, _adjoint(here_from_birth))
 
-    def _step(self, state: State, linear: _Linear, weight: Array, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Twists (frames, 6) and changes of log depths (m,) that fit the chosen tracks."""
-        tracks, n_frames = self.tracks, len(state.poses)
-        weight = np.where(chosen[tracks.track], weight, 0.0)
+    def _step(self, state: State, linear: _Linear, weight: Array) -> tuple[Array, Array]:
+        """Twists (frames, 6) and changes of log depths (m,) that fit the tracks."""
+        tracks, pairs, n_frames = self.tracks, self._pairs, len(state.poses)
         residual = np.nan_to_num(linear.residual)
         weighted = linear.by_depth * weight[:, None]
         prior = np.where(np.isfinite(self._depth_prior), 1.0 / self._depth_prior**2, 0.0)
@@ -304,63 +330,56 @@ class PoseAdjustment:
         slope = np.bincount(tracks.track, np.sum(weighted * residual, axis=1), count)
         slope = slope - prior * (np.log(state.depth_m) - self._logs)
         curvature = np.where(curvature > 0.0, curvature, 1.0)
-        by_birth = np.einsum("nij,ni->nj", linear.by_birth, weighted)
         by_pose = np.einsum("nij,ni->nj", linear.by_pose, weighted)
         width = min(self._reach, n_frames - 1) + 1
         blocks, right = np.zeros((n_frames, width, _TWIST, _TWIST)), np.zeros((n_frames, _TWIST))
         self._add_prior(state, blocks, right)
-        columns = np.concatenate([linear.by_birth, linear.by_pose, residual[:, :, None]], axis=2)
-        columns *= np.sqrt(weight)[:, None, None]
-        for rows, first, last in self._births():
-            if not len(rows):
-                continue
-            self._add_born(columns, rows, blocks, right)
-            own = np.arange(first, last)
-            span = min(width, n_frames - int(tracks.birth[first]))
-            joint = np.zeros((len(own), span, _TWIST))
-            own_row = tracks.track[rows] - first
-            np.add.at(joint[:, 0], own_row, by_birth[rows])
-            age = tracks.frame[rows] - tracks.birth[first]
-            joint[own_row, age] += by_pose[rows]
-            flat = joint.reshape(len(own), -1)
-            scaled = flat / curvature[own, None]
-            _add_square(blocks, int(tracks.birth[first]), -(flat.T @ scaled).reshape(span, _TWIST, span, _TWIST))
-            right[tracks.birth[first] : tracks.birth[first] + span] -= (scaled.T @ slope[own]).reshape(span, _TWIST)
+        self._add_observed(linear, residual, weight, blocks, right)
+        squares = _Squares(blocks)
+        for rows, first, last, some in self._births():
+            birth, age = int(tracks.birth[first]), pairs.frame[some] - int(tracks.birth[first])
+            joint = np.zeros((last - first, int(age[-1]) + 1, _TWIST))
+            joint[tracks.track[rows] - first, tracks.frame[rows] - birth] = by_pose[rows]
+            joint[:, 0] = -np.tensordot(joint[:, age], linear.carried[some], axes=2)
+            scaled = joint.reshape(last - first, -1) / np.sqrt(curvature[first:last, None])
+            squares.subtract(birth, scaled.T @ scaled)
+            along = scaled.T @ (slope[first:last] / np.sqrt(curvature[first:last]))
+            right[birth : birth + joint.shape[1]] -= along.reshape(-1, _TWIST)
+        squares.finish()
         twist = _solved(blocks, right)
-        born = tracks.birth[tracks.track]
-        along = np.sum(by_birth * twist[born] + by_pose * twist[tracks.frame], axis=1)
+        along = np.sum(by_pose * linear.between(pairs, twist)[pairs.of_row], axis=1)
         stretch = (slope - np.bincount(tracks.track, along, count)) / curvature
         return twist, stretch
 
-    def _births(self) -> Iterator[tuple[NDArray[np.intp], int, int]]:
-        """Rows of the observations of the tracks that are born in each frame, and the range of these tracks."""
-        tracks = self.tracks
-        starts = np.flatnonzero(np.diff(tracks.birth, prepend=-1))
-        ends = np.append(starts[1:], len(tracks.birth))
-        places = np.searchsorted(tracks.track, np.append(starts, len(tracks.birth)))
-        for first, last, begin, end in zip(starts, ends, places[:-1], places[1:], strict=True):
-            yield np.arange(begin, end), int(first), int(last)
+    def _births(self) -> Iterator[tuple[slice, int, int, slice]]:
+        """Of the tracks that are born in each frame: rows of observations, the range of the tracks, and the pairs."""
+        tracks, pairs = self.tracks, self._pairs
+        births = np.unique(pairs.birth)
+        first, last = (np.searchsorted(tracks.birth, births, side=side) for side in ("left", "right"))
+        rows = np.searchsorted(tracks.track, np.append(first, len(tracks.birth)))
+        some = np.append(np.searchsorted(pairs.birth, births), len(pairs.birth))
+        for place in range(len(births)):
+            of_birth = (slice(int(ends[place]), int(ends[place + 1])) for ends in (rows, some))
+            yield next(of_birth), int(first[place]), int(last[place]), next(of_birth)
 
-    def _add_born(self, columns: Array, rows: Integers, blocks: Array, right: Array) -> None:
-        """Add the information of observations, without that of the depths, of tracks that are born in one frame."""
-        frame = self.tracks.frame[rows]
-        order = rows[np.argsort(frame, kind="stable")]
-        frame = self.tracks.frame[order]
-        starts = np.flatnonzero(np.diff(frame, prepend=-1))
-        born = int(self.tracks.birth[self.tracks.track[rows[0]]])
-        for start, end in zip(starts, np.append(starts[1:], len(order)), strict=True):
-            part = columns[order[start:end]].reshape(-1, 2 * _TWIST + 1)
-            now, product = int(frame[start]), part.T @ part
-            blocks[born, 0] += product[:6, :6]
-            blocks[now, 0] += product[6:12, 6:12]
-            blocks[born, now - born] += product[:6, 6:12]
-            right[born] += product[:6, 12]
-            right[now] += product[6:12, 12]
+    def _add_observed(self, linear: _Linear, residual: Array, weight: Array, blocks: Array, right: Array) -> None:
+        """Add the information of observations, without that of the depths."""
+        pairs = self._pairs
+        columns = np.concatenate([linear.by_pose, residual[:, :, None]], axis=2)[pairs.order]
+        columns = (columns * np.sqrt(weight[pairs.order])[:, None, None]).reshape(-1, _TWIST + 1)
+        sums = np.empty((len(pairs.birth), _TWIST, _TWIST + 1))
+        for place, (start, end) in enumerate(pairwise((2 * pairs.starts).tolist())):
+            sums[place] = columns[start:end, :_TWIST].T @ columns[start:end]
+        now, back = sums[:, :, :_TWIST], -np.swapaxes(linear.carried, 1, 2)
+        np.add.at(blocks, (pairs.frame, 0), now)
+        np.add.at(blocks, (pairs.birth, 0), -back @ now @ linear.carried)
+        blocks[pairs.birth, pairs.frame - pairs.birth] += back @ now
+        np.add.at(right, pairs.frame, sums[:, :, _TWIST])
+        np.add.at(right, pairs.birth, (back @ sums[:, :, _TWIST:])[:, :, 0])
 
     def _add_prior(self, state: State, blocks: Array, right: Array) -> None:
         """Add the stated relative poses of successive frames with a pose."""
-        far_m = float(np.median(self._start.depth_m)) if len(self._start.depth_m) else 1.0
-        precision = np.repeat([1.0 / (PRIOR_ROTATION_RAD * far_m) ** 2, 1.0 / PRIOR_ROTATION_RAD**2], 3)
+        precision = np.repeat([1.0 / (PRIOR_ROTATION_RAD * self._far_m) ** 2, 1.0 / PRIOR_ROTATION_RAD**2], 3)
         frames = np.flatnonzero(self._posed)
         before, after = frames[:-1], frames[1:]
         near = after - before < blocks.shape[1]
@@ -383,27 +402,28 @@ class PoseAdjustment:
         poses[self._posed] = poses[self._posed] @ exponential(twist[self._posed])
         return State(poses, state.depth_m * np.exp(np.clip(stretch, -_LARGEST_STEP, _LARGEST_STEP)))
 
-    def _with_depths(self, state: State) -> State:
-        """With the depth of tracks that have none: the best of many along the ray, by the stated poses."""
-        unknown = ~np.isfinite(state.depth_m)
-        rows = unknown[self.tracks.track]
+    def _depths(self, stated_m: Array) -> Array:
+        """Depths (m,), with the best of many along the ray, by the stated poses, of tracks that have none."""
+        unknown = ~np.isfinite(stated_m)
+        if not unknown.any():
+            return stated_m.copy()
         moved_m = np.linalg.norm(np.diff(self._stated[self._posed, :3, 3], axis=0), axis=1)
         unit = max(float(np.median(moved_m)) if len(moved_m) else 0.0, 1e-6)
         if self._has_depth:
-            known = state.depth_m[~unknown]
+            known = stated_m[~unknown]
             tried = np.geomspace(0.3 * known.min(), 3.0 * known.max(), _HYPOTHESES)
         else:
             tried = unit * np.geomspace(2.0, 2000.0, _HYPOTHESES)
-        costs = np.full((len(tried), len(unknown)), np.inf)
+        part = copy(self)
+        part._choose(unknown, np.flatnonzero(unknown[self.tracks.track]))
+        count = len(part.tracks.birth)
+        costs = np.empty((len(tried), count))
         for place, depth_m in enumerate(tried):
-            one = replace(state, depth_m=np.where(unknown, depth_m, state.depth_m))
-            length = np.linalg.norm(self._linear(one).residual, axis=1)
-            cost = np.bincount(
-                self.tracks.track[rows], np.nan_to_num(np.minimum(length, 20.0), nan=20.0)[rows], len(unknown)
-            )
-            costs[place] = cost
-        best = tried[np.argmin(costs, axis=0)]
-        return State(state.poses, np.where(unknown, best, state.depth_m))
+            length = np.linalg.norm(part.residuals(self._stated, np.full(count, depth_m)), axis=1)
+            costs[place] = np.bincount(part.tracks.track, np.nan_to_num(np.minimum(length, 20.0), nan=20.0), count)
+        found = stated_m.copy()
+        found[unknown] = tried[np.argmin(costs, axis=0)]
+        return found
 
 
 def exponential(twist: Array) -> Array:
@@ -427,13 +447,31 @@ def _adjoint(poses: Array) -> Array:
     return found
 
 
-def _add_square(blocks: Array, first: int, square: Array) -> None:
-    """Add (k, 6, k, 6), symmetric, at a frame."""
-    span = len(square)
-    frames = np.arange(span)
-    for apart in range(span):
-        near = frames[: span - apart]
-        blocks[first + near, apart] += square[near, :, near + apart, :]
+class _Squares:
+    """Takes symmetric matrices, each about a frame and those after it, from blocks (frames, width, 6, 6)."""
+
+    def __init__(self, blocks: Array) -> None:
+        self._blocks, self._frame = blocks, 0
+        side = blocks.shape[1] * _TWIST
+        self._open = np.zeros((side, side))  # of the frame and those after it
+
+    def subtract(self, first: int, square: Array) -> None:
+        """Subtract (6 k, 6 k) at a frame, not before that of an earlier call."""
+        while self._frame < first:
+            self._close()
+        self._open[: len(square), : len(square)] -= square
+
+    def finish(self) -> None:
+        """Write what is still open."""
+        while self._frame < len(self._blocks):
+            self._close()
+
+    def _close(self) -> None:
+        of_frame = self._open[:_TWIST].reshape(_TWIST, -1, _TWIST)
+        self._blocks[self._frame] += np.swapaxes(of_frame, 0, 1)
+        self._open[:-_TWIST, :-_TWIST] = self._open[_TWIST:, _TWIST:]
+        self._open[-_TWIST:], self._open[:, -_TWIST:] = 0.0, 0.0
+        self._frame += 1
 
 
 def _solved(blocks: Array, right: Array) -> Array:

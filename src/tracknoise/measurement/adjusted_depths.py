@@ -112,7 +112,7 @@ def depth_corrections(named: Mapping[str, float]) -> Corrections:
 
 
 def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] | None:
-    """The step of a law: at first of the one that explains most, unless an error of the camera explains more; or None."""
+    """The step of a law; at first of the one that explains most, or None where an error of the camera explains more."""
     slope = now.adjustment.by_log_depth(now.best)
     depth_m = now.best.depth_m[now.adjustment.tracks.track, None]
     faults = {

@@ -15,6 +15,7 @@ stated one, by the refined one, and by poses from reference tracks of one kind a
 their absolute values, bias their median. Printed are the shares of values
 
 - whose refined core (or RMS of errors up to 5 px) is within 10 % or .02 px of the exact truth's, and within 5 %;
+- with `--sigma`, whose sigma to set in a filter is as near;
 - whose refined core is further from the exact one than the stated core is, by more than .02 px;
 - whose exact core is within twice the floor of the refined one;
 - of pairs of trackers that references of one kind order as the exact truth does, leave undecided, or order wrongly.
@@ -25,6 +26,7 @@ import json
 import pickle
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, product
 from pathlib import Path
 from time import process_time
@@ -35,8 +37,19 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+import tracknoise as tn
 from benchmarks.validity.rigid import pose_noise
-from benchmarks.validity.truth_verdicts import FAULTS, RATE_HZ, Degrade, Followed, Recorded, by_hand, noisy_depth
+from benchmarks.validity.truth_verdicts import (
+    FAULTS,
+    RATE_HZ,
+    Degrade,
+    Followed,
+    Recorded,
+    Replayed,
+    by_hand,
+    noisy_depth,
+)
+from tracknoise.exceptions import TracknoiseError
 from tracknoise.experiments.measure import Measurement, measure
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.inference.robust_fits import scales
@@ -51,6 +64,7 @@ from tracknoise.tables.schema import TruthStatus
 from tracknoise.trackers.features import Features, report
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 from tracknoise.trackers.tracker_registry import make_tracker
+from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.birth import BirthDepths
 from tracknoise.truth.pose_adjustment import PoseAdjustment, ReferenceTracks
 from tracknoise.truth.visibility import SequenceGeometry
@@ -66,6 +80,7 @@ NOTHING, PROGRAM = "nothing", "opencv"
 TRACKERS = ("lucas-kanade", "correspondence", "dense-flow")
 EXACT, STATED, REFINED = "exact", "stated", "refined"
 UNKNOWN = TruthAccuracy()
+ESTIMATOR = "openvins"
 CLIP_PX, PER_MEDIAN = 5.0, 1.4826
 NEAR, CLOSE_PX = 0.1, 0.02
 _ROUNDS, _CLOSE, _FAR = 12, 0.05, 0.2
@@ -176,7 +191,7 @@ def made(name: str, tartanair: Path | None) -> Scene:
         poses=sequence.world_from_camera,
         depths=tuple(np.asarray(one.depth_m, dtype=np.float32) for one in maps if one is not None),
         valid=tuple(np.asarray(one.valid) for one in maps if one is not None),
-        steps={},
+        steps={name: tuple(one.steps) for name, one in recorded.items()},
         references=references,
         seen={one: visible(measured, one, sequence) for one in recorded},
         cpu_s={"measured": middle - begin, "references": process_time() - middle},
@@ -218,8 +233,8 @@ Errors = Mapping[str, Array]
 class Bench:
     """A scene, and the errors of its trackers by any truth."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, *, with_sigma: bool = False) -> None:
+        self.scene, self._with_sigma = scene, with_sigma
         self._frames = {name: PoseAdjustment(self.stated(scene.poses, scene.depths), one) for name, one in self.seen}
         self.exact = self.errors(scene.poses, None)
         self.age = {name: one.frame - one.birth[one.track] for name, one in self.seen}
@@ -305,7 +320,23 @@ class Bench:
             halves = [self.errors(one, changed) for one in found.pose_halves]
             floors = {name: (halves[0][name] - halves[1][name]) / 2.0 for name, _ in self.seen}
             row |= self.left(references, found, recording)
+        if self._with_sigma:
+            row["sigma"] = {EXACT: self._exact_sigmas, STATED: self.sigmas(recording), REFINED: self.sigmas(found)}
         return {**row, "size": size, "values": self.values(truths, floors)}
+
+    @cached_property
+    def _exact_sigmas(self) -> dict[str, float]:
+        return self.sigmas(self.stated(self.scene.poses, self.scene.depths))
+
+    def sigmas(self, sequence: Recording) -> dict[str, float]:
+        """The sigma to set of each tracker by the truth of a sequence; none where it has none."""
+        trackers = {name: Replayed(steps) for name, steps in self.scene.steps.items()}
+        rule = AccuracyRule(UNKNOWN, shipped=False)
+        try:
+            found = tn.analyse(measure(sequence, trackers, truth="birth", accuracy=rule)).sigma(ESTIMATOR)
+        except TracknoiseError:
+            return {}
+        return {tracker: one.sigma_px for tracker, one in found.items()}
 
     def left(self, references: ReferenceTracks, found: RefinedPoses, recording: Recording) -> dict[str, float]:
         """RMS of what refined and stated poses really leave of the reference tracks, at `REFERENCE_AGE`, px."""
@@ -377,6 +408,15 @@ def judged(what: str) -> dict[str, pl.Expr]:
     }
 
 
+def sigmas_judged(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Shares of the sigmas to set that are near those of the exact truth."""
+    known = [row["sigma"] for row in rows if "sigma" in row]
+    pairs = [(one[EXACT][name], one[STATED].get(name), one[REFINED].get(name)) for one in known for name in one[EXACT]]
+    for what, place in ((STATED, 1), (REFINED, 2)):
+        near = [abs((pair[place] or np.inf) - pair[0]) <= max(NEAR * pair[0], CLOSE_PX) for pair in pairs]
+        yield f"{what} {np.mean(near):.3f} of {len(near)}" if near else f"{what} not measured"
+
+
 def held() -> pl.Expr:
     """Whether the refined core, by twice its floor, holds the exact one."""
     return (pl.col(f"core_{REFINED}") - pl.col(f"core_{EXACT}")).abs() <= 2.0 * pl.col("floor")
@@ -413,6 +453,8 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         bias = part.select((pl.col(f"bias_{REFINED}") - pl.col(f"bias_{EXACT}")).abs() <= 0.03).to_series().mean()
         holds = part.select(held()).to_series().mean()
         told = ", ".join(f"{name} {count}" for name, count in orders(part).items())
+        of_part = [row for row in rows if keys[0] in ("all", row["fault"]) and keys[1] in (0.0, row["share"])]
+        yield "    sigma to set near: " + ", ".join(sigmas_judged(of_part))
         yield f"    bias within .03 px {bias:.3f}; floor holds the exact core {holds:.3f}; pairs: {told}"
 
 
@@ -427,6 +469,7 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*", help="by default all")
     parser.add_argument("--faults", nargs="*", default=[NOTHING, *SPOILT])
     parser.add_argument("--shares", type=float, nargs="*", default=SHARES)
+    parser.add_argument("--sigma", action="store_true", help="also the sigma to set")
     given = parser.parse_args()
     names = given.scenes or [f"{motion} {world}" for world, motion in product(WORLDS, MOTIONS)]
     names += ["tartanair"] if given.tartanair and not given.scenes else []
@@ -443,7 +486,7 @@ def main() -> None:
                 if tuple(key.values()) in done or (fault == NOTHING and seed):
                     continue
                 if name not in benches:
-                    benches[name] = Bench(scene_of(name, given.cache, given.tartanair))
+                    benches[name] = Bench(scene_of(name, given.cache, given.tartanair), with_sigma=given.sigma)
                 found = benches[name].run(fault, share, seed)
                 if found is not None:
                     rows.append(key | found)

@@ -93,11 +93,11 @@ def jitter_and_walk(scene: Followed, size: float, rng: np.random.Generator) -> t
 
 
 def noisy_disparity(scene: Followed, size: float, rng: np.random.Generator) -> tuple[Array, Sequence[Array]]:
-    """Noise of inverse depths of a size in 1/m: to first order that of `noisy_depth`, and finite at far walls."""
+    """Noise of inverse depths of a size in 1/m: to first order that of `noisy_depth`; 0 where no depth is left."""
     ones = tuple(np.ones_like(one) for one in scene.depths)
     factors = noisy_depth(replace(scene, depths=ones), size, rng)[1]
-    found = [1.0 / np.maximum(1.0 / depth + one - 1.0, 1e-3) for depth, one in zip(scene.depths, factors, strict=True)]
-    return scene.poses, found
+    inverse = [1.0 / depth + one - 1.0 for depth, one in zip(scene.depths, factors, strict=True)]
+    return scene.poses, [np.where(one > 1e-3, 1.0 / np.maximum(one, 1e-3), 0.0) for one in inverse]
 
 
 SPOILT: Mapping[str, tuple[Degrade, float]] = {
@@ -246,8 +246,9 @@ class Bench:
         return [*self.scene.seen.items()]
 
     def stated(self, poses: Array, depths: Sequence[Array]) -> Recording:
-        """The recording with another truth."""
-        return self.scene.stated(poses, depths)
+        """The recording with another truth; depths of 0 are none."""
+        known = tuple(valid & (depth > 0.0) for depth, valid in zip(depths, self.scene.valid, strict=True))
+        return replace(self.scene, valid=known).stated(poses, depths)
 
     def errors(self, poses: Array, spoilt: Recording | None, trackers: Sequence[str] = (*TRACKERS, PROGRAM)) -> Errors:
         """Errors by these poses, and by the depths of a recording, or the exact ones."""

@@ -6,7 +6,7 @@ depths predict reference tracks better.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -44,13 +44,15 @@ class AdjustedDepths:
     best: State
     corrections: Mapping[str, float]
     stated_m: Array  # (m,): depths of tracks that the stated ones would give them in the place of those of `best`
+    joins_depths: bool = False  # whether maps are joined
 
     @classmethod
     def of(cls, sequence: Sequence, adjustment: PoseAdjustment, best: State) -> "AdjustedDepths":
-        """Correct the depths of a sequence by one law, if one is established."""
-        found = cls(sequence, adjustment, best, {}, best.depth_m)
+        """Join the maps of a sequence, if that is better, and correct its depths by one law, if one is established."""
+        single = cls(sequence, adjustment, best, {}, best.depth_m)
         if not np.isfinite(adjustment.tracks.depth_m).any():
-            return found
+            return single
+        found = stated = single._joined() if single._is_better_joined() else single
         named: dict[str, float] = {}
         for _ in range(_STEPS):
             step = _step(found, named)
@@ -58,21 +60,31 @@ class AdjustedDepths:
                 break
             name, size = step
             named = {name: named.get(name, 0.0) + size}
-            found = found._corrected(sequence, adjustment, named)
+            found = found._corrected(stated, named)
             if abs(size) <= _SETTLED * abs(named[name]):
                 break
         return found
 
-    def _corrected(self, sequence: Sequence, stated: PoseAdjustment, named: Mapping[str, float]) -> "AdjustedDepths":
+    def _joined(self) -> "AdjustedDepths":
+        adjustment, best = self._adjusted(self._joined_m(np.unique(self.adjustment.tracks.birth)))
+        return AdjustedDepths(self.sequence, adjustment, best, {}, best.depth_m, joins_depths=True)
+
+    def _corrected(self, stated: "AdjustedDepths", named: Mapping[str, float]) -> "AdjustedDepths":
         corrections = depth_corrections(named)
-        depth_m = corrections.depths_m(stated.tracks.depth_m)
-        tracks = replace(stated.tracks, depth_m=np.where(depth_m > 0.0, depth_m, np.nan))
-        adjustment = PoseAdjustment(sequence, tracks)
-        before = self.adjustment.tracks.depth_m
-        near_m = self.best.depth_m * np.where(np.isfinite(tracks.depth_m), tracks.depth_m / before, 1.0)
-        best = adjustment.best(State(self.best.poses, near_m))
-        factor = np.where(np.isfinite(tracks.depth_m), stated.tracks.depth_m / tracks.depth_m, 1.0)
-        return AdjustedDepths(corrected(sequence, corrections), adjustment, best, named, best.depth_m * factor)
+        stated_m = stated.adjustment.tracks.depth_m
+        depth_m = corrections.depths_m(stated_m)
+        depth_m[~(depth_m > 0.0)] = np.nan
+        adjustment, best = self._adjusted(depth_m)
+        factor = np.where(np.isfinite(depth_m), stated_m / depth_m, 1.0)
+        sequence = corrected(stated.sequence, corrections)
+        return AdjustedDepths(sequence, adjustment, best, named, best.depth_m * factor, stated.joins_depths)
+
+    def _adjusted(self, depth_m: Array) -> tuple[PoseAdjustment, State]:
+        """Poses and depths that fit tracks with other depths (m,), NaN where there are none."""
+        tracks, best = self.adjustment.tracks, self.best
+        adjustment = self.adjustment.with_depths(depth_m)
+        ratio = np.where(np.isfinite(depth_m) & np.isfinite(tracks.depth_m), depth_m / tracks.depth_m, 1.0)
+        return adjustment, adjustment.best(State(best.poses, best.depth_m * ratio))
 
     def displaced_by_camera(self) -> tuple[Array, Array]:
         """(n, 2) each: displacements, px, by the relative focal length, and by depths that are distances on rays."""
@@ -82,27 +94,31 @@ class AdjustedDepths:
         there = transform(invert(best.poses[points.anchor]), points.points_world)
         return moved.focal, moved.depth * (np.linalg.norm(there, axis=1) - moved.depth_m)[:, None]
 
-    def joined_are_better(self) -> bool:
+    def _is_better_joined(self) -> bool:
         """Whether depths that are joined over maps predict reference tracks better, in some frames."""
         tracks = self.adjustment.tracks
-        known = np.isfinite(tracks.depth_m)
-        births = np.unique(tracks.birth[known])
-        births = births[np.unique(np.linspace(0, len(births) - 1, min(len(births), _SAMPLED)).astype(int))]
-        poses = OtherPoses(self.sequence, self.best.poses, _NAME)
-        maps = JoinedDepths(SequenceGeometry(poses))
-        joined_m = np.full(len(known), np.nan)
-        for index in births.tolist():
-            some = np.flatnonzero(known & (tracks.birth == index))
-            joined_m[some] = maps.of(index, tracks.birth_uv[some], tracks.depth_m[some])
-        if not np.isfinite(joined_m).any():
-            return False
+        births = np.unique(tracks.birth[np.isfinite(tracks.depth_m)])
+        some = np.unique(np.linspace(0, len(births) - 1, min(len(births), _SAMPLED)).astype(int))
+        joined_m = self._joined_m(births[some])
         young = tracks.frame - tracks.birth[tracks.track] <= _OLDEST
         used = young & np.isfinite(joined_m)[tracks.track]
+        if not used.any():
+            return False
         single, joined = (
             np.linalg.norm(self.adjustment.residuals(self.best.poses, depth_m)[used], axis=1)
             for depth_m in (tracks.depth_m, joined_m)
         )
         return bool(np.nanmedian(joined) < _LOWER * np.nanmedian(single))
+
+    def _joined_m(self, births: NDArray[np.intp]) -> Array:
+        """(m,): joined depths of the tracks of some frames, by the adjusted poses; NaN for all others."""
+        tracks = self.adjustment.tracks
+        maps = JoinedDepths(SequenceGeometry(OtherPoses(self.sequence, self.best.poses, _NAME)))
+        found, known = np.full(len(tracks.depth_m), np.nan), np.isfinite(tracks.depth_m)
+        for index in births.tolist():
+            some = np.flatnonzero(known & (tracks.birth == index))
+            found[some] = maps.of(index, tracks.birth_uv[some], tracks.depth_m[some])
+        return found
 
 
 def depth_corrections(named: Mapping[str, float]) -> Corrections:

@@ -226,7 +226,7 @@ def _adjusted(depths: AdjustedDepths) -> RefinedPoses:
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
     left = _readout_left(adjustment, sequence, best)
     known = {"pose_halves": farthest, "by_kind": by_kind, "readout_left": left}
-    return RefinedPoses.of(sequence, best.poses, joins_depths=depths.joined_are_better(), **known)
+    return RefinedPoses.of(sequence, best.poses, joins_depths=depths.joins_depths, **known)
 
 
 def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:

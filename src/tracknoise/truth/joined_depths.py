@@ -18,7 +18,7 @@ from tracknoise.truth.visibility import SequenceGeometry
 
 Array = NDArray[np.float64]
 
-REACH = 5
+REACH = 8
 """Frames before and after that of a feature whose maps are joined."""
 _STEPS = 3
 _MEMORY = 128 * 1024**2

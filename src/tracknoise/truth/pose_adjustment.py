@@ -187,6 +187,15 @@ class PoseAdjustment:
         part._logs, part._start = self._logs[tracks], State(self._start.poses, self._start.depth_m[tracks])
         return part
 
+    def with_depths(self, depth_m: Array) -> "PoseAdjustment":
+        """The adjustment with other stated depths (m,), metres, NaN where there are none."""
+        part, known = copy(self), np.isfinite(depth_m)
+        part.tracks = replace(self.tracks, depth_m=depth_m)
+        part._start = State(self._start.poses, np.where(known, depth_m, self._start.depth_m))
+        part._logs = np.log(part._start.depth_m)
+        part._depth_prior = np.where(known, self._depth_prior, np.inf)
+        return part
+
     def _choose(self, tracks: NDArray[np.bool_], rows: Integers) -> None:
         """Leave out the other tracks, but for what their depths are at the start."""
         self.tracks = self.tracks.chosen(tracks)

@@ -117,7 +117,7 @@ class AdjustedDepths:
         found, known = np.full(len(tracks.depth_m), np.nan), np.isfinite(tracks.depth_m)
         for index in births.tolist():
             some = np.flatnonzero(known & (tracks.birth == index))
-            found[some] = maps.of(index, tracks.birth_uv[some], tracks.depth_m[some])
+            found[some] = maps.of(index, tracks.birth_uv[some], tracks.depth_m[some])[0]
         return found
 
 

@@ -22,7 +22,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.measurement.recording import Recording
-from tracknoise.sequences.sequence import SWEPT, Sequence, TruthKind, halves_of
+from tracknoise.sequences.sequence import SWEPT, Sequence, TruthKind, halves_of, joins_depths
 from tracknoise.sequences.views import frame_step
 from tracknoise.tables.enumerations import Axis, FloorSource
 from tracknoise.tables.schema import AXIS, FLOOR_SOURCE, FLOORS, ORIGIN, TruthStatus
@@ -157,10 +157,10 @@ class TruthFloor:
     @classmethod
     def of(cls, sequence: Sequence, truth: Truth, rule: AccuracyRule) -> "TruthFloor":
         """That of a sequence: for the kinds of truth that fix a point in one frame (all but fitted ones)."""
-        own_depth = truth.kind == SWEPT
-        if truth.kind not in tuple(TruthKind) and not own_depth:
+        if truth.kind not in (*TruthKind, SWEPT):
             return cls(sequence, None, truth.key_frame)
         known = known_accuracy(sequence, truth.kind, rule)
+        own_depth = truth.kind == SWEPT or (joins_depths(sequence) and "depth" not in known.figures.topics)
         measures_itself = own_depth or halves_of(sequence) is not None
         if known.figures.is_exact and not known.is_complete and not measures_itself:
             return cls(sequence, None, truth.key_frame)
@@ -190,6 +190,8 @@ class TruthFloor:
         self, errors: TrueErrors, recording: Recording, positions: TruePositions
     ) -> tuple[TruePositions, pl.DataFrame]:
         frame, track = recording.frame.astype(np.intp), recording.track.astype(np.intp)
+        if not errors.own_depth:
+            positions = replace(positions, depth_sigma_m=None)
         rows, points = anchored_points(self.sequence, frame, track, positions, key_frame=self.key_frame)
         covariance = np.full((len(frame), 2, 2), np.nan)
         visible = positions.status[rows] == TruthStatus.valid

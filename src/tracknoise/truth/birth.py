@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.depth import at_pixels, sample
+from tracknoise.geometry.depth import DepthSample, at_pixels, sample
 from tracknoise.geometry.surroundings import Surroundings, around, find_surroundings, unknown_surroundings
 from tracknoise.sequences.sequence import Sequence, TruthKind, joins_depths
 from tracknoise.tables.schema import TruthStatus
@@ -33,9 +33,9 @@ class BirthDepth:
         def anchor(index: int, uv: NDArray[np.float64]) -> Anchors:
             return anchor_points(geometry, index, uv, *births.of(index, uv))
 
-        return AnchoredTruth(
-            self.kind, geometry, anchor, DepthMapSurface(geometry), partial(_mapped_surroundings, geometry)
-        )
+        surround = partial(_mapped_surroundings, geometry)
+        sigma = births.sigma_m if joins_depths(sequence) else None
+        return AnchoredTruth(self.kind, geometry, anchor, DepthMapSurface(geometry), surround, sigma)
 
 
 def _mapped_surroundings(geometry: SequenceGeometry, index: int, uv: NDArray[np.float64]) -> Surroundings:
@@ -70,7 +70,19 @@ class BirthDepths:
         status = np.full(len(uv), TruthStatus.no_depth, np.int8)
         status[read.edge] = TruthStatus.edge
         status[read.valid] = TruthStatus.valid
-        depth_m = read.depth_m
+        return self._joined_with_errors(index, uv, read)[0], status
+
+    def sigma_m(self, index: int, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) float64, metres: standard deviations of joined depths of pixels (n, 2); NaN where unknown."""
+        depth = self._geometry.depth(index)
+        unknown = np.full(len(uv), np.nan)
+        return unknown if depth is None else self._joined_with_errors(index, uv, sample(depth, uv))[1]
+
+    def _joined_with_errors(
+        self, index: int, uv: NDArray[np.float64], read: DepthSample
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        depth_m, sigma_m = read.depth_m.copy(), np.full(len(uv), np.nan)
         if self._joined is not None and read.valid.any():
-            depth_m[read.valid] = self._joined.of(index, uv[read.valid], depth_m[read.valid])
-        return depth_m, status
+            found = self._joined.of(index, uv[read.valid], depth_m[read.valid])
+            depth_m[read.valid], sigma_m[read.valid] = found
+        return depth_m, sigma_m

@@ -27,6 +27,8 @@ _SAME_SCALES, _SAME_LEAST, _SAME_MOST = 4.0, 0.005, 0.3
 differences, and relative to the depth by no less and no more than this."""
 _FEWEST = 3
 _MEDIAN_TO_SIGMA = 1.4826
+_OF_MEDIAN = float(np.sqrt(np.pi / 2.0))
+"""Standard deviation of the median of Gaussian numbers over that of their mean."""
 
 
 class JoinedDepths:
@@ -44,20 +46,24 @@ class JoinedDepths:
         self._geometry = geometry
         self._maps: OrderedDict[int, DepthMap | None] = OrderedDict()
 
-    def of(self, index: int, uv: Array, depth_m: Array) -> Array:
-        """(n,) float64: joined depths, metres, of pixels (n, 2) of a frame with the depths (n,) of its own map.
+    def of(self, index: int, uv: Array, depth_m: Array) -> tuple[Array, Array]:
+        """Joined depths (n,), metres, of pixels (n, 2) of a frame with the depths (n,) of its own map, and errors.
 
-        A feature that fewer than three maps see keeps its own.
+        Errors are standard deviations by the spread of the maps, metres; what maps have in common is not in them. A
+        feature that fewer than three maps see keeps its own depth, with the error of single maps of the frame.
         """
         difference = self.differences(index, uv, depth_m)
         known = np.isfinite(difference)
-        scale = _MEDIAN_TO_SIGMA * float(np.median(np.abs(difference[known]))) if known.any() else 0.0
+        scale = _MEDIAN_TO_SIGMA * float(np.median(np.abs(difference[known]))) if known.any() else _SAME_MOST
         same = known & (np.abs(difference) <= np.clip(_SAME_SCALES * scale, _SAME_LEAST, _SAME_MOST))
-        every = np.concatenate([np.zeros((1, len(uv))), np.where(same, difference, np.nan)])
-        enough = same.sum(axis=0) + 1 >= _FEWEST
-        middle = np.zeros(len(uv))
-        middle[enough] = np.nanmedian(every[:, enough], axis=0)
-        return np.asarray(depth_m * np.exp(middle))
+        other = np.where(same, difference, np.nan)
+        enough = np.flatnonzero(same.sum(axis=0) + 1 >= _FEWEST)
+        middle, sigma = np.zeros(len(uv)), np.full(len(uv), scale / np.sqrt(2.0))
+        middle[enough] = np.nanmedian(np.vstack([np.zeros(len(enough)), other[:, enough]]), axis=0)
+        single = _MEDIAN_TO_SIGMA * np.nanmedian(np.abs(other[:, enough]), axis=0) / np.sqrt(2.0)
+        sigma[enough] = _OF_MEDIAN * single / np.sqrt(same.sum(axis=0)[enough] + 1)
+        joined_m = depth_m * np.exp(middle)
+        return joined_m, joined_m * sigma
 
     def differences(self, index: int, uv: Array, depth_m: Array) -> Array:
         """(k, n) float64: log of the depth by each other map over the own one; NaN where a map does not see a point."""

@@ -341,12 +341,12 @@ class TrueErrors:
         Whether the points bring the errors of their depths.
     """
 
-    __slots__ = ("_accuracy", "_derivatives", "_has_halves", "_own_depth", "_step", "sources")
+    __slots__ = ("_accuracy", "_derivatives", "_has_halves", "_step", "own_depth", "sources")
 
     def __init__(
         self, derivatives: "TruthDerivatives", accuracy: TruthAccuracy, *, step: int, own_depth: bool = False
     ) -> None:
-        self._derivatives, self._accuracy, self._step, self._own_depth = derivatives, accuracy, step, own_depth
+        self._derivatives, self._accuracy, self._step, self.own_depth = derivatives, accuracy, step, own_depth
         self._has_halves = derivatives.has_halves
         known = accuracy.topics | ({"depth"} if own_depth else set()) | ({"rotation"} if self._has_halves else set())
         self.sources = tuple(source for source in SOURCES if not known.isdisjoint(SOURCES[source]))
@@ -354,7 +354,7 @@ class TrueErrors:
     @property
     def is_exact(self) -> bool:
         """Whether all that is known about the truth is that it has no errors."""
-        return self._accuracy.is_exact and not self._own_depth and not self._has_halves
+        return self._accuracy.is_exact and not self.own_depth and not self._has_halves
 
     @property
     def pose_laws(self) -> PoseLaws:

@@ -32,6 +32,7 @@ from tracknoise.geometry.pose import PosePath, invert, transform
 from tracknoise.inference.robust_fits import weights
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
 from tracknoise.measurement.tracking import Progress
+from tracknoise.sequences.kept_frames import KEPT_BYTES, KeptFrames
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import (
@@ -124,6 +125,7 @@ class Leading:
         """
         if only_stated:
             return cls(sequences, second, [None for _ in sequences])
+        sequences = [KeptFrames(one, KEPT_BYTES // len(sequences)) for one in sequences]
         kinds = [kind or best_truth(one) for one in sequences]
         found = [
             refined(one, of, rule, min(len(one), n_frames or len(one)), progress=progress)
@@ -198,7 +200,7 @@ def refined_by(
         reason = "Poses are not refined: without depth, the camera has to change its position by more."
         return sequence, PoseFit(False, references, reason=reason)
     best = adjustment.best()
-    found = _adjusted(adjustment, sequence, best)
+    found = _adjusted(adjustment, sequence, best, may_roll=stated.readout_ms is not None)
     fit = _compared(found, adjustment, best.depth_m, stated, references)
     return (found if fit.leads else sequence), fit
 
@@ -211,7 +213,7 @@ def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
     return figures.without(figures.topics - {"rotation", "translation"})
 
 
-def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> RefinedPoses:
+def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State, *, may_roll: bool) -> RefinedPoses:
     tracks = adjustment.tracks
     half = adjustment.half(best)
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
@@ -220,7 +222,7 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> Re
     if min(np.bincount(tracks.kind[tracks.track], minlength=len(KINDS))) >= FEWEST_TRACKS * len(best.poses) / 2:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
-    left = _readout_left(adjustment, sequence, best)
+    left = _readout_left(adjustment, sequence, best) if may_roll else 1.0
     return RefinedPoses.of(sequence, best.poses, pose_halves=farthest, by_kind=by_kind, readout_left=left)
 
 

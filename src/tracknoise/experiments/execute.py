@@ -154,6 +154,7 @@ def execute(
                     _settle(batch, result, manifest_writer, listener)
                     manifest_writer.write_if_due()
         run.discard_parts(but={task.key for task in tasks} - manifest.sequences.keys())
+        run.discard_references(but={task.key for task in tasks})
         if todo:
             run.discard_unfinished()  # files of workers that died while they wrote
         if manifest.sequences:

@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert, transform
 from tracknoise.inference.robust_fits import weights
-from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
+from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.kept_frames import KEPT_BYTES, KeptFrames
 from tracknoise.sequences.other_poses import OtherPoses
@@ -116,20 +116,21 @@ class Leading:
         rule: AccuracyRule,
         n_frames: int | None = None,
         only_stated: bool = False,
+        kept: Items[KeptTracks | None] = (),
         progress: Progress | None = None,
     ) -> "Leading":
         """Of sequences that are measured together: where stated poses lead in one, they lead in all.
 
-        `kind`: of the truth, by default the best of each. `n_frames`: those that are measured, by default all. The
-        stated truth becomes the second, unless there is another.
+        `kind`: of the truth, by default the best of each. `n_frames`: those that are measured, by default all. `kept`:
+        where the reference tracks of each are kept. The stated truth becomes the second, unless there is another.
         """
         if only_stated:
             return cls(sequences, second, [None for _ in sequences])
         sequences = [KeptFrames(one, KEPT_BYTES // len(sequences)) for one in sequences]
         kinds = [kind or best_truth(one) for one in sequences]
         found = [
-            refined(one, of, rule, min(len(one), n_frames or len(one)), progress=progress)
-            for one, of in zip(sequences, kinds, strict=True)
+            refined(one, of, rule, min(len(one), n_frames or len(one)), kept=place, progress=progress)
+            for one, of, place in zip(sequences, kinds, kept or [None for _ in sequences], strict=True)
         ]
         fits = [fit for _, fit in found]
         if all(fit.leads for fit in fits):
@@ -153,7 +154,13 @@ def _corrected_path(sequence: Sequence, poses: Array) -> PosePath | None:
 
 
 def refined(
-    sequence: Sequence, kind: str, rule: AccuracyRule, n_frames: int, *, progress: Progress | None = None
+    sequence: Sequence,
+    kind: str,
+    rule: AccuracyRule,
+    n_frames: int,
+    *,
+    kept: KeptTracks | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Sequence, PoseFit]:
     """The sequence with the poses that lead, and why these.
 
@@ -167,6 +174,8 @@ def refined(
         What the user says about the errors of the truth.
     n_frames
         Frames that are measured, from the first.
+    kept
+        Where its reference tracks are kept.
     progress
         Called after each frame.
 
@@ -180,7 +189,8 @@ def refined(
     stated = known_accuracy(sequence, kind, rule).figures
     if {"rotation", "translation"} <= stated.topics and _only_poses(stated).is_exact:
         return sequence, PoseFit(False, reason="The stated poses are exact.")
-    return refined_by(sequence, reference_tracks(sequence, n_frames, progress=progress), stated, n_frames)
+    tracks = reference_tracks(sequence, n_frames, kept=kept, progress=progress)
+    return refined_by(sequence, tracks, stated, n_frames)
 
 
 def refined_by(

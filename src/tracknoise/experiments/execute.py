@@ -58,7 +58,7 @@ class Listener(Protocol):
         """After each frame of a sequence that is measured on this machine.
 
         The number of frames done from the frame `first` on, of `total` frames of the sequence: parts of a long one are
-        measured side by side.
+        measured side by side. It is 0 after each frame through which reference tracks are followed.
         """
         ...
 

@@ -122,14 +122,16 @@ class Leading:
         """Of sequences that are measured together: where stated poses lead in one, they lead in all.
 
         `kind`: of the truth, by default the best of each. `n_frames`: those that are measured, by default all. `kept`:
-        where the reference tracks of each are kept. The stated truth becomes the second, unless there is another.
+        where the reference tracks of each are kept. `progress`: called with 0 after each frame through which they are
+        followed. The stated truth becomes the second, unless there is another.
         """
         if only_stated:
             return cls(sequences, second, [None for _ in sequences])
+        follow = None if progress is None else lambda _, total: progress(0, total)
         sequences = [KeptFrames(one, KEPT_BYTES // len(sequences)) for one in sequences]
         kinds = [kind or best_truth(one) for one in sequences]
         found = [
-            refined(one, of, rule, min(len(one), n_frames or len(one)), kept=place, progress=progress)
+            refined(one, of, rule, min(len(one), n_frames or len(one)), kept=place, progress=follow)
             for one, of, place in zip(sequences, kinds, kept or [None for _ in sequences], strict=True)
         ]
         fits = [fit for _, fit in found]

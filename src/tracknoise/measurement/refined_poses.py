@@ -245,9 +245,9 @@ def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array)
 
 def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> float:
     """Share of the displacements by a readout time that no poses absorb; 1 without times."""
-    rows = np.arange(len(adjustment.tracks.frame))
-    points = adjustment.anchored_points(sequence.world_from_camera, best.depth_m, rows)
-    moved = TruthDerivatives(sequence).sensitivity(points).readout
+    poses, derivatives = sequence.world_from_camera, TruthDerivatives(sequence)
+    points = (adjustment.anchored_points(poses, best.depth_m, rows) for rows in adjustment.blocks())
+    moved = np.concatenate([derivatives.sensitivity(some).readout for some in points])
     left, whole = _size(adjustment.left_of(best, moved)), _size(moved)
     return min(left / whole, 1.0) if whole > 0.0 else 1.0
 

@@ -102,6 +102,24 @@ def test_no_time_is_said_to_be_left_while_results_of_all_frames_are_computed(cap
     assert line == "0 of 1 sequence done after 5 min; a at frame 30 of 30; results are being computed"
 
 
+def test_reference_tracks_are_said_to_be_followed_until_a_frame_is_measured(capsys):
+    clock = Clock()
+    progress = RunProgress(Terminal(), clock)
+    progress.planned(["a"], 0)
+    for _ in range(30):
+        clock.now_s += 1.0
+        progress.frame("a", 0, 30, 0)
+    progress.heartbeat.beat()
+    for done in range(1, 13):
+        progress.frame("a", done, 30, 0)
+        clock.now_s += 1.0
+    progress.heartbeat.beat()
+    assert capsys.readouterr().err.splitlines() == [
+        "0 of 1 sequence done after 30 s; a at frame 0 of 30; reference tracks are being followed",
+        "0 of 1 sequence done after 42 s; a at frame 12 of 30; 1.0 frames/s, 18 s left",
+    ]
+
+
 def test_names_of_scenes_are_shown_as_they_are_written(capsys):
     """File names have percent signs for special characters; messages have the characters."""
     clock = Clock()

@@ -34,6 +34,8 @@ SILENCE_S = 10.0
 
 _COMPUTED = "results are being computed"
 """Said once nothing is left to measure: how long the rest takes is not known."""
+_FOLLOWED = "reference tracks are being followed"
+"""Said before the first frame is measured."""
 
 
 class Pace:
@@ -66,7 +68,7 @@ class FramePace:
 
     def advance(self, key: str, done: int, total: int, first: int) -> None:
         """Count a frame of a sequence: `done` frames from `first` on are measured, of `total` in all its parts."""
-        if self._started is None:
+        if self._started is None and done:
             self._started = self._clock()
         pieces = self._done.setdefault(key, {})
         self._measured += done - pieces.get(first, 0) == 1  # parts that an earlier start measured do not count
@@ -94,6 +96,8 @@ class FramePace:
 
     def __str__(self) -> str:
         elapsed_s = 0.0 if self._started is None else self._clock() - self._started
+        if self._done and not self.done:
+            return _FOLLOWED
         if not self._done or not self._measured or not elapsed_s:
             return ""
         rate, left = self._measured / elapsed_s, self.total - self.done

@@ -58,7 +58,7 @@ class Listener(Protocol):
         """After each frame of a sequence that is measured on this machine.
 
         The number of frames done from the frame `first` on, of `total` frames of the sequence: parts of a long one are
-        measured side by side.
+        measured side by side. It is 0 after each frame through which reference tracks are followed.
         """
         ...
 
@@ -154,6 +154,7 @@ def execute(
                     _settle(batch, result, manifest_writer, listener)
                     manifest_writer.write_if_due()
         run.discard_parts(but={task.key for task in tasks} - manifest.sequences.keys())
+        run.discard_references(but={task.key for task in tasks})
         if todo:
             run.discard_unfinished()  # files of workers that died while they wrote
         if manifest.sequences:

@@ -97,7 +97,7 @@ def _measure_part(
         return before
     folder = folder_of(task, run)
     try:
-        measured = _measure_batch([task], folder, claim=claim, progress=progress)
+        measured = _measure_batch([task], folder, claim=claim, progress=progress, beside=run)
         assert not isinstance(measured, InParts)
         entry = measured[0]
     except NothingToMeasureError:
@@ -152,13 +152,39 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
     return _with_inputs(entry, joined_inputs([one.folder for one in parts], task.key), run)
 
 
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """Where the reference tracks of a task are kept beside the run: a `KeptTracks`."""
+
+    run: RunFolder
+    task: Task
+    claim: Claim | None
+
+    def read(self) -> pl.DataFrame | None:
+        """See `RunFolder.references`."""
+        return self.run.references(self.task.key, self.task.part)
+
+    def write(self, table: pl.DataFrame) -> None:
+        """See `RunFolder.write_references`."""
+        if self.claim:
+            self.claim.check()
+        self.run.write_references(self.task.key, self.task.part, table)
+
+
 def _measure_batch(
-    batch: list[Task], run: RunFolder, *, claim: Claim | None, progress: Progress | None
+    batch: list[Task],
+    run: RunFolder,
+    *,
+    claim: Claim | None,
+    progress: Progress | None,
+    beside: RunFolder | None = None,
 ) -> list[SequenceEntry] | InParts:
+    """Measure sequences into a folder; `beside`: the one of the whole run, by default the same."""
+    beside = beside or run
     started, entries = time.monotonic(), []
     for task in batch:
         task.sequence.require_utf8()
-    with warnings.catch_warnings(), recording(batch, run) as recorder:
+    with warnings.catch_warnings(), recording(batch, beside) as recorder:
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
         progress = recorder.following(progress)
         sequences = open_batch(batch, change=recorder.recorded)
@@ -172,6 +198,7 @@ def _measure_batch(
             kind=truth.kind,
             rule=truth.accuracy.rule(),
             only_stated=truth.poses == "stated",
+            kept=[_Beside(beside, task, claim) for task in batch],
             progress=progress,
         )
         repeated = _repeated(batch, led.sequences, progress)

@@ -3,17 +3,22 @@
 They belong to a recording. Those that are measured are never among them.
 """
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.metadata import version
 from math import ceil, sqrt
+from typing import Protocol
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.geometry.depth import sample
-from tracknoise.measurement.recording import Recorder, Recording
+from tracknoise.measurement.recording import Recorder
 from tracknoise.measurement.tracking import Progress, TrackerSetup, start_tracker
 from tracknoise.sequences.sequence import Sequence
+from tracknoise.tables.schema import REFERENCES
 from tracknoise.trackers.correspondence import Correspondence
 from tracknoise.trackers.detection import Detection, Detector, Spacing
 from tracknoise.trackers.lucas_kanade import LucasKanade
@@ -63,22 +68,86 @@ def reference_trackers(width: int, height: int) -> Mapping[str, TrackerSettings]
     }
 
 
-def reference_tracks(sequence: Sequence, n_frames: int, *, progress: Progress | None = None) -> ReferenceTracks:
-    """Follow and match features through a sequence."""
+class KeptTracks(Protocol):
+    """Where the reference tracks of a sequence are kept, as the table `REFERENCES`."""
+
+    def read(self) -> pl.DataFrame | None:
+        """What was kept; None if nothing was."""
+        ...
+
+    def write(self, table: pl.DataFrame) -> None:
+        """Keep it."""
+        ...
+
+
+def reference_tracks(
+    sequence: Sequence, n_frames: int, *, kept: KeptTracks | None = None, progress: Progress | None = None
+) -> ReferenceTracks:
+    """Follow and match features through a sequence, unless tracks in the same images are kept."""
+    before = None if kept is None else kept.read()
+    if before is not None and before.height:
+        images = _Images(sequence)
+        for index in range(n_frames):
+            images.add(sequence.image(index))
+            if progress is not None:
+                progress(index + 1, n_frames)
+        if images.checksum(before) == before["sha256"][0]:
+            return _joined(sequence, n_frames, before)
+    found = _followed(sequence, n_frames, progress)
+    if kept is not None:
+        kept.write(found)
+    return _joined(sequence, n_frames, found)
+
+
+class _Images:
+    """Checksum of images, and of the settings and libraries of the trackers."""
+
+    def __init__(self, sequence: Sequence) -> None:
+        settings = dict(reference_trackers(sequence.camera.width, sequence.camera.height))
+        versions = [version(name) for name in _LIBRARIES]
+        self._sum = hashlib.sha256(repr((settings, _MATCHED_PX, versions)).encode())
+
+    def add(self, image: NDArray[np.uint8]) -> None:
+        self._sum.update(repr(image.shape).encode())
+        self._sum.update(image.tobytes())
+
+    def checksum(self, table: pl.DataFrame) -> str:
+        """With the tracks in them."""
+        found = self._sum.copy()
+        for column in table.drop("sha256", strict=False):
+            found.update(column.to_numpy().tobytes())
+        return found.hexdigest()
+
+
+_LIBRARIES = ("tracknoise", "numpy", "opencv-contrib-python-headless")
+
+
+def _followed(sequence: Sequence, n_frames: int, progress: Progress | None) -> pl.DataFrame:
+    """The table `REFERENCES` of a sequence."""
     width, height = sequence.camera.width, sequence.camera.height
     setups = [TrackerSetup(name, one, 1) for name, one in reference_trackers(width, height).items()]
     running = [start_tracker(setup, sequence, None, 0, n_frames) for setup in setups]
     recorders = [Recorder() for _ in setups]
     small = min(1.0, sqrt(_MATCHED_PX / (width * height)))
     size = max(1, round(small * width)), max(1, round(small * height))
+    images = _Images(sequence)
     for index in range(n_frames):
         frame = Frame(index, sequence.image(index))
+        images.add(frame.image)
         for setup, tracker, recorder in zip(setups, running, recorders, strict=True):
             step = tracker.step(frame) if setup.tracker == FOLLOWED else _step_in(tracker, frame, size)
             recorder.add(index, step, gradient_rad=lambda uv: np.full(len(uv), np.nan, np.float32))
         if progress is not None:
             progress(index + 1, n_frames)
-    return _joined(sequence, n_frames, [recorder.finish() for recorder in recorders])
+    recordings = [recorder.finish() for recorder in recorders]
+    offsets = np.cumsum([0, *(len(one.first_frame) for one in recordings)])
+    table = pl.concat(
+        pl.DataFrame({"track": one.track + offset, "frame": one.frame, "u_px": one.uv[:, 0], "v_px": one.uv[:, 1]})
+        .select(pl.lit(kind, pl.UInt8).alias("kind"), pl.all())
+        .cast({"track": pl.UInt32})
+        for kind, (one, offset) in enumerate(zip(recordings, offsets[:-1], strict=True))
+    )
+    return table.with_columns(pl.lit(images.checksum(table)).alias("sha256")).select(list(REFERENCES))
 
 
 def _step_in(tracker: Tracker, frame: Frame, size: tuple[int, int]) -> Step:
@@ -89,13 +158,14 @@ def _step_in(tracker: Tracker, frame: Frame, size: tuple[int, int]) -> Step:
     return replace(step, uv=(step.uv + 0.5) * (np.array(frame.size) / size) - 0.5)
 
 
-def _joined(sequence: Sequence, n_frames: int, recordings: list[Recording]) -> ReferenceTracks:
+def _joined(sequence: Sequence, n_frames: int, table: pl.DataFrame) -> ReferenceTracks:
+    """The reference tracks, in frames with a pose, of the table `REFERENCES` of a sequence."""
     geometry = SequenceGeometry(sequence)
-    offsets = np.cumsum([0, *(len(one.first_frame) for one in recordings)])
-    track = np.concatenate([one.track + offset for one, offset in zip(recordings, offsets[:-1], strict=True)])
-    frame, uv = (np.concatenate([getattr(one, name) for one in recordings]) for name in ("frame", "uv"))
-    kind = np.repeat(np.arange(len(recordings)), np.diff(offsets))
-    birth = np.concatenate([one.first_frame for one in recordings]).astype(np.intp)
+    track, frame = (table[name].to_numpy().astype(np.intp) for name in ("track", "frame"))
+    uv = table.select("u_px", "v_px").to_numpy()
+    begun, births = np.unique(track, return_index=True)  # rows of a track are in the order of frames
+    birth, kind = np.zeros((2, int(track.max(initial=-1)) + 1), np.intp)
+    birth[begun], kind[begun] = frame[births], table["kind"].to_numpy()[births]
     at_birth = frame == birth[track]
     birth_uv = np.full((len(birth), 2), np.nan)
     birth_uv[track[at_birth]] = uv[at_birth]
@@ -116,7 +186,7 @@ def _joined(sequence: Sequence, n_frames: int, recordings: list[Recording]) -> R
         depth_sigma=unknown,
         kind=kind[order],
         track=number[track[rows]],
-        frame=frame[rows].astype(np.intp),
+        frame=frame[rows],
         uv=uv[rows],
     )
     return with_depths(sequence, found)

@@ -30,8 +30,9 @@ from scipy.spatial.transform import Rotation
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.measurement.adjusted_depths import AdjustedDepths
-from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
+from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
+from tracknoise.sequences.kept_frames import KEPT_BYTES, KeptFrames
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import (
@@ -118,19 +119,23 @@ class Leading:
         rule: AccuracyRule,
         n_frames: int | None = None,
         only_stated: bool = False,
+        kept: Items[KeptTracks | None] = (),
         progress: Progress | None = None,
     ) -> "Leading":
         """Of sequences that are measured together: where stated poses lead in one, they lead in all.
 
-        `kind`: of the truth, by default the best of each. `n_frames`: those that are measured, by default all. The
-        stated truth becomes the second, unless there is another.
+        `kind`: of the truth, by default the best of each. `n_frames`: those that are measured, by default all. `kept`:
+        where the reference tracks of each are kept. `progress`: called with 0 after each frame through which they are
+        followed. The stated truth becomes the second, unless there is another.
         """
         if only_stated:
             return cls(sequences, second, [None for _ in sequences])
+        follow = None if progress is None else lambda _, total: progress(0, total)
+        sequences = [KeptFrames(one, KEPT_BYTES // len(sequences)) for one in sequences]
         kinds = [kind or best_truth(one) for one in sequences]
         found = [
-            refined(one, of, rule, min(len(one), n_frames or len(one)), progress=progress)
-            for one, of in zip(sequences, kinds, strict=True)
+            refined(one, of, rule, min(len(one), n_frames or len(one)), kept=place, progress=follow)
+            for one, of, place in zip(sequences, kinds, kept or [None for _ in sequences], strict=True)
         ]
         fits = [fit for _, fit in found]
         if all(fit.leads for fit in fits):
@@ -154,7 +159,13 @@ def _corrected_path(sequence: Sequence, poses: Array) -> PosePath | None:
 
 
 def refined(
-    sequence: Sequence, kind: str, rule: AccuracyRule, n_frames: int, *, progress: Progress | None = None
+    sequence: Sequence,
+    kind: str,
+    rule: AccuracyRule,
+    n_frames: int,
+    *,
+    kept: KeptTracks | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Sequence, PoseFit]:
     """The sequence with the poses that lead, and why these.
 
@@ -168,6 +179,8 @@ def refined(
         What the user says about the errors of the truth.
     n_frames
         Frames that are measured, from the first.
+    kept
+        Where its reference tracks are kept.
     progress
         Called after each frame.
 
@@ -181,7 +194,8 @@ def refined(
     stated = known_accuracy(sequence, kind, rule).figures
     if {"rotation", "translation"} <= stated.topics and _only_poses(stated).is_exact:
         return sequence, PoseFit(False, reason="The stated poses are exact.")
-    return refined_by(sequence, reference_tracks(sequence, n_frames, progress=progress), stated, n_frames)
+    tracks = reference_tracks(sequence, n_frames, kept=kept, progress=progress)
+    return refined_by(sequence, tracks, stated, n_frames)
 
 
 def refined_by(
@@ -201,7 +215,7 @@ def refined_by(
         reason = "Poses are not refined: without depth, the camera has to change its position by more."
         return sequence, PoseFit(False, references, reason=reason)
     depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
-    found = _adjusted(depths)
+    found = _adjusted(depths, may_roll=stated.readout_ms is not None)
     fit = _compared(found, depths, stated, references)
     return (found if fit.leads else sequence), fit
 
@@ -214,7 +228,7 @@ def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
     return figures.without(figures.topics - {"rotation", "translation"})
 
 
-def _adjusted(depths: AdjustedDepths) -> RefinedPoses:
+def _adjusted(depths: AdjustedDepths, *, may_roll: bool) -> RefinedPoses:
     adjustment, sequence, best = depths.adjustment, depths.sequence, depths.best
     tracks = adjustment.tracks
     half = adjustment.half(best)
@@ -224,7 +238,7 @@ def _adjusted(depths: AdjustedDepths) -> RefinedPoses:
     if min(np.bincount(tracks.kind[tracks.track], minlength=len(KINDS))) >= FEWEST_TRACKS * len(best.poses) / 2:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
-    left = _readout_left(adjustment, sequence, best)
+    left = _readout_left(adjustment, sequence, best) if may_roll else 1.0
     known = {"pose_halves": farthest, "by_kind": by_kind, "readout_left": left}
     return RefinedPoses.of(sequence, best.poses, joins_depths=depths.joins_depths, **known)
 
@@ -236,9 +250,9 @@ def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array)
 
 def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> float:
     """Share of the displacements by a readout time that no poses absorb; 1 without times."""
-    rows = np.arange(len(adjustment.tracks.frame))
-    points = adjustment.anchored_points(sequence.world_from_camera, best.depth_m, rows)
-    moved = TruthDerivatives(sequence).sensitivity(points).readout
+    poses, derivatives = sequence.world_from_camera, TruthDerivatives(sequence)
+    points = (adjustment.anchored_points(poses, best.depth_m, rows) for rows in adjustment.blocks())
+    moved = np.concatenate([derivatives.sensitivity(some).readout for some in points])
     left, whole = _size(adjustment.left_of(best, moved)), _size(moved)
     return min(left / whole, 1.0) if whole > 0.0 else 1.0
 

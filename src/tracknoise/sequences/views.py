@@ -249,7 +249,9 @@ def source_frames(sequence: Sequence) -> range | None:
     if isinstance(sequence, ChosenFrames):
         inner = source_frames(sequence.sequence) or range(len(sequence.sequence))
         return inner[sequence.frames.start : sequence.frames.stop : sequence.frames.step]
-    return source_frames(sequence.sequence) if isinstance(sequence, Turned) else None
+    if isinstance(sequence, Backward) or not isinstance(sequence, View):
+        return None
+    return source_frames(sequence.sequence)
 
 
 def image_names_of(sequence: Sequence) -> tuple[str, ...] | None:

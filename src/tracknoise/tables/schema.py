@@ -696,6 +696,20 @@ compared even if size (bytes) and time of modification are the same. size: -1 of
 number. content: a checksum of the content, or of the names in a folder; empty if it was not read.
 """
 
+REFERENCES: Schema = {
+    "kind": pl.UInt8,
+    "track": pl.UInt32,
+    "frame": pl.UInt32,
+    "u_px": pl.Float64,
+    "v_px": pl.Float64,
+    "sha256": pl.String,
+}
+"""Reference tracks of a sequence, a row for each observation.
+
+kind: number of the tracker. sha256: of the images, of the settings of the trackers, and of the other columns; the same
+in all rows.
+"""
+
 CURVES: Schema = {
     **POOLED,
     "population": POPULATION,

@@ -1,7 +1,8 @@
 """The run folder: what an experiment measured, as Parquet files and a manifest.
 
 It holds ``experiment.toml`` (the resolved settings), ``manifest.json``, one Parquet file per sequence in each folder of
-`SEQUENCE_TABLES`, one image per sequence in ``snapshots/``, tables of the whole run in ``statistics/``,
+`SEQUENCE_TABLES`, one image per sequence in ``snapshots/``, tables of the whole run in ``statistics/``, reference
+tracks in ``references/``, which remain when another run replaces this one,
 ``failures.jsonl``, and ``report/``. If only statistics are kept, the folders of `OBSERVED` are missing.
 
 Every file is written completely and then renamed. A sequence counts as measured once it is in the manifest, which is
@@ -39,7 +40,7 @@ from tracknoise.tables.results import RESULTS
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
-_LOCK, _INPUTS = ".lock", "inputs"
+_LOCK, _INPUTS, _REFERENCES = ".lock", "inputs", "references"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
 FINDINGS_JSON = "findings.json"
 _PARTS = "parts"
@@ -216,7 +217,20 @@ class RunFolder:
         StoreError
             If one cannot be removed.
         """
-        folder = self.path / _PARTS
+        self._discard(_PARTS, but)
+
+    def discard_references(self, *, but: Collection[str]) -> None:
+        """Remove the reference tracks of all sequences but some.
+
+        Raises
+        ------
+        StoreError
+            If some cannot be removed.
+        """
+        self._discard(_REFERENCES, but)
+
+    def _discard(self, name: str, but: Collection[str]) -> None:
+        folder = self.path / name
         there = list(folder.iterdir()) if folder.is_dir() else []
         for path in there:
             if path.name not in but:
@@ -251,7 +265,7 @@ class RunFolder:
             raise StoreError(f"{self.path}: is a file, expected a new or empty folder")
         if not self.path.is_dir():
             return
-        if set(self.path.iterdir()) - {self.lock_path, *unfinished(self.path)}:
+        if set(self.path.iterdir()) - {self.lock_path, self.path / _REFERENCES, *unfinished(self.path)}:
             raise StoreError(f"{self.path}: contains files that are not a run, expected a new or empty folder")
 
     def create(self, experiment_toml: str, manifest: Manifest) -> None:
@@ -387,6 +401,26 @@ class RunFolder:
         except (StoreError, SchemaError):
             return None
 
+    def write_references(self, key: str, part: int | None, table: pl.DataFrame) -> None:
+        """Write the table `REFERENCES` of a sequence, or of a part of it. A later run in this folder may read it.
+
+        Raises
+        ------
+        StoreError
+            If the folder cannot be written.
+        """
+        write_parquet(self._references_path(key, part), schema.check(table, schema.REFERENCES, _REFERENCES))
+
+    def references(self, key: str, part: int | None) -> pl.DataFrame | None:
+        """The table `REFERENCES` of a sequence, or of a part of it; None if it is missing or damaged."""
+        try:
+            return read_parquet(self._references_path(key, part), schema.REFERENCES, None)
+        except (StoreError, SchemaError):
+            return None
+
+    def _references_path(self, key: str, part: int | None) -> Path:
+        return self.path / _REFERENCES / key / f"{part or 0:04d}.parquet"
+
     def discard_unfinished(self) -> None:
         """Remove unfinished files, and unfinished folders of processes that were killed.
 
@@ -396,8 +430,9 @@ class RunFolder:
             If one cannot be removed.
         """
         discard_abandoned(self.path)  # reports are written without the lock of the run
-        for folder in (".", "statistics", _INPUTS, _SNAPSHOTS, *_ALL_SEQUENCE_TABLES):
-            for path in unfinished(self.path / folder):
+        names = (".", "statistics", _INPUTS, _SNAPSHOTS, *_ALL_SEQUENCE_TABLES)
+        for folder in (*(self.path / name for name in names), *(self.path / _REFERENCES).glob("*/")):
+            for path in unfinished(folder):
                 if path.is_file():
                     remove(path)
 
@@ -424,7 +459,7 @@ class RunFolder:
             remove(self.path / name)
 
     def clear(self) -> None:
-        """Remove the run, but no other files in its folder. The manifest may be damaged.
+        """Remove the run, but no other files in its folder, nor its reference tracks. The manifest may be damaged.
 
         The manifest is emptied first and removed last. A process that is killed in between therefore leaves a run that
         can be resumed.

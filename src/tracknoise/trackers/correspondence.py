@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 from tracknoise.checks import Positive, Share, require, require_bounds, settle_members
 from tracknoise.exceptions import TrackerError
 from tracknoise.tables.schema import TrackEnd
-from tracknoise.trackers.detection import MOST_FEATURES, Detection, Keypoints, network_keypoints
+from tracknoise.trackers.detection import (
+    MOST_FEATURES,
+    Detection,
+    Detector,
+    Keypoints,
+    network_keypoints,
+    sift_descriptors,
+)
 from tracknoise.trackers.features import ALIVE, Features, displacement_px, report
 from tracknoise.trackers.match_network import network_matches, require_matcher
 from tracknoise.trackers.matching import DISTANCE, RATIO, Matches, mutual_nearest, supported
@@ -86,6 +93,9 @@ def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descri
     def compute(image: NDArray[np.uint8]) -> Described:
         if descriptor is Descriptor.network:
             return _by_network(frame, detection)
+        if descriptor is Descriptor.sift and _is_all_sift(detection):
+            of_all, points = sift_descriptors(frame, detection), spread_keypoints(frame, detection)
+            return Described(points.uv, points.response, of_all[points.order])
         raw = _to_describe(spread_keypoints(frame, detection), own=detection.detector.value == descriptor.value)
         kept, found = _extractor(descriptor).compute(image, raw) if raw else ((), None)
         uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
@@ -104,6 +114,11 @@ def _by_network(frame: Frame, detection: Detection) -> Described:
     rows = np.array([points.raw[index].class_id for index in points.order.tolist()], dtype=np.intp)
     covariances = None if found.covariances is None else found.covariances[rows]
     return Described(points.uv, points.response, found.descriptors[rows], covariances)
+
+
+def _is_all_sift(detection: Detection) -> bool:
+    """Whether keypoints are described as SIFT finds them in the whole image."""
+    return detection.detector is Detector.sift and not (detection.network or detection.grid or detection.subpixel_px)
 
 
 def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:

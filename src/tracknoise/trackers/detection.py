@@ -81,8 +81,12 @@ def _orb(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]:
 
 
 def _sift(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]:
+    return _sift_of(least.contrast).detect(image)
+
+
+def _sift_of(contrast: float) -> cv2.SIFT:
     # Without the precise upscaling, positions are biased by a quarter of a pixel.
-    return cv2.SIFT.create(contrastThreshold=least.contrast, enable_precise_upscale=True).detect(image)
+    return cv2.SIFT.create(contrastThreshold=contrast, enable_precise_upscale=True)
 
 
 def _akaze(image: NDArray[np.uint8], least: Thresholds) -> Sequence[cv2.KeyPoint]:
@@ -236,6 +240,22 @@ def keypoints(frame: Frame, detection: Detection) -> Keypoints:
     if detection.network is not None:
         return frame.memo(("keypoints", detection.key), lambda image: _by_network(network_keypoints(frame, detection)))
     return frame.memo(("keypoints", detection.key), lambda image: _found(image, detection, detection.threshold))
+
+
+def sift_descriptors(frame: Frame, detection: Detection) -> NDArray[np.float32]:
+    """(n, 128): descriptors of all that SIFT finds in the image, in the order of `Keypoints.raw`.
+
+    Keypoints and descriptors are from one scale space, which takes most of the time of either.
+    """
+
+    def compute(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        if min(image.shape) < SMALLEST_SIDE_PX:
+            return np.empty((0, 128), np.float32)
+        raw, found = _sift_of(detection.contrast).detectAndCompute(image, None)
+        frame.memo(("keypoints", detection.key), lambda _: _strongest_first(raw, detection.least_response))
+        return np.asarray(found, np.float32) if raw else np.empty((0, 128), np.float32)
+
+    return frame.memo(("sift", detection.contrast), compute)
 
 
 def network_keypoints(frame: Frame, detection: Detection) -> NetworkKeypoints:

@@ -46,6 +46,8 @@ _LARGEST_STEP = 0.5
 """Largest change of the logarithm of a depth in a step."""
 _GAUGE = 1e-6
 _HYPOTHESES = 24
+_TOGETHER = 1 << 16
+"""Rows that are treated together."""
 _TWIST = 6
 _ESTABLISHED, _OF_A_KIND = 3.0, 1.0 / 3.0
 _BLOCK = 0.15
@@ -122,6 +124,12 @@ class _Pairs:
         self.birth, self.frame = np.divmod(key, frames)
         self.order = np.argsort(self.of_row, kind="stable")  # of the rows
         self.starts = np.searchsorted(self.of_row[self.order], np.arange(len(key) + 1))
+
+    def blocks(self) -> Iterator[range]:
+        """Pairs that are treated together: those of about as many rows."""
+        steps = np.arange(0, len(self.order) + _TOGETHER, _TOGETHER)
+        ends = np.unique(np.minimum(np.searchsorted(self.starts, steps), len(self.birth)))
+        return (range(*each) for each in pairwise(ends.tolist()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,7 +214,17 @@ class PoseAdjustment:
 
     def residuals(self, poses: Array, depth_m: Array) -> Array:
         """(n, 2): observed less predicted positions, px, by poses (frames, 4, 4) and depths (m,) at births."""
-        return self.tracks.uv - self._cameras.project(self._seen(State(poses, depth_m))[0])
+        state, found = State(poses, depth_m), np.empty_like(self.tracks.uv)
+        between = self._between(state)
+        for rows in self.blocks():
+            seen, *_ = self._seen(state, between, rows)
+            found[rows] = self.tracks.uv[rows] - self._cameras.chosen(rows).project(seen)
+        return found
+
+    def blocks(self) -> Iterator[Integers]:
+        """Rows that are treated together, so that memory grows little with their number."""
+        count = len(self.tracks.frame)
+        return (np.arange(start, min(start + _TOGETHER, count)) for start in range(0, count, _TOGETHER))
 
     def anchored_points(self, poses: Array, depth_m: Array, rows: Integers) -> AnchoredPoints:
         """The points of some observations in the world of these poses."""
@@ -302,31 +320,35 @@ class PoseAdjustment:
         scale = scales(self._group, residual)
         return np.asarray(weights(squared(residual, scale)) / scale**2)
 
-    def _seen(self, state: State) -> tuple[Array, Array, Array]:
-        """Points in the camera and in the frame of the pose that see them, (n, 3), and (pairs, 4, 4): between poses."""
-        tracks, pairs = self.tracks, self._pairs
-        at_birth = (self._rays * state.depth_m[:, None])[tracks.track]
+    def _between(self, state: State) -> Array:
+        """(pairs, 4, 4): pose at birth in the pose now."""
+        return invert(state.poses[self._pairs.frame]) @ state.poses[self._pairs.birth]
+
+    def _seen(self, state: State, between: Array, rows: Integers) -> tuple[Array, Array, Array]:
+        """Of some rows: points in the camera and in the frame of the pose that see them, and origins of the rays."""
+        track, pair = self.tracks.track[rows], self._pairs.of_row[rows]
+        at_birth, origin = self._rays[track] * state.depth_m[track, None], between[pair, :3, 3]
         if self._in_frame is not None:
-            at_birth = transform(self._in_frame, at_birth)
-        here_from_birth = invert(state.poses[pairs.frame]) @ state.poses[pairs.birth]
-        points = transform(here_from_birth[pairs.of_row], at_birth)
-        return points if self._in_row is None else transform(invert(self._in_row), points), points, here_from_birth
+            at_birth = transform(self._in_frame[rows], at_birth)
+            origin = transform(between[pair], self._in_frame[rows, :3, 3])
+        points = transform(between[pair], at_birth)
+        return points if self._in_row is None else transform(invert(self._in_row[rows]), points), points, origin
 
     def _linear(self, state: State) -> _Linear:
-        seen, points, here_from_birth = self._seen(state)
-        by_point = self._cameras.jacobians(seen)
-        if self._in_row is not None:
-            by_point = by_point @ invert(self._in_row)[:, :3, :3]
-        if self._in_frame is None:
-            centre = here_from_birth[self._pairs.of_row, :3, 3]
-        else:
-            centre = transform(here_from_birth[self._pairs.of_row], self._in_frame[:, :3, 3])
-        residual = self.tracks.uv - self._cameras.project(seen)
-        by_pose = np.concatenate([-by_point, np.cross(by_point, points[:, None])], axis=2)
-        by_depth = np.einsum("nij,nj->ni", by_point, points - centre)
-        unknown = ~(np.isfinite(residual).all(axis=1) & np.isfinite(by_point).all(axis=(1, 2)))
+        between, count = self._between(state), len(self.tracks.frame)
+        residual, by_pose, by_depth = (np.empty((count, *shape)) for shape in ((2,), (2, _TWIST), (2,)))
+        for rows in self.blocks():
+            seen, points, origin = self._seen(state, between, rows)
+            cameras = self._cameras.chosen(rows)
+            by_point = cameras.jacobians(seen)
+            if self._in_row is not None:
+                by_point = by_point @ invert(self._in_row[rows])[:, :3, :3]
+            residual[rows] = self.tracks.uv[rows] - cameras.project(seen)
+            by_pose[rows] = np.concatenate([-by_point, np.cross(by_point, points[:, None])], axis=2)
+            by_depth[rows] = np.einsum("nij,nj->ni", by_point, points - origin)
+        unknown = ~(np.isfinite(residual).all(axis=1) & np.isfinite(by_pose).all(axis=(1, 2)))
         residual[unknown], by_pose[unknown], by_depth[unknown] = np.nan, 0.0, 0.0
-        return _Linear(residual, by_pose, by_depth, _adjoint(here_from_birth))
+        return _Linear(residual, by_pose, by_depth, _adjoint(between))
 
     def _step(self, state: State, linear: _Linear, weight: Array) -> tuple[Array, Array]:
         """Twists (frames, 6) and changes of log depths (m,) that fit the tracks."""
@@ -374,11 +396,14 @@ class PoseAdjustment:
     def _add_observed(self, linear: _Linear, residual: Array, weight: Array, blocks: Array, right: Array) -> None:
         """Add the information of observations, without that of the depths."""
         pairs = self._pairs
-        columns = np.concatenate([linear.by_pose, residual[:, :, None]], axis=2)[pairs.order]
-        columns = (columns * np.sqrt(weight[pairs.order])[:, None, None]).reshape(-1, _TWIST + 1)
-        sums = np.empty((len(pairs.birth), _TWIST, _TWIST + 1))
-        for place, (start, end) in enumerate(pairwise((2 * pairs.starts).tolist())):
-            sums[place] = columns[start:end, :_TWIST].T @ columns[start:end]
+        sums, root = np.empty((len(pairs.birth), _TWIST, _TWIST + 1)), np.sqrt(weight)[:, None, None]
+        for some in pairs.blocks():
+            ends = pairs.starts[some.start : some.stop + 1]
+            rows = pairs.order[ends[0] : ends[-1]]
+            columns = np.concatenate([linear.by_pose[rows], residual[rows, :, None]], axis=2) * root[rows]
+            columns = columns.reshape(-1, _TWIST + 1)
+            for place, (start, end) in zip(some, pairwise((2 * (ends - ends[0])).tolist()), strict=True):
+                sums[place] = columns[start:end, :_TWIST].T @ columns[start:end]
         now, back = sums[:, :, :_TWIST], -np.swapaxes(linear.carried, 1, 2)
         np.add.at(blocks, (pairs.frame, 0), now)
         np.add.at(blocks, (pairs.birth, 0), -back @ now @ linear.carried)

@@ -1,0 +1,63 @@
+"""Images and depth maps of a sequence that is read twice from the first frame to the last."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import PosePath
+from tracknoise.sequences.sequence import SecondCamera, path_of, second_of
+from tracknoise.sequences.views import View
+
+KEPT_BYTES = 96 << 20
+"""Of images, and of depth maps, that are kept."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeptFrames(View):
+    """A sequence that keeps what is read of it until that is read again, as far as there is room for it.
+
+    The depth map that was read last is kept beside these, as several truths read it one after the other.
+    """
+
+    keeps_kind_of_depth: ClassVar[bool] = True
+
+    most_bytes: int = KEPT_BYTES  # of images, and of depth maps
+    _images: dict[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
+    _depths: dict[int, DepthMap | None] = field(default_factory=dict, repr=False)
+    _last: dict[int, DepthMap | None] = field(default_factory=dict, repr=False)
+
+    @property
+    def path(self) -> PosePath | None:
+        """That of the sequence shown."""
+        return path_of(self.sequence)
+
+    @property
+    def second(self) -> SecondCamera | None:
+        """That of the sequence shown."""
+        return second_of(self.sequence)
+
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """(height, width) uint8: see `Sequence.image`."""
+        if index in self._images:
+            return self._images.pop(index)
+        image = self.sequence.image(index)
+        if (len(self._images) + 1) * image.nbytes <= self.most_bytes:
+            self._images[index] = image
+        return image
+
+    def depth(self, index: int) -> DepthMap | None:
+        """Depth of one frame: see `Sequence.depth`."""
+        if index in self._last:
+            return self._last[index]
+        self._last.clear()
+        if index in self._depths:
+            self._last[index] = self._depths.pop(index)
+            return self._last[index]
+        depth = self._last[index] = self.sequence.depth(index)
+        size = 0 if depth is None else depth.depth_m.nbytes + depth.valid.nbytes
+        if (len(self._depths) + 1) * size <= self.most_bytes:
+            self._depths[index] = depth
+        return depth

@@ -11,6 +11,15 @@ tracks is about their mean, and has the variance of
 The errors of the halves are taken to be independent. Nothing else is assumed of the tracks. The halves are the two
 kinds of tracks where these differ by more.
 
+Poses absorb a part of a constant fault, such as a readout time that is not stated or a wrong focal length, and both
+halves do so alike. What they leave is in all positions, and in the residuals r of the reference tracks. With D, what a
+fault of size 1 leaves in these, its size is fitted,
+
+    r = sum of D theta + noise    (refined.faults)
+
+and its bound^2 is theta^2 and the square of twice its standard error: that between tracks, or half of the difference of
+both kinds where this is larger. It counts where nothing is stated of the fault, and where tracks contradict it.
+
 Relative poses of frames that are k apart differ between stated and refined poses. From the mean squares of each
 coordinate, those by (refined.floor) are taken off. What is left is that of the stated poses, and grows by
 
@@ -27,9 +36,9 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.accuracy import AccuracyKind, TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert, transform
-from tracknoise.inference.robust_fits import weights
+from tracknoise.inference.robust_fits import scales, squared, weights
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.other_poses import OtherPoses
@@ -41,6 +50,7 @@ from tracknoise.sequences.sequence import (
     best_truth,
     halves_of,
     path_of,
+    shutter_of,
     stated_accuracy,
 )
 from tracknoise.sequences.views import frame_step
@@ -76,8 +86,10 @@ class RefinedPoses(OtherPoses):
     # by halves and by each kind of the reference tracks: (n, 4, 4) each; none where they are not at hand
     pose_halves: tuple[Array, Array] | None = None
     by_kind: Mapping[str, Array] = field(default_factory=dict)
-    # share of what an unknown readout of a rolling shutter moves that refined poses do not absorb
-    readout_left: float = 1.0
+    # share of what a fault moves that refined poses do not absorb, and bounds of faults that count, by the figures of
+    # `TruthAccuracy`
+    fault_shares: Mapping[str, float] = field(default_factory=dict)
+    fault_bounds: TruthAccuracy = TruthAccuracy()  # noqa: RUF009
 
     @classmethod
     def of(cls, sequence: Sequence, poses: Array, **more: Any) -> "RefinedPoses":
@@ -198,8 +210,9 @@ def refined_by(
         reason = "Poses are not refined: without depth, the camera has to change its position by more."
         return sequence, PoseFit(False, references, reason=reason)
     best = adjustment.best()
-    found = _adjusted(adjustment, sequence, best)
-    fit = _compared(found, adjustment, best.depth_m, stated, references)
+    faults = _Faults.of(adjustment, sequence, best, stated)
+    found = _adjusted(adjustment, sequence, best, faults)
+    fit = _compared(found, adjustment, best.depth_m, stated, references, faults)
     return (found if fit.leads else sequence), fit
 
 
@@ -211,7 +224,80 @@ def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
     return figures.without(figures.topics - {"rotation", "translation"})
 
 
-def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> RefinedPoses:
+_FAULTS: Mapping[str, tuple[str, float]] = {"readout_ms": ("readout", 1e-3), "focal_relative": ("focal", 1.0)}
+"""Faults that poses absorb in part, by the figures of `TruthAccuracy`: their derivatives, by one of the figure."""
+_SMALL_PX = 0.1
+_BOUND, _CONTRADICTS = 2.0, 3.0
+"""Standard errors."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Faults:
+    """What constant faults may leave of the errors of refined poses."""
+
+    shares: Mapping[str, float]  # of what a fault moves that poses do not absorb, by its figure
+    bounds: TruthAccuracy  # of those that count
+    left_px2: Array  # (n,): squared displacements of observations by the bounds
+
+    @classmethod
+    def of(cls, adjustment: PoseAdjustment, sequence: Sequence, best: State, stated: TruthAccuracy) -> "_Faults":
+        """By (refined.faults)."""
+        tracks = adjustment.tracks
+        points = adjustment.anchored_points(best.poses, best.depth_m, np.arange(len(tracks.frame)))
+        derivatives = TruthDerivatives(RefinedPoses.of(sequence, best.poses)).sensitivity(points)
+        moved = {figure: getattr(derivatives, name) * unit for figure, (name, unit) in _FAULTS.items()}
+        sizes = {figure: _size(one) for figure, one in moved.items()}
+        moved = {figure: one * (_SMALL_PX / sizes[figure]) for figure, one in moved.items() if sizes[figure] > 0.0}
+        if not moved:
+            return cls({}, TruthAccuracy(), np.zeros(len(tracks.frame)))
+        residual, positions = zip(*(adjustment.left_of(best, one) for one in moved.values()), strict=True)
+        is_free = ~np.isfinite(tracks.depth_m[tracks.track])[:, None]  # depths of such points absorb what these do
+        left = [np.where(is_free, *pair) for pair in zip(residual, positions, strict=True)]
+        found, error = _fitted(tracks, adjustment.residuals(best.poses, best.depth_m), np.stack(residual, axis=2))
+        bounds, squares = dict[str, float](), np.zeros(len(tracks.frame))
+        for figure, one, theta, sigma in zip(moved, left, np.abs(found), error, strict=True):
+            known = stated.figures((figure,)).get(figure)
+            if known is None and figure == "readout_ms" and shutter_of(sequence) is not None:
+                known = 0.0
+            unit = _SMALL_PX / sizes[figure]
+            if known is None or (theta - _CONTRADICTS * sigma) * unit > known:
+                bound = float(np.hypot(theta, _BOUND * sigma))
+                bounds[figure] = bound * unit
+                squares += np.nan_to_num(np.sum(one**2, axis=1)) * bound**2
+        shares = {figure: min(_rms(one) / _rms(moved[figure]), 1.0) for figure, one in zip(moved, left, strict=True)}
+        source = "reference tracks"
+        return cls(shares, TruthAccuracy(**bounds, source=source, kind=AccuracyKind.measured), squares)
+
+
+def _fitted(tracks: ReferenceTracks, residual: Array, design: Array) -> tuple[Array, Array]:
+    """Sizes of faults and their standard errors. Shapes: residual (n, 2), design (n, 2, faults)."""
+    kind, age = tracks.kind[tracks.track], tracks.frame - tracks.birth[tracks.track]
+    known = np.isfinite(residual).all(axis=1) & np.isfinite(design).all(axis=(1, 2))
+    kind, age, track, residual, design = (one[known] for one in (kind, age, tracks.track, residual, design))
+    scale = scales(kind * (int(age.max(initial=0)) + 1) + age, residual)
+    weight = weights(squared(residual, scale)) / scale**2
+
+    def solved(rows: NDArray[np.bool_]) -> tuple[Array, Array]:
+        curvature = np.linalg.pinv(np.einsum("n,nij,nik->jk", weight[rows], design[rows], design[rows]), rcond=1e-9)
+        return curvature @ np.einsum("n,nij,ni->j", weight[rows], design[rows], residual[rows]), curvature
+
+    theta, curvature = solved(np.ones(len(kind), np.bool_))
+    scores = np.einsum("n,nij,ni->nj", weight, design, residual - design @ theta)
+    of_tracks = np.stack([np.bincount(track, one) for one in scores.T], axis=1) @ curvature
+    error = np.sqrt(np.sum(of_tracks**2, axis=0))
+    kinds = [solved(kind == one)[0] for one in np.unique(kind)]
+    return theta, np.maximum(error, np.ptp(kinds, axis=0) / 2.0)
+
+
+def largest_bounds(one: TruthAccuracy, other: TruthAccuracy) -> TruthAccuracy:
+    """The larger bound of each fault by reference tracks."""
+    figures = tuple(_FAULTS)
+    both = [bounds.figures(figures) for bounds in (one, other)]
+    largest = {name: max(bounds.get(name, 0.0) for bounds in both) for name in {**both[0], **both[1]}}
+    return replace(other, **largest)
+
+
+def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State, faults: _Faults) -> RefinedPoses:
     tracks = adjustment.tracks
     half = adjustment.half(best)
     halves = adjustment.of(best, half), adjustment.of(best, ~half)
@@ -220,26 +306,22 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> Re
     if min(np.bincount(tracks.kind[tracks.track], minlength=len(KINDS))) >= FEWEST_TRACKS * len(best.poses) / 2:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
-    left = _readout_left(adjustment, sequence, best)
-    return RefinedPoses.of(sequence, best.poses, pose_halves=farthest, by_kind=by_kind, readout_left=left)
+    of_faults: dict[str, Any] = {"fault_shares": faults.shares, "fault_bounds": faults.bounds}
+    return RefinedPoses.of(sequence, best.poses, pose_halves=farthest, by_kind=by_kind, **of_faults)
 
 
 def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:
     """Size of the differences of predicted positions by two sets of poses, px."""
-    return _size(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
-
-
-def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> float:
-    """Share of the displacements by a readout time that no poses absorb; 1 without times."""
-    rows = np.arange(len(adjustment.tracks.frame))
-    points = adjustment.anchored_points(sequence.world_from_camera, best.depth_m, rows)
-    moved = TruthDerivatives(sequence).sensitivity(points).readout
-    left, whole = _size(adjustment.left_of(best, moved)), _size(moved)
-    return min(left / whole, 1.0) if whole > 0.0 else 1.0
+    return _rms(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
 
 
 def _compared(
-    found: RefinedPoses, adjustment: PoseAdjustment, depth_m: Array, stated: TruthAccuracy, references: float
+    found: RefinedPoses,
+    adjustment: PoseAdjustment,
+    depth_m: Array,
+    stated: TruthAccuracy,
+    references: float,
+    faults: _Faults,
 ) -> PoseFit:
     """Which poses lead, by what halves of the tracks say and by what is stated."""
     tracks, sequence = adjustment.tracks, found.sequence
@@ -253,7 +335,8 @@ def _compared(
     ]
     next_px = _size((every[3] - every[2])[age == 1]) if (age == 1).any() else None
     one, other, best, given = (residual[rows] for residual in every)
-    left_px, stated_px = _size((one - other) / 2.0), _size(given - best)
+    left_px = float(np.hypot(_rms((one - other) / 2.0), np.sqrt(np.mean(faults.left_px2[rows]))))
+    stated_px = _size(given - best)
     fit = PoseFit(True, references, left_px, stated_px, shown, next_px, stated_errors(found))
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
@@ -309,6 +392,17 @@ def _size(moved: Array) -> float:
     """Robust RMS of both coordinates (n, 2) together, px: that of a round Gaussian with the same median length."""
     length = np.linalg.norm(moved, axis=1)
     return float(np.nanmedian(length) / _MEDIAN_TO_RMS) if np.isfinite(length).any() else 0.0
+
+
+_MOST_SIZES = 10.0
+"""Larger displacements, of points next to the camera, count as so many robust sizes."""
+
+
+def _rms(moved: Array) -> float:
+    """RMS of both coordinates (n, 2) together, px: as the floor has it."""
+    length = np.linalg.norm(moved, axis=1)
+    length = np.minimum(length[np.isfinite(length)], _MOST_SIZES * _size(moved))
+    return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
 
 
 _MEDIAN_TO_RMS = float(np.sqrt(np.log(2.0)))

@@ -199,15 +199,20 @@ class PoseAdjustment:
             residual = linear.moved(self.tracks, twist, stretch)
         return self._moved(state, twist, stretch).poses
 
-    def left_of(self, state: "State", moved: Array) -> Array:
-        """What poses and depths do not absorb of small displacements (n, 2) of true positions, px; NaN stays."""
+    def left_of(self, state: "State", moved: Array) -> tuple[Array, Array]:
+        """What small displacements of true positions leave in residuals, and in positions by stated depths.
+
+        Shapes: moved (n, 2), px; NaN stays. Poses and depths absorb a part of them in residuals (n, 2). Positions
+        (n, 2) of other tracks have the poses, and no depths that absorb anything.
+        """
         linear = self._linear(state)
         known = np.isfinite(moved[:, :1]) & np.isfinite(moved[:, 1:])
         weight = np.where(known[:, 0], self._weights(linear.residual), 0.0)
         changed = replace(linear, residual=np.where(known, moved, 0.0))
         start = State(self._stated, self._start.depth_m)  # where the priors are 0
         twist, stretch = self._step(start, changed, weight, np.ones(len(self.tracks.birth), np.bool_))
-        return np.where(known, changed.moved(self.tracks, twist, stretch), np.nan)
+        by_both, by_poses = (changed.moved(self.tracks, twist, one) for one in (stretch, np.zeros_like(stretch)))
+        return np.where(known, by_both, np.nan), np.where(known, by_poses, np.nan)
 
     def _weights(self, residual: Array) -> Array:
         """(n,) float64, 1/px^2: of observations; 0 where one is unknown."""

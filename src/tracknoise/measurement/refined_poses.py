@@ -20,6 +20,14 @@ fault of size 1 leaves in these, its size is fitted,
 and its bound^2 is theta^2 and the square of twice its standard error: that between tracks, or half of the difference of
 both kinds where this is larger. It counts where nothing is stated of the fault, and where tracks contradict it.
 
+Other faults of the geometry, such as parts of the scene that move, are shared by both halves as well. Where a part of
+the image does not fit, both kinds of tracks say so. With their mean residuals f and m in the same part and frame,
+
+    misfit^2 = mean of f . m    (refined.misfit)
+
+Noise of single tracks, and what one kind has of its own, cancel. A misfit that is larger than what the bounds of faults
+make is in the halves, which are moved apart for it.
+
 Relative poses of frames that are k apart differ between stated and refined poses. From the mean squares of each
 coordinate, those by (refined.floor) are taken off. What is left is that of the stated poses, and grows by
 
@@ -56,7 +64,7 @@ from tracknoise.sequences.sequence import (
 from tracknoise.sequences.views import frame_step
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.truth.accuracies import POSE_TOPICS, AccuracyRule, known_accuracy
-from tracknoise.truth.pose_adjustment import PoseAdjustment, ReferenceTracks, State
+from tracknoise.truth.pose_adjustment import PoseAdjustment, ReferenceTracks, State, exponential
 from tracknoise.truth.uncertainty import TrueErrors, TruthDerivatives
 from tracknoise.words import percent, pixels
 
@@ -264,7 +272,10 @@ class _Faults:
                 bound = float(np.hypot(theta, _BOUND * sigma))
                 bounds[figure] = bound * unit
                 squares += np.nan_to_num(np.sum(one**2, axis=1)) * bound**2
-        shares = {figure: min(_rms(one) / _rms(moved[figure]), 1.0) for figure, one in zip(moved, left, strict=True)}
+        shares = {
+            figure: float(min(np.sqrt(np.nanmean(one**2) / np.nanmean(moved[figure] ** 2)), 1.0))
+            for figure, one in zip(moved, left, strict=True)
+        }
         source = "reference tracks"
         return cls(shares, TruthAccuracy(**bounds, source=source, kind=AccuracyKind.measured), squares)
 
@@ -306,8 +317,64 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State, fault
     if min(np.bincount(tracks.kind[tracks.track], minlength=len(KINDS))) >= FEWEST_TRACKS * len(best.poses) / 2:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
+    rows = _shown(tracks)[1]
+    more = _misfit_px2(adjustment, sequence, best, rows) - float(np.mean(faults.left_px2[rows]))
+    if more > 0.0:
+        one, other = (adjustment.residuals(half, best.depth_m)[rows] for half in farthest)
+        farthest = _moved_apart(best.poses, farthest, np.hypot(1.0, np.sqrt(more) / _rms((one - other) / 2.0)))
     of_faults: dict[str, Any] = {"fault_shares": faults.shares, "fault_bounds": faults.bounds}
     return RefinedPoses.of(sequence, best.poses, pose_halves=farthest, by_kind=by_kind, **of_faults)
+
+
+_PARTS = 3
+"""Parts of the image along each side."""
+_FAR = 3.0
+"""Sizes of residuals beyond which tracks are outliers."""
+
+
+def _shown(tracks: ReferenceTracks) -> tuple[int, NDArray[np.bool_]]:
+    """The age at which errors of poses are stated, and the observations (n,) bool of it."""
+    age = tracks.frame - tracks.birth[tracks.track]
+    shown = max((one for one in set(age.tolist()) if one <= AGE), default=int(age.min()))
+    return shown, age == shown
+
+
+def _misfit_px2(adjustment: PoseAdjustment, sequence: Sequence, best: State, rows: NDArray[np.bool_]) -> float:
+    """(refined.misfit) with stated depths, px^2; where one is established, its upper bound."""
+    tracks = adjustment.tracks
+    depth_m = np.where(np.isfinite(tracks.depth_m), tracks.depth_m, best.depth_m)
+    residual, kind = adjustment.residuals(best.poses, depth_m)[rows], tracks.kind[tracks.track[rows]]
+    used = np.isfinite(residual).all(axis=1)
+    used[used] = squared(residual[used], scales(kind[used], residual[used])) < 2.0 * _FAR**2
+    size = sequence.camera.width, sequence.camera.height
+    part = np.clip(tracks.uv[rows] / size * _PARTS, 0, _PARTS - 1).astype(np.intp)
+    place = np.unique((tracks.frame[rows] * _PARTS + part[:, 0]) * _PARTS + part[:, 1], return_inverse=True)[1]
+    counts, means = [], []
+    for one in range(len(KINDS)):
+        own = used & (kind == one)
+        counts.append(np.bincount(place[own], minlength=int(place.max(initial=0)) + 1))
+        sums = [np.bincount(place[own], column, len(counts[-1])) for column in residual[own].T]
+        means.append(np.stack(sums, axis=1) / np.maximum(counts[-1], 1)[:, None])
+    both = np.minimum(*counts) > 0
+    if np.count_nonzero(both) < 2:
+        return 0.0
+    weight = 1.0 / (1.0 / counts[0][both] + 1.0 / counts[1][both])
+    product = np.sum(means[0][both] * means[1][both], axis=1)
+    found = float(np.average(product, weights=weight))
+    error = float(np.sqrt(np.sum((weight * (product - found)) ** 2)) / weight.sum())
+    return found + _BOUND * error if found > _BOUND * error else max(found, 0.0)
+
+
+def _moved_apart(poses: Array, halves: tuple[Array, Array], factor: float) -> tuple[Array, Array]:
+    """Halves whose differences from poses (n, 4, 4) are larger by a factor."""
+    found = []
+    for half in halves:
+        known = has_pose(poses) & has_pose(half)
+        between, moved = invert(poses[known]) @ half[known], half.copy()
+        turned = Rotation.from_matrix(between[:, :3, :3]).as_rotvec()
+        moved[known] = poses[known] @ exponential(factor * np.concatenate([between[:, :3, 3], turned], axis=1))
+        found.append(moved)
+    return found[0], found[1]
 
 
 def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:
@@ -326,9 +393,7 @@ def _compared(
     """Which poses lead, by what halves of the tracks say and by what is stated."""
     tracks, sequence = adjustment.tracks, found.sequence
     age = tracks.frame - tracks.birth[tracks.track]
-    ages = set(age.tolist())
-    shown = max((one for one in ages if one <= AGE), default=min(ages))
-    rows = age == shown
+    shown, rows = _shown(tracks)
     every = [
         adjustment.residuals(poses, depth_m)
         for poses in (*(halves_of(found) or ()), found.poses, sequence.world_from_camera)

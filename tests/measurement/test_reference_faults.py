@@ -42,9 +42,9 @@ def test_a_readout_time_that_is_not_stated_or_said_to_be_none_is_in_the_floor(ac
 
 
 def test_few_features_have_a_floor_as_large_as_their_error():
-    for seed in range(3):
+    for seed in range(4):
         found = made(POSES, per_kind=24, seed=seed).refined(STATED)
-        assert found.fit.left_px > 0.6 * found.really_px()
+        assert found.fit.left_px > 0.95 * found.really_px()
 
 
 @pytest.mark.parametrize("moves", [1.0, 0.0])
@@ -60,7 +60,7 @@ def test_a_wrong_focal_length_on_one_plane_is_bounded(moves):
 @pytest.mark.parametrize("drift_m", [0.02, 0.005, 0.002, 0.0005])
 def test_a_third_of_the_image_that_moves_on_its_own_is_bounded_or_refused(drift_m):
     found = made(POSES, per_kind=120, moving=0.33, drift_m=drift_m).refined(STATED)
-    assert not found.fit.leads or min(found.fit.left_px, floor_px(found)) > 0.6 * found.really_px()
+    assert not found.fit.leads or min(found.fit.left_px, floor_px(found)) > 0.5 * found.really_px()
 
 
 @pytest.mark.parametrize("moving", [0.4, 0.5])

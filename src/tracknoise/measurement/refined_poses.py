@@ -284,7 +284,8 @@ def _fitted(tracks: ReferenceTracks, residual: Array, design: Array) -> tuple[Ar
     """Sizes of faults and their standard errors. Shapes: residual (n, 2), design (n, 2, faults)."""
     kind, age = tracks.kind[tracks.track], tracks.frame - tracks.birth[tracks.track]
     known = np.isfinite(residual).all(axis=1) & np.isfinite(design).all(axis=(1, 2))
-    kind, age, track, residual, design = (one[known] for one in (kind, age, tracks.track, residual, design))
+    kind, age, track = (one[known] for one in (kind, age, tracks.track))
+    residual, design = residual[known], design[known]
     scale = scales(kind * (int(age.max(initial=0)) + 1) + age, residual)
     weight = weights(squared(residual, scale)) / scale**2
 
@@ -304,7 +305,7 @@ def largest_bounds(one: TruthAccuracy, other: TruthAccuracy) -> TruthAccuracy:
     """The larger bound of each fault by reference tracks."""
     figures = tuple(_FAULTS)
     both = [bounds.figures(figures) for bounds in (one, other)]
-    largest = {name: max(bounds.get(name, 0.0) for bounds in both) for name in {**both[0], **both[1]}}
+    largest: dict[str, Any] = {name: max(bounds.get(name, 0.0) for bounds in both) for name in {**both[0], **both[1]}}
     return replace(other, **largest)
 
 
@@ -344,14 +345,14 @@ def _misfit_px2(adjustment: PoseAdjustment, sequence: Sequence, best: State, row
     tracks = adjustment.tracks
     depth_m = np.where(np.isfinite(tracks.depth_m), tracks.depth_m, best.depth_m)
     residual, kind = adjustment.residuals(best.poses, depth_m)[rows], tracks.kind[tracks.track[rows]]
-    used = np.isfinite(residual).all(axis=1)
-    used[used] = squared(residual[used], scales(kind[used], residual[used])) < 2.0 * _FAR**2
+    used = np.flatnonzero(np.isfinite(residual).all(axis=1))
+    used = used[squared(residual[used], scales(kind[used], residual[used])) < 2.0 * _FAR**2]
     size = sequence.camera.width, sequence.camera.height
     part = np.clip(tracks.uv[rows] / size * _PARTS, 0, _PARTS - 1).astype(np.intp)
     place = np.unique((tracks.frame[rows] * _PARTS + part[:, 0]) * _PARTS + part[:, 1], return_inverse=True)[1]
     counts, means = [], []
     for one in range(len(KINDS)):
-        own = used & (kind == one)
+        own = used[kind[used] == one]
         counts.append(np.bincount(place[own], minlength=int(place.max(initial=0)) + 1))
         sums = [np.bincount(place[own], column, len(counts[-1])) for column in residual[own].T]
         means.append(np.stack(sums, axis=1) / np.maximum(counts[-1], 1)[:, None])

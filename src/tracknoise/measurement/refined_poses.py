@@ -290,11 +290,13 @@ def _fitted(tracks: ReferenceTracks, residual: Array, design: Array) -> tuple[Ar
     weight = weights(squared(residual, scale)) / scale**2
 
     def solved(rows: NDArray[np.bool_]) -> tuple[Array, Array]:
-        curvature = np.linalg.pinv(np.einsum("n,nij,nik->jk", weight[rows], design[rows], design[rows]), rcond=1e-9)
-        return curvature @ np.einsum("n,nij,ni->j", weight[rows], design[rows], residual[rows]), curvature
+        flat = design[rows].reshape(-1, design.shape[2])
+        weighted = flat * np.repeat(weight[rows], 2)[:, None]
+        curvature = np.linalg.pinv(flat.T @ weighted, rcond=1e-15)
+        return curvature @ (weighted.T @ residual[rows].ravel()), curvature
 
     theta, curvature = solved(np.ones(len(kind), np.bool_))
-    scores = np.einsum("n,nij,ni->nj", weight, design, residual - design @ theta)
+    scores = weight[:, None] * np.einsum("nij,ni->nj", design, residual - design @ theta)
     of_tracks = np.stack([np.bincount(track, one) for one in scores.T], axis=1) @ curvature
     error = np.sqrt(np.sum(of_tracks**2, axis=0))
     kinds = [solved(kind == one)[0] for one in np.unique(kind)]
@@ -321,8 +323,9 @@ def _adjusted(adjustment: PoseAdjustment, sequence: Sequence, best: State, fault
     rows = _shown(tracks)[1]
     more = _misfit_px2(adjustment, sequence, best, rows) - float(np.mean(faults.left_px2[rows]))
     if more > 0.0:
-        one, other = (adjustment.residuals(half, best.depth_m)[rows] for half in farthest)
-        farthest = _moved_apart(best.poses, farthest, np.hypot(1.0, np.sqrt(more) / _rms((one - other) / 2.0)))
+        one, other = (adjustment.residuals(poses, best.depth_m)[rows] for poses in farthest)
+        apart_px = _rms((one - other) / 2.0)
+        farthest = _moved_apart(best.poses, farthest, np.hypot(1.0, np.sqrt(more) / max(apart_px, 1e-6)))
     of_faults: dict[str, Any] = {"fault_shares": faults.shares, "fault_bounds": faults.bounds}
     return RefinedPoses.of(sequence, best.poses, pose_halves=farthest, by_kind=by_kind, **of_faults)
 

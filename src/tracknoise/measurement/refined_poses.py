@@ -292,7 +292,7 @@ def _fitted(tracks: ReferenceTracks, residual: Array, design: Array) -> tuple[Ar
     def solved(rows: NDArray[np.bool_]) -> tuple[Array, Array]:
         flat = design[rows].reshape(-1, design.shape[2])
         weighted = flat * np.repeat(weight[rows], 2)[:, None]
-        curvature = np.linalg.pinv(flat.T @ weighted, rcond=1e-15)
+        curvature: Array = np.asarray(np.linalg.pinv(flat.T @ weighted, rcond=1e-15), np.float64)
         return curvature @ (weighted.T @ residual[rows].ravel()), curvature
 
     theta, curvature = solved(np.ones(len(kind), np.bool_))
@@ -300,7 +300,8 @@ def _fitted(tracks: ReferenceTracks, residual: Array, design: Array) -> tuple[Ar
     of_tracks = np.stack([np.bincount(track, one) for one in scores.T], axis=1) @ curvature
     error = np.sqrt(np.sum(of_tracks**2, axis=0))
     kinds = [solved(kind == one)[0] for one in np.unique(kind)]
-    return theta, np.maximum(error, np.ptp(kinds, axis=0) / 2.0)
+    apart = np.ptp(np.array(kinds), axis=0) / 2.0
+    return theta, np.asarray(np.maximum(error, apart), np.float64)
 
 
 def largest_bounds(one: TruthAccuracy, other: TruthAccuracy) -> TruthAccuracy:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 import pytest
-from tests.analysis.test_dependence import asked, moments
+from tests.analysis.test_dependence import asked, moments, scales
 
 from tracknoise.analysis.ranking import ranking
 from tracknoise.tables.findings_schema import RANKS
@@ -82,3 +82,15 @@ def test_the_lowest_speed_is_ranked() -> None:
     assert found["speed"].unique().to_list() == [1]
     assert found.filter(statistic="core")["tracker"].to_list() == ["a", "b", "c"]
     assert np.all(found["best"].to_numpy() <= found["worst"].to_numpy())
+
+
+def test_trackers_about_which_references_of_the_two_kinds_disagree_share_ranks() -> None:
+    every = played({"a": 1.0, "b": 1.6, "c": 4.0})
+    followed, matched = played({"a": 1.0, "b": 2.2, "c": 4.0}), played({"a": 1.3, "b": 1.1, "c": 4.0})
+    by_kind = {
+        name: {"moments": table, "scales": scales(table)} for name, table in (("one", followed), ("two", matched))
+    }
+    found = ranking(asked(every, pairs=True, by_kind=by_kind)).filter(statistic="core")
+    assert found.select("tracker", "best", "worst").rows() == [("a", 1, 2), ("b", 1, 2), ("c", 3, 3)]
+    about = "references of the two kinds disagree about"
+    assert found["why"].to_list() == [f"{about} a and b", f"{about} b and a", None]

@@ -51,6 +51,8 @@ _ROLES: Mapping[str, str] = {
     "lifetime": "lifetime",
     "outlier_ratio": "outlier_ratio",
 }
+DISAGREE = "references of the two kinds disagree about"
+"""How a reason begins why a comparison is undecided that references together, or each kind in its own way, decide."""
 _LEFT_OUT = "central"
 """Central second moments: the comparison of second moments and of means says what they say."""
 

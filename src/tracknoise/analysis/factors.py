@@ -39,11 +39,19 @@ Hochberg over the cells.
   p_no is at most half of 1 - level, so that any false `no` in a family of two has at most the probability 1 - level,
   and that q_no is at most 1 - level.
 - `undecided`: all other cases.
+
+Kinds of reference tracks
+-------------------------
+
+Poses that are refined by tracks may favour trackers that are like these. Reference tracks are of two kinds. Where poses
+were refined, differences between trackers are asked about by each kind alone too, and every answer has to hold: p_yes
+and p_no are the largest of the three, and p_yes is 1 where kinds order the reported pair differently.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -51,6 +59,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.analysis.factor_values import (
+    DISAGREE,
     SIGNED,
     AllValues,
     Cell,
@@ -77,7 +86,7 @@ from tracknoise.inference.paired_differences import (
     p_below,
 )
 from tracknoise.inference.units import MIN_SCENES, MIN_WITHIN, NO_GROUPS, Resampled, SceneGroups, scheme
-from tracknoise.statistics.definitions import NAMES
+from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.statistics.grouping import Tables, TablesByCondition, by_condition, group_rows, scenes_by_dataset
 from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
@@ -301,10 +310,12 @@ def row_of(
     question: Question | None,
     margin: float,
     group: NDArray[np.intp],
+    by_kind: Sequence[Differences] = (),
 ) -> Row:
     """What is known about one statistic of a cell.
 
-    `asked, question`: None where too few scenes were measured. `margin`: NaN where it is unknown.
+    `asked, question`: None where too few scenes were measured. `margin`: NaN where it is unknown. `by_kind`: the same
+    differences by each kind of reference tracks alone.
     """
     levels = [str(level) for level in cell.levels]
     found = None if question is None else answer(asked, question)
@@ -324,7 +335,31 @@ def row_of(
     if found is not None:
         row |= _compared(found, places, asked) | _pair(found, levels, asked, role) | _point(found, places)
         row |= _sizes(found, role, asked)
+    if found is not None and question is not None and by_kind:
+        row |= _by_each_kind(found, by_kind, question, f"{DISAGREE} {row['level_a']} and {row['level_b']}")
     return row
+
+
+def _by_each_kind(found: Answer, by_kind: Sequence[Differences], question: Question, apart: str) -> Row:
+    """p-values that hold by references of each kind alone, and the reason where these differ in what they decide."""
+    every = [found, *filter(None, (answer(one, question) for one in by_kind))]
+    yes, no = ([one.p_yes for one in every], [one.p_no for one in every])
+    order = [found.difference, *(_difference(one, found) for one in by_kind)]
+    opposed = min(order) < 0.0 < max(order)
+    missing = len(every) <= len(by_kind)
+    p_yes, p_no = (1.0 if missing or opposed else max(yes), 1.0 if missing else max(no))
+    wrong = 1.0 - question.level
+    is_lost = yes[0] <= wrong < p_yes or no[0] <= wrong / 2 < p_no
+    disagree = is_lost or (opposed and max(yes[1:], default=1.0) <= wrong)
+    return {"p_yes": p_yes, "p_no": p_no, "apart": apart if disagree else None}
+
+
+def _difference(asked: Differences, of: Answer) -> float:
+    """Mean over scenes of the pair and the point that an answer reports, or of all points that it compares."""
+    values = asked.values[:, of.pair]
+    chosen = values[:, of.compared[of.pair]] if of.point is None else values[:, of.point]
+    known = chosen[np.isfinite(chosen)]
+    return float(known.mean()) if len(known) else 0.0
 
 
 def _size(difference: float, role: str) -> float:
@@ -418,7 +453,8 @@ def _never_compared(levels: Sequence[str], asked: Differences, found: Answer) ->
 def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
     """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided."""
     known: Mapping[str, Any] = {name: kind for name, kind in DEPENDENCE.items() if name not in ("verdict", "why")}
-    internal = {"gap": pl.String, "pair": pl.String}  # why no difference is shown; which levels alone are compared
+    # why no difference is shown; which levels alone are compared; where references of the two kinds disagree
+    internal = {"gap": pl.String, "pair": pl.String, "apart": pl.String}
     table = pl.DataFrame(rows, schema={**known, **internal}, orient="row").with_columns_seq(
         pl.lit(level).alias("level"), kind=pl.lit(EffectIntervalKind.paired, dtype=DEPENDENCE["kind"])
     )
@@ -466,6 +502,8 @@ def _why(level: float) -> pl.Expr:
     return (
         pl.when(~_is_open())
         .then(None)
+        .when(pl.col("apart").is_not_null())
+        .then("apart")
         .when(pl.col("gap").is_not_null())
         .then("gap")
         .when(shown)
@@ -493,6 +531,7 @@ def dependence(
     curves: pl.DataFrame,
     effects: pl.DataFrame,
     *,
+    by_kind: Mapping[str, Mapping[str, Tables]] = MappingProxyType({}),
     key_frames: Mapping[str, int] | None = None,
     population: str = POPULATION,
     trimming: str = TRIMMING,
@@ -513,6 +552,8 @@ def dependence(
     curves, effects
         What the functions of these names made of them. `curves` says where they are cut, `effects` which factors are
         asked about, and where the others are held.
+    by_kind
+        `moments` and `scales` of all sequences by the poses of each kind of reference tracks alone.
     key_frames
         Where curves run along frames: the one in which errors are zero, by direction.
     population, trimming
@@ -558,19 +599,21 @@ def dependence(
         return judged([], level)
     found = scenes_by_dataset(item for each in tables.values() for item in each.items())
     scenes = {dataset: sorted(names) for dataset, names in found.items()}
-    values = scene_values(
-        tables["moments"],
-        tables["scales"],
-        curves,
-        errors={"population": population, "trimming": trimming},
-        key_frames=key_frames or {},
-        scenes=scenes,
-    )
+
+    def values_of(moments: TablesByCondition, scales: TablesByCondition) -> AllValues:
+        errors = {"population": population, "trimming": trimming}
+        return scene_values(moments, scales, curves, errors=errors, key_frames=key_frames or {}, scenes=scenes)
+
+    values = values_of(tables["moments"], tables["scales"])
+    alone = [
+        values_of(by_condition(one["moments"], MOMENTS, "moments"), by_condition(one["scales"], SCALES, "scales"))
+        for one in by_kind.values()
+    ]
     asked = _Options(groups, margin, level, n_draws, seed)
     rows: list[Row] = []
     for cell in wanted:
         names = scenes.get(cell.dataset, [])
-        made = _rows(cell, tables, values, names, groups.of(cell.dataset, names), asked)
+        made = _rows(cell, tables, values, alone, names, groups.of(cell.dataset, names), asked)
         rows.extend(_of_pair(cell, row) if pairs else row for row in made)
     return judged(rows, level)
 
@@ -585,20 +628,24 @@ def _rows(
     cell: Cell,
     tables: Mapping[str, TablesByCondition],
     values: AllValues,
+    alone: Sequence[AllValues],
     scenes: Sequence[str],
     group: NDArray[np.intp],
     options: _Options,
 ) -> Iterator[Row]:
     """Rows of all statistics of a cell."""
     places = values.places.get((cell.dataset, str(cell.axis)), np.zeros(0, dtype=np.int64))
+    shape = len(scenes), len(places)
+    of_trackers = len({key[_TRACKER] for key in cell.levels.values()}) > 1
     for role, name in cell.statistics.items():
+        by_kind: list[Differences] = []
         if role == "lifetime":
             asked = lifetime_differences(_tables(cell, tables["ends"], ENDS), scenes)
         elif role == "outlier_ratio":
             asked = outlier_differences(_tables(cell, tables["frames"], FRAME_COUNTS), scenes)
         else:
-            levels, measured = _levels(cell, role, values, (len(scenes), len(places)))
-            asked = differences(levels, measured, logarithms=role != SIGNED)
+            asked = _differences(cell, role, values, shape)
+            by_kind = [_differences(cell, role, one, shape) for one in alone] if of_trackers else []
         margin = _margin_px(cell, values, options.margin) if role == SIGNED else float(np.log1p(options.margin))
         question = ask(
             asked.both,
@@ -609,7 +656,10 @@ def _rows(
             seed=options.seed,
             cancels=role == SIGNED,
         )
-        yield row_of(cell, role, name, places, asked, question, margin, group)
+        yield row_of(cell, role, name, places, asked, question, margin, group, by_kind)
+
+
+_TRACKER = POOLED.index("tracker")
 
 
 def _tables(cell: Cell, tables: TablesByCondition, schema: Schema) -> list[pl.DataFrame]:
@@ -617,10 +667,8 @@ def _tables(cell: Cell, tables: TablesByCondition, schema: Schema) -> list[pl.Da
     return [tables.get(key, empty(schema)) for key in cell.levels.values()]
 
 
-def _levels(
-    cell: Cell, role: str, values: AllValues, shape: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Values of all levels, (scenes, levels, places x 2), and which scenes were measured at them, (scenes, levels)."""
+def _differences(cell: Cell, role: str, values: AllValues, shape: tuple[int, int]) -> Differences:
+    """Differences of errors between all levels. `shape`: scenes and places."""
     levels = np.full((shape[0], len(cell.levels), shape[1], 2), np.nan)
     measured = np.zeros(levels.shape[:2], dtype=np.bool_)
     for number, key in enumerate(cell.levels.values()):
@@ -628,7 +676,7 @@ def _levels(
         if found is not None:
             measured[:, number] = found.measured
             levels[:, number] = found.values.get(role, np.nan)
-    return levels.reshape(*measured.shape, -1), measured
+    return differences(levels.reshape(*measured.shape, -1), measured, logarithms=role != SIGNED)
 
 
 def _margin_px(cell: Cell, values: AllValues, margin: float) -> float:

@@ -15,7 +15,7 @@ from itertools import combinations
 
 import polars as pl
 
-from tracknoise.analysis.factor_values import CORE, Cell
+from tracknoise.analysis.factor_values import CORE, DISAGREE, Cell
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import DEPENDENCE, RANKS
 from tracknoise.tables.schema import CONDITION, check, empty
@@ -59,8 +59,17 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
     if known.is_empty():
         return empty(RANKS)
     shown = (pl.col("verdict") == Verdict.yes) & pl.col("at").is_null()
+    disputed = pl.when(pl.col("why").str.starts_with(DISAGREE))
     sides = pl.concat(
-        known.select(*held, "n_scenes", "level", shown=shown, tracker=own, better=pl.col("better") == pl.col(other))
+        known.select(
+            *held,
+            "n_scenes",
+            "level",
+            shown=shown,
+            tracker=own,
+            better=pl.col("better") == pl.col(other),
+            disputed=disputed.then(other),
+        )
         for own, other in (("level_a", "level_b"), ("level_b", "level_a"))
     )
     worse = pl.col("shown") & pl.col("better").not_()
@@ -70,7 +79,11 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
         n_trackers=1 + pl.len(),
         n_scenes=pl.col("n_scenes").min(),
         level=pl.col("level").first(),
+        disputed=pl.col("disputed").drop_nulls().str.join(", "),
     )
-    found = counted.with_columns(worst=pl.col("n_trackers") - pl.col("beaten"))
+    why = pl.format("{} {} and {}", pl.lit(DISAGREE), "tracker", "disputed")
+    found = counted.with_columns(
+        worst=pl.col("n_trackers") - pl.col("beaten"), why=pl.when(pl.col("disputed") != "").then(why)
+    )
     ordered = found.sort(*held, pl.col("best") + pl.col("worst"), "best", "tracker", nulls_last=True)
     return check(ordered.select(pl.col(name).cast(kind) for name, kind in RANKS.items()), RANKS, "ranks")

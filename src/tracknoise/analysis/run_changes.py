@@ -31,6 +31,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.analysis.factor_values import DISAGREE
 from tracknoise.analysis.factors import OVERALL_SHARE, Question, ask, enough_scenes
 from tracknoise.analysis.paired_values import PairedValues
 from tracknoise.inference.multiple_tests import best_by_chance
@@ -247,6 +248,19 @@ class Change:
     def direction(self) -> int:
         """The direction whose test is the more significant."""
         return min(self.sides, key=lambda sign: self.sides[sign].p_beyond)
+
+    def held_by(self, others: Sequence["Change | None"]) -> "Change":
+        """With p-values that hold by others too, such as by references of each kind alone."""
+        sides = dict(self.sides)
+        for sign, side in sides.items():
+            same = [OneSided(1.0, 1.0, None) if one is None else one.sides[sign] for one in others]
+            beyond, within = (max(getattr(one, name) for one in (side, *same)) for name in ("p_beyond", "p_within"))
+            sides[sign] = replace(side, p_beyond=beyond, p_within=within)
+        return replace(self, sides=sides)
+
+    def decides(self, level: float) -> bool:
+        """Whether this alone, before corrections for several questions, shows a change, or that there is none."""
+        return self.p_change <= 1 - level or self.p_none <= (1 - level) / 2
 
 
 def change_of(values: NDArray[np.float64], question: Question, ages: ComparedAges) -> Change | None:
@@ -622,6 +636,8 @@ class Asked(OfStatistic):
         Number of the group of each scene.
     axis
         What the places of the values are.
+    by_kind
+        The values by each kind of reference tracks alone; none where poses were not refined.
     """
 
     of: Compared
@@ -630,6 +646,7 @@ class Asked(OfStatistic):
     scenes: Sequence[str]
     group: NDArray[np.intp]
     axis: str | None = None
+    by_kind: Sequence[PairedValues] = ()
 
     @property
     def worse(self) -> int:
@@ -646,11 +663,16 @@ class Asked(OfStatistic):
         question = ask(self.values.both[:, None], self.group, margin=margin, level=level)
         if question is None:
             return Tested(None, None, self._too_few())
-        if self.values.total is None:
-            found = change_of(self.values.change, question, ages)
-        else:
-            found = bias_change(self.values.change, self.values.total, question, ages)
-        return Tested(found, question.resampled, self._gap(found))
+        found, *alone = (_tested(values, question, ages) for values in (self.values, *self.by_kind))
+        gap = self._gap(found)
+        if found is None or not alone:
+            return Tested(found, question.resampled, gap)
+        held = found.held_by(alone)
+        known = [one for one in alone if one is not None]
+        opposed = len({one.direction for one in known}) > 1 and all(one.decides(level) for one in known)
+        is_apart = not held.decides(level) and (found.decides(level) or opposed)
+        trackers = dict.fromkeys((self.of.tracker, self.of.other_tracker))
+        return Tested(held, question.resampled, f"{DISAGREE} {' and '.join(trackers)}" if is_apart else gap)
 
     def in_unit(self, change: float) -> float:
         """A change in the unit of the estimand."""
@@ -675,6 +697,12 @@ class Asked(OfStatistic):
         return None
 
 
+def _tested(values: PairedValues, question: Question, ages: ComparedAges) -> Change | None:
+    if values.total is None:
+        return change_of(values.change, question, ages)
+    return bias_change(values.change, values.total, question, ages)
+
+
 @dataclass(frozen=True, slots=True)
 class Tested:
     """Outcome of the tests.
@@ -686,7 +714,7 @@ class Tested:
     resampled
         What intervals are about.
     gap
-        Why nothing can be shown to be within the margin, if so.
+        Why nothing can be shown to be within the margin, if so, or that references of the two kinds disagree.
     """
 
     found: Change | None

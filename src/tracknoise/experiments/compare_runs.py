@@ -30,6 +30,7 @@ from tracknoise.analysis.run_changes import ESTIMANDS, OF_ERRORS, Asked, Compare
 from tracknoise.checks import path_of, require, require_within
 from tracknoise.estimators.window_noise import scene_quantities
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
+from tracknoise.experiments.reference_kinds import read_kind_tables
 from tracknoise.experiments.resume import LIBRARIES
 from tracknoise.experiments.settings import dotted
 from tracknoise.foreign_files import MIB, read_text
@@ -293,6 +294,7 @@ class RunTables:
     """Tables of one run."""
 
     errors: RunErrors  # errors of single scenes
+    by_kind: Mapping[str, RunErrors]  # the same by each kind of reference tracks alone
     # ends, frames: `ENDS` and `FRAME_COUNTS`, by condition
     ends: TablesByCondition
     frames: TablesByCondition
@@ -304,8 +306,13 @@ def read_run(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[
     population = run.settings["truth"]["population"]
     errors = {"population": population, "trimming": Trimming.untrimmed}
     frames = _read(run.folder, "frames", keys)
+    every = {
+        name: _read(run.folder, name, keys, lambda table: _chosen(table, errors)) for name in ("moments", "scales")
+    }
+    alone = read_kind_tables(run.folder, keys, every, lambda table: _chosen(table, errors))
     return RunTables(
-        _errors(run, keys, scenes, errors),
+        _errors(run, every, scenes, errors),
+        {kind: _errors(run, tables, scenes, errors) for kind, tables in alone.items()},
         _read(run.folder, "ends", keys),
         frames,
         {
@@ -317,19 +324,21 @@ def read_run(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[
     )
 
 
-def _errors(
-    run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[str]], errors: Mapping[str, str]
-) -> RunErrors:
-    def chosen(table: pl.DataFrame) -> pl.DataFrame:
-        return table.filter(pl.col("n") > 0, **errors)
+def _chosen(table: pl.DataFrame, errors: Mapping[str, str]) -> pl.DataFrame:
+    return table.filter(pl.col("n") > 0, **errors)
 
-    moments, scales = (_read(run.folder, name, keys, chosen) for name in ("moments", "scales"))
+
+def _errors(
+    run: OpenedRun,
+    tables: Mapping[str, TablesByCondition],
+    scenes: Mapping[str, Sequence[str]],
+    errors: Mapping[str, str],
+) -> RunErrors:
     entries = run.manifest.sequences.values()
     zeros = {str(entry.sequence.direction): entry.key_frame for entry in entries if entry.key_frame is not None}
-    values = scene_values(
-        moments, scales, run.folder.statistics("curves"), errors=errors, key_frames=zeros, scenes=scenes
-    )
-    return RunErrors(values, scales, zeros)
+    curves = run.folder.statistics("curves")
+    values = scene_values(tables["moments"], tables["scales"], curves, errors=errors, key_frames=zeros, scenes=scenes)
+    return RunErrors(values, tables["scales"], zeros)
 
 
 def _read(
@@ -398,8 +407,8 @@ def _numbers(table: pl.DataFrame) -> pl.DataFrame:
 
 _RECOMMENDED = "consistent_sigma"
 _WINDOWED = (_RECOMMENDED, "residual_sigma", "overconfidence")
-_Found = tuple[str, str | None, PairedValues]
-"""Name of a statistic, axis of its places, and its values."""
+_Found = tuple[str, str | None, PairedValues, list[PairedValues]]
+"""Name of a statistic, axis of its places, its values, and those by each kind of reference tracks alone."""
 _FITTED = "True positions are fitted to the tracks, so that errors are not compared."
 
 
@@ -428,9 +437,9 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     groups = groups_of_scenes(first.manifest.sequences, first.settings["dataset"].get("groups"))
     pairs = [(key, other) for key, other in paired_conditions(known, matched) if other in found.conditions]
     asked = [
-        Asked(_compared(second.name, pair), name, values, names, groups.of(str(pair[0][0]), names), axis)
+        Asked(_compared(second.name, pair), name, values, names, groups.of(str(pair[0][0]), names), axis, by_kind)
         for pair, names in ((pair, scenes[str(pair[0][0])]) for pair in pairs)
-        for name, axis, values in _in_order(_values(tables, pair, names))
+        for name, axis, values, by_kind in _in_order(_values(tables, pair, names))
         if not (fitted and name in OF_ERRORS)
     ]
     partners = matched if trackers else {name: matched.get(name, name) for name in known.trackers}
@@ -460,21 +469,26 @@ def _in_order(found: Iterable[_Found]) -> list[_Found]:
 def _values(tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[str]) -> Iterator[_Found]:
     """Name, axis and paired values of every statistic of a condition."""
     first, second = tables
-    for name, axis, values in error_values((first.errors, second.errors), pair, scenes):
-        yield name, str(axis), values
+    kinds = dict.fromkeys([*first.by_kind, *second.by_kind])
+    runs = [(one.by_kind.get(kind, one.errors) for one in tables) for kind in kinds]
+    alone = [error_values((known, other), pair, scenes) for known, other in runs]
+    for (name, axis, values), *others in zip(
+        error_values((first.errors, second.errors), pair, scenes), *alone, strict=True
+    ):
+        yield name, str(axis), values, [one for _, _, one in others]
     frames = [second.frames[pair[1]], first.frames[pair[0]]]
-    yield "outlier_ratio", None, of_differences(outlier_differences(frames, scenes))
+    yield "outlier_ratio", None, of_differences(outlier_differences(frames, scenes)), []
     ends = [second.ends[pair[1]], first.ends[pair[0]]]
     along = Axis.frame if first.errors.key_frames else Axis.age
     axes = {**dict.fromkeys(_WINDOWED, "window"), **dict.fromkeys(RATIOS, str(along))}
-    yield "lifetime", None, of_differences(lifetime_differences(ends, scenes))
+    yield "lifetime", None, of_differences(lifetime_differences(ends, scenes)), []
     for name, found in first.numbers.items():
         known, other = found.get(pair[0]), second.numbers.get(name, {}).get(pair[1])
         if known is not None and other is not None:
             if name == _RECOMMENDED:
                 known, other = _at_the_reported_window(known, other)
             values = number_values(known, other, scenes, logarithms=ESTIMANDS[name].unit == Unit.ratio)
-            yield name, axes.get(name), values
+            yield name, axes.get(name), values, []
 
 
 def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:

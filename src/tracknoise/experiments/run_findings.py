@@ -40,6 +40,7 @@ from tracknoise.estimators.training import RunTruth
 from tracknoise.estimators.window_noise import window_sigmas
 from tracknoise.experiments.local_workers import beside
 from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
+from tracknoise.experiments.reference_kinds import KindTables, read_kind_tables
 from tracknoise.experiments.run_statistics import reference_condition
 from tracknoise.experiments.run_truth import run_audit, trust_table
 from tracknoise.experiments.settings import FROM_FILES, Experiment
@@ -127,6 +128,8 @@ class FindingInputs:
         By block there, otherwise of all blocks together, as block 0.
     frames
         All.
+    by_kind
+        Moments and scales by each kind of reference tracks alone.
     groups
         Groups of scenes that are not independent of each other.
     """
@@ -141,6 +144,7 @@ class FindingInputs:
     scale_blocks: TablesByCondition
     ends: TablesByCondition
     frames: TablesByCondition
+    by_kind: KindTables
     groups: SceneGroups
 
     @classmethod
@@ -162,12 +166,13 @@ class FindingInputs:
 
         moments = read("moments", every, lambda table: table.filter(seen))
         ends, frames = read("ends", every), read("frames", every)
+        scales = read("scales", every, lambda table: table.filter(seen))
         few = conditions_of_few_scenes(moments, ends, frames, groups)
         with_blocks = (every, shown) if few.height else ([], [])
         return cls(
             few=few,
             moments=moments,
-            scales=read("scales", every, lambda table: table.filter(seen)),
+            scales=scales,
             aspects=(run.sequence_table("aspects", key).filter(slowest) for key in shown),
             changes=read("increments", shown, lambda table: table.filter(slowest)),
             aspect_blocks=read("aspect_blocks", with_blocks[1], lambda table: _of(few, table.filter(slowest))),
@@ -175,6 +180,7 @@ class FindingInputs:
             scale_blocks=read("scale_blocks", with_blocks[0], lambda table: _of(few, table)),
             ends=_of_all_blocks(ends, few),
             frames=frames,
+            by_kind=read_kind_tables(run, every, {"moments": moments, "scales": scales}),
             groups=groups,
         )
 
@@ -442,6 +448,7 @@ def _dependence(
         read.frames,
         statistics["curves"],
         statistics["effects"],
+        by_kind=read.by_kind,
         options=option_factors(_options(experiment)),
         groups=read.groups,
         key_frames=key_frames,

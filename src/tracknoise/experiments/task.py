@@ -32,6 +32,7 @@ from tracknoise.experiments.parts import (
 )
 from tracknoise.experiments.pictures import KEPT_BYTES, film, track_patches
 from tracknoise.experiments.plan import Task, make_trackers, open_batch, open_second
+from tracknoise.experiments.reference_kinds import kind_tables
 from tracknoise.experiments.resume import new_manifest, require_versions
 from tracknoise.experiments.run_lock import Claim
 from tracknoise.experiments.settings import Experiment
@@ -354,6 +355,7 @@ def tables_to_keep(experiment: Experiment, measurement: Measurement) -> dict[str
         "floors": measurement.floors,
         **statistics,
         **geometry_tables(experiment, measurement.sequence, prepared, measurement.n_frames, measurement.truth),
+        **kind_tables(measurement.sequence, prepared, experiment.truth.population),
         **({"point_tracking": tap_metrics(measurement)} if experiment.statistics.tap_vid else {}),
     }
 

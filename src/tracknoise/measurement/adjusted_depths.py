@@ -7,6 +7,7 @@ depths predict reference tracks better.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.truth.joined_depths import JoinedDepths
-from tracknoise.truth.pose_adjustment import PoseAdjustment, State
+from tracknoise.truth.pose_adjustment import Fault, PoseAdjustment, State
 from tracknoise.truth.uncertainty import TruthDerivatives
 from tracknoise.truth.visibility import SequenceGeometry
 
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 
 LAWS: Mapping[str, tuple[int, float]] = {"inverse_depth_offset_per_m": (1, -1.0), "depth_offset_m": (-1, 1.0)}
 """A unit of each correction adds s Z^p to the logarithm of a depth Z: the power p and the sign s."""
+READOUT, FOCAL, ALONG_RAY = "readout_ms", "focal_relative", "depth_along_ray"
+"""Faults that are not of the depths, by the figures of `TruthAccuracy` and `Corrections`."""
 _SETTLED, _STEPS = 0.05, 8
 """Steps to the size of a law end at one of this part of it, or after so many."""
 _LOWER = 0.99
@@ -35,7 +38,7 @@ _OLDEST = 10
 _NAME = "reference tracks"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class AdjustedDepths:
     """Poses and depths that fit reference tracks, with corrected depths."""
 
@@ -86,13 +89,25 @@ class AdjustedDepths:
         ratio = np.where(np.isfinite(depth_m) & np.isfinite(tracks.depth_m), depth_m / tracks.depth_m, 1.0)
         return adjustment, adjustment.best(State(best.poses, best.depth_m * ratio))
 
-    def displaced_by_camera(self) -> tuple[Array, Array]:
-        """(n, 2) each: displacements, px, by the relative focal length, and by depths that are distances on rays."""
+    @cached_property
+    def displaced(self) -> Mapping[str, Array]:
+        """(n, 2) each: displacements of true positions, px, by one unit of the faults that are not of the depths."""
         tracks, best = self.adjustment.tracks, self.best
-        points = self.adjustment.anchored_points(best.poses, best.depth_m, np.arange(len(tracks.frame)))
-        moved = TruthDerivatives(OtherPoses(self.sequence, best.poses, _NAME)).sensitivity(points)
-        there = transform(invert(best.poses[points.anchor]), points.points_world)
-        return moved.focal, moved.depth * (np.linalg.norm(there, axis=1) - moved.depth_m)[:, None]
+        derivatives = TruthDerivatives(OtherPoses(self.sequence, best.poses, _NAME))
+        parts = []
+        for rows in self.adjustment.blocks():
+            points = self.adjustment.anchored_points(best.poses, best.depth_m, rows)
+            moved = derivatives.sensitivity(points)
+            there = transform(invert(best.poses[points.anchor]), points.points_world)
+            beyond = (np.linalg.norm(there, axis=1) - moved.depth_m)[:, None]
+            parts.append((1e-3 * moved.readout, moved.focal, moved.depth * beyond))
+        columns = [np.concatenate(one) for one in zip(*parts, strict=True)] or [np.empty((len(tracks.frame), 2))] * 3
+        return dict(zip((READOUT, FOCAL, ALONG_RAY), columns, strict=True))
+
+    @cached_property
+    def faults(self) -> Mapping[str, Fault]:
+        """How much of these faults reference tracks hold."""
+        return {name: self.adjustment.fault(self.best, moved) for name, moved in self.displaced.items()}
 
     def _is_better_joined(self) -> bool:
         """Whether depths that are joined over maps predict reference tracks better, in some frames."""
@@ -141,5 +156,5 @@ def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] 
         return name, fault.size
     if not fault.is_established:
         return None
-    others = (now.adjustment.fault(now.best, displaced) for displaced in now.displaced_by_camera())
-    return (name, fault.size) if all(fault.explained > other.explained for other in others) else None
+    camera = (now.faults[FOCAL], now.faults[ALONG_RAY])
+    return (name, fault.size) if all(fault.explained > one.explained for one in camera) else None

@@ -29,7 +29,8 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert
-from tracknoise.measurement.adjusted_depths import AdjustedDepths
+from tracknoise.measurement.adjusted_depths import READOUT, AdjustedDepths
+from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.kept_frames import KEPT_BYTES, KeptFrames
@@ -80,8 +81,10 @@ class RefinedPoses(OtherPoses):
     by_kind: Mapping[str, Array] = field(default_factory=dict)
     # whether depths of features are joined from the maps of neighbouring frames
     joins_depths: bool = False
-    # share of what an unknown readout of a rolling shutter moves that refined poses do not absorb
-    readout_left: float = 1.0
+    # share of what a fault moves that refined poses do not absorb, and bounds of faults that count, by the figures of
+    # `TruthAccuracy`
+    fault_shares: Mapping[str, float] = field(default_factory=dict)
+    fault_bounds: TruthAccuracy = TruthAccuracy()  # noqa: RUF009
 
     @classmethod
     def of(cls, sequence: Sequence, poses: Array, **more: Any) -> "RefinedPoses":
@@ -215,8 +218,9 @@ def refined_by(
         reason = "Poses are not refined: without depth, the camera has to change its position by more."
         return sequence, PoseFit(False, references, reason=reason)
     depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
-    found = _adjusted(depths, may_roll=stated.readout_ms is not None)
-    fit = _compared(found, depths, stated, references)
+    faults = FaultBounds.of(depths, stated)
+    found = _adjusted(depths, faults)
+    fit = _compared(found, depths, faults, stated, references)
     return (found if fit.leads else sequence), fit
 
 
@@ -228,7 +232,7 @@ def _only_poses(figures: TruthAccuracy) -> TruthAccuracy:
     return figures.without(figures.topics - {"rotation", "translation"})
 
 
-def _adjusted(depths: AdjustedDepths, *, may_roll: bool) -> RefinedPoses:
+def _adjusted(depths: AdjustedDepths, faults: FaultBounds) -> RefinedPoses:
     adjustment, sequence, best = depths.adjustment, depths.sequence, depths.best
     tracks = adjustment.tracks
     half = adjustment.half(best)
@@ -238,40 +242,45 @@ def _adjusted(depths: AdjustedDepths, *, may_roll: bool) -> RefinedPoses:
     if min(np.bincount(tracks.kind[tracks.track], minlength=len(KINDS))) >= FEWEST_TRACKS * len(best.poses) / 2:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
-    left = _readout_left(adjustment, sequence, best) if may_roll else 1.0
-    known = {"pose_halves": farthest, "by_kind": by_kind, "readout_left": left}
-    return RefinedPoses.of(sequence, best.poses, joins_depths=depths.joins_depths, **known)
+    rows = _shown(tracks)[1]
+    more = misfit_px2(depths, rows) - float(np.mean(faults.left_px2[rows]))
+    if more > 0.0:
+        one, other = (adjustment.residuals(poses, best.depth_m)[rows] for poses in farthest)
+        apart_px = _rms((one - other) / 2.0)
+        farthest = moved_apart(best.poses, farthest, float(np.hypot(1.0, np.sqrt(more) / max(apart_px, 1e-6))))
+    of_faults: dict[str, Any] = {"fault_shares": faults.shares, "fault_bounds": faults.bounds}
+    known = {"pose_halves": farthest, "by_kind": by_kind, "joins_depths": depths.joins_depths}
+    return RefinedPoses.of(sequence, best.poses, **known, **of_faults)
+
+
+def _shown(tracks: ReferenceTracks) -> tuple[int, NDArray[np.bool_]]:
+    """The age at which errors of poses are stated, and the observations (n,) bool of it."""
+    age = tracks.frame - tracks.birth[tracks.track]
+    shown = max((one for one in set(age.tolist()) if one <= AGE), default=int(age.min()))
+    return shown, age == shown
 
 
 def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:
     """Size of the differences of predicted positions by two sets of poses, px."""
-    return _size(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
+    return _rms(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
 
 
-def _readout_left(adjustment: PoseAdjustment, sequence: Sequence, best: State) -> float:
-    """Share of the displacements by a readout time that no poses absorb; 1 without times."""
-    poses, derivatives = sequence.world_from_camera, TruthDerivatives(sequence)
-    points = (adjustment.anchored_points(poses, best.depth_m, rows) for rows in adjustment.blocks())
-    moved = np.concatenate([derivatives.sensitivity(some).readout for some in points])
-    left, whole = _size(adjustment.left_of(best, moved)), _size(moved)
-    return min(left / whole, 1.0) if whole > 0.0 else 1.0
-
-
-def _compared(found: RefinedPoses, depths: AdjustedDepths, stated: TruthAccuracy, references: float) -> PoseFit:
+def _compared(
+    found: RefinedPoses, depths: AdjustedDepths, faults: FaultBounds, stated: TruthAccuracy, references: float
+) -> PoseFit:
     """Which poses lead, by what halves of the tracks say and by what is stated."""
     adjustment, depth_m = depths.adjustment, depths.best.depth_m
     tracks, sequence = adjustment.tracks, found.sequence
     age = tracks.frame - tracks.birth[tracks.track]
-    ages = set(age.tolist())
-    shown = max((one for one in ages if one <= AGE), default=min(ages))
-    rows = age == shown
+    shown, rows = _shown(tracks)
     every = [
         *(adjustment.residuals(poses, depth_m) for poses in (*(halves_of(found) or ()), found.poses)),
         adjustment.residuals(sequence.world_from_camera, depths.stated_m),
     ]
     next_px = _size((every[3] - every[2])[age == 1]) if (age == 1).any() else None
     one, other, best, given = (residual[rows] for residual in every)
-    left_px, stated_px = _size((one - other) / 2.0), _size(given - best)
+    left_px = float(np.hypot(_rms((one - other) / 2.0), np.sqrt(np.mean(faults.left_px2[rows]))))
+    stated_px = _size(given - best)
     errors = stated_errors(found)
     fit = PoseFit(True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, found.joins_depths)
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
@@ -303,17 +312,28 @@ def _is_of_camera(depths: AdjustedDepths, found: RefinedPoses) -> bool:
     adjustment, tracks = depths.adjustment, depths.adjustment.tracks
     young = tracks.frame - tracks.birth[tracks.track] <= AGE
     stated_px = _size(adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
-    for displaced in depths.displaced_by_camera():
-        fault = adjustment.fault(depths.best, displaced)
-        if fault.is_established and _size(fault.size * displaced[young]) > _MUCH * stated_px:
-            return True
-    return False
+    return any(
+        fault.is_established and _size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
+        for name, fault in depths.faults.items()
+        if name != READOUT
+    )
 
 
 def _size(moved: Array) -> float:
     """Robust RMS of both coordinates (n, 2) together, px: that of a round Gaussian with the same median length."""
     length = np.linalg.norm(moved, axis=1)
     return float(np.nanmedian(length) / _MEDIAN_TO_RMS) if np.isfinite(length).any() else 0.0
+
+
+_MOST_SIZES = 10.0
+"""Larger displacements, of points next to the camera, count as so many robust sizes."""
+
+
+def _rms(moved: Array) -> float:
+    """RMS of both coordinates (n, 2) together, px: as the floor has it."""
+    length = np.linalg.norm(moved, axis=1)
+    length = np.minimum(length[np.isfinite(length)], _MOST_SIZES * _size(moved))
+    return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
 
 
 _MEDIAN_TO_RMS = float(np.sqrt(np.log(2.0)))

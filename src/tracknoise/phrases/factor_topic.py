@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from tracknoise.analysis.factor_values import DISAGREE
 from tracknoise.analysis.factors import ROLES
 from tracknoise.inference.estimates import Estimate
 from tracknoise.phrases.answer_summary import Answer, Judgement, Measure
@@ -29,6 +30,7 @@ from tracknoise.words import (
     pixels,
     ratio,
     rms_of_tracks,
+    sentence_case,
 )
 
 _MOST_NAMED = 3
@@ -210,9 +212,10 @@ def _leaders(data: RunData, ranked: Mapping[str, int]) -> str:
     first, by_rms = _first(ranked), _first(_best_ranks(data, "second"))
     differs = 0 < len(by_rms) < min(len(ranked), _MOST_NAMED + 1) and set(by_rms) != set(first)
     rest = f"; by {rms_of_tracks(data.trimming)}, {_some(by_rms)}" if differs else ""
+    apart = disputed_ranks(ranks_by_role(data).filter(role="core"))
     if len(first) == 1:
-        return f"{first[0]} has the smallest typical error of {len(ranked)} trackers{rest}."
-    return f"{len(first)} of {len(ranked)} trackers share the first rank in typical error: {_some(first)}{rest}."
+        return f"{first[0]} has the smallest typical error of {len(ranked)} trackers{rest}.{apart}"
+    return f"{len(first)} of {len(ranked)} trackers share the first rank in typical error: {_some(first)}{rest}.{apart}"
 
 
 def _some(names: Sequence[str]) -> str:
@@ -252,6 +255,7 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
     pair = [row["level_a"], row["level_b"]]
     bounds = "" if row["low"] is None else f" ({ratio(row['low'])} to {ratio(row['high'])})"
     size, everywhere = f"{ratio(row['effect'])} times", f"over shared {data.axis.name}s"
+    disputed = _disputed(row["why"], row["level_a"], row["level_b"])
     rms = rms_of_tracks(data.trimming)
     if verdict == Verdict.yes and row["better"] in pair:
         better, worse = row["better"], pair[1 - pair.index(row["better"])]
@@ -265,9 +269,21 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
         return _equal(data, row, pair)
     larger, smaller = row["larger"] or pair[0], _smaller(row)
     if _is_more(row["effect"]) and _is_more(_rms_ratio(data, smaller, larger)):
-        return f"Undecided: the core error of {larger} is {size} that of {smaller}{bounds}, but its {rms} is smaller."
+        core = f"the core error of {larger} is {size} that of {smaller}{bounds}"
+        return f"Undecided: {core}, but its {rms} is smaller.{disputed}"
     core = f"the core error of {larger} is {size} that of {smaller}{bounds}"
-    return f"It is undecided which is more accurate: {core} {everywhere}."
+    return f"It is undecided which is more accurate: {core} {everywhere}.{disputed}"
+
+
+def _disputed(why: str | None, *trackers: str) -> str:
+    """That references of the two kinds disagree about trackers, if that is the reason; begins with a space."""
+    return f" {sentence_case(DISAGREE)} {_some(trackers)}." if (why or "").startswith(DISAGREE) else ""
+
+
+def disputed_ranks(ranks: pl.DataFrame) -> str:
+    """The same of all trackers of a table of ranks."""
+    about = ranks.drop_nulls("why")["tracker"].unique(maintain_order=True).to_list()
+    return _disputed(DISAGREE, *about) if about else ""
 
 
 def _equal(data: RunData, row: dict[str, Any], pair: Sequence[str]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import polars as pl
 
 from tracknoise.analysis.ranking import RANKED
-from tracknoise.phrases.factor_topic import ranks_by_role
+from tracknoise.phrases.factor_topic import disputed_ranks, ranks_by_role
 from tracknoise.report.answer import noise_to_set
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
@@ -36,7 +36,7 @@ def how_to_read(data: ReportData, ranks: pl.DataFrame) -> str:
     scenes = count(min(ranks["n_scenes"].to_list()), "scene")
     return (
         f"Ranks from {scenes}: a tracker of rank 2 to 5 is shown to be worse than one other, by more than a factor of "
-        f"{1.0 + data.margin:.3g}."
+        f"{1.0 + data.margin:.3g}.{disputed_ranks(ranks)}"
     )
 
 

@@ -1,6 +1,6 @@
 """Interfaces of readers and sequences: images with cameras, poses and, if available, depth."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -246,8 +246,13 @@ class FurtherFacts(Protocol):
         ...
 
     @property
-    def readout_left(self) -> float:
-        """Share of what an unknown readout of a rolling shutter moves that its poses do not absorb."""
+    def fault_shares(self) -> Mapping[str, float]:
+        """Share of what a fault moves that its poses do not absorb, by the figure of `TruthAccuracy`."""
+        ...
+
+    @property
+    def fault_bounds(self) -> TruthAccuracy:
+        """How large faults may be by the tracks that its poses are from, where these say more than what is stated."""
         ...
 
     @property
@@ -365,10 +370,16 @@ def joins_depths(sequence: Sequence) -> bool:
     return joined
 
 
-def readout_left_of(sequence: Sequence) -> float:
-    """Share of what an unknown readout moves that the poses of a sequence do not absorb; 1 of stated poses."""
-    left: float = getattr(sequence, "readout_left", 1.0)
-    return left
+def fault_shares_of(sequence: Sequence) -> Mapping[str, float]:
+    """Shares of what faults move that the poses of a sequence do not absorb; none of stated poses."""
+    shares: Mapping[str, float] = getattr(sequence, "fault_shares", {})
+    return shares
+
+
+def fault_bounds_of(sequence: Sequence) -> TruthAccuracy:
+    """How large faults may be by the tracks that the poses of a sequence are from."""
+    bounds: TruthAccuracy = getattr(sequence, "fault_bounds", TruthAccuracy())
+    return bounds
 
 
 def files_of(sequence: Sequence) -> tuple[Path, ...]:

@@ -42,7 +42,7 @@ _ROWS = (
     "track_errors",
 )
 """Tables of single things, which follow each other."""
-_FOURTH = ("moments", "aspects", "seed_moments")
+_FOURTH = ("moments", "aspects", "seed_moments", "kind_moments")
 _SECOND = ("blocks", "aspect_blocks", "between_trackers")
 _FRAMES = ("frame", "birth_frame", "first_frame", "anchor_frame")
 _BOUNDS = ("low", "high", "bin_low_px", "bin_high_px")
@@ -284,6 +284,7 @@ _JOINS: Mapping[str, Callable[[pl.DataFrame, Schema], pl.DataFrame]] = MappingPr
         "trims": _trims,
         "scales": _scales,
         "scale_blocks": _scales,
+        "kind_scales": _scales,
         "noise_outliers": _largest_limit,
         "pose_growth": _pose_growth,
         "samples": _samples,

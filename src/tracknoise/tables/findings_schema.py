@@ -481,11 +481,13 @@ RANKS: Schema = {
     "n_trackers": pl.Int32,
     "n_scenes": pl.Int32,
     "level": pl.Float64,
+    "why": pl.String,
 }
 """Ranks of trackers at the lowest speed, one row per statistic and tracker, where three or more are compared.
 
 A tracker is between the ranks best and worst of n_trackers, by (ranks). n_scenes is the smallest number of scenes that
-it shares with another tracker. level is that of the comparisons.
+it shares with another tracker. level is that of the comparisons. why names the trackers about which references of the
+two kinds disagree, if any.
 """
 
 SURROUNDING_ERRORS: Schema = {

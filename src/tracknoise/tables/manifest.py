@@ -42,9 +42,10 @@ class PoseFit:
     references
         Median number of reference tracks in a frame; None where they were not followed.
     left_px
-        Robust RMS of true positions by what is left of the errors of the refined poses, both coordinates together, px.
+        RMS of true positions by what is left of the errors of the refined poses, both coordinates together, px. It
+        contains what constant faults may leave that reference tracks do not exclude.
     stated_px
-        What the stated poses would add, likewise.
+        What the stated poses would add, px: a robust RMS.
     age
         At which these hold, frames.
     next_px

@@ -763,7 +763,10 @@ VIEWS: Mapping[str, View] = {
         findings_schema.RANKS,
         {**_CONDITION, "axis": "axis", "of": "statistic"},
         [
-            *(Value("rank", name, {"part": name}, carried=_same("n_scenes", "level")) for name in ("best", "worst")),
+            *(
+                Value("rank", name, {"part": name}, carried=_same("n_scenes", "level", "why"))
+                for name in ("best", "worst")
+            ),
             Value("rank_count", "n_trackers"),
         ],
         [],

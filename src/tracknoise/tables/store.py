@@ -105,6 +105,10 @@ _OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {
     "covariance_sums": schema.COVARIANCE_SUMS,
 }
 """Tables that sequences of earlier versions do not have."""
+KIND_TABLES: Mapping[str, schema.Schema] = {
+    f"kind_{name}": {"references": pl.String, **SEQUENCE_TABLES[name]} for name in ("moments", "scales")
+}
+"""Tables of a sequence whose poses were refined, by the poses of each kind of reference tracks alone."""
 _OF_OTHER_TIMES: Mapping[str, schema.Schema] = {"path": findings_schema.PATH}
 """Tables of a sequence whose recording has poses beside those of its frames, such as that of every n-th frame."""
 _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
@@ -114,10 +118,11 @@ _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     **_ASKED_FOR,
     **_OF_OTHER_TIMES,
     **_OF_LATER_VERSIONS,
+    **KIND_TABLES,
 }
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
-_OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR, *_OF_OTHER_TIMES, *_OF_LATER_VERSIONS)
+_OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR, *_OF_OTHER_TIMES, *_OF_LATER_VERSIONS, *KIND_TABLES)
 STATISTICS_TABLES: Mapping[str, schema.Schema] = {
     "curves": schema.CURVES,
     "cores": schema.CORES,

@@ -15,8 +15,9 @@ from tracknoise.sequences.sequence import (
     Sequence,
     TruthKind,
     accuracy_of,
+    fault_bounds_of,
+    fault_shares_of,
     halves_of,
-    readout_left_of,
     shutter_of,
     times_of,
 )
@@ -99,6 +100,8 @@ def _row(entry: dict[str, Any]) -> _Row:
 def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_RULE) -> KnownAccuracy:
     """What is known of the errors of a sequence's truth. On each topic the first counts: user, data, shipped figures.
 
+    What reference tracks show of faults counts before these.
+
     Depth does not count where points lie on an exact surface, nor where the truth measures the errors of its own.
     Clock and readout do not count without times of frames, nor does a shipped readout where the truth accounts for a
     rolling shutter, nor shipped figures of poses and clock where the poses are not those of the reader.
@@ -122,13 +125,15 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
         new = one.without(useless | figures.topics)
         notes += list(_notes(new))
         figures = figures.over(new)
-    if figures.readout_ms is not None:
-        figures = replace(figures, readout_ms=readout_left_of(sequence) * figures.readout_ms)
+    shares = fault_shares_of(sequence)
+    left: dict[str, Any] = {name: shares[name] * value for name, value in figures.figures(tuple(shares)).items()}
+    figures = replace(figures, **left)
     return KnownAccuracy(figures, tuple(notes), {"rotation", "translation", "depth"} - useless <= figures.topics)
 
 
 def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccuracy]:
     """The most important first."""
+    yield fault_bounds_of(sequence)
     yield rule.stated
     yield accuracy_of(sequence)
     others = {"readout"} if shutter_of(sequence) is not None else set()

@@ -99,7 +99,7 @@ class State:
     depth_m: Array  # (m,): of each track at its birth, metres
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Fault:
     """How large a fault is: its size, its standard deviation, and its size by the tracks of each kind."""
 
@@ -107,6 +107,8 @@ class Fault:
     deviation: float
     of_kinds: tuple[float, ...]
     explained: float  # what it takes off the weighted squares of residuals
+    in_residuals: Array  # (n, 2): what one unit leaves in residuals, px
+    in_positions: Array  # (n, 2): and in positions of points with stated depths
 
     @property
     def is_established(self) -> bool:
@@ -281,35 +283,43 @@ class PoseAdjustment:
             residual = linear.moved(part.tracks, part._pairs, twist, stretch)
         return part._moved(near, twist, stretch).poses
 
-    def left_of(self, state: "State", moved: Array) -> Array:
-        """What poses and depths do not absorb of small displacements (n, 2) of true positions, px; NaN stays."""
+    def _left_of(self, state: "State", moved: Array) -> tuple[Array, Array]:
+        """What small displacements of true positions leave in residuals, and in positions by stated depths.
+
+        Shapes: moved (n, 2), px; NaN stays. Poses and depths absorb a part of them in residuals (n, 2). Positions
+        (n, 2) of other tracks have the poses, and no depths that absorb anything.
+        """
         linear = self._linear(state)
         known = np.isfinite(moved[:, :1]) & np.isfinite(moved[:, 1:])
         weight = np.where(known[:, 0], self._weights(linear.residual), 0.0)
         changed = replace(linear, residual=np.where(known, moved, 0.0))
         start = State(self._stated, self._start.depth_m)  # where the priors are 0
         twist, stretch = self._step(start, changed, weight)
-        return np.where(known, changed.moved(self.tracks, self._pairs, twist, stretch), np.nan)
+        by_both, by_poses = (
+            changed.moved(self.tracks, self._pairs, twist, one) for one in (stretch, np.zeros_like(stretch))
+        )
+        return np.where(known, by_both, np.nan), np.where(known, by_poses, np.nan)
 
     def fault(self, state: "State", moved: Array) -> "Fault":
         """How much of a fault the residuals hold that no poses and depths of tracks absorb.
 
-        With the displacements m (n, 2) of observations by one unit of it, what is left m~ = `left_of` of them, and the
-        weights W of residuals r, it is (m' W m~)^-1 m~' W r. Its variance is that of sums over blocks of space.
+        With the displacements m (n, 2) of observations by one unit of it, what is left m~ of them in residuals r, and
+        the weights W of these, it is (m' W m~)^-1 m~' W r. Its variance is that of sums over blocks of space.
         """
         linear = self._linear(state)
-        left = self.left_of(state, moved)
+        left, in_positions = self._left_of(state, moved)
         weight = np.where(np.isfinite(left[:, 0]), self._weights(linear.residual), 0.0)
         curvature = np.nan_to_num(weight * np.sum(moved * left, axis=1))
         slope = np.nan_to_num(weight * np.sum(left * linear.residual, axis=1))
         if not curvature.sum() > 0.0:
-            return Fault(0.0, np.inf, (), 0.0)
+            return Fault(0.0, np.inf, (), 0.0, left, in_positions)
         size = float(slope.sum() / curvature.sum())
         blocks = np.bincount(self._blocks(state)[self.tracks.track], slope - size * curvature)
         kind = self.tracks.kind[self.tracks.track]
         of_kinds = np.bincount(kind, slope) / np.maximum(np.bincount(kind, curvature), 1e-12)
         deviation = float(np.sqrt(np.sum(blocks**2)) / curvature.sum())
-        return Fault(size, deviation, tuple(of_kinds.tolist()), size * float(slope.sum()))
+        explained = size * float(slope.sum())
+        return Fault(size, deviation, tuple(of_kinds.tolist()), explained, left, in_positions)
 
     def by_log_depth(self, state: "State") -> Array:
         """(n, 2): displacements of predicted positions with the logarithms of the depths at birth, px."""

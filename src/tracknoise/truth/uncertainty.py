@@ -187,9 +187,7 @@ class TruthDerivatives:
         halves = halves_of(self._sequence)
         if halves is None:
             return np.zeros((len(there), 2))
-        one, other = (
-            cameras.project(transform(invert(poses[points.frame]) @ poses[points.anchor], there)) for poses in halves
-        )
+        one, other = (_seen_by(poses, points, there, cameras) for poses in halves)
         return np.asarray((one - other) / 2.0)
 
     def _flow(self, frame: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -200,6 +198,23 @@ class TruthDerivatives:
     def _read_at(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 1) float64: time of pixels after that of their frame, in readout times."""
         return self._shutter.phase(self._sequence.camera, uv)[:, None]
+
+
+def _seen_by(
+    poses: NDArray[np.float64], points: AnchoredPoints, there: NDArray[np.float64], cameras: ObservedCameras
+) -> NDArray[np.float64]:
+    """(n, 2) float64, px: positions by poses (frames, 4, 4), of points (n, 3) in the camera of their anchor."""
+    return cameras.project(transform(invert(poses[points.frame]) @ poses[points.anchor], there))
+
+
+def moved_by(sequence: Sequence, points: AnchoredPoints, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 2) float64, px: positions by other poses (frames, 4, 4) less those by the poses of a sequence.
+
+    Points keep their place in the camera of their anchor.
+    """
+    own, cameras = sequence.world_from_camera, ObservedCameras.of(sequence, points.frame)
+    there = transform(invert(own[points.anchor]), points.points_world)
+    return _seen_by(poses, points, there, cameras) - _seen_by(own, points, there, cameras)
 
 
 def _axis(sequence: Sequence) -> int:

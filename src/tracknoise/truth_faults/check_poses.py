@@ -3,7 +3,9 @@
 import numpy as np
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import invert
+from tracknoise.measurement.fault_bounds import largest_bounds
 from tracknoise.measurement.refined_poses import RefinedPoses, refined
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence, best_truth
@@ -40,18 +42,20 @@ def leading_poses(sequence: Sequence) -> tuple[Sequence, PoseFit, Item]:
     assert fit is not None, "there is a window"
     halves = np.full((2, *sequence.world_from_camera.shape), np.nan)
     poses = halves[0].copy()
-    readout = 0.0
+    shares, bounds = dict[str, float](), TruthAccuracy()
     for part, one, _ in leading:
         assert isinstance(one, RefinedPoses), "the refined poses of a window lead"
         poses[part.start : part.stop] = one.poses
         assert one.pose_halves is not None, "it was refined just now"
         halves[:, part.start : part.stop] = one.pose_halves
-        readout = max(readout, one.readout_left)
+        shares = {name: max(share, shares.get(name, 0.0)) for name, share in one.fault_shares.items()}
+        bounds = largest_bounds(bounds, one.fault_bounds)
     frames = f"{has_pose(poses).sum()} of {len(poses)} frames"
     text = " ".join(filter(None, [f"Poses were refined in {frames}.", fit.of_depths]))
     item = Item("poses", Severity.ok, text, _values(fit))
     of_halves = halves[0], halves[1]
-    return RefinedPoses.of(sequence, poses, pose_halves=of_halves, readout_left=readout), fit, item
+    shown = RefinedPoses.of(sequence, poses, pose_halves=of_halves, fault_shares=shares, fault_bounds=bounds)
+    return shown, fit, item
 
 
 def refined_trajectory(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:

@@ -1,0 +1,122 @@
+"""What constant faults, and parts of the image that do not fit, leave of the errors of refined poses.
+
+Poses absorb a part of a constant fault, such as a readout time that is not stated or a wrong focal length, and both
+halves of the reference tracks do so alike. What they leave is in all positions, and in the residuals of the tracks, by
+which its size theta is told (`PoseAdjustment.fault`). Its bound is
+
+    bound^2 = theta^2 + (2 sigma)^2    (refined.faults)
+
+with the standard error sigma, or half of the difference of both kinds of tracks where this is larger. It counts where
+nothing is stated of the fault, and where tracks contradict it.
+
+Other faults of the geometry, such as parts of the scene that move, are shared by both halves as well. Where a part of
+the image does not fit, both kinds of tracks say so. With their mean residuals f and m in the same part and frame,
+
+    misfit^2 = mean of f . m    (refined.misfit)
+
+Noise of single tracks, and what one kind has of its own, cancel. A misfit that is larger than what the bounds of faults
+make is in the halves, which are moved apart for it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracknoise.geometry.accuracy import AccuracyKind, TruthAccuracy
+from tracknoise.geometry.pose import invert
+from tracknoise.inference.robust_fits import scales, squared
+from tracknoise.measurement.adjusted_depths import FOCAL, READOUT, AdjustedDepths
+from tracknoise.measurement.reference_tracks import KINDS
+from tracknoise.sequences.poses import has_pose
+from tracknoise.sequences.sequence import shutter_of
+from tracknoise.truth.pose_adjustment import exponential
+
+Array = NDArray[np.float64]
+
+_BOUND, _CONTRADICTS = 2.0, 3.0
+"""Standard errors."""
+_PARTS = 3
+"""Parts of the image along each side."""
+_FAR = 3.0
+"""Sizes of residuals beyond which tracks are outliers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaultBounds:
+    """What constant faults may leave of the errors of refined poses."""
+
+    shares: Mapping[str, float]  # of what a fault moves that poses do not absorb, by its figure
+    bounds: TruthAccuracy  # of those that count
+    left_px2: Array  # (n,): squared displacements of observations by the bounds
+
+    @classmethod
+    def of(cls, depths: AdjustedDepths, stated: TruthAccuracy) -> "FaultBounds":
+        """By (refined.faults)."""
+        tracks = depths.adjustment.tracks
+        is_free = ~np.isfinite(tracks.depth_m[tracks.track])[:, None]  # depths of such points absorb what these do
+        shares, bounds, squares = dict[str, float](), dict[str, float](), np.zeros(len(tracks.frame))
+        for figure in (READOUT, FOCAL):
+            fault, moved = depths.faults[figure], depths.displaced[figure]
+            if not np.isfinite(fault.deviation):
+                continue
+            left = np.where(is_free, fault.in_residuals, fault.in_positions)
+            shares[figure] = float(min(np.sqrt(np.nanmean(left**2) / np.nanmean(moved**2)), 1.0))
+            sigma = max(fault.deviation, float(np.ptp(fault.of_kinds)) / 2.0)
+            known = stated.figures((figure,)).get(figure)
+            if known is None and figure == READOUT and shutter_of(depths.sequence) is not None:
+                known = 0.0
+            if known is None or abs(fault.size) - _CONTRADICTS * sigma > known:
+                bounds[figure] = float(np.hypot(fault.size, _BOUND * sigma))
+                squares += np.nan_to_num(np.sum(left**2, axis=1)) * bounds[figure] ** 2
+        found: dict[str, Any] = dict(bounds)
+        accuracy = TruthAccuracy(**found, source="reference tracks", kind=AccuracyKind.measured)
+        return cls(shares, accuracy, squares)
+
+
+def largest_bounds(one: TruthAccuracy, other: TruthAccuracy) -> TruthAccuracy:
+    """The larger bound of each fault by reference tracks."""
+    both = [bounds.figures((READOUT, FOCAL)) for bounds in (one, other)]
+    largest: dict[str, Any] = {name: max(bounds.get(name, 0.0) for bounds in both) for name in {**both[0], **both[1]}}
+    return replace(other, **largest)
+
+
+def misfit_px2(depths: AdjustedDepths, rows: NDArray[np.bool_]) -> float:
+    """(refined.misfit) of some observations, (n,) bool, px^2; its upper bound where it is established."""
+    adjustment, tracks, best = depths.adjustment, depths.adjustment.tracks, depths.best
+    depth_m = np.where(np.isfinite(tracks.depth_m), tracks.depth_m, best.depth_m)
+    residual, kind = adjustment.residuals(best.poses, depth_m)[rows], tracks.kind[tracks.track[rows]]
+    used = np.flatnonzero(np.isfinite(residual).all(axis=1))
+    used = used[squared(residual[used], scales(kind[used], residual[used])) < 2.0 * _FAR**2]
+    size = depths.sequence.camera.width, depths.sequence.camera.height
+    part = np.clip(tracks.uv[rows] / size * _PARTS, 0, _PARTS - 1).astype(np.intp)
+    place = np.unique((tracks.frame[rows] * _PARTS + part[:, 0]) * _PARTS + part[:, 1], return_inverse=True)[1]
+    counts, means = [], []
+    for one in range(len(KINDS)):
+        own = used[kind[used] == one]
+        counts.append(np.bincount(place[own], minlength=int(place.max(initial=0)) + 1))
+        sums = [np.bincount(place[own], column, len(counts[-1])) for column in residual[own].T]
+        means.append(np.stack(sums, axis=1) / np.maximum(counts[-1], 1)[:, None])
+    both = np.minimum(*counts) > 0
+    if np.count_nonzero(both) < 2:
+        return 0.0
+    weight = 1.0 / (1.0 / counts[0][both] + 1.0 / counts[1][both])
+    product = np.sum(means[0][both] * means[1][both], axis=1)
+    found = float(np.average(product, weights=weight))
+    error = float(np.sqrt(np.sum((weight * (product - found)) ** 2)) / weight.sum())
+    return found + _BOUND * error if found > _BOUND * error else max(found, 0.0)
+
+
+def moved_apart(poses: Array, halves: tuple[Array, Array], factor: float) -> tuple[Array, Array]:
+    """Halves whose differences from poses (n, 4, 4) are larger by a factor."""
+    found = []
+    for half in halves:
+        known = has_pose(poses) & has_pose(half)
+        between, moved = invert(poses[known]) @ half[known], half.copy()
+        turned = Rotation.from_matrix(between[:, :3, :3]).as_rotvec()
+        moved[known] = poses[known] @ exponential(factor * np.concatenate([between[:, :3, 3], turned], axis=1))
+        found.append(moved)
+    return found[0], found[1]

@@ -315,8 +315,9 @@ class PoseAdjustment:
             return Fault(0.0, np.inf, (), 0.0, left, in_positions)
         size = float(slope.sum() / curvature.sum())
         blocks = np.bincount(self._blocks(state)[self.tracks.track], slope - size * curvature)
-        kind = self.tracks.kind[self.tracks.track]
-        of_kinds = np.bincount(kind, slope) / np.maximum(np.bincount(kind, curvature), 1e-12)
+        kind, square = self.tracks.kind[self.tracks.track], np.nan_to_num(weight * np.sum(left * left, axis=1))
+        of_kinds = np.bincount(kind, slope) / np.maximum(np.bincount(kind, square), 1e-300)
+        of_kinds *= square.sum() / curvature.sum()
         deviation = float(np.sqrt(np.sum(blocks**2)) / curvature.sum())
         explained = size * float(slope.sum())
         return Fault(size, deviation, tuple(of_kinds.tolist()), explained, left, in_positions)

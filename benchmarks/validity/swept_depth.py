@@ -23,7 +23,7 @@ Each scene and way is one line of RESULTS, a file of JSON, and is not measured a
   of the observations that have one without depth, and by that. The third against the first is what selection does, the
   fourth against the third what depth does;
 - the sigma to set in the estimator `openvins`, by all four, and for each way the share of scenes in which it is within
-  15 % of each of the others.
+  15 % of each of the others. With the exact truth of the same observations, that of these is compared.
 """
 
 import argparse
@@ -219,7 +219,7 @@ def _cell(error_px: Array) -> str:
 
 
 def of_the_same(exact: Measurement, other: Measurement) -> Measurement:
-    """The exact errors of the observations that have one without depth too."""
+    """The errors by one truth, of the observations that have one by the other too."""
     names = [*KEY, "frame"]
     seen = other.observations.select(*names, known=pl.col("truth") == "valid")
     hidden = ~pl.col("known") & (pl.col("truth") == "valid")
@@ -273,7 +273,7 @@ def compared(
     except TracknoiseError as error:
         return {"refused": str(error)}
     row: dict[str, Any] = {"tracks": shares(exact, other), "errors": [*of_positions(exact, maps, other)]}
-    row["sigma"] = sigmas(other)
+    row["sigma"], row["sigma of the same"] = sigmas(other), sigmas(of_the_same(other, exact))
     row[SAME] = sigmas(of_the_same(exact, other))
     if way in _WITH_EXACT_POSES:
         row["depths"] = of_depths(exact, other)
@@ -288,10 +288,14 @@ def told(row: Mapping[str, Any]) -> Iterator[str]:
     for line in row.get("errors", ()):
         yield f"    {line}"
     for tracker, share in row.get("tracks", {}).items():
-        found = row["sigma"].get(tracker, np.nan)
-        others = ((name, row[name].get(tracker, np.nan)) for name in OTHERS)
-        against = ", ".join(f"{name} {one:.3f} ({found / one - 1:+.1%})" for name, one in others)
-        yield f"    {tracker}: sigma {found:.3f} px; {against}; tracks with depth {share:.3f}"
+        pairs = {name: (sigma_without(row, name, tracker), row[name].get(tracker, np.nan)) for name in OTHERS}
+        against = ", ".join(f"{name} {one:.3f} ({own / one - 1:+.1%})" for name, (own, one) in pairs.items())
+        yield f"    {tracker}: sigma {pairs[EXACT][0]:.3f} px; {against}; tracks with depth {share:.3f}"
+
+
+def sigma_without(row: Mapping[str, Any], against: str, tracker: str) -> float:
+    """The sigma to set without depth that is compared with another one: of the same observations, or of all."""
+    return float(row["sigma of the same" if against == SAME else "sigma"].get(tracker, np.nan))
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -302,7 +306,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield f"{way}: {len(own)} scenes, {len(own) - len(known)} refused"
         for tracker in dict.fromkeys(name for row in known for name in row["sigma"]):
             for against in OTHERS:
-                ratios = [row["sigma"].get(tracker, np.nan) / row[against].get(tracker, np.nan) for row in known]
+                ratios = [sigma_without(row, against, tracker) / row[against].get(tracker, np.nan) for row in known]
                 near = np.mean(np.abs(np.array(ratios) - 1.0) <= NEAR)
                 worst = max(ratios, key=lambda one: abs(one - 1.0))
                 yield f"    {tracker} against {against}: within 15 % {near:.2f}, worst {worst - 1:+.1%}"

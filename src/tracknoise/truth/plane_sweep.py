@@ -69,8 +69,8 @@ _UNIQUE, _APART_PX = 0.9, 2.0
 _EDGE_PX, _EDGE_STEPS = 16.0, np.linspace(0.02, 2.2, 49)
 """Patches beside a point are looked for where it has about this parallax, at these multiples of its inverse depth."""
 _SAME_PX, _ELSEWHERE, _LESS = 1.0, 0.8, 0.7
-"""A depth as near as this is that of the point. Another needs such a correlation, and what is missing to 1 has to be less
-than such a share of what is missing at the depth of the point."""
+"""A depth as near as this is that of the point. Another needs such a correlation, and what is missing to 1 has to be
+less than such a share of what is missing at the depth of the point."""
 _ITERATIONS, _NEAR_PX = 4, 1.5
 """Frames that want a larger step than this take no part in it."""
 _LEAST_SPREAD_PX, _LEAST_VARIANCE = 0.02, 0.01

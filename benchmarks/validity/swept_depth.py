@@ -161,7 +161,7 @@ WAYS: Mapping[str, Callable[[Recording, Mapping[str, Any]], Measurement]] = {
     "images alone": _images_alone,
     "stereo": _stereo,
 }
-_WITH_EXACT_POSES = ("exact poses", "stereo")
+REFINED_POSES, _WITH_EXACT_POSES = "refined poses", ("exact poses", "stereo")
 
 
 def of_depths(exact: Measurement, other: Measurement) -> str:
@@ -272,6 +272,8 @@ def compared(
         other = WAYS[way](sequence, trackers)
     except TracknoiseError as error:
         return {"refused": str(error)}
+    if way == REFINED_POSES and other.pose_fit is not None and not other.pose_fit.leads:
+        return {"refused": other.pose_fit.reason}
     row: dict[str, Any] = {"tracks": shares(exact, other), "errors": [*of_positions(exact, maps, other)]}
     row["sigma"], row["sigma of the same"] = sigmas(other), sigmas(of_the_same(other, exact))
     row[SAME] = sigmas(of_the_same(exact, other))

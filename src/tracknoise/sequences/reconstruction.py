@@ -4,11 +4,16 @@ Intrinsics are fixed. Images of a path are matched with their successors, near a
 together (global mapping, GLOMAP): what begins with two frames and adds others ends in a wrong minimum where successive
 frames have little parallax. The bound on matches is smaller than COLMAP's, which is meant for photographs of several
 thousand pixels: pairs of video frames have wrong solutions within it.
+
+Where points move by little more than rotations of the camera explain, other rotations, positions and depths fit them as
+well, by errors that look small. What is left beside the best rotation of two frames needs none of these, and has to
+exceed the errors of the reconstruction by far.
 """
 
 import math
 import tempfile
 from collections.abc import Callable
+from itertools import combinations
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,6 +21,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.cameras import Camera, CameraModel, EquidistantCamera, FovCamera
@@ -26,12 +32,17 @@ from tracknoise.sequences.poses import no_poses
 from tracknoise.sequences.sequence import Sequence, clock_start_of, times_of
 from tracknoise.sequences.writing import only_camera
 from tracknoise.text import counted
+from tracknoise.words import pixels
 
 _MOST_FEATURES = 1500
 _SEED = 0
 _MATCH_PX, _MOST_MATCH_PX, _USUAL_PX = 1.5, 4.0, 640
 """Distance of matches from epipolar lines: up to the usual width of images, and at most, where it grows with them."""
 _FEWEST_REGISTERED = 2
+_LEAST_PARALLAX, _FRAMES_OF_PARALLAX, _FEWEST_OF_PARALLAX = 15.0, 8, 20
+"""Parallax of points in two frames over errors of the reconstruction, at least; frames that are compared, at most, and
+the fewest points of two."""
+_ROTATION_STEPS, _ROUNDING_PX = 10, 0.01
 _FRAMES_OF_SCALE, _FEWEST_OF_SCALE = 30, 20
 """Frames whose depth is read for the scale, and the fewest points that give it."""
 
@@ -75,7 +86,8 @@ def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: No
     SettingsError
         If pycolmap is not installed.
     DataError
-        If the camera changes or COLMAP does not know its model, or no two frames could be connected.
+        If the camera changes or COLMAP does not know its model, no two frames could be connected, or the camera hardly
+        changes its position.
     """
     colmap = require_colmap()
     model, parameters = _camera(only_camera(sequence), sequence.source)
@@ -114,13 +126,18 @@ def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: No
             camera_from_world = np.vstack([image.cam_from_world().matrix(), (0.0, 0.0, 0.0, 1.0)])
             poses[index] = invert(camera_from_world[None])[0]
         unit_m = None if largest is None else _unit_m(sequence, largest, frames)
+        parallax_px, error_px = (np.nan, np.nan) if largest is None else _parallax_px(sequence, largest, frames)
     if unit_m is not None:
         say(f"reconstructing poses: depth gives the scale (1 unit is {unit_m:.4g} m)")
         poses[:, :3, 3] *= unit_m
     registered = int(np.isfinite(poses[:, 0, 0]).sum())
-    if registered < _FEWEST_REGISTERED:
+    if registered < _FEWEST_REGISTERED or not np.isfinite(parallax_px):
         expected = "images with overlap, texture and parallax, or poses: --trajectory FILE"
         raise DataError(sequence.source, "images from which COLMAP reconstructs no poses", expected)
+    if not parallax_px > _LEAST_PARALLAX * error_px:
+        found = f"points that move by {pixels(parallax_px)} px beside rotations, where errors are {pixels(error_px)} px"
+        expected = f"{_LEAST_PARALLAX:g} times as much: a camera that changes its position; or poses: --trajectory FILE"
+        raise DataError(sequence.source, found, expected)
     return poses
 
 
@@ -128,6 +145,39 @@ def _registered(model: Any) -> dict[int, Any]:
     """Images of a reconstruction that have a pose, by the number of their frame."""
     posed = ((int(Path(image.name).stem), image) for image in model.images.values() if image.has_pose)
     return dict(sorted(posed, key=lambda item: item[0]))
+
+
+def _parallax_px(sequence: Sequence, model: Any, frames: dict[int, Any]) -> tuple[float, float]:
+    """What no rotation explains of the displacements between two frames, and errors of reprojection: medians, px.
+
+    Of pairs of frames, that with the most parallax counts. NaN where no two frames have points in common.
+    """
+    seen = {}
+    for index in list(frames)[:: max(len(frames) // _FRAMES_OF_PARALLAX, 1)]:
+        points = [point for point in frames[index].points2D if point.has_point3D()]
+        seen[index] = {point.point3D_id: point.xy - CORNER_PX for point in points}
+    largest = np.nan
+    for first, second in combinations(seen.values(), 2):
+        shared = [*(first.keys() & second.keys())]
+        if len(shared) >= _FEWEST_OF_PARALLAX:
+            pair = (np.array([one[point] for point in shared]) for one in (first, second))
+            largest = float(np.fmax(largest, _beside_rotation_px(sequence.camera, *pair)))
+    return largest, float(np.median([point.error for point in model.points3D.values()] or [np.inf]))
+
+
+def _beside_rotation_px(camera: CameraModel, first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    """Median distance of positions (n, 2) in a frame from those in another, turned by the best rotation, px."""
+    rays, others = (
+        camera.bearings(uv) / np.linalg.norm(camera.bearings(uv), axis=1)[:, None] for uv in (first, second)
+    )
+    known = np.isfinite(rays).all(axis=1) & np.isfinite(others).all(axis=1)
+    rays, others, second = rays[known], others[known], second[known]
+    weight = np.ones(len(rays))
+    for _ in range(_ROTATION_STEPS):
+        turned = Rotation.align_vectors(others, rays, weights=weight)[0].apply(rays)
+        apart_px = np.linalg.norm(camera.project(turned) - second, axis=1)
+        weight = 1.0 / np.maximum(np.nan_to_num(apart_px, nan=np.inf), _ROUNDING_PX)
+    return float(np.nanmedian(apart_px))
 
 
 def _unit_m(sequence: Sequence, model: Any, frames: dict[int, Any]) -> float | None:

@@ -19,8 +19,13 @@ The last term is the noise of the point's own patch, which all frames have in co
 differences of gray values, g their derivative. Both c are 0.7: then errors in simulated recordings are as large as
 stated (`benchmarks.validity.swept_depth`).
 
+3. A patch on two surfaces is found at the depth of one of them, whichever the point is on. So smaller patches around
+   the point are looked for at other depths: where one is alike there, and clearly less at the depth of the point, the
+   point is at a depth edge.
+
 A point has no inverse depth if its patch is found in fewer than two frames, is found at two depths as well, or has too
-little parallax. So there is none without texture, and none where the camera does not change its position.
+little parallax. So there is none without texture, and none where the camera does not change its position. At a depth
+edge it has none either, as beside the edge of a depth map.
 """
 
 from dataclasses import dataclass
@@ -61,6 +66,11 @@ _POSSIBLE, _ALIKE = 0.3, 0.5
 """Least correlation of a candidate on the lowest rung, and of patches that are alike."""
 _UNIQUE, _APART_PX = 0.9, 2.0
 """A rival is so far away, and its scores add up to such a share of the best."""
+_EDGE_PX, _EDGE_STEPS = 16.0, np.linspace(0.02, 2.2, 49)
+"""Patches beside a point are looked for where it has about this parallax, at these multiples of its inverse depth."""
+_SAME_PX, _ELSEWHERE, _LESS = 1.0, 0.8, 0.7
+"""A depth as near as this is that of the point. Another needs such a correlation, and what is missing to 1 has to be
+less than such a share of what is missing at the depth of the point."""
 _ITERATIONS, _NEAR_PX = 4, 1.5
 """Frames that want a larger step than this take no part in it."""
 _LEAST_SPREAD_PX, _LEAST_VARIANCE = 0.02, 0.01
@@ -70,6 +80,8 @@ _FARTHEST, _STEP, _RIDGE, _TINY = 1e-4, 1e-3, 1e-9, 1e-300
 
 _CROSS = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 _AROUND = np.array([(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+_SIDES = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
+_BESIDE = 5.0 * np.array([(x / np.hypot(x, y), y / np.hypot(x, y)) for x, y in _SIDES])
 _X, _Y = _FINE.T.astype(np.float64)
 _WEIGHT = np.exp(-0.5 * (_X * _X + _Y * _Y) / 3.0**2)
 _ONE = np.ones_like(_X)
@@ -86,6 +98,7 @@ class Swept:
 
     inverse_depth: Floats  # (n,): 1/m
     sigma: Floats  # (n,): its standard deviation, 1/m
+    at_edge: NDArray[np.bool_]  # (n,): nothing, because another depth was found beside the point
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,6 +215,7 @@ class PlaneSweep:
         return Swept(
             np.concatenate([nothing, *(part.inverse_depth for part in parts)]),
             np.concatenate([nothing, *(part.sigma for part in parts)]),
+            np.concatenate([np.zeros(len(nothing), np.bool_), *(part.at_edge for part in parts)]),
         )
 
     def rungs(self, index: int) -> list[list[int]]:
@@ -221,7 +235,30 @@ class PlaneSweep:
         inverse, last = self._searched(index, uv, rays, rungs)
         frames = [(frame, number) for number, rung in enumerate(rungs) for frame in rung]
         patches = Patches.cut(self._images.of(index)[0], uv)
-        return _Fit(self._geometry, self._images, rays, patches, frames, index).found(inverse, last)
+        inverse, sigma = _Fit(self._geometry, self._images, rays, patches, frames, index).found(inverse, last)
+        at_edge = self._at_edge(index, uv, inverse, rungs)
+        return Swept(np.where(at_edge, np.nan, inverse), np.where(at_edge, np.nan, sigma), at_edge)
+
+    def _at_edge(self, index: int, uv: Floats, inverse: Floats, rungs: list[list[int]]) -> NDArray[np.bool_]:
+        """(n,): whether a patch beside a point is found at another depth than at that of the point."""
+        rays, whole = Rays.of(self._geometry, index, uv), self._images.of(index)[0]
+        moved = np.stack([inverse * self._slope(rays, rung, inverse) for rung in rungs])
+        apart = np.abs(np.log(np.nan_to_num(moved, nan=_TINY) / _EDGE_PX))
+        chosen, found = np.argmin(apart, axis=0), np.zeros(len(uv), np.bool_)
+        for number, rung in enumerate(rungs):
+            rows = np.flatnonzero((chosen == number) & np.isfinite(moved[number]))
+            if not len(rows):
+                continue
+            away_px = moved[number, rows, None] * np.abs(_EDGE_STEPS - 1.0)
+            for side in _BESIDE:
+                beside = uv[rows] + side
+                template = sampled(whole, (beside[:, None] + _COARSE).astype(np.float32))
+                tried = inverse[rows, None] * _EDGE_STEPS
+                scores = self._scores(
+                    Rays.of(self._geometry, index, beside), rung, tried, template, level=0, grid=_COARSE
+                )
+                found[rows] |= _is_elsewhere(scores, away_px)
+        return found
 
     def _searched(self, index: int, uv: Floats, rays: Rays, rungs: list[list[int]]) -> tuple[Floats, NDArray[np.intp]]:
         """Inverse depth of each point, and the last rung on which it was found, -1 if on none or at two depths."""
@@ -229,7 +266,7 @@ class PlaneSweep:
         whole, half = self._images.of(index)
         template = sampled(half, (uv[:, None] / 2.0 + _COARSE).astype(np.float32))
         every = np.broadcast_to(planes, (len(uv), len(planes)))
-        inverse, score = _peaks(every, self._scores(rays, rungs[0], every, template, level=1))
+        inverse, score = _peaks(every, self._scores(rays, rungs[0], every, template, level=1, grid=_COARSE))
         template = sampled(whole, (uv[:, None] + _FINE).astype(np.float32))
         alive, total, last = score > _POSSIBLE, np.zeros_like(score), np.full(score.shape, -1)
         for number, rung in enumerate(rungs):
@@ -238,7 +275,7 @@ class PlaneSweep:
                 break
             part, middle = rays.rows(rows), inverse[rows, place]
             tried = np.maximum(middle[:, None] + _STEPS_PX / self._slope(part, rung, middle)[:, None], planes[0])
-            best, score = _peak(tried, self._scores(part, rung, tried, template[rows], level=0))
+            best, score = _peak(tried, self._scores(part, rung, tried, template[rows], level=0, grid=_FINE))
             good = score > _ALIKE
             inverse[rows[good], place[good]] = np.maximum(best[good], planes[0])
             total[rows[good], place[good]] += score[good]
@@ -273,10 +310,16 @@ class PlaneSweep:
         return np.where(slope > 0.0, slope, np.nan)
 
     def _scores(
-        self, rays: Rays, rung: list[int], inverse: Floats, template: NDArray[np.float32], *, level: int
+        self,
+        rays: Rays,
+        rung: list[int],
+        inverse: Floats,
+        template: NDArray[np.float32],
+        *,
+        level: int,
+        grid: NDArray[np.float32],
     ) -> Floats:
         """(n, h): mean correlation of patches in the better half of frames, at inverse depths (n, h)."""
-        grid = (_FINE, _COARSE)[level]
         n, h = inverse.shape
         every, flat = rays.rows(np.repeat(np.arange(n), h)), inverse.ravel()
         plain = template - template.mean(axis=1, keepdims=True)
@@ -362,8 +405,8 @@ class _Fit:
         self._before = np.array([frame < index for frame, _ in frames])[:, None]
         self._pixel = np.linalg.norm(rays.direction[1] - rays.direction[0], axis=1)
 
-    def found(self, inverse: Floats, last: NDArray[np.intp]) -> Swept:
-        """Inverse depths from first ones, in the frames of the rungs up to the `last` one of each point."""
+    def found(self, inverse: Floats, last: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Inverse depths and their standard deviations, in the frames of the rungs up to the `last` of each point."""
         inverse, tilt = np.where(last >= 0, inverse, np.nan), np.zeros((len(inverse), 2))
         for _ in range(_ITERATIONS):
             sums = self._sums(inverse, tilt, last)
@@ -381,7 +424,7 @@ class _Fit:
         slope = np.where(weight > 0.0, sums.slope, 0.0).max(axis=0, initial=0.0)
         known = (np.count_nonzero(weight, axis=0) >= 2) & (inverse > LEAST_SIGMAS * sigma)
         known &= inverse * slope > LEAST_PARALLAX_PX
-        return Swept(np.where(known, inverse, np.nan), np.where(known, sigma, np.nan))
+        return np.where(known, inverse, np.nan), np.where(known, sigma, np.nan)
 
     def _step(self, sums: _Sums, weight: Floats, inverse: Floats, tilt: Floats) -> Floats:
         """(n, 3): Gauss-Newton step of the inverse depth and of its slopes; NaN where nothing is seen."""
@@ -473,6 +516,14 @@ def _mean_of_better_half(scores: Floats) -> Floats:
     ordered = -np.sort(-np.where(np.isfinite(scores), scores, -1.0), axis=0)
     used = np.arange(len(scores)).reshape(-1, *[1] * count.ndim) < (count + 1) // 2
     return np.where(count > 0, np.where(used, ordered, 0.0).sum(axis=0) / np.maximum((count + 1) // 2, 1), np.nan)
+
+
+def _is_elsewhere(scores: Floats, away_px: Floats) -> NDArray[np.bool_]:
+    """(n,): whether scores (n, h) are clearly better at another depth, so many px away, than at that of the point."""
+    known = np.where(np.isfinite(scores), scores, -1.0)
+    here = np.where(away_px <= _SAME_PX, known, -1.0).max(axis=1)
+    there = np.where(away_px > _APART_PX, known, -1.0).max(axis=1)
+    return np.asarray((there > _ELSEWHERE) & (1.0 - there < _LESS * (1.0 - here)))
 
 
 def _peaks(inverse: Floats, scores: Floats) -> tuple[Floats, Floats]:

@@ -53,13 +53,14 @@ class _Births:
     def __init__(self, geometry: SequenceGeometry) -> None:
         self._geometry, self._sweep = geometry, PlaneSweep(geometry)
         self._index: int | None = None
-        self._found: dict[tuple[float, ...], tuple[float, float]] = {}
+        self._found: dict[tuple[float, ...], tuple[float, float, bool]] = {}
 
     def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchors:
-        """World points of features; no_depth where the images determine none."""
-        inverse = self._swept(index, uv).inverse_depth
-        known = np.isfinite(inverse)
+        """World points of features; no_depth where the images determine none, and edge next to another surface."""
+        found = self._swept(index, uv)
+        inverse, known = found.inverse_depth, np.isfinite(found.inverse_depth)
         status = np.where(known, TruthStatus.valid, TruthStatus.no_depth).astype(np.int8)
+        status[found.at_edge] = TruthStatus.edge
         return anchor_points(self._geometry, index, uv, 1.0 / np.where(known, inverse, 1.0), status)
 
     def depth_sigma(self, index: int, uv: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -74,6 +75,7 @@ class _Births:
         new = [key for key in dict.fromkeys(keys) if key not in self._found]
         if new:
             swept = self._sweep.found(index, np.array(new))
-            self._found.update(zip(new, zip(swept.inverse_depth, swept.sigma, strict=True), strict=True))
-        inverse, sigma = np.array([self._found[key] for key in keys]).reshape(-1, 2).T
-        return Swept(inverse, sigma)
+            each = zip(swept.inverse_depth, swept.sigma, swept.at_edge, strict=True)
+            self._found.update(zip(new, each, strict=True))
+        inverse, sigma, at_edge = np.array([self._found[key] for key in keys]).reshape(-1, 3).T
+        return Swept(inverse, sigma, at_edge > 0.0)

@@ -6,8 +6,9 @@ which its size theta is told (`PoseAdjustment.fault`). Its bound is
 
     bound^2 = theta^2 + (2 sigma)^2    (refined.faults)
 
-with the standard error sigma, or half of the difference of both kinds of tracks where this is larger. It counts where
-nothing is stated of the fault, and where tracks contradict it.
+with the standard error sigma, or half of the difference of both kinds of tracks where this is larger; both after the
+prior of a plausible fault, so that what tracks do not tell is bounded by this. It counts where nothing is stated of the
+fault, and where tracks contradict it.
 
 Other faults of the geometry, such as parts of the scene that move, are shared by both halves as well. Where a part of
 the image does not fit, both kinds of tracks say so. With their mean residuals f and m in the same part and frame,
@@ -39,6 +40,8 @@ Array = NDArray[np.float64]
 
 _BOUND, _CONTRADICTS = 2.0, 3.0
 """Standard errors."""
+_PLAUSIBLE = {READOUT: 30.0, FOCAL: 0.03}
+"""Standard deviations of a readout time in ms, and of a relative focal length, before any track is seen."""
 _PARTS = 3
 """Parts of the image along each side."""
 _FAR = 3.0
@@ -51,30 +54,57 @@ class FaultBounds:
 
     shares: Mapping[str, float]  # of what a fault moves that poses do not absorb, by its figure
     bounds: TruthAccuracy  # of those that count
-    left_px2: Array  # (n,): squared displacements of observations by the bounds
+    left: Array  # (n, 2): displacements of observations by the bounds, px
 
     @classmethod
     def of(cls, depths: AdjustedDepths, stated: TruthAccuracy) -> "FaultBounds":
         """By (refined.faults)."""
         tracks = depths.adjustment.tracks
         is_free = ~np.isfinite(tracks.depth_m[tracks.track])[:, None]  # depths of such points absorb what these do
-        shares, bounds, squares = dict[str, float](), dict[str, float](), np.zeros(len(tracks.frame))
+        shares, bounds, squares = dict[str, float](), dict[str, float](), np.zeros((len(tracks.frame), 2))
         for figure in (READOUT, FOCAL):
             fault, moved = depths.faults[figure], depths.displaced[figure]
             if not np.isfinite(fault.deviation):
                 continue
             left = np.where(is_free, fault.in_residuals, fault.in_positions)
-            shares[figure] = float(min(np.sqrt(np.nanmean(left**2) / np.nanmean(moved**2)), 1.0))
-            sigma = max(fault.deviation, float(np.ptp(fault.of_kinds)) / 2.0)
+            whole_px = size(moved)
+            shares[figure] = min(size(left) / whole_px, 1.0) if whole_px > 0.0 else 1.0
+            told, sigma = abs(fault.size), max(fault.deviation, float(np.ptp(fault.of_kinds)) / 2.0)
+            part = _PLAUSIBLE[figure] ** 2 / (_PLAUSIBLE[figure] ** 2 + sigma**2)
+            told, sigma = part * told, np.sqrt(part) * sigma
             known = stated.figures((figure,)).get(figure)
             if known is None and figure == READOUT and shutter_of(depths.sequence) is not None:
                 known = 0.0
-            if known is None or abs(fault.size) - _CONTRADICTS * sigma > known:
-                bounds[figure] = float(np.hypot(fault.size, _BOUND * sigma))
-                squares += np.nan_to_num(np.sum(left**2, axis=1)) * bounds[figure] ** 2
+            if known is None or told - _CONTRADICTS * sigma > known:
+                bounds[figure] = float(np.hypot(told, _BOUND * sigma))
+                squares += np.nan_to_num(left * bounds[figure]) ** 2
         found: dict[str, Any] = dict(bounds)
         accuracy = TruthAccuracy(**found, source="reference tracks", kind=AccuracyKind.measured)
-        return cls(shares, accuracy, squares)
+        return cls(shares, accuracy, np.sqrt(squares))
+
+    def left_px(self, rows: NDArray[np.bool_]) -> float:
+        """RMS of what the bounds leave of some observations, (n,) bool, both coordinates together, px."""
+        return rms(self.left[rows])
+
+
+def size(moved: Array) -> float:
+    """Robust RMS of both coordinates (n, 2) together, px: that of a round Gaussian with the same median length."""
+    length = np.linalg.norm(moved, axis=1)
+    return float(np.nanmedian(length) / _MEDIAN_TO_RMS) if np.isfinite(length).any() else 0.0
+
+
+_MOST_SIZES = 10.0
+"""Larger displacements, of points next to the camera, count as so many robust sizes."""
+
+
+def rms(moved: Array) -> float:
+    """RMS of both coordinates (n, 2) together, px: as the floor has it."""
+    length = np.linalg.norm(moved, axis=1)
+    length = np.minimum(length[np.isfinite(length)], _MOST_SIZES * size(moved))
+    return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
+
+
+_MEDIAN_TO_RMS = float(np.sqrt(np.log(2.0)))
 
 
 def largest_bounds(one: TruthAccuracy, other: TruthAccuracy) -> TruthAccuracy:

@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.measurement.adjusted_depths import READOUT, AdjustedDepths
-from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart
+from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart, rms, size
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.kept_frames import KEPT_BYTES, KeptFrames
@@ -64,7 +64,7 @@ LARGEST_LAG = 24
 """Largest distance of two frames to which (refined.law) is fitted, frames."""
 _MOST_RESIDUAL_PX = 3.0
 """Median residual of reference tracks at `AGE` beyond which no poses fit them."""
-_CLEARLY = 2.0
+_CLEARLY = 1.25
 """How much larger what the stated poses would add has to be than what is left of the errors of refined ones."""
 _MUCH = 1.0 / 3.0
 """Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
@@ -243,10 +243,10 @@ def _adjusted(depths: AdjustedDepths, faults: FaultBounds) -> RefinedPoses:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
     rows = _shown(tracks)[1]
-    more = misfit_px2(depths, rows) - float(np.mean(faults.left_px2[rows]))
+    more = misfit_px2(depths, rows) - faults.left_px(rows) ** 2
     if more > 0.0:
         one, other = (adjustment.residuals(poses, best.depth_m)[rows] for poses in farthest)
-        apart_px = _rms((one - other) / 2.0)
+        apart_px = rms((one - other) / 2.0)
         farthest = moved_apart(best.poses, farthest, float(np.hypot(1.0, np.sqrt(more) / max(apart_px, 1e-6))))
     of_faults: dict[str, Any] = {"fault_shares": faults.shares, "fault_bounds": faults.bounds}
     known = {"pose_halves": farthest, "by_kind": by_kind, "joins_depths": depths.joins_depths}
@@ -262,7 +262,7 @@ def _shown(tracks: ReferenceTracks) -> tuple[int, NDArray[np.bool_]]:
 
 def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:
     """Size of the differences of predicted positions by two sets of poses, px."""
-    return _rms(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
+    return rms(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
 
 
 def _compared(
@@ -277,10 +277,10 @@ def _compared(
         *(adjustment.residuals(poses, depth_m) for poses in (*(halves_of(found) or ()), found.poses)),
         adjustment.residuals(sequence.world_from_camera, depths.stated_m),
     ]
-    next_px = _size((every[3] - every[2])[age == 1]) if (age == 1).any() else None
+    next_px = size((every[3] - every[2])[age == 1]) if (age == 1).any() else None
     one, other, best, given = (residual[rows] for residual in every)
-    left_px = float(np.hypot(_rms((one - other) / 2.0), np.sqrt(np.mean(faults.left_px2[rows]))))
-    stated_px = _size(given - best)
+    left_px = float(np.hypot(rms((one - other) / 2.0), faults.left_px(rows)))
+    stated_px = size(given - best)
     errors = stated_errors(found)
     fit = PoseFit(True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, found.joins_depths)
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
@@ -311,32 +311,12 @@ def _is_of_camera(depths: AdjustedDepths, found: RefinedPoses) -> bool:
     """
     adjustment, tracks = depths.adjustment, depths.adjustment.tracks
     young = tracks.frame - tracks.birth[tracks.track] <= AGE
-    stated_px = _size(adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
+    stated_px = size(adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
     return any(
-        fault.is_established and _size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
+        fault.is_established and size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
         for name, fault in depths.faults.items()
         if name != READOUT
     )
-
-
-def _size(moved: Array) -> float:
-    """Robust RMS of both coordinates (n, 2) together, px: that of a round Gaussian with the same median length."""
-    length = np.linalg.norm(moved, axis=1)
-    return float(np.nanmedian(length) / _MEDIAN_TO_RMS) if np.isfinite(length).any() else 0.0
-
-
-_MOST_SIZES = 10.0
-"""Larger displacements, of points next to the camera, count as so many robust sizes."""
-
-
-def _rms(moved: Array) -> float:
-    """RMS of both coordinates (n, 2) together, px: as the floor has it."""
-    length = np.linalg.norm(moved, axis=1)
-    length = np.minimum(length[np.isfinite(length)], _MOST_SIZES * _size(moved))
-    return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
-
-
-_MEDIAN_TO_RMS = float(np.sqrt(np.log(2.0)))
 
 
 def stated_errors(found: RefinedPoses) -> dict[str, float] | None:

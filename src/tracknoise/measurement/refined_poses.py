@@ -290,7 +290,7 @@ def _compared(
     if _is_of_camera(depths, found):
         reason = "An error of the camera or the kind of depth explains reference tracks as well as other poses would."
         return replace(fit, leads=False, reason=reason)
-    if not (stated_px > _CLEARLY * left_px or found.joins_depths or depths.corrections):
+    if not (stated_px > _CLEARLY * left_px or found.joins_depths):
         reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
     if not {"rotation", "translation"} <= stated.topics:

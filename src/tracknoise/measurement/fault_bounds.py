@@ -67,8 +67,8 @@ class FaultBounds:
             if not np.isfinite(fault.deviation):
                 continue
             left = np.where(is_free, fault.in_residuals, fault.in_positions)
-            whole_px = size(moved)
-            shares[figure] = min(size(left) / whole_px, 1.0) if whole_px > 0.0 else 1.0
+            whole_px = rms(moved)
+            shares[figure] = min(rms(left) / whole_px, 1.0) if whole_px > 0.0 else 1.0
             told, sigma = abs(fault.size), max(fault.deviation, float(np.ptp(fault.of_kinds)) / 2.0)
             part = _PLAUSIBLE[figure] ** 2 / (_PLAUSIBLE[figure] ** 2 + sigma**2)
             told, sigma = part * told, np.sqrt(part) * sigma

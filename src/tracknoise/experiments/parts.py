@@ -24,7 +24,7 @@ from tracknoise.sequences.sequence import TruthKind
 from tracknoise.statistics.joining import OF_THE_WHOLE, Part, join, place
 from tracknoise.tables.enumerations import InputKind
 from tracknoise.tables.manifest import Manifest, SequenceEntry
-from tracknoise.tables.schema import INPUTS
+from tracknoise.tables.schema import INPUTS, layout_of
 from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
 from tracknoise.text import counted
 from tracknoise.trackers.tracker import needs_frames_only
@@ -181,7 +181,8 @@ def _observed(name: str, key: str, parts: Sequence[MeasuredPart]) -> pl.LazyFram
         for tracker, speed in conditions
         for part, table in scanned
     ]
-    return pl.concat(rows, how="diagonal")
+    together = pl.concat(rows, how="diagonal")
+    return together.select(list(layout_of(schema_of(name), together.collect_schema().names())))
 
 
 def _conditions(one: MeasuredPart, key: str) -> list[tuple[str, int]]:

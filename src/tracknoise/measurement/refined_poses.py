@@ -64,8 +64,9 @@ LARGEST_LAG = 24
 """Largest distance of two frames to which (refined.law) is fitted, frames."""
 _MOST_RESIDUAL_PX = 3.0
 """Median residual of reference tracks at `AGE` beyond which no poses fit them."""
-_CLEARLY = 1.25
-"""How much larger what the stated poses would add has to be than what is left of the errors of refined ones."""
+_CLEARLY, _LEAST_PX = 1.25, 0.01
+"""How much larger what the stated poses would add has to be than what is left of the errors of refined ones, and its
+least size."""
 _MUCH = 1.0 / 3.0
 """Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
 _LEAST_PARALLAX_PX = 2.0
@@ -290,7 +291,7 @@ def _compared(
     if _is_of_camera(depths, found):
         reason = "An error of the camera or the kind of depth explains reference tracks as well as other poses would."
         return replace(fit, leads=False, reason=reason)
-    if not (stated_px > _CLEARLY * left_px or found.joins_depths):
+    if not (stated_px > max(_CLEARLY * left_px, _LEAST_PX) or found.joins_depths):
         reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
     if not {"rotation", "translation"} <= stated.topics:

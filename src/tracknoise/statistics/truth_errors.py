@@ -378,6 +378,6 @@ def _summed(sequence: PreparedSequence, rows: NDArray[np.intp], value: NDArray[n
     found = group_rows(pl.DataFrame(keys), list(keys))
     u, v = value.T
     terms = zip(_SUMS, (np.ones_like(u), u, v, u * u, u * v, v * v), strict=True)
-    sums = {name: np.bincount(found.index, term, found.count) for name, term in terms}
+    sums = {name: np.bincount(found.index, term, found.count).astype(np.float64) for name, term in terms}
     named = sequence.seen.conditions[found.keys["condition"].to_numpy()].hstack(found.keys.drop("condition"))
     return named.with_columns(**sums).with_columns(pl.col("n").cast(TRUTH_DIFFERENCES["n"]))

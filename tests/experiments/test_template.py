@@ -2,9 +2,11 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 from tests.contract.test_sequences import LAYOUTS
 from tests.experiments.test_execute import Silent
+from tests.writers.euroc import BODY_FROM_CAMERA, write_euroc, write_images, write_sensor
 
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment, resolve
@@ -88,3 +90,17 @@ def test_it_says_how_outliers_are_rejected_and_how_to_choose_the_other_way(tmp_p
 def test_a_second_camera_does_not_replace_depth():
     reader = make_reader("simulated", None, {"motions": ["sideways"], "frames": 3, "baseline_m": 0.1})
     assert "depth =" not in experiment_template(reader, None, {})
+
+
+@pytest.mark.parametrize(("step_m", "is_chosen"), [(0.001, True), (0.1, False)])
+def test_a_second_camera_gives_the_depth_where_the_first_moves_less_than_their_distance(tmp_path, step_m, is_chosen):
+    poses, images = np.tile(np.eye(4), (20, 1, 1)), [np.zeros((60, 80), np.uint8)] * 20
+    poses[:, 0, 3] = step_m * np.arange(20)
+    intrinsics, beside = (70.0, 70.0, 39.5, 29.5), BODY_FROM_CAMERA.copy()
+    beside[:3, 3] += 0.1 * BODY_FROM_CAMERA[:3, 0]
+    times_ns = write_euroc(tmp_path, images, poses, intrinsics=intrinsics).tolist()
+    write_images(tmp_path / "mav0", "cam1", times_ns, images)
+    write_sensor(tmp_path / "mav0" / "cam1" / "sensor.yaml", (80, 60), intrinsics, body_from_camera=beside)
+    text = experiment_template(make_reader("euroc", tmp_path), tmp_path, {})
+    assert ('depth = "stereo"' in text.splitlines()) == is_chosen
+    assert is_chosen or 'depth = "stereo" takes it from the second camera' in text

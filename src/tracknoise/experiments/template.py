@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
 import tomlkit
 
 from tracknoise.exceptions import DataError
@@ -127,9 +128,21 @@ def _options(name: str, options: Mapping[str, object]) -> list[str]:
     return ["", "[dataset.options]", *(_entry(key, value) for key, value in options.items()), *defaults]
 
 
+_FRAMES_APART = 16
+"""Frames over which the way of a camera is compared with the distance to its second camera."""
+
+
 def _has_pair_alone(sequence: Sequence) -> bool:
-    """Whether a sequence has no depth, but a second camera beside the first."""
-    if sequence.truths[:1] != (SWEPT,) or second_of(sequence) is None:
+    """Whether a sequence has no depth, but a second camera beside the first that shows more than other frames do.
+
+    Errors of depths fall with the distance of the cameras: where the first moves farther, its own images tell more.
+    """
+    second, centres = second_of(sequence), sequence.world_from_camera[:, :3, 3]
+    if sequence.truths[:1] != (SWEPT,) or second is None:
+        return False
+    moved_m = np.linalg.norm(centres[_FRAMES_APART:] - centres[:-_FRAMES_APART], axis=1)
+    known = moved_m[np.isfinite(moved_m)]
+    if len(known) and np.median(known) > np.linalg.norm(second.first_from_second[:3, 3]):
         return False
     try:
         with_stereo_depth(sequence)
@@ -144,6 +157,8 @@ def _truth(first: Sequence, *, stereo: bool) -> list[str]:
         return []
     best = first.truths[0]
     why = "there is no depth: it is computed from the images of other frames" if best == SWEPT else "the default here"
+    if best == SWEPT and second_of(first) is not None:
+        why += '; depth = "stereo" takes it from the second camera'
     depth = [_entry("depth", "stereo")] if stereo else []
     return ["", "[truth]", *depth, f"# {_entry('kind', best)}  # {why}"]
 

@@ -55,13 +55,14 @@ class FaultBounds:
     shares: Mapping[str, float]  # of what a fault moves that poses do not absorb, by its figure
     bounds: TruthAccuracy  # of those that count
     left: Array  # (n, 2): displacements of observations by the bounds, px
+    in_floor: Array  # (n, 2): by these and by what is stated of other faults
 
     @classmethod
     def of(cls, depths: AdjustedDepths, stated: TruthAccuracy) -> "FaultBounds":
         """By (refined.faults)."""
         tracks = depths.adjustment.tracks
         is_free = ~np.isfinite(tracks.depth_m[tracks.track])[:, None]  # depths of such points absorb what these do
-        shares, bounds, squares = dict[str, float](), dict[str, float](), np.zeros((len(tracks.frame), 2))
+        shares, bounds, squares = dict[str, float](), dict[str, float](), np.zeros((2, len(tracks.frame), 2))
         for figure in (READOUT, FOCAL):
             fault, moved = depths.faults[figure], depths.displaced[figure]
             if not np.isfinite(fault.deviation):
@@ -77,10 +78,11 @@ class FaultBounds:
                 known = 0.0
             if known is None or told - _CONTRADICTS * sigma > known:
                 bounds[figure] = float(np.hypot(told, _BOUND * sigma))
-                squares += np.nan_to_num(left * bounds[figure]) ** 2
+                squares[0] += np.nan_to_num(left * bounds[figure]) ** 2
+            squares[1] += np.nan_to_num(left * bounds.get(figure, known)) ** 2
         found: dict[str, Any] = dict(bounds)
         accuracy = TruthAccuracy(**found, source="reference tracks", kind=AccuracyKind.measured)
-        return cls(shares, accuracy, np.sqrt(squares))
+        return cls(shares, accuracy, *np.sqrt(squares))
 
     def left_px(self, rows: NDArray[np.bool_]) -> float:
         """RMS of what the bounds leave of some observations, (n,) bool, both coordinates together, px."""

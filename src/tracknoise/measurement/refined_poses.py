@@ -244,7 +244,7 @@ def _adjusted(depths: AdjustedDepths, faults: FaultBounds) -> RefinedPoses:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
     rows = _shown(tracks)[1]
-    more = misfit_px2(depths, rows) - faults.left_px(rows) ** 2
+    more = misfit_px2(depths, rows) - rms(faults.in_floor[rows]) ** 2
     if more > 0.0:
         one, other = (adjustment.residuals(poses, best.depth_m)[rows] for poses in farthest)
         apart_px = rms((one - other) / 2.0)

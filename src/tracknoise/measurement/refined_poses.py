@@ -64,7 +64,7 @@ LARGEST_LAG = 24
 """Largest distance of two frames to which (refined.law) is fitted, frames."""
 _MOST_RESIDUAL_PX = 3.0
 """Median residual of reference tracks at `AGE` beyond which no poses fit them."""
-_CLEARLY, _LEAST_PX = 1.25, 0.01
+_CLEARLY, _LEAST_PX = 1.5, 0.01
 """How much larger what the stated poses would add has to be than what is left of the errors of refined ones, and its
 least size."""
 _MUCH = 1.0 / 3.0
@@ -278,10 +278,10 @@ def _compared(
         *(adjustment.residuals(poses, depth_m) for poses in (*(halves_of(found) or ()), found.poses)),
         adjustment.residuals(sequence.world_from_camera, depths.stated_m),
     ]
-    next_px = size((every[3] - every[2])[age == 1]) if (age == 1).any() else None
+    next_px = rms((every[3] - every[2])[age == 1]) if (age == 1).any() else None
     one, other, best, given = (residual[rows] for residual in every)
     left_px = float(np.hypot(rms((one - other) / 2.0), faults.left_px(rows)))
-    stated_px = size(given - best)
+    stated_px = rms(given - best)
     errors = stated_errors(found)
     fit = PoseFit(True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, found.joins_depths)
     residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))

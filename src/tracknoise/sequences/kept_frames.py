@@ -17,7 +17,7 @@ KEPT_BYTES = 96 << 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeptFrames(View):
-    """A sequence that keeps what is read of it until that is read again, as far as there is room for it.
+    """A sequence that keeps what is read of it, as far as there is room for it: images until they are read again.
 
     The depth map that was read last is kept beside these, as several truths read it one after the other.
     """
@@ -50,12 +50,10 @@ class KeptFrames(View):
 
     def depth(self, index: int) -> DepthMap | None:
         """Depth of one frame: see `Sequence.depth`."""
-        if index in self._last:
-            return self._last[index]
+        for kept in (self._last, self._depths):
+            if index in kept:
+                return kept[index]
         self._last.clear()
-        if index in self._depths:
-            self._last[index] = self._depths.pop(index)
-            return self._last[index]
         depth = self._last[index] = self.sequence.depth(index)
         size = 0 if depth is None else depth.depth_m.nbytes + depth.valid.nbytes
         if (len(self._depths) + 1) * size <= self.most_bytes:

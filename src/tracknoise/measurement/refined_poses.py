@@ -310,9 +310,9 @@ def _is_of_camera(depths: AdjustedDepths, found: RefinedPoses) -> bool:
 
     It has to be established: no poses absorb all of it. Other poses would only hide it.
     """
-    adjustment, tracks = depths.adjustment, depths.adjustment.tracks
+    tracks = depths.adjustment.tracks
     young = tracks.frame - tracks.birth[tracks.track] <= AGE
-    stated_px = size(adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
+    stated_px = size(depths.adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
     return any(
         fault.is_established and size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
         for name, fault in depths.faults.items()

@@ -218,9 +218,13 @@ def refined_by(
     if not adjustment.parallax_px() >= _LEAST_PARALLAX_PX:
         reason = "Poses are not refined: without depth, the camera has to change its position by more."
         return sequence, PoseFit(False, references, reason=reason)
-    depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
-    faults = FaultBounds.of(depths, stated)
-    found = _adjusted(depths, faults)
+    try:
+        depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
+        faults = FaultBounds.of(depths, stated)
+        found = _adjusted(depths, faults)
+    except np.linalg.LinAlgError:  # poses that are too far apart for the precision of numbers
+        reason = "Poses are not refined: no poses near the stated ones fit reference tracks."
+        return sequence, PoseFit(False, references, reason=reason)
     fit = _compared(found, depths, faults, stated, references)
     return (found if fit.leads else sequence), fit
 

@@ -11,7 +11,7 @@ from tracknoise.geometry.pose import PosePath
 from tracknoise.sequences.sequence import SecondCamera, path_of, second_of
 from tracknoise.sequences.views import View
 
-KEPT_BYTES = 96 << 20
+KEPT_BYTES = 64 << 20
 """Of images, and of depth maps, that are kept."""
 
 

@@ -107,7 +107,7 @@ class AdjustedDepths:
     @cached_property
     def faults(self) -> Mapping[str, Fault]:
         """How much of these faults reference tracks hold."""
-        return {name: self.adjustment.fault(self.best, moved) for name, moved in self.displaced.items()}
+        return self.adjustment.faults(self.best, self.displaced)
 
     def _is_better_joined(self) -> bool:
         """Whether depths that are joined over maps predict reference tracks better, in some frames."""
@@ -146,12 +146,10 @@ def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] 
     """The step of a law; at first of the one that explains most, or None where an error of the camera explains more."""
     slope = now.adjustment.by_log_depth(now.best)
     depth_m = now.best.depth_m[now.adjustment.tracks.track, None]
-    faults = {
-        name: now.adjustment.fault(now.best, sign * slope * depth_m**power)
-        for name, (power, sign) in LAWS.items()
-        if name in named or not named
+    displaced = {
+        name: sign * slope * depth_m**power for name, (power, sign) in LAWS.items() if name in named or not named
     }
-    name, fault = max(faults.items(), key=lambda one: one[1].explained)
+    name, fault = max(now.adjustment.faults(now.best, displaced).items(), key=lambda one: one[1].explained)
     if named:
         return name, fault.size
     if not fault.is_established:

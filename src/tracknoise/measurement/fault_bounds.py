@@ -2,7 +2,7 @@
 
 Poses absorb a part of a constant fault, such as a readout time that is not stated or a wrong focal length, and both
 halves of the reference tracks do so alike. What they leave is in all positions, and in the residuals of the tracks, by
-which its size theta is found (`PoseAdjustment.fault`). Its bound is
+which its size theta is found (`PoseAdjustment.faults`). Its bound is
 
     bound^2 = theta^2 + (2 sigma)^2    (refined.faults)
 

@@ -293,7 +293,7 @@ def _compared(
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
         return PoseFit(False, references, reason=reason)
     if _is_of_camera(depths, found):
-        reason = "An error of the camera or the kind of depth explains reference tracks as well as other poses would."
+        reason = "An error of the camera or the kind of depth makes much of the errors by stated poses."
         return replace(fit, leads=False, reason=reason)
     if not (stated_px > max(_CLEARLY * left_px, _LEAST_PX) or found.joins_depths):
         reason = "The stated poses differ from refined ones by no more than reference tracks can tell."

@@ -45,7 +45,7 @@ class PoseFit:
         RMS of true positions by what is left of the errors of the refined poses, both coordinates together, px. It
         contains what constant faults may leave that reference tracks do not exclude.
     stated_px
-        What the stated poses would add, px: a robust RMS.
+        What the stated poses would add, likewise.
     age
         At which these hold, frames.
     next_px

@@ -16,7 +16,7 @@ where J_b = -J_t Ad(T_t^-1 T_b): only the motion of one camera against the other
 Depths are eliminated. What is left is a banded system of the poses, as tracks end, solved by Cholesky factors.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -283,44 +283,46 @@ class PoseAdjustment:
             residual = linear.moved(part.tracks, part._pairs, twist, stretch)
         return part._moved(near, twist, stretch).poses
 
-    def _left_of(self, state: "State", moved: Array) -> tuple[Array, Array]:
-        """What small displacements of true positions leave in residuals, and in positions by stated depths.
-
-        Shapes: moved (n, 2), px; NaN stays. Poses and depths absorb a part of them in residuals (n, 2). Positions
-        (n, 2) of other tracks have the poses, and no depths that absorb anything.
-        """
-        linear = self._linear(state)
-        known = np.isfinite(moved[:, :1]) & np.isfinite(moved[:, 1:])
-        weight = np.where(known[:, 0], self._weights(linear.residual), 0.0)
-        changed = replace(linear, residual=np.where(known, moved, 0.0))
-        start = State(self._stated, self._start.depth_m)  # where the priors are 0
-        twist, stretch = self._step(start, changed, weight)
-        by_both, by_poses = (
-            changed.moved(self.tracks, self._pairs, twist, one) for one in (stretch, np.zeros_like(stretch))
-        )
-        return np.where(known, by_both, np.nan), np.where(known, by_poses, np.nan)
-
-    def fault(self, state: "State", moved: Array) -> "Fault":
-        """How much of a fault the residuals hold that no poses and depths of tracks absorb.
+    def faults(self, state: "State", moved: Mapping[str, Array]) -> dict[str, "Fault"]:
+        """How much of each fault by itself the residuals hold that no poses and depths of tracks absorb.
 
         With the displacements m (n, 2) of observations by one unit of it, what is left m~ of them in residuals r, and
         the weights W of these, it is (m' W m~)^-1 m~' W r. Its variance is that of sums over blocks of space.
         """
-        linear = self._linear(state)
-        left, in_positions = self._left_of(state, moved)
-        weight = np.where(np.isfinite(left[:, 0]), self._weights(linear.residual), 0.0)
+        linear, block = self._linear(state), self._blocks(state)[self.tracks.track]
+        weight = self._weights(linear.residual)
+        return {name: self._fault(linear, weight, block, one) for name, one in moved.items()}
+
+    def _fault(self, linear: _Linear, weight: Array, block: Integers, moved: Array) -> "Fault":
+        left, in_positions = self._left_of(linear, weight, moved)
+        weight = np.where(np.isfinite(left[:, 0]), weight, 0.0)
         curvature = np.nan_to_num(weight * np.sum(moved * left, axis=1))
         slope = np.nan_to_num(weight * np.sum(left * linear.residual, axis=1))
         if not curvature.sum() > 0.0:
             return Fault(0.0, np.inf, (), 0.0, left, in_positions)
         size = float(slope.sum() / curvature.sum())
-        blocks = np.bincount(self._blocks(state)[self.tracks.track], slope - size * curvature)
+        blocks = np.bincount(block, slope - size * curvature)
         kind, square = self.tracks.kind[self.tracks.track], np.nan_to_num(weight * np.sum(left * left, axis=1))
         of_kinds = np.bincount(kind, slope) / np.maximum(np.bincount(kind, square), 1e-300)
         of_kinds *= square.sum() / curvature.sum()
         deviation = float(np.sqrt(np.sum(blocks**2)) / curvature.sum())
         explained = size * float(slope.sum())
         return Fault(size, deviation, tuple(of_kinds.tolist()), explained, left, in_positions)
+
+    def _left_of(self, linear: _Linear, weight: Array, moved: Array) -> tuple[Array, Array]:
+        """What small displacements of true positions leave in residuals, and in positions by stated depths.
+
+        Shapes: moved (n, 2), px; NaN stays. Poses and depths absorb a part of them in residuals (n, 2). Positions
+        (n, 2) of other tracks have the poses, and no depths that absorb anything.
+        """
+        known = np.isfinite(moved[:, :1]) & np.isfinite(moved[:, 1:])
+        changed = replace(linear, residual=np.where(known, moved, 0.0))
+        start = State(self._stated, self._start.depth_m)  # where the priors are 0
+        twist, stretch = self._step(start, changed, np.where(known[:, 0], weight, 0.0))
+        by_both, by_poses = (
+            changed.moved(self.tracks, self._pairs, twist, one) for one in (stretch, np.zeros_like(stretch))
+        )
+        return np.where(known, by_both, np.nan), np.where(known, by_poses, np.nan)
 
     def by_log_depth(self, state: "State") -> Array:
         """(n, 2): displacements of predicted positions with the logarithms of the depths at birth, px."""

@@ -248,7 +248,7 @@ def of_the_same(exact: Measurement, other: Measurement) -> Measurement:
 
 
 def sigmas(measured: Measurement) -> dict[str, float]:
-    """The sigma to set, by tracker."""
+    """The sigma to set, by tracker; none where there is none, with the reason printed."""
     try:
         found = tn.analyse(measured).sigma(ESTIMATOR)
     except TracknoiseError as error:

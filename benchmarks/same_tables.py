@@ -6,9 +6,8 @@
 
 The runs are the demo, 7-Scenes, KITTI and a small simulated light stage. `compare` reads every Parquet table of every
 run. Columns of one name must hold the same bytes, row by row. A table, or a column, that only one side has is listed.
-Tables that are views of the results (`tracknoise.tables.result_views.VIEWS` maps columns to rows) are compared as such,
-where one side has the results and the other has the tables. Aspects that were text are typed before they are compared,
-and sentences may be reworded. Exit status 1 if another column differs.
+Aspects that were text are typed before they are compared, and sentences may be reworded. Exit status 1 if another
+column differs.
 
 Runs of machines of two kinds differ by rounding. BEFORE and AFTER may also be two run folders:
 
@@ -32,13 +31,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.tables.result_views import VIEWS, view
-from tracknoise.tables.results import RESULTS as RESULTS_SCHEMA
-from tracknoise.tables.schema import ASPECT, of_this_version
+from tracknoise.tables.schema import ASPECT
 
 DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
 RUNS = ("demo", "sevenscenes", "kitti", "dtu")
-RESULTS = Path("statistics") / "results.parquet"
 SENTENCES = ("text", "topic", "figure", "why")
 """Columns for readers: sentences, and the section of the report that they belong to."""
 STAGE = ["simulate", "--layout", "dtu", "--scenes", "2", "--width", "400", "--height", "300", "--image-format", "bmp"]
@@ -87,19 +83,13 @@ def _is_run(folder: Path) -> bool:
 
 
 def _tables(run: Path) -> list[Path]:
-    """Tables of a run; its results stand for their views."""
-    paths = [path.relative_to(run) for path in run.rglob("*.parquet")]
-    views = [Path("statistics") / f"{name}.parquet" for name in VIEWS] if RESULTS in paths else []
-    return [*(path for path in paths if path != RESULTS), *views]
+    """Tables of a run."""
+    return [path.relative_to(run) for path in run.rglob("*.parquet")]
 
 
 def _table(run: Path, name: Path) -> pl.DataFrame | None:
-    """A table of a run, which may be a view of its results; None where it has none."""
-    if (run / name).exists():
-        return with_typed_aspects(pl.read_parquet(run / name))
-    if name.stem in VIEWS and (run / RESULTS).exists():
-        return view(of_this_version(pl.read_parquet(run / RESULTS), RESULTS_SCHEMA), name.stem)
-    return None
+    """A table of a run; None where it has none."""
+    return with_typed_aspects(pl.read_parquet(run / name)) if (run / name).exists() else None
 
 
 def _differences(before: Path, after: Path, name: Path, rounding: "Rounding") -> Iterator[str]:

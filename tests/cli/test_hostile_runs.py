@@ -71,7 +71,7 @@ def ended(tracknoise, command, run, whole):
     [
         ("summary", "untrimmed_rms_u_px", [COMMANDS[3], COMMANDS[4]]),
         ("findings", "value", [COMMANDS[0], COMMANDS[1], COMMANDS[4]]),
-        ("results", "value", [COMMANDS[0], COMMANDS[1]]),
+        ("intervals", "value", [COMMANDS[0], COMMANDS[1]]),
         ("audit", "value", [COMMANDS[2]]),
     ],
 )
@@ -95,7 +95,7 @@ def test_settings_that_no_experiment_has_are_one_line(key, value, message, copie
         assert err.splitlines()[-1].startswith(place), command
 
 
-@pytest.mark.parametrize("name", ["manifest.json", "experiment.toml", "statistics/results.parquet"])
+@pytest.mark.parametrize("name", ["manifest.json", "experiment.toml", "statistics/trust.parquet"])
 def test_a_pipe_is_refused_and_not_waited_for(name, copied, whole, tracknoise):
     (copied.path / name).unlink()
     os.mkfifo(copied.path / name)

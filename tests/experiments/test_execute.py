@@ -18,8 +18,8 @@ from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.enumerations import TrimAmong
 from tracknoise.tables.store import (
     NOISE_TABLES,
+    RUN_TABLES,
     SEQUENCE_TABLES,
-    STORED,
     RunFolder,
 )
 
@@ -44,7 +44,7 @@ min_features = 5
 """
 
 
-OF_MODELS = {Path("statistics", f"{name}.parquet") for name in ("results", "findings")}
+OF_MODELS = {Path("statistics", f"{name}.parquet") for name in ("advice", "findings")}
 """Files that say what to set in estimators, beside other things."""
 
 
@@ -99,7 +99,7 @@ def test_a_second_run_is_identical_to_the_byte_with_other_counts_of_threads(fini
     of_sequences = 2 * len(
         [*SEQUENCE_TABLES, *NOISE_TABLES, "patches", "film", "inputs", "ratio_sums", "covariance_sums"]
     )
-    assert len(tables(finished)) == of_sequences + len(STORED)
+    assert len(tables(finished)) == of_sequences + len(RUN_TABLES)
     (tmp_path / "small.toml").write_text(TEXT)
     program = "import cv2; cv2.setNumThreads(3); from tracknoise.cli.app import main; main()"
     command = [sys.executable, "-c", program, "run", tmp_path / "small.toml", "--out", tmp_path / "run"]
@@ -187,4 +187,3 @@ def test_a_run_that_lost_a_sequence_is_completed_by_workers_with_the_settings_th
     assert run.manifest().settings_hash == finished.manifest().settings_hash
     for path, content in tables(finished).items():
         assert path in OF_MODELS or (run.path / path).read_bytes() == content, path
-    assert finished.results().filter(pl.col("topic") != "advice").equals(run.results())

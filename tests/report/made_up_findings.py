@@ -30,8 +30,9 @@ from tracknoise.tables.findings_schema import (
     WINDOW_SIGMAS,
     ZERO_MEAN,
 )
-from tracknoise.tables.result_views import Identified, results_of
+from tracknoise.tables.result_rows import RESULT_ROWS, with_ids
 from tracknoise.tables.schema import CAUSES, Schema, empty
+from tracknoise.tables.store import FINDINGS_TABLES
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
@@ -42,8 +43,8 @@ FEW = "a test at 5 % needs at least 6 scenes; found {} scenes"
 
 def made_up(
     tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions, told: bool = True
-) -> tuple[dict[str, pl.DataFrame], pl.DataFrame]:
-    """All findings for the statistics of a run, and the results: intervals are a tenth of the value to either side."""
+) -> dict[str, pl.DataFrame]:
+    """All findings for the statistics of a run: intervals are a tenth of the value to either side."""
     found = {
         "intervals": intervals(tables, population=scope.population),
         "seed_spread": empty(SEED_SPREAD),
@@ -65,10 +66,15 @@ def made_up(
         "audit_curves": audit_curves(tables["curves"]),
         "trust": trust(),
     }
-    results = results_of({**tables, **found})
     if told:
-        found["findings"] = headline_table(Identified(results, {**tables, **found}), scope)
-    return found, results
+        every = {
+            **tables,
+            **{name: empty(FINDINGS_TABLES[name]) for name in FINDINGS_TABLES if name not in tables},
+            **found,
+        }
+        cited = {name: with_ids(name, table) for name, table in every.items() if name in RESULT_ROWS}
+        found["findings"] = headline_table({**every, **cited}, scope)
+    return found
 
 
 def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.DataFrame:

@@ -374,8 +374,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     made["image_cells"] = image_cells(run.sequence_tables("image_map"))
     made["ratios"] = ratio_intervals(run.stored_tables("ratio_sums"))
     made["speed_errors"] = speed_errors(run.sequence_tables("image_speeds"))
-    found, results = _made_up_findings().made_up(made, scope=_scope(world), told=world.told)
-    run.write_statistics({**made, **found}, results=results)
+    run.write_statistics(made | _made_up_findings().made_up(made, scope=_scope(world), told=world.told))
 
 
 def _made_up_findings() -> ModuleType:

@@ -35,7 +35,7 @@ def stated(summary: Summary) -> set[str]:
 
 def test_what_to_set_is_one_number(fitted_run: RunFolder) -> None:
     data, model = ReportData.of(fitted_run), run_models(fitted_run).models["oracle"]
-    (row,) = data.run.results().filter(quantity="sigma_to_set").to_dicts()
+    (row,) = data.results.filter(quantity="sigma_to_set").to_dicts()
     expected = {f"{row['value']:.3f}"}
     assert set_px(summary_text(fitted_run)) == expected
     (to_set,) = open_run(fitted_run.path).sigma("filter").values()

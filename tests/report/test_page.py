@@ -254,8 +254,8 @@ def test_a_missing_table_is_named_and_leaves_the_old_report(own_run: RunFolder) 
     run = own_run
     index = write_report(run, figure_formats=())
     before = index.read_bytes()
-    (run.path / "statistics" / "results.parquet").unlink()
-    with pytest.raises(StoreError, match=r"results\.parquet: missing"):
+    (run.path / "statistics" / "curves.parquet").unlink()
+    with pytest.raises(StoreError, match=r"curves\.parquet: missing"):
         write_report(run, figure_formats=())
     assert index.read_bytes() == before
 

@@ -13,6 +13,7 @@ import polars as pl
 
 from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
+from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
@@ -294,7 +295,7 @@ class Run:
         StoreError
             If an earlier version made the run.
         """
-        return select(self._folder.results(), wanted)
+        return select(run_results(self._folder), wanted)
 
     def findings(self, tracker: str | None = None) -> pl.DataFrame:
         """Return the findings, the most important first.
@@ -326,7 +327,7 @@ class Run:
         known = self._conditions["tracker"].unique(maintain_order=True).to_list()
         if tracker not in known:
             raise UnknownNameError("tracker", tracker, known)
-        return findings_about(found.sort("rank"), self._folder.results(), tracker)
+        return findings_about(found.sort("rank"), run_results(self._folder), tracker)
 
     def sigma(self, estimator: str, *, window: int | None = None) -> "dict[str, SigmaToSet]":
         """Say what to set in an estimator: the same numbers as its findings and ``noise show --for``.

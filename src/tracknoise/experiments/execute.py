@@ -44,7 +44,7 @@ from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.statistics.trimming import trim
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.store import OBSERVED, STORED, RunFolder, schema_of
+from tracknoise.tables.store import OBSERVED, RUN_TABLES, RunFolder, schema_of
 
 
 class Listener(Protocol):
@@ -158,7 +158,7 @@ def execute(
         if todo:
             run.discard_unfinished()  # files of workers that died while they wrote
         if manifest.sequences:
-            outdated = not manifest.statistics.keys() >= {*STORED}
+            outdated = not manifest.statistics.keys() >= RUN_TABLES.keys()
             statistics = compute_statistics(run, experiment)
             if outdated:  # earlier results stay in the folder until the new ones can be written
                 run.discard_documents()

@@ -66,8 +66,7 @@ from tracknoise.tables.findings_schema import RANKS
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.quantities import Topic
-from tracknoise.tables.result_views import Identified, results_of
-from tracknoise.tables.results import beside_untrusted_truth
+from tracknoise.tables.result_rows import RESULT_ROWS, with_ids
 from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
@@ -280,18 +279,20 @@ def _write_findings(
         every |= _without_verdicts_on_errors(every)
     if TruthVerdict.of(every["trust"]).are_tracks_wrong:
         every |= {name: every[name].clear() for name in _BLAMING_TRUTH}
-    results = results_of(every)
-    if not TruthVerdict.of(every["trust"]).is_usable:
-        results = beside_untrusted_truth(results)
-    every["findings"] = headline_table(Identified(_cited(results, reference), every), reported)
-    documents = {FINDINGS_JSON: findings_json(every), **models.documents}
-    run.write_statistics(every, results=results, documents=documents)
+    every["findings"] = headline_table({**every, **_cited(every, reference)}, reported)
+    run.write_statistics(every, documents={FINDINGS_JSON: findings_json(every), **models.documents})
 
 
-def _cited(results: pl.DataFrame, reference: ReferenceCondition) -> pl.DataFrame:
-    """The results without curves of errors of other views and speeds: most rows of a large run, and in no sentence."""
+def _cited(tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition) -> dict[str, pl.DataFrame]:
+    """The tables that sentences cite, with the ids of their rows of results.
+
+    Curves of errors are those of the reference condition: others are most rows of a large run, and in no sentence.
+    """
     shown = pl.all_horizontal(pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed"))
-    return results.filter((pl.col("topic") != Topic.errors) | shown)
+    are_curves = {name for name, rows in RESULT_ROWS.items() if rows.topics == {Topic.errors}}
+    return {
+        name: with_ids(name, tables[name].filter(shown) if name in are_curves else tables[name]) for name in RESULT_ROWS
+    }
 
 
 def _without_verdicts_on_errors(tables: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:

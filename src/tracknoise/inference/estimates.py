@@ -31,7 +31,7 @@ class Estimate:
 
     @classmethod
     def of_row(cls, row: Mapping[str, Any], value: str, low: str, high: str, unit: str = "") -> "Estimate":
-        """Estimate in a row of a view, from the columns of these names and, if there are any, `kind` and `level`."""
+        """Estimate in a row of a table, from the columns of these names and, if there are any, `kind` and `level`."""
         ids = row.get("ids") or {}
         return cls(row[value], row[low], row[high], unit, row.get("kind"), row.get("level"), ids.get(value))
 

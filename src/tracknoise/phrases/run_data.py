@@ -13,6 +13,7 @@ from tracknoise.statistics.truth_errors import FLOOR_COLUMNS, with_floor
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
 from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.schema import CURVES, VIEW
 from tracknoise.tables.store import FINDINGS_JSON, FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
 from tracknoise.words import view_text
@@ -96,10 +97,10 @@ class RunData:
         run.document(FINDINGS_JSON)  # the same findings for other programs, which must not be damaged either
         return cls(run=run, manifest=run.manifest(), settings=run.settings(), **tables)
 
-    @property
+    @cached_property
     def results(self) -> pl.DataFrame:
-        """The table of results, of which most tables are views."""
-        return self.run.results()
+        """The table of results, which is made of the tables."""
+        return run_results(self.run)
 
     @property
     def name(self) -> str:

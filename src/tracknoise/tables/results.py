@@ -117,10 +117,21 @@ def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
     `rows`: with columns of `RESULTS`, of which any but the quantity, the topic and `cut` may be missing.
     """
     kinds = {name: kind for name, kind in RESULTS.items() if name not in ("id", "caveats")} | {"cut": pl.Boolean}
-    parts = [pl.DataFrame([own.cast(kinds[own.name]) for own in part.iter_columns()]) for part in rows if part.height]
-    table = pl.concat([pl.DataFrame(schema=kinds), *parts], how="diagonal")
+    table = pl.concat(
+        [pl.DataFrame(schema=kinds), *(_typed(part, kinds) for part in rows if part.height)], how="diagonal"
+    )
     table = _merged(table.insert_column(0, _ids(table)))
     return table.with_columns(caveats=_caveats()).select(list(RESULTS))
+
+
+def ids(rows: pl.DataFrame) -> pl.Series:
+    """Ids of rows of results. `rows`: with columns of `RESULTS`, of which any but quantity and topic may be missing."""
+    return _ids(pl.concat([pl.DataFrame(schema=IDENTITY), _typed(rows, IDENTITY)], how="diagonal"))
+
+
+def _typed(rows: pl.DataFrame, kinds: Schema) -> pl.DataFrame:
+    """Those columns of rows that have a kind, of their kinds."""
+    return pl.DataFrame([own.cast(kinds[own.name]) for own in rows.iter_columns() if own.name in kinds])
 
 
 _WITHOUT_TRUTH = (

@@ -35,8 +35,6 @@ from tracknoise.tables.files import (
     write_parquet,
 )
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, damaged, has_format, parse_run_settings
-from tracknoise.tables.result_views import VIEWS, results_of, view
-from tracknoise.tables.results import RESULTS
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
@@ -45,7 +43,6 @@ _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml"
 FINDINGS_JSON = "findings.json"
 _PARTS = "parts"
 _OUTDATED = ("report", "statistics")
-_RESULTS = "results"
 _STACKED = 16
 """Sequences whose tables are read together."""
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
@@ -170,9 +167,8 @@ FINDINGS_TABLES: Mapping[str, schema.Schema] = {
     "trust": findings_schema.TRUST,
 }
 """Tables of the whole run that are computed from the others. They are empty if they were not computed."""
-_RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
-STORED: tuple[str, ...] = (_RESULTS, *(name for name in _RUN_TABLES if name not in VIEWS))
-"""Files of the whole run: the results, of which most of its tables are views, and tables of another kind."""
+RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
+"""Tables of the whole run: a file each. The table of results is made of them (`tracknoise.tables.result_rows`)."""
 
 
 def schema_of(name: str) -> schema.Schema:
@@ -202,8 +198,6 @@ class RunFolder:
         self.path = Path(path)
         self._is_free_of_links = False
         self._last_read: _Hashes | None = None
-        self._last_results: tuple[tuple[object, ...], pl.DataFrame] | None = None
-        self._views: dict[str, pl.DataFrame] = {}
 
     @property
     def lock_path(self) -> Path:
@@ -576,22 +570,14 @@ class RunFolder:
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
     def write_statistics(
-        self,
-        tables: Mapping[str, pl.DataFrame],
-        *,
-        results: pl.DataFrame | None = None,
-        documents: Mapping[str, str] | None = None,
+        self, tables: Mapping[str, pl.DataFrame], *, documents: Mapping[str, str] | None = None
     ) -> None:
         """Write tables and documents of the whole run, then the manifest with their hashes.
-
-        Those that are views of the results become rows of these, beside the rows of the views that are not given.
 
         Parameters
         ----------
         tables
-            Of `STATISTICS_TABLES` or `FINDINGS_TABLES`, by name.
-        results
-            Those of all views, where they were made before; the views among the tables are then left out.
+            Of `RUN_TABLES`, by name.
         documents
             Texts by their paths in ``statistics``, such as ``findings.json``. Others are left as they are.
 
@@ -600,51 +586,16 @@ class RunFolder:
         SchemaError, StoreError
             If a table does not have its columns, or the folder cannot be written.
         """
-        given = {name: table for name, table in tables.items() if results is None or name not in VIEWS}
-        checked = {name: schema.storable(schema.check(table, _RUN_TABLES[name], name)) for name, table in given.items()}
-        files = {name: table for name, table in checked.items() if name not in VIEWS}
-        if results is not None:
-            files[_RESULTS] = schema.storable(schema.check(results, RESULTS, _RESULTS))
-        elif len(files) < len(checked):
-            files[_RESULTS] = results_of({**self._views_beside(checked), **checked})
+        checked = {name: schema.storable(schema.check(table, RUN_TABLES[name], name)) for name, table in tables.items()}
         manifest, folder = self.manifest(), self.path / "statistics"
-        for name, table in files.items():
+        for name, table in checked.items():
             manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", table)
         for name, text in (documents or {}).items():
             manifest.statistics[name] = write_atomically(folder / name, text.encode())
-        of_earlier_versions = [name for name in VIEWS if manifest.statistics.pop(name, None)]
         self.write_manifest(manifest)
-        for name in of_earlier_versions:
-            remove(folder / f"{name}.parquet")
-
-    def _views_beside(self, tables: Collection[str]) -> dict[str, pl.DataFrame]:
-        """The other views of the results that are stored; none where there are none, or they are damaged."""
-        try:
-            results = self.results()
-        except (StoreError, SchemaError):
-            return {}
-        return {name: view(results, name) for name in VIEWS if name not in tables}
-
-    def results(self) -> pl.DataFrame:
-        """The table of results: every number of the run (schema `RESULTS`).
-
-        Raises
-        ------
-        StoreError, SchemaError
-            If the run is not finished, or the file is missing or damaged, or has other columns.
-        """
-        known = self._hashes_of_statistics().get(_RESULTS)
-        if known is None:
-            raise self._unfinished()
-        path = self.path / "statistics" / f"{_RESULTS}.parquet"
-        version = known, _version_of(path)
-        if self._last_results is None or self._last_results[0] != version:
-            self._last_results = version, read_parquet(path, RESULTS, known)
-            self._views = {}
-        return self._last_results[1]
 
     def statistics(self, name: str) -> pl.DataFrame:
-        """One table of `STATISTICS_TABLES` or `FINDINGS_TABLES`.
+        """One table of `RUN_TABLES`.
 
         A table of `FINDINGS_TABLES` that was never written is empty.
 
@@ -653,17 +604,12 @@ class RunFolder:
         StoreError, SchemaError
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
-        if name in VIEWS:
-            results = self.results()
-            if name not in self._views:
-                self._views[name] = view(results, name)
-            return self._views[name]
         hashes = self._hashes_of_statistics()
         if name in STATISTICS_TABLES and name not in hashes:
             raise self._unfinished()
         if name not in hashes:
             return schema.empty(FINDINGS_TABLES[name])
-        return read_parquet(self.path / "statistics" / f"{name}.parquet", _RUN_TABLES[name], hashes[name])
+        return read_parquet(self.path / "statistics" / f"{name}.parquet", RUN_TABLES[name], hashes[name])
 
     def _hashes_of_statistics(self) -> dict[str, str]:
         hashes = self._hashes().statistics

@@ -488,5 +488,6 @@ def _text(value: bool | float | list[float]) -> str:
 
 def _short(value: float) -> str:
     """Five digits, always with a point."""
-    digits = 5 if value == 0.0 else max(1, 4 - math.floor(math.log10(abs(value))))
-    return f"{value:.{digits}f}"
+    rounded = float(f"{value:.4e}")
+    digits = 5 if rounded == 0.0 else max(1, 4 - math.floor(math.log10(abs(rounded))))
+    return f"{rounded:.{digits}f}"

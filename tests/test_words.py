@@ -29,7 +29,11 @@ from tracknoise.words import (
         (11.52, "11.5"),
         (0.12345, "0.123"),
         (-0.5, "−0.500"),
-        (999.6, "1000"),
+        (999.6, "1,000"),
+        (-9.996, "−10.0"),
+        (0.9996, "1.00"),
+        (0.000996, "0.00100"),
+        (-0.0, "0"),
         (123456.7, "123,457"),
         (0.00012, "1.2\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁴"),
         (-3e-12, "−3.0\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻¹²"),
@@ -41,7 +45,15 @@ def test_numbers_have_three_significant_digits(value: float | None, written: str
 
 @pytest.mark.parametrize(
     ("value", "written"),
-    [(0.0, "0"), (0.0304, "0.030"), (-0.0006, "−0.001"), (1.23456, "1.235"), (12.345, "12.3"), (None, "–")],
+    [
+        (0.0, "0"),
+        (0.0304, "0.030"),
+        (-0.0006, "−0.001"),
+        (1.23456, "1.235"),
+        (12.345, "12.3"),
+        (9.9996, "10.0"),
+        (None, "–"),
+    ],
 )
 def test_short_lengths_are_written_to_a_thousandth_of_a_pixel(value: float | None, written: str) -> None:
     assert pixels(value) == written

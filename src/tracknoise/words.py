@@ -1,9 +1,4 @@
-"""Words and numbers in text: quantities, estimates with their intervals, and effects of factors.
-
-- Words and numbers in text, the same in findings and in the report.
-- Estimates as text: ``0.410 px (0.380 to 0.450)``.
-- Factor effects as text: ``13 times (9.0 to 19)``, and sentences that name the levels and which one is better.
-"""
+"""Words and numbers in text, the same in findings and in the report: ``0.410 px (0.380 to 0.450)``, ``13 times``."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -69,23 +64,28 @@ _RESAMPLED: Mapping[str, str] = {
 
 
 def number(value: float | None, *, digits: int = 3) -> str:
-    """Write a number to `digits` significant digits; whole numbers whole, a dash where it is missing."""
+    """Write a number to `digits` significant digits, fewer by one below a thousandth.
+
+    Whole numbers are written whole, and a dash where it is missing.
+    """
     if value is None:
         return DASH
-    if isinstance(value, int) or abs(value) >= 10**digits:
+    if isinstance(value, int) or value == 0:
         return f"{round(value):,}".replace("-", MINUS)
-    if value != 0 and abs(value) < 1e-3:
-        mantissa, exponent = f"{value:.{digits - 2}e}".split("e")
+    shown = digits - 1 if abs(value) < 1e-3 else digits
+    rounded = float(f"{value:.{shown - 1}e}")  # first: what rounds up to the next power of ten is written like that
+    if abs(rounded) >= 10**digits:
+        return f"{round(value):,}".replace("-", MINUS)
+    if abs(rounded) < 1e-3:
+        mantissa, exponent = f"{rounded:.{shown - 1}e}".split("e")
         return f"{mantissa}{SPACE}{TIMES}{SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", MINUS)
-    if value == 0:
-        return "0"
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{decimals}f}".replace("-", MINUS)
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
+    return f"{rounded:.{decimals}f}".replace("-", MINUS)
 
 
 def pixels(value: float | None) -> str:
     """Write a length in px without its unit: to a thousandth where it is short, otherwise to three digits."""
-    if value is None or value == 0 or abs(value) < 5e-4 or abs(value) >= 10:
+    if value is None or value == 0 or abs(value) < 5e-4 or abs(round(value, 3)) >= 10:
         return number(value)
     return f"{value:.3f}".replace("-", MINUS)
 
@@ -109,9 +109,9 @@ def effect_text(effect: float | None) -> str:
     """Write an effect in percent, to a tenth near the margin; empty where there is none."""
     if effect is None:
         return ""
-    if effect >= 10:
+    if round(effect, 2) >= 10:
         return f">{SPACE}1000{SPACE}%"
-    return percent(effect) if effect < 0.2 else f"{100 * effect:.0f}{SPACE}%"
+    return percent(effect) if round(effect, 3) < 0.2 else f"{100 * effect:.0f}{SPACE}%"
 
 
 _MOST_TIMES = 1000
@@ -122,7 +122,7 @@ def ratio(value: float) -> str:
     """Write a ratio: to two digits, or three where it is near one; ``more than 1000`` where it is huge."""
     if value > _MOST_TIMES:
         return f"more than {_MOST_TIMES}"
-    return number(value, digits=2 if value >= 2 else 3)
+    return number(value, digits=2 if round(value, 2) >= 2 else 3)
 
 
 def times(value: float) -> str:

@@ -132,7 +132,16 @@ def test_the_table_has_the_papers_rows_and_our_effects(repeated: ReportData) -> 
 
 @pytest.mark.parametrize(
     ("effect", "expected"),
-    [(None, ""), (0.0, "0.0 %"), (0.0999, "10.0 %"), (0.3, "30 %"), (9.9, "990 %"), (float("inf"), "> 1000 %")],
+    [
+        (None, ""),
+        (0.0, "0.0 %"),
+        (0.0999, "10.0 %"),
+        (0.3, "30 %"),
+        (9.9, "990 %"),
+        (9.996, "> 1000 %"),
+        (0.1996, "20 %"),
+        (float("inf"), "> 1000 %"),
+    ],
 )
 def test_effects_are_written_with_the_digits_that_the_margin_needs(effect: float | None, expected: str) -> None:
     assert effect_text(effect).replace("\N{NO-BREAK SPACE}", " ") == expected

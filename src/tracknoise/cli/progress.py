@@ -260,7 +260,7 @@ def _left(seconds: float) -> str:
 
 def _duration(seconds: float) -> str:
     minutes = round(seconds / 60)
-    if seconds < 100:
+    if round(seconds) < 100:
         return f"{seconds:.0f} s"
     return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"
 

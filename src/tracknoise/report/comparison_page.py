@@ -160,7 +160,7 @@ def _signed(text: str, value: float) -> str:
 
 def _percent(value: float) -> str:
     """To three digits, and no finer than a tenth."""
-    digits = f"{abs(value):.1f}" if abs(value) < 10 else f"{abs(value):.0f}"
+    digits = f"{abs(value):.1f}" if abs(round(value, 1)) < 10 else f"{abs(value):.0f}"
     return _signed(digits, 0.0 if float(digits) == 0 else value)
 
 

@@ -90,7 +90,7 @@ def place(table: pl.DataFrame | pl.LazyFrame, part: Part, name: str) -> pl.LazyF
     if "track" in kinds:
         numbered["track"] = pl.col("track") + _first_track(part)
     if "block" in kinds:
-        each = _BLOCKS.get(name, BLOCKS)
+        each = BLOCKS // 2 if name in _HALF_AS_MANY_BLOCKS else BLOCKS
         numbered["block"] = (pl.col("block").cast(pl.UInt32) + part.place * each) // part.count
     return lazy.with_columns(value.cast(kinds[column]).alias(column) for column, value in numbered.items())
 
@@ -103,8 +103,7 @@ def rows_of(table: pl.DataFrame, part: Part, n_frames: int) -> pl.DataFrame:
     return own.with_columns(value.cast(table.schema[column]).alias(column) for column, value in numbered.items())
 
 
-_BLOCKS = MappingProxyType(dict.fromkeys(("surroundings", "image_map", "image_speeds"), BLOCKS // 2))
-"""Blocks of tables that have fewer."""
+_HALF_AS_MANY_BLOCKS = ("surroundings", "image_map", "image_speeds")
 
 
 def _first_track(part: Part) -> pl.Expr:

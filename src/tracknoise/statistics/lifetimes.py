@@ -9,10 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from tracknoise.inference.survival import kaplan_meier
+from tracknoise.inference.survival import area_under, kaplan_meier
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import (
-    group_rows,
     group_runs,
     in_chunks,
     number_combinations,
@@ -162,9 +161,9 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
     ordered = ordered.join(horizons(ordered), on=_SHARED, maintain_order="left")
     length = pl.col("lifetime").cast(pl.Int64)
     found = pl.col("n_ended") + pl.col("n_censored")
-    areas = ordered.with_columns(found=found, frames=found * length)
+    counted = ordered.with_columns(found=found, frames=found * length)
     n_ended = pl.col("n_ended").sum()
-    totals = areas.group_by(POOLED).agg(
+    totals = counted.group_by(POOLED).agg(
         n_tracks=pl.col("found").sum(),
         n_censored=pl.col("n_censored").sum(),
         mean_lifetime=pl.col("frames").sum() / pl.col("found").sum(),
@@ -172,10 +171,9 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
         restricted_to=pl.col("restricted_to").first(),
         has_causes=_HAS_CAUSES.all(),
     )
-    areas = ordered.with_columns(_areas("survival"), _areas("survival_until_failure"))
-    groups = group_rows(areas, POOLED)
+    conditions = ordered.partition_by(POOLED, maintain_order=True)
     restricted = {
-        name: pl.Series(np.bincount(groups.index, areas[curve].to_numpy(), groups.count), dtype=pl.Float64)
+        name: pl.Series([_area(condition, curve) for condition in conditions], dtype=pl.Float64)
         for name, curve in RESTRICTED.items()
     }
     table = totals.sort(POOLED).with_columns(**restricted)
@@ -297,14 +295,13 @@ def _curves(table: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _areas(curve: str) -> pl.Expr:
-    """Area under a survival curve up to each lifetime from the one before, and from the last one to the horizon."""
-    length, horizon = (pl.col(name).cast(pl.Int64) for name in ("lifetime", "restricted_to"))
-    within = pl.min_horizontal(length, horizon)
-    level = pl.col(curve).shift(1, fill_value=1.0).over(POOLED)  # from the lifetime before up to this one
-    width = within - within.shift(1, fill_value=0).over(POOLED)
-    beyond = pl.when(length == length.max().over(POOLED)).then(pl.col(curve) * (horizon - within)).fill_null(0.0)
-    return (level * width + beyond).alias(curve)
+def _area(table: pl.DataFrame, curve: str) -> float:
+    """Area under a survival curve of one condition up to its horizon, in a table sorted by lifetime.
+
+    A curve that is null where no track is at risk is so at the horizon or beyond it.
+    """
+    survival, lifetimes = (table[name].fill_null(0.0).cast(pl.Float64).to_numpy() for name in (curve, "lifetime"))
+    return float(area_under(survival, lifetimes, table["restricted_to"][0]))
 
 
 def _total_from(count: pl.Expr) -> pl.Expr:

@@ -92,7 +92,7 @@ function path(track) {
   const reach = Math.max(1e-9, ...du.map(Math.abs), ...dv.map(Math.abs));
   const place = (values) => values.map((value, at) => `${at * (200 / Math.max(1, values.length - 1))},${15 - (13 * value) / reach}`);
   const shape = drawing("svg", { viewBox: "0 0 200 30", width: 200, height: 30, role: "img",
-    "aria-label": `error in u and v, up to ${reach.toPrecision(3)} px` });
+    "aria-label": `error in u and v, up to ${Number(reach.toPrecision(3))} px` });
   shape.append(drawing("line", { x1: 0, x2: 200, y1: 15, y2: 15, stroke: "var(--axis)" }));
   for (const [values, dash] of [[du, "none"], [dv, "3 2"]]) {
     shape.append(drawing("polyline", { points: place(values).join(" "), fill: "none", stroke: "var(--ink)", "stroke-width": 1.5,
@@ -107,7 +107,7 @@ function card({ group, track }) {
   made.dataset.track = track.track;
   made.dataset.scene = group.scene;
   made.dataset.kind = track.kind;
-  const size = length(track).toPrecision(3);
+  const size = Number(length(track).toPrecision(3));
   made.append(
     patches(group, track),
     path(track),

@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.harness import Row, elapsed_ms, in_new_process, peak_mib, program
+from tracknoise.tables.findings_schema import COUNTS
 
 LENGTHS = (100, 1000)
 STAGE_SMALL, STAGE_FULL = (240, 180), (1600, 1200)
@@ -97,7 +98,7 @@ def _measure_stage(folder: Path) -> dict[str, float]:
 
     experiment, run = load_experiment(folder / "x.toml"), RunFolder(folder / "run")
     seconds = elapsed_ms(lambda: execute(experiment, run, listener=Silent(), debug=True)) / 1e3
-    observations = int(run.statistics("counts").filter(kind="truth")["n"].sum())
+    observations = int(run.statistics(COUNTS).filter(kind="truth")["n"].sum())
     n_sequences = len(run.manifest().sequences)
     return {"peak": peak_mib(), "sequences": n_sequences, "observations": observations, "seconds": seconds}
 

@@ -32,6 +32,7 @@ from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.experiments.task import tables_to_keep
 from tracknoise.report.page import write_report
+from tracknoise.tables.findings_schema import SUMMARY
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
@@ -106,7 +107,7 @@ def _make(run: RunFolder, experiment: Experiment, scenes: int) -> int:
     run.write_manifest(manifest)
     statistics = compute_statistics(run, experiment)
     compute_findings(run, experiment, statistics)
-    return int(run.statistics("summary").height)
+    return int(run.statistics(SUMMARY).height)
 
 
 def _tables(experiment: Experiment, seed: int) -> dict[str, pl.DataFrame]:

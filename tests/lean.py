@@ -15,7 +15,7 @@ from tracknoise.experiments.geometry_tables import camera_tables
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.summarise import statistics_of
-from tracknoise.tables.findings_schema import DEPTH_INTERVALS
+from tracknoise.tables.findings_schema import DEPTH_INTERVALS, by_table
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.truth_faults.audit_tables import tables_of
@@ -35,7 +35,7 @@ def without_findings() -> Iterator[None]:
     """Runs are finished and have their statistics, but nothing is found in them."""
 
     def written(run: RunFolder, _: object, statistics: Mapping[str, pl.DataFrame], **_others: object) -> None:
-        run.write_statistics(statistics)
+        run.write_statistics(by_table(statistics))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(execute, "compute_statistics", run_statistics.compute_statistics)

@@ -14,8 +14,8 @@ from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.track_counts import outlier_ratios
 from tracknoise.statistics.yardstick import ReferenceCondition, effects
-from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import CURVES, EFFECTS, ENDS, FRAME_COUNTS, LIFETIMES, MOMENTS, SCALES, TRACKS, empty
+from tracknoise.tables.findings_schema import CURVES, DEPENDENCE, EFFECTS, LIFETIMES
+from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, TRACKS, empty
 from tracknoise.words import size_text
 
 CONDITION = {

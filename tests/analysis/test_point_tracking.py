@@ -10,6 +10,7 @@ import tracknoise as tn
 from tracknoise.cli.app import main
 from tracknoise.report.page import write_report
 from tracknoise.sequences.simulated import Simulated
+from tracknoise.tables.findings_schema import POINT_TRACKING_METRICS
 from tracknoise.tables.store import RunFolder
 
 TOML = """
@@ -52,7 +53,7 @@ def run(tmp_path_factory):
 
 
 def test_metrics_are_means_over_sequences_with_intervals(run):
-    table = RunFolder(run).statistics("point_tracking_metrics")
+    table = RunFolder(run).statistics(POINT_TRACKING_METRICS)
     options = tomllib.loads(TOML)["dataset"]["options"]
     reader = Simulated(**{**options, "motions": tuple(options["motions"])})
     each = [tn.tap_metrics(tn.measure(reader.open(scene), tn.LucasKanade())) for scene in reader.sequences()]

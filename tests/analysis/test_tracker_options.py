@@ -13,6 +13,7 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.report import factor_section
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.findings_schema import DEPENDENCE, FINDINGS
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import difference_sentences, level_text
 
@@ -151,7 +152,7 @@ def test_a_run_compares_detectors_and_descriptors(tmp_path: Path) -> None:
     run = RunFolder(tmp_path / "run")
     with without_audit(), without_depths(), without_geometry():
         execute(parse_experiment(TEXT, place="detectors"), run, listener=Silent())
-    dependence = run.statistics("dependence")
+    dependence = run.statistics(DEPENDENCE)
     found = dependence.filter(statistic="Phi").select(
         "factor", "tracker", "level_a", "level_b", "effect", "low", "n_scenes"
     )
@@ -170,5 +171,5 @@ def test_a_run_compares_detectors_and_descriptors(tmp_path: Path) -> None:
     assert any(
         name.startswith("descriptor, correspondence") for name in factor_section.side_by_side(data.comparison).columns
     )
-    texts = run.statistics("findings").filter(topic="factors")["text"]
+    texts = run.statistics(FINDINGS).filter(topic="factors")["text"]
     assert "the tracker, the descriptor or the detector" in texts[0]

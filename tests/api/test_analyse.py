@@ -7,11 +7,11 @@ import pytest
 
 import tracknoise as tn
 from tracknoise.exceptions import SettingsError
-from tracknoise.tables.store import FINDINGS_TABLES, STATISTICS_TABLES
+from tracknoise.tables.findings_schema import RUN_TABLES
 
 
 def test_an_analysis_is_a_run_of_the_same_sequences(run, analysis):
-    for name in (*STATISTICS_TABLES, *FINDINGS_TABLES):
+    for name in RUN_TABLES:
         assert analysis.table(name).equals(run.table(name)), name
     assert analysis.sequences().equals(run.sequences())
     assert analysis.table("poses").equals(run.table("poses"))

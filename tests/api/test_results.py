@@ -5,11 +5,12 @@ import pytest
 
 import tracknoise as tn
 from tracknoise.exceptions import UnknownNameError
+from tracknoise.tables.findings_schema import CORES, CURVES, FINDINGS, RUN_TABLES, SUMMARY
 from tracknoise.tables.quantities import QUANTITIES
-from tracknoise.tables.result_rows import RESULT_ROWS, results_of, run_results, with_ids
+from tracknoise.tables.result_rows import results_of, run_results, with_ids
 from tracknoise.tables.results import IDENTITY, RESULTS
 from tracknoise.tables.schema import check
-from tracknoise.tables.store import RUN_TABLES, RunFolder
+from tracknoise.tables.store import RunFolder
 
 
 @pytest.fixture(scope="module")
@@ -17,14 +18,17 @@ def folder(run: tn.Run) -> RunFolder:
     return RunFolder(run.path)
 
 
-@pytest.mark.parametrize("name", sorted(RESULT_ROWS))
+ROWS = {name: table.rows for name, table in RUN_TABLES.items() if table.rows}
+
+
+@pytest.mark.parametrize("name", sorted(ROWS))
 def test_an_interval_has_its_level(name: str) -> None:
-    assert all("level" in value.carried for value in RESULT_ROWS[name].values if "low" in value.carried)
+    assert all("level" in value.carried for value in ROWS[name].values if "low" in value.carried)
 
 
-@pytest.mark.parametrize("name", sorted(RESULT_ROWS))
+@pytest.mark.parametrize("name", sorted(ROWS))
 def test_rows_name_columns_of_their_table(name: str) -> None:
-    rows, columns = RESULT_ROWS[name], RUN_TABLES[name]
+    rows, columns = ROWS[name], RUN_TABLES[name]
     packed = {column for names in rows.packed.values() for column in names}
     of_values = {column for value in rows.values for column in (value.column, *value.carried.values(), *value.rows)}
     labelled = {key for value in rows.values for key in value.labels}
@@ -33,27 +37,27 @@ def test_rows_name_columns_of_their_table(name: str) -> None:
 
 
 def test_every_number_of_a_table_is_a_row_with_its_id(folder: RunFolder) -> None:
-    results = {row["id"]: row["value"] for row in run_results(folder).iter_rows(named=True)}
+    results = {row["id"]: row["value"] for row in run_results(folder, RUN_TABLES.values()).iter_rows(named=True)}
     for name in ("curves", "zero_mean", "time_structure", "window_sigmas", "advice"):
-        rows = with_ids(name, folder.statistics(name)).to_dicts()
+        rows = with_ids(RUN_TABLES[name], folder.statistics(RUN_TABLES[name])).to_dicts()
         numbers = [(row["ids"][key], row[key]) for row in rows for key in row["ids"] if row.get(key) is not None]
         assert numbers
         assert all(results[id_] == pytest.approx(value, rel=1e-9, nan_ok=True) for id_, value in numbers)
 
 
 def test_rows_have_different_ids_that_do_not_depend_on_values(folder: RunFolder) -> None:
-    results = check(run_results(folder), RESULTS, "results")
+    results = check(run_results(folder, RUN_TABLES.values()), RESULTS, "results")
     assert results["id"].is_unique().all()
     assert results.select(pl.struct(*IDENTITY)).is_unique().all()
-    changed = {"core": folder.statistics("cores").with_columns(pl.col("core_u_px") * 2)}
-    ids = results_of({"cores": changed["core"]}).filter(quantity="core")["id"]
+    changed = {"core": folder.statistics(CORES).with_columns(pl.col("core_u_px") * 2)}
+    ids = results_of({CORES: changed["core"]}).filter(quantity="core")["id"]
     assert set(ids) == set(results.filter(quantity="core", axis="age").filter(pl.col("n").is_not_null())["id"])
 
 
 def test_a_number_that_two_tables_have_is_one_row(folder: RunFolder) -> None:
-    curve = folder.statistics("curves").filter(statistic="Phi", weighting="features", population="visible")
+    curve = folder.statistics(CURVES).filter(statistic="Phi", weighting="features", population="visible")
     point = curve.row(0, named=True)
-    rows = run_results(folder).filter(
+    rows = run_results(folder, RUN_TABLES.values()).filter(
         quantity="second_moment",
         aspect="all",
         weighting="features",
@@ -71,8 +75,8 @@ def test_a_number_that_two_tables_have_is_one_row(folder: RunFolder) -> None:
 
 
 def test_findings_name_rows_that_exist_and_hold_their_numbers(folder: RunFolder) -> None:
-    results = {row["id"]: row for row in run_results(folder).iter_rows(named=True)}
-    findings = folder.statistics("findings")
+    results = {row["id"]: row for row in run_results(folder, RUN_TABLES.values()).iter_rows(named=True)}
+    findings = folder.statistics(FINDINGS)
     with_rows = [row for row in findings.iter_rows(named=True) if row["rows"]]
     assert {"noise", "bias", "lifetimes"} <= {row["topic"] for row in with_rows}
     for row in with_rows:
@@ -88,11 +92,9 @@ def test_findings_name_rows_that_exist_and_hold_their_numbers(folder: RunFolder)
 
 
 def test_results_and_findings_are_chosen_by_name(run: tn.Run, folder: RunFolder) -> None:
-    tracker = run_results(folder)["tracker"].drop_nulls()[0]
+    tracker = run_results(folder, RUN_TABLES.values())["tracker"].drop_nulls()[0]
     ratio = run.results(quantity="outlier_ratio", tracker=tracker, speed=1)
-    assert (
-        ratio["value"].item() == folder.statistics("summary").filter(tracker=tracker, speed=1)["outlier_ratio"].item()
-    )
+    assert ratio["value"].item() == folder.statistics(SUMMARY).filter(tracker=tracker, speed=1)["outlier_ratio"].item()
     about = run.findings(tracker=tracker)
     assert 0 < about.height <= run.findings().height
     assert all({part["tracker"] for part in row["parts"]} == {tracker} for row in about.iter_rows(named=True))
@@ -103,7 +105,7 @@ def test_results_and_findings_are_chosen_by_name(run: tn.Run, folder: RunFolder)
 
 
 def test_every_quantity_says_what_it_estimates() -> None:
-    used = {value.quantity for rows in RESULT_ROWS.values() for value in rows.values}
+    used = {value.quantity for rows in ROWS.values() for value in rows.values}
     assert used == set(QUANTITIES)
     assert all(
         quantity.estimand.endswith(".") and len(quantity.estimand.split()) > 2 for quantity in QUANTITIES.values()

@@ -9,7 +9,7 @@ import pytest
 import tracknoise as tn
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.tables.findings_schema import INTERVALS
+from tracknoise.tables.findings_schema import INTERVALS, OUTLIERS, SUMMARY
 from tracknoise.tables.manifest import FailureEntry, Manifest
 from tracknoise.tables.schema import OBSERVATIONS, POSES, TRACKS
 from tracknoise.tables.store import RunFolder
@@ -254,6 +254,6 @@ def test_a_run_without_findings_says_so(bare_run, tmp_path):
     old = RunFolder(tmp_path / "old")
     manifest = bare_run._folder.manifest()
     old.create(bare_run._folder.experiment_toml(), Manifest("hash", {}, {}, 0, sequences=manifest.sequences))
-    old.write_statistics({name: bare_run.table(name) for name in ("summary", "outliers")})
+    old.write_statistics({table: bare_run.table(table.name) for table in (SUMMARY, OUTLIERS)})
     with pytest.raises(StoreError, match="holds no findings"):
         tn.open_run(old.path).findings()

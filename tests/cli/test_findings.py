@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tracknoise.tables.findings_schema import FINDINGS
+
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
@@ -29,8 +31,7 @@ def test_sentences_then_verdicts_are_printed(tracknoise, finished):
     assert any(line.startswith(" 2. Noise to set in a filter, windows of 11 frames at speed 1") for line in lines)
     assert any(line[4:].startswith("Every condition has only 2 scenes.") for line in lines)
     assert (
-        sum(line[:2].strip().isdigit() and line[2:4] == ". " for line in lines)
-        == finished.statistics("findings").height
+        sum(line[:2].strip().isdigit() and line[2:4] == ". " for line in lines) == finished.statistics(FINDINGS).height
     )
     assert any(line.startswith("Verdicts") for line in lines)
     assert any(line.startswith("lucas-kanade ") and "heavy-tailed" in line for line in lines)
@@ -42,7 +43,7 @@ def test_json_is_one_document_with_the_same_sentences(tracknoise, finished):
     code, out, err = tracknoise("findings", str(finished.path), "--json")
     assert (code, err) == (0, "")
     document = json.loads(out)
-    assert [row["text"] for row in document["findings"]] == finished.statistics("findings")["text"].to_list()
+    assert [row["text"] for row in document["findings"]] == finished.statistics(FINDINGS)["text"].to_list()
     assert {row["factor"] for row in document["dependence"]} >= {"tracker", "speed"}
 
 

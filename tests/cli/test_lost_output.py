@@ -10,6 +10,7 @@ import pytest
 from tests.experiments.conftest import write_experiment
 from tests.writers.program import PROGRAM
 
+from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.store import RunFolder
 
 REPORTING = "from functools import partial\nfrom tracknoise.report import page\n" + PROGRAM.replace(
@@ -48,7 +49,7 @@ def run(workers: int) -> str:
 
 def is_complete(folder: Path) -> bool:
     found = RunFolder(folder)
-    return len(found.manifest().sequences) == 2 and found.statistics("findings").height > 0
+    return len(found.manifest().sequences) == 2 and found.statistics(FINDINGS).height > 0
 
 
 def test_messages_that_cannot_be_written_do_not_stop_a_run(shell, tmp_path):

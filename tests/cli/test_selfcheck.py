@@ -6,6 +6,7 @@ import polars as pl
 import pytest
 
 from tracknoise.experiments.validation import exact_worlds
+from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth.anchored import BirthSession
 
@@ -47,7 +48,7 @@ def test_a_correct_program_passes_and_an_earlier_self_test_is_replaced(tracknois
     assert not earlier[0].exists()
     checks = pl.read_csv(out / "selfcheck.csv")
     assert f"all {checks['n'].sum():,} values" in lines[0]
-    assert RunFolder(out / "files-run").statistics("curves").height > 0
+    assert RunFolder(out / "files-run").statistics(CURVES).height > 0
 
 
 def test_a_fault_fails_the_self_test_which_says_what_is_wrong_and_what_is_suspect(tracknoise, half_a_pixel_off):

@@ -44,7 +44,7 @@ os.cpu_count = lambda: 1
 if sys.argv[1] == "run":
     from tracknoise.experiments import execute
 
-    execute.compute_findings = lambda run, _, statistics, **others: run.write_statistics(statistics)
+    execute.compute_findings = lambda run, _, statistics, **others: run.write_statistics(by_table(statistics))
     with patch("tracknoise.cli.run_summary.print_results"):
         main()
 main()

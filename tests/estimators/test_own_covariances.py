@@ -14,6 +14,7 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.report.figures.noise_models import covariance_figures
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.findings_schema import FINDINGS, OWN_COVARIANCES, RUN_TABLES
 from tracknoise.tables.result_rows import results_of, run_results
 from tracknoise.tables.store import RunFolder
 
@@ -40,7 +41,7 @@ def claimed(planted_run: Path, made_once: Callable[[str, Callable[[Path], object
 
 
 def test_results_have_the_factor_and_the_verdict(claimed: RunFolder) -> None:
-    rows = run_results(claimed).filter(
+    rows = run_results(claimed, RUN_TABLES.values()).filter(
         pl.col("at").is_null(), topic="own covariances", trimming="untrimmed", part="cov"
     )
     found = {(row["quantity"], row["of"]): row for row in rows.to_dicts()}
@@ -51,18 +52,22 @@ def test_results_have_the_factor_and_the_verdict(claimed: RunFolder) -> None:
     held = found["covariance_coverage", "95 %"]
     assert held["value"] == pytest.approx(1.0 - 0.05**0.25, abs=0.02)
     assert found["covariance_gain", None]["verdict"] == "yes"  # u and v differ, which one sigma does not say
-    again = results_of({"own_covariances": claimed.statistics("own_covariances")})
-    assert_frame_equal(again.sort("id"), run_results(claimed).filter(topic="own covariances").sort("id"))
-    by_age = run_results(claimed).filter(quantity="covariance_nees", axis="age", trimming="untrimmed")
+    again = results_of({OWN_COVARIANCES: claimed.statistics(OWN_COVARIANCES)})
+    assert_frame_equal(
+        again.sort("id"), run_results(claimed, RUN_TABLES.values()).filter(topic="own covariances").sort("id")
+    )
+    by_age = run_results(claimed, RUN_TABLES.values()).filter(
+        quantity="covariance_nees", axis="age", trimming="untrimmed"
+    )
     assert by_age["value"].to_list() == pytest.approx([4.0] * by_age.height, rel=0.2)
 
 
 def test_one_finding_says_so(claimed: RunFolder) -> None:
-    found = claimed.statistics("findings").filter(topic="covariances").to_dicts()
+    found = claimed.statistics(FINDINGS).filter(topic="covariances").to_dicts()
     (text,) = (row["text"].replace("\N{NO-BREAK SPACE}", " ") for row in found)
     assert "imported's own covariances are too small: 95 % regions hold 5" in text
     assert "They would have to be multiplied by 4" in text.replace("by 3.9", "by 4")
-    assert set(found[0]["rows"]) <= set(run_results(claimed)["id"])
+    assert set(found[0]["rows"]) <= set(run_results(claimed, RUN_TABLES.values())["id"])
     assert "multiply by" in found[0]["brief"]
 
 
@@ -70,7 +75,9 @@ def test_the_check_of_the_same_columns_agrees(claimed: RunFolder, tracknoise) ->
     code, out, _ = tracknoise("noise", "check", "--own", "cov", "--tracker", "imported", "--on", claimed.path)
     assert code == 0
     (line,) = (line for line in out.splitlines() if line.startswith("NEES"))
-    rows = run_results(claimed).filter(pl.col("at").is_null(), quantity="covariance_nees", trimming="untrimmed")
+    rows = run_results(claimed, RUN_TABLES.values()).filter(
+        pl.col("at").is_null(), quantity="covariance_nees", trimming="untrimmed"
+    )
     assert f"{rows['value'].item():.2f}" in line
 
 

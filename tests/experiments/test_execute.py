@@ -16,9 +16,9 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.enumerations import TrimAmong
+from tracknoise.tables.findings_schema import COUNTS, CURVES, ERRORS, LIFETIMES, OUTLIERS, RUN_TABLES, SUMMARY, TRIMS
 from tracknoise.tables.store import (
     NOISE_TABLES,
-    RUN_TABLES,
     SEQUENCE_TABLES,
     RunFolder,
 )
@@ -119,9 +119,8 @@ def test_findings_are_the_same_if_another_process_takes_part(finished, experimen
 
 def test_every_condition_has_every_table(finished):
     conditions = {(tracker, speed) for tracker in ("lucas-kanade", "correspondence") for speed in (1, 2)}
-    for name in ("curves", "lifetimes", "outliers", "trims", "errors", "counts", "summary"):
-        table = finished.statistics(name)
-        assert set(table.select("tracker", "speed").iter_rows()) == conditions, name
+    for table in (CURVES, LIFETIMES, OUTLIERS, TRIMS, ERRORS, COUNTS, SUMMARY):
+        assert set(finished.statistics(table).select("tracker", "speed").iter_rows()) == conditions, table.name
 
 
 def test_observations_lie_on_the_frames_their_speed_sees_and_start_without_error(finished):
@@ -164,11 +163,11 @@ def test_the_percentile_of_trimming_may_be_of_the_tracks_that_were_followed(expe
     followed = rows.select(*keys, "track").unique()
     tracks = pl.concat(finished.sequence_tables("tracks")).join(followed, on=[*keys, "track"])
     expected = tracks.group_by(keys).agg(cut=pl.col("max_error_px").quantile(0.9, "linear"), n=pl.len())
-    for row in finished.statistics("trims").join(expected, on=keys).iter_rows(named=True):
+    for row in finished.statistics(TRIMS).join(expected, on=keys).iter_rows(named=True):
         assert row["among"] == "followed"
         assert row["threshold_px"] == pytest.approx(row["cut"])
         assert row["n_measured"] - row["n_anchor_only"] == row["n"]
-    assert expected.height == finished.statistics("trims").height == 8
+    assert expected.height == finished.statistics(TRIMS).height == 8
 
 
 @pytest.mark.usefixtures("found")

@@ -7,7 +7,8 @@ import pytest
 from tracknoise.exceptions import StoreError, TracknoiseError
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import FindingsSettings, parse_experiment
-from tracknoise.tables.store import OBSERVED, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.findings_schema import DEPENDENCE, FINDINGS, INTERVALS, STATISTICS_TABLES, SUMMARY
+from tracknoise.tables.store import OBSERVED, RunFolder
 
 
 @pytest.fixture
@@ -104,8 +105,8 @@ def test_other_questions_are_answered_without_measuring_again(finished, tmp_path
     assert listener.keys == []
     assert not read & set(OBSERVED)
     assert files(run) == files(whole)
-    assert set(run.statistics("dependence").filter(unit="ratio")["margin"]) == {1.5}
-    assert set(run.statistics("intervals").select("kind", "level").rows()) == {("percentile", 0.8)}
+    assert set(run.statistics(DEPENDENCE).filter(unit="ratio")["margin"]) == {1.5}
+    assert set(run.statistics(INTERVALS).select("kind", "level").rows()) == {("percentile", 0.8)}
     for table, kinds in (("gaussianity", ["kind"]), ("time_structure", ["kind", "autocorrelation_kind"])):
         found = run.statistics(table).drop_nulls("level")
         assert set(found["level"]) == {0.8}
@@ -132,9 +133,9 @@ def test_earlier_results_stay_until_new_ones_are_ready(measured, finished, told,
     assert (run.path / "report").exists()
     if measured:  # what is computed from one scene is not shown as that of two
         with pytest.raises(StoreError, match="no finished run, expected one; `tracknoise run` starts or resumes a run"):
-            run.statistics("summary")
+            run.statistics(SUMMARY)
     else:
-        assert run.statistics("summary").height
+        assert run.statistics(SUMMARY).height
     again = told()
     execute(experiment.with_scenes(None), run, listener=again)
     assert len(again.keys) == 2 - measured
@@ -150,7 +151,7 @@ def test_what_was_found_before_is_gone_when_other_questions_are_interrupted(fini
     with pytest.raises(pytest.fail.Exception):
         execute(experiment.model_copy(update={"findings": FindingsSettings(margin=0.5)}), run, listener=told())
     with pytest.raises(StoreError, match="no finished run, expected one; `tracknoise run` starts or resumes a run"):
-        run.statistics("findings")
+        run.statistics(FINDINGS)
     assert not (run.path / "report").exists()
 
 
@@ -179,8 +180,8 @@ def test_fewer_scenes_are_another_experiment(finished, told):
 
 def test_statistics_have_every_table(finished):
     _, run = finished(1, keep="statistics")
-    for name in STATISTICS_TABLES:
-        assert run.statistics(name).height or name == "effects", name
+    for table in STATISTICS_TABLES:
+        assert run.statistics(table).height or table.name == "effects", table.name
 
 
 def test_groups_of_scenes_are_declared_without_measuring_again(finished, told):

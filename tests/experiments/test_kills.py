@@ -51,7 +51,7 @@ def in_child(run, before):
 experiment, folder, there = load_experiment(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
 step, fresh = int(sys.argv[4]), there.exists()
 if sys.argv[5] == "unfound":
-    execution.compute_findings = lambda run, _, statistics, **others: run.write_statistics(statistics)
+    execution.compute_findings = lambda run, _, statistics, **others: run.write_statistics(by_table(statistics))
 before = 1
 while True:
     run = RunFolder(folder / f"before-{before:03d}")

@@ -10,6 +10,7 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.geometry.pose import from_quaternion
 from tracknoise.sequences.folder import write_folder
 from tracknoise.sequences.reader_registry import open_sequence
+from tracknoise.tables.findings_schema import COUNTS
 from tracknoise.tables.store import RunFolder
 
 TEXT = """
@@ -70,7 +71,7 @@ def test_frames_without_a_pose_are_missing_in_tables_and_counted(tmp_path) -> No
     poses = run.sequence_table("poses", key)
     assert poses["x_m"].is_null().to_list() == poses["qw"].is_null().to_list() == [False, False, True] + [False] * 3
     observations = run.sequence_table("observations", key)
-    counted = run.statistics("counts").filter(kind="truth", name="no_pose")["n"].sum()
+    counted = run.statistics(COUNTS).filter(kind="truth", name="no_pose")["n"].sum()
     assert counted == observations.filter(truth="no_pose").height > 0
     figures = open_run(run.path).figures()
     assert figures.filter(figure="trajectory")["absent"].to_list() == [None]

@@ -19,6 +19,7 @@ from tracknoise.phrases.factor_topic import accuracy
 from tracknoise.phrases.run_data import RunData
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.tables.store import RunFolder
 
@@ -77,7 +78,7 @@ def finished(path, monkeypatch, degrees: float) -> RunFolder:
 
 
 def core_of(run: RunFolder) -> dict[str, object]:
-    return run.statistics("dependence").filter(factor="tracker", statistic="core").row(0, named=True)
+    return run.statistics(DEPENDENCE).filter(factor="tracker", statistic="core").row(0, named=True)
 
 
 def test_errors_by_one_kind_are_those_by_its_poses():

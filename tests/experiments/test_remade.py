@@ -9,6 +9,7 @@ from tracknoise.experiments.execute import execute, remake
 from tracknoise.experiments.load import resolve
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.enumerations import TrimAmong, Trimming
+from tracknoise.tables.findings_schema import TRIMS
 from tracknoise.tables.store import OBSERVED, RunFolder
 
 TEXT = """
@@ -89,7 +90,7 @@ def test_a_run_that_was_remade_is_replaced_and_may_keep_statistics_alone(
     for changed in (small, with_settings(small, "statistics", trim_among=TrimAmong.followed)):
         remake(measured, changed, folder)
         assert not set(OBSERVED) & set(folder.names_of_tables("sideways-00@default"))
-        assert set(folder.statistics("trims")["among"]) == {changed.statistics.trim_among}
+        assert set(folder.statistics(TRIMS)["among"]) == {changed.statistics.trim_among}
     with pytest.raises(StoreError, match="keeps no observations"):
         remake(folder, experiment, RunFolder(tmp_path / "again"))
 

@@ -5,7 +5,8 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from tracknoise.experiments.execute import execute
-from tracknoise.tables.store import SEED_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.findings_schema import INTERVALS, SEED_SPREAD, STATISTICS_TABLES
+from tracknoise.tables.store import SEED_TABLES, SEQUENCE_TABLES, RunFolder
 
 
 def repeated(experiment, seeds=3):
@@ -28,19 +29,19 @@ def test_results_are_those_of_the_first_seed(both, files):
     measured = [name for name in one if name.split("/")[0] in SEQUENCE_TABLES]
     assert len(measured) > 20
     assert {name: one[name] for name in measured} == {name: several[name] for name in measured}
-    for name in STATISTICS_TABLES:
-        assert_frame_equal(*(run.statistics(name) for run in both))
+    for table in STATISTICS_TABLES:
+        assert_frame_equal(*(run.statistics(table) for run in both))
     assert {name.split("/")[0] for name in several.keys() - one.keys()} == set(SEED_TABLES)
 
 
 def test_the_spread_between_seeds_is_a_table_and_widens_intervals(both):
     one, several = both
-    assert one.statistics("seed_spread").is_empty()
-    spread = several.statistics("seed_spread")
+    assert one.statistics(SEED_SPREAD).is_empty()
+    spread = several.statistics(SEED_SPREAD)
     assert set(spread["n_seeds"]) <= {2, 3}
     assert (spread["standard_deviation"] > 0).any()
     assert spread["widens_interval"].all()  # too few scenes to resample
-    before, after = (run.statistics("intervals") for run in both)
+    before, after = (run.statistics(INTERVALS) for run in both)
     assert before["value"].equals(after["value"])
     assert (after["high"] >= before["high"] - 1e-12).all()
     assert (after["high"] > before["high"] + 1e-9).any()

@@ -9,6 +9,7 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import resolve
 from tracknoise.experiments.plan import batches, plan
 from tracknoise.experiments.settings import parse_experiment
+from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.store import RunFolder
 
 TEXT = """
@@ -75,7 +76,7 @@ def test_views_are_conditions_of_their_own(tmp_path) -> None:
     """The oracle's bias is in the axes of each image, and so in every view the same."""
     run = RunFolder(tmp_path / "run")
     execute(experiment().with_limits(scenes=1, frames=4), run, listener=Silent())
-    curves = run.statistics("curves").filter(statistic="nu", weighting="features", population="visible")
+    curves = run.statistics(CURVES).filter(statistic="nu", weighting="features", population="visible")
     at_one = curves.filter(pl.col("trimming") == "untrimmed", pl.col("at") == 1)
     views = at_one.select("lighting", "rotation", "direction").rows()
     assert sorted(views) == sorted(

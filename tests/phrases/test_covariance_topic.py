@@ -7,8 +7,7 @@ from tests.phrases.short import too_long
 from tracknoise.phrases.covariance_topic import covariances
 from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.findings_schema import OWN_COVARIANCES, TRUST
-from tracknoise.tables.schema import SUMMARY
+from tracknoise.tables.findings_schema import OWN_COVARIANCES, SUMMARY, TRUST
 
 CONDITION = {
     "dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "camera": "", "tracker": "lk", "speed": 1,

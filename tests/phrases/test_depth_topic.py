@@ -6,8 +6,8 @@ from tracknoise.phrases.depth_topic import depths
 from tracknoise.phrases.headline import Headline, ReportedConditions
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import DEPTH_INTERVALS
-from tracknoise.tables.schema import SUMMARY, empty
+from tracknoise.tables.findings_schema import DEPTH_INTERVALS, SUMMARY
+from tracknoise.tables.schema import empty
 
 CONDITION = {
     "dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "camera": "", "tracker": "lk", "speed": 1,

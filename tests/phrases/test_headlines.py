@@ -16,9 +16,12 @@ from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
     ADVICE,
     AUDIT_CURVES,
+    CURVES,
     DEPENDENCE,
     DEPTH_INTERVALS,
+    EFFECTS,
     FINDINGS,
+    FLOOR,
     GAUSSIANITY,
     INTERVALS,
     NOISE_LOOKUP,
@@ -26,6 +29,7 @@ from tracknoise.tables.findings_schema import (
     POSE_SHARE,
     RATIO_VALUES,
     SEED_SPREAD,
+    SUMMARY,
     SURROUNDING_ERRORS,
     TIME_STRUCTURE,
     TRACKER_DIFFERENCES,
@@ -34,7 +38,7 @@ from tracknoise.tables.findings_schema import (
     WINDOW_SIGMAS,
     ZERO_MEAN,
 )
-from tracknoise.tables.schema import CURVES, EFFECTS, FLOOR, SUMMARY, Schema, check, empty
+from tracknoise.tables.schema import Schema, check, empty
 
 CONDITION = {
     "dataset": "d",

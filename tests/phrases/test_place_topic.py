@@ -6,8 +6,8 @@ import pytest
 from tracknoise.phrases.edge_topic import depth_edges
 from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.findings_schema import SURROUNDING_ERRORS
-from tracknoise.tables.schema import SUMMARY, empty
+from tracknoise.tables.findings_schema import SUMMARY, SURROUNDING_ERRORS
+from tracknoise.tables.schema import empty
 
 LABELS = {
     "dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "camera": "", "tracker": "lk", "speed": 1,

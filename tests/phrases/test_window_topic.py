@@ -10,8 +10,8 @@ from tracknoise.phrases.headline import Headline, ReportedConditions
 from tracknoise.phrases.window_topic import depth_noise, estimator_noise
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import ADVICE, TRUST, WINDOW_SIGMAS
-from tracknoise.tables.schema import SUMMARY, empty
+from tracknoise.tables.findings_schema import ADVICE, SUMMARY, TRUST, WINDOW_SIGMAS
+from tracknoise.tables.schema import empty
 
 CONDITION = {
     "dataset": "d",

@@ -15,6 +15,7 @@ from tracknoise.tables.findings_schema import (
     AUDIT_CURVES,
     DEPENDENCE,
     DEPTH_INTERVALS,
+    FINDINGS_TABLES,
     GAUSSIANITY,
     INCIDENCE,
     INTERVALS,
@@ -29,10 +30,10 @@ from tracknoise.tables.findings_schema import (
     TRUST,
     WINDOW_SIGMAS,
     ZERO_MEAN,
+    by_table,
 )
-from tracknoise.tables.result_rows import RESULT_ROWS, with_ids
+from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.schema import CAUSES, Schema, empty
-from tracknoise.tables.store import FINDINGS_TABLES
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
@@ -69,10 +70,10 @@ def made_up(
     if told:
         every = {
             **tables,
-            **{name: empty(FINDINGS_TABLES[name]) for name in FINDINGS_TABLES if name not in tables},
+            **{table.name: empty(table) for table in FINDINGS_TABLES if table.name not in tables},
             **found,
         }
-        cited = {name: with_ids(name, table) for name, table in every.items() if name in RESULT_ROWS}
+        cited = {table.name: with_ids(table, rows) for table, rows in by_table(every).items() if table.rows}
         found["findings"] = headline_table({**every, **cited}, scope)
     return found
 

@@ -33,6 +33,7 @@ from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.statistics.yardstick import ReferenceCondition, effects
 from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.enumerations import Trimming
+from tracknoise.tables.findings_schema import by_table
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import (
@@ -374,7 +375,7 @@ def _write_statistics(run: RunFolder, world: World) -> None:
     made["image_cells"] = image_cells(run.sequence_tables("image_map"))
     made["ratios"] = ratio_intervals(run.stored_tables("ratio_sums"))
     made["speed_errors"] = speed_errors(run.sequence_tables("image_speeds"))
-    run.write_statistics(made | _made_up_findings().made_up(made, scope=_scope(world), told=world.told))
+    run.write_statistics(by_table(made | _made_up_findings().made_up(made, scope=_scope(world), told=world.told)))
 
 
 def _made_up_findings() -> ModuleType:

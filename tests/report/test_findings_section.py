@@ -10,8 +10,9 @@ import pytest
 from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.findings_schema import FINDINGS, FINDINGS_TABLES
 from tracknoise.tables.schema import empty
-from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
+from tracknoise.tables.store import RunFolder
 from tracknoise.words import percent, pixels
 
 MANY = tuple(f"scene-{place}" for place in range(8))
@@ -29,7 +30,7 @@ def test_sentences_stand_first_and_lead_to_their_sections_and_tables(make_run: C
     text = page.read_text(encoding="utf-8")
     section = text.split('<details class="entry" id="findings">')[1].split('<details class="entry"')[0]
     assert text.index('id="findings">') < text.index('id="measured">')
-    rows = run.statistics("findings").to_dicts()
+    rows = run.statistics(FINDINGS).to_dicts()
     assert {"scenes", "truth", "noise", "bias", "shape", "growth"} <= {row["topic"] for row in rows}
     assert section.count("<li>") == len(rows)
     for row in rows:
@@ -40,7 +41,7 @@ def test_sentences_stand_first_and_lead_to_their_sections_and_tables(make_run: C
 
 def test_a_run_without_findings_says_so_and_has_no_empty_list(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("bare",), trackers=("one",), speeds=(1,), n_frames=8, born=20)
-    run.write_statistics({name: empty(schema) for name, schema in FINDINGS_TABLES.items()})
+    run.write_statistics({table: empty(table) for table in FINDINGS_TABLES})
     text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
     section = text.split('<details class="entry" id="findings">')[1].split('<details class="entry"')[0]
     assert "Findings were not computed for this run" in section

@@ -11,7 +11,7 @@ from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.findings_schema import TRIANGULATED_NOISE
+from tracknoise.tables.findings_schema import SUMMARY, TRIANGULATED_NOISE
 from tracknoise.tables.store import RunFolder
 
 SHOWN = {
@@ -29,14 +29,14 @@ NOISE = {"triangulated": 0.512, "epipolar": 0.634}
 @pytest.fixture(scope="module")
 def run(make_run: Callable[..., RunFolder]) -> RunFolder:
     run = make_run(scenes=("one", "two"), trackers=("lucas-kanade",), truth="triangulated", n_frames=14, born=30)
-    conditions = run.statistics("summary").select(POOLED)
+    conditions = run.statistics(SUMMARY).select(POOLED)
     rows = [
         {**condition, "measure": measure, "trimming": trimming, "coordinate": "both", "n": 100, "sigma_px": sigma}
         for condition in conditions.to_dicts()
         for measure, sigma in NOISE.items()
         for trimming in ("untrimmed", "trimmed")
     ]
-    run.write_statistics({"triangulated_noise": pl.DataFrame(rows, schema=dict(TRIANGULATED_NOISE))})
+    run.write_statistics({TRIANGULATED_NOISE: pl.DataFrame(rows, schema=dict(TRIANGULATED_NOISE))})
     return run
 
 

@@ -10,7 +10,8 @@ from tests.report.synthetic import DEGENERATE
 from tracknoise.phrases.headlines import findings_json
 from tracknoise.report.answer import summarise
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
+from tracknoise.tables.findings_schema import FINDINGS_TABLES
+from tracknoise.tables.store import RunFolder
 
 WORLDS: dict[str, dict[str, object]] = {
     "ordinary": {},
@@ -26,7 +27,7 @@ WORLDS: dict[str, dict[str, object]] = {
 def test_sentences_of_made_up_runs_are_short(make_run: Callable[..., RunFolder], world: str) -> None:
     data = ReportData.of(make_run(**WORLDS[world]))
     names = {*data.trackers, *(entry.sequence.scene for entry in data.sequences.values())}
-    document = json.loads(findings_json({name: getattr(data, name) for name in FINDINGS_TABLES}))
+    document = json.loads(findings_json({table.name: getattr(data, table.name) for table in FINDINGS_TABLES}))
     assert long_in_findings(document["findings"], names) == []
     summary = summarise(data)
     texts = [summary.accuracy.text, summary.certainty.text, summary.truth.text]

@@ -58,7 +58,7 @@ def test_many_conditions_of_one_view_are_all_listed(make_run: Callable[..., RunF
 def test_the_noise_to_set_in_an_estimator_stands_below_the_table(make_run: Callable[..., RunFolder]) -> None:
     run = make_run(scenes=("only",), speeds=(1,))
     row = {"rank": 1, "topic": "estimator", "text": "Set 0.2 px.", "figure": "findings", "table": "window_sigmas"}
-    run.write_statistics({"findings": pl.DataFrame([row], schema=dict(FINDINGS))})
+    run.write_statistics({FINDINGS: pl.DataFrame([row], schema=dict(FINDINGS))})
     assert summary_text(run).splitlines()[-1] == "Set 0.2 px."
 
 

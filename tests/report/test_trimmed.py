@@ -7,6 +7,7 @@ import polars as pl
 
 from tracknoise.phrases import trimming_topic
 from tracknoise.report.report_data import ReportData
+from tracknoise.tables.findings_schema import TRIMS
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import percent
 
@@ -46,7 +47,7 @@ def test_scenes_in_which_it_is_so_are_counted(make_run: Callable[..., RunFolder]
     run = make_run(
         told=False, scenes=("once", "on"), trackers=("one",), speeds=(1,), n_frames=12, hidden=0.0, percentile=15.0
     )
-    trims = run.statistics("trims").with_columns(share=100 * pl.col("n_anchor_only") / pl.col("n_measured"))
+    trims = run.statistics(TRIMS).with_columns(share=100 * pl.col("n_anchor_only") / pl.col("n_measured"))
     decided = trims.filter(pl.col("share") >= pl.col("percentile"))
     ((_, sentence),) = trimming_topic.cut_at_zero(ReportData.of(run))
     assert f"This affects {decided.height} of 2 scenes." in sentence

@@ -12,7 +12,8 @@ from tracknoise.statistics.definitions import LEAST_MOTION_PX, LONG_LIVED_AGES
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.tables.enumerations import Aspect
-from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, OBSERVATIONS, TRACKS, empty
+from tracknoise.tables.findings_schema import ASPECT_CURVES
+from tracknoise.tables.schema import ASPECTS, OBSERVATIONS, TRACKS, empty
 
 TURN_FRAMES = 36
 DRIFT_PX = -0.05

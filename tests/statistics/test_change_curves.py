@@ -5,7 +5,8 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.changes import change_curves, increments
 from tracknoise.statistics.prepared import prepare_sequence
-from tracknoise.tables.schema import CHANGES, INCREMENTS, OBSERVATIONS, empty
+from tracknoise.tables.findings_schema import CHANGES
+from tracknoise.tables.schema import INCREMENTS, OBSERVATIONS, empty
 
 FRAMES, TRACKS = 6, 40
 

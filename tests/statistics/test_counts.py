@@ -4,7 +4,8 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.statistics.track_counts import counts, merge_counts
-from tracknoise.tables.schema import COUNTS, OBSERVATIONS, TRACKS, TrackEnd, TruthStatus, empty
+from tracknoise.tables.findings_schema import COUNTS
+from tracknoise.tables.schema import OBSERVATIONS, TRACKS, TrackEnd, TruthStatus, empty
 
 
 def test_every_name_is_counted_and_what_is_missing_is_zero(observations, tracks) -> None:

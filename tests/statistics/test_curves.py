@@ -11,7 +11,8 @@ from tracknoise.statistics.definitions import NAMES, UNITS
 from tracknoise.statistics.grouping import in_chunks
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations
-from tracknoise.tables.schema import CURVES, MOMENTS, empty
+from tracknoise.tables.findings_schema import CURVES
+from tracknoise.tables.schema import MOMENTS, empty
 
 
 def select(table: pl.DataFrame, **values: object) -> pl.DataFrame:

@@ -7,7 +7,8 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.yardstick import FACTORS, ReferenceCondition, effects
-from tracknoise.tables.schema import CURVES, EFFECTS, LIFETIMES, OUTLIERS, empty
+from tracknoise.tables.findings_schema import CURVES, EFFECTS, LIFETIMES, OUTLIERS
+from tracknoise.tables.schema import empty
 
 CONDITION = {
     "dataset": "d",

@@ -4,7 +4,8 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.histograms import HISTOGRAM_BINS, error_histogram, merge_errors
-from tracknoise.tables.schema import ERRORS, OBSERVATIONS, TRACKS, empty
+from tracknoise.tables.findings_schema import ERRORS
+from tracknoise.tables.schema import OBSERVATIONS, TRACKS, empty
 
 
 def test_bins_cover_everything_once_with_ten_to_a_decade() -> None:

@@ -21,7 +21,8 @@ from tracknoise.statistics.lifetimes import (
     median_survival,
     surviving,
 )
-from tracknoise.tables.schema import CAUSES, ENDS, LIFETIMES, TRACKS, TrackEnd, empty
+from tracknoise.tables.findings_schema import LIFETIMES
+from tracknoise.tables.schema import CAUSES, ENDS, TRACKS, TrackEnd, empty
 
 LIVES = st.lists(st.tuples(st.integers(1, 8), st.booleans()), min_size=1, max_size=40)
 

@@ -4,7 +4,8 @@ import pytest
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.histograms import box_summary
 from tracknoise.statistics.track_counts import outlier_ratios
-from tracknoise.tables.schema import FRAME_COUNTS, OUTLIERS, TRACKS, empty
+from tracknoise.tables.findings_schema import OUTLIERS
+from tracknoise.tables.schema import FRAME_COUNTS, TRACKS, empty
 
 
 def test_by_hand(frames) -> None:

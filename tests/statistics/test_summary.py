@@ -10,7 +10,8 @@ from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations
 from tracknoise.statistics.summary import summary
 from tracknoise.statistics.track_counts import outlier_ratios
-from tracknoise.tables.schema import CURVES, LIFETIMES, OUTLIERS, SUMMARY, empty
+from tracknoise.tables.findings_schema import CURVES, LIFETIMES, OUTLIERS, SUMMARY
+from tracknoise.tables.schema import empty
 
 
 @pytest.fixture(scope="module")

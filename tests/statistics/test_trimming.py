@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tracknoise.exceptions import SchemaError, SettingsError, UnknownNameError
 from tracknoise.statistics.trimming import trim
-from tracknoise.tables.schema import OBSERVATIONS, TRACKS, TRIMS, empty
+from tracknoise.tables.findings_schema import TRIMS
+from tracknoise.tables.schema import OBSERVATIONS, TRACKS, empty
 
 
 def test_the_largest_error_is_the_l2_norm_over_the_observations_of_the_population(observations, tracks) -> None:

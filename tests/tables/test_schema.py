@@ -5,6 +5,7 @@ import pytest
 
 from tracknoise.exceptions import SchemaError
 from tracknoise.tables import schema
+from tracknoise.tables.findings_schema import SUMMARY
 from tracknoise.tables.schema import TrackEnd, TruthStatus, check, empty
 
 SCHEMAS = {name: value for name, value in vars(schema).items() if name.isupper() and isinstance(value, Mapping)}
@@ -107,10 +108,10 @@ def test_moments_hold_every_joint_central_sum_of_orders_two_to_four() -> None:
 
 
 def test_summary_has_the_same_values_trimmed_and_untrimmed() -> None:
-    names = [name.removeprefix("trimmed_") for name in schema.SUMMARY if name.startswith("trimmed_")]
+    names = [name.removeprefix("trimmed_") for name in SUMMARY if name.startswith("trimmed_")]
     scales = [f"{name}_{axis}_px" for name in ("nu", "eta", "rms", "core") for axis in "uv"]
     assert names == ["n", *scales, "beyond_u", "beyond_v"]
-    assert [f"untrimmed_{name}" for name in names] == [name for name in schema.SUMMARY if name.startswith("untrimmed_")]
+    assert [f"untrimmed_{name}" for name in names] == [name for name in SUMMARY if name.startswith("untrimmed_")]
 
 
 def test_lists_of_an_enumeration_with_more_values_are_read() -> None:

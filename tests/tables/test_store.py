@@ -10,6 +10,7 @@ import pytest
 
 from tracknoise.exceptions import DataError, SchemaError, StoreError
 from tracknoise.tables import schema
+from tracknoise.tables.findings_schema import SUMMARY
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import FORMAT, FailureEntry, Manifest, SequenceEntry
 from tracknoise.tables.store import FINDINGS_JSON, OBSERVED, SEQUENCE_TABLES, RunFolder
@@ -75,7 +76,7 @@ def test_equal_tables_are_parsed_once_and_count_as_often_as_they_are_there(run, 
 
 def test_a_table_with_other_columns_is_refused_and_not_written(run):
     with pytest.raises(SchemaError, match="summary: column 0"):
-        run.write_statistics({"summary": pl.DataFrame({"x": [1]})})
+        run.write_statistics({SUMMARY: pl.DataFrame({"x": [1]})})
     assert not (run.path / "statistics").exists()
 
 
@@ -139,11 +140,11 @@ def test_a_missing_run_is_one_line(tmp_path):
 
 
 def test_a_truncated_table_is_named(run):
-    run.write_statistics({"summary": schema.empty(schema.SUMMARY)})
+    run.write_statistics({SUMMARY: schema.empty(SUMMARY)})
     path = run.path / "statistics" / "summary.parquet"
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(StoreError, match=r"summary\.parquet: damaged"):
-        run.statistics("summary")
+        run.statistics(SUMMARY)
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(tmp_path):
@@ -201,7 +202,7 @@ def test_a_name_that_is_not_utf8_cannot_be_stored():
 
 def test_statistics_of_a_run_that_is_not_finished_say_so(run):
     with pytest.raises(StoreError, match="no finished run"):
-        run.statistics("summary")
+        run.statistics(SUMMARY)
 
 
 @pytest.fixture
@@ -256,11 +257,11 @@ def test_a_damaged_bit_is_noticed_when_a_table_is_read(measured):
     flip(measured.path / "tracks" / f"{ENTRY.key}.parquet")
     with pytest.raises(StoreError, match=r"tracks.*damaged \(checksum mismatch\).*`tracknoise run` makes it again"):
         measured.sequence_table("tracks", ENTRY.key)
-    measured.write_statistics({"summary": schema.empty(schema.SUMMARY)})
-    assert measured.statistics("summary").is_empty()
+    measured.write_statistics({SUMMARY: schema.empty(SUMMARY)})
+    assert measured.statistics(SUMMARY).is_empty()
     flip(measured.path / "statistics" / "summary.parquet")
     with pytest.raises(StoreError, match=r"summary\.parquet: damaged"):
-        measured.statistics("summary")
+        measured.statistics(SUMMARY)
 
 
 def test_hashes_are_those_of_the_newest_manifest(measured):
@@ -288,7 +289,7 @@ def test_what_a_killed_start_left_unfinished_is_removed_and_nothing_else(measure
     before = sorted(measured.path.rglob("*"))
     monkeypatch.setattr(Path, "replace", lambda self, target: None)  # as if it were killed before the renaming
     monkeypatch.setattr(Path, "unlink", lambda self, missing_ok: None)
-    measured.write_statistics({"summary": schema.empty(schema.SUMMARY)})
+    measured.write_statistics({SUMMARY: schema.empty(SUMMARY)})
     monkeypatch.undo()
     left = set(measured.path.rglob("*")) - set(before)
     assert len([path for path in left if path.is_file()]) == 2
@@ -319,7 +320,7 @@ def test_an_unfinished_report_of_a_killed_process_is_removed(measured):
 
 
 def test_every_changed_value_of_the_manifest_is_noticed_but_the_time_that_a_sequence_took(measured):
-    measured.write_statistics({"summary": schema.empty(schema.SUMMARY)})
+    measured.write_statistics({SUMMARY: schema.empty(SUMMARY)})
     path = measured.path / "manifest.json"
     text = path.read_text()
     changes = {
@@ -334,7 +335,7 @@ def test_every_changed_value_of_the_manifest_is_noticed_but_the_time_that_a_sequ
         assert old in text, old
         path.write_text(text.replace(old, new, 1))
         with pytest.raises(StoreError, match=r"manifest\.json: damaged \(checksum mismatch\)"):
-            measured.statistics("summary")
+            measured.statistics(SUMMARY)
     path.write_text(text.replace('"seconds": 1.5', '"seconds": 2.5'))
     assert measured.manifest().sequences[ENTRY.key].seconds == 2.5
 

@@ -39,7 +39,8 @@ from tracknoise.statistics.grouping import Condition, TablesByCondition, total_i
 from tracknoise.statistics.scales import LEAST_ERRORS
 from tracknoise.statistics.yardstick import comparable
 from tracknoise.tables.enumerations import Weighting
-from tracknoise.tables.schema import CONDITION, CURVES, EFFECTS, check
+from tracknoise.tables.findings_schema import CURVES, EFFECTS
+from tracknoise.tables.schema import CONDITION, check
 
 CORE = "core"
 """Name of the robust scale, which is compared although `EFFECTS` lacks it."""

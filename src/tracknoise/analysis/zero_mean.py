@@ -44,8 +44,8 @@ from tracknoise.statistics.grouping import (
 )
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
-from tracknoise.tables.findings_schema import ZERO_MEAN
-from tracknoise.tables.schema import CURVES, MOMENTS, check, empty
+from tracknoise.tables.findings_schema import CURVES, ZERO_MEAN
+from tracknoise.tables.schema import MOMENTS, check, empty
 from tracknoise.words import scenes_counted
 
 Array = NDArray[np.float64]

@@ -13,9 +13,10 @@ import polars as pl
 
 from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
+from tracknoise.tables.findings_schema import AUDIT, FINDINGS, INTERVALS, OUTLIERS, RUN_TABLES, SUMMARY
 from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
-from tracknoise.tables.store import FINDINGS_TABLES, SEQUENCE_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
 
@@ -206,7 +207,7 @@ def open_run(path: str | Path) -> "Run":
     folder = RunFolder(path_of("run", path))
     if not folder.exists:
         raise StoreError(f"{path}: no run found, expected the folder of a finished run")
-    folder.statistics("summary")
+    folder.statistics(SUMMARY)
     return Run(folder)
 
 
@@ -295,7 +296,7 @@ class Run:
         StoreError
             If an earlier version made the run.
         """
-        return select(run_results(self._folder), wanted)
+        return select(run_results(self._folder, RUN_TABLES.values()), wanted)
 
     def findings(self, tracker: str | None = None) -> pl.DataFrame:
         """Return the findings, the most important first.
@@ -319,7 +320,7 @@ class Run:
         UnknownNameError
             If the run has no such tracker.
         """
-        found = self._folder.statistics("findings")
+        found = self._folder.statistics(FINDINGS)
         if found.is_empty():
             raise StoreError(f"{self.path}: holds no findings, expected some: `tracknoise run` makes them")
         if tracker is None:
@@ -327,7 +328,7 @@ class Run:
         known = self._conditions["tracker"].unique(maintain_order=True).to_list()
         if tracker not in known:
             raise UnknownNameError("tracker", tracker, known)
-        return findings_about(found.sort("rank"), run_results(self._folder), tracker)
+        return findings_about(found.sort("rank"), run_results(self._folder, RUN_TABLES.values()), tracker)
 
     def sigma(self, estimator: str, *, window: int | None = None) -> "dict[str, SigmaToSet]":
         """Say what to set in an estimator: the same numbers as its findings and ``noise show --for``.
@@ -371,7 +372,7 @@ class Run:
         """
         from tracknoise.truth_faults.audit_summary import audit_sentences
 
-        return audit_sentences(self._folder.statistics("audit"))
+        return audit_sentences(self._folder.statistics(AUDIT))
 
     def intervals(self, **wanted: Unpack[IntervalColumns]) -> pl.DataFrame:
         """Return the intervals of all numbers that have one.
@@ -392,7 +393,7 @@ class Run:
         UnknownNameError
             If a name is not among those of the run.
         """
-        return select(self._folder.statistics("intervals"), wanted)
+        return select(self._folder.statistics(INTERVALS), wanted)
 
     def figures(self) -> pl.DataFrame:
         """List the figures in the order of the report.
@@ -429,7 +430,7 @@ class Run:
 
     def tables(self) -> list[str]:
         """Names of the tables that `table` knows, sorted."""
-        return sorted({*STATISTICS_TABLES, *FINDINGS_TABLES, *SEQUENCE_TABLES})
+        return sorted({*RUN_TABLES, *SEQUENCE_TABLES})
 
     def table(self, name: str, **wanted: Wanted) -> pl.DataFrame:
         """Return a table of the run.
@@ -455,8 +456,8 @@ class Run:
         """
         if name not in self.tables():
             raise UnknownNameError("table", name, self.tables())
-        if name in STATISTICS_TABLES or name in FINDINGS_TABLES:
-            return select(self._folder.statistics(name), wanted)
+        if name in RUN_TABLES:
+            return select(self._folder.statistics(RUN_TABLES[name]), wanted)
         return self._of_sequences(name, wanted)
 
     def observations(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
@@ -553,7 +554,7 @@ class Run:
     @cached_property
     def _conditions(self) -> pl.DataFrame:
         """Trackers and speeds that were measured."""
-        return self._folder.statistics("outliers").select(_CONDITION).unique(maintain_order=True)
+        return self._folder.statistics(OUTLIERS).select(_CONDITION).unique(maintain_order=True)
 
     @cached_property
     def _charts(self) -> "Charts":

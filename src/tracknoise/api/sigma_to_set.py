@@ -11,6 +11,7 @@ from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import SettingsError
 from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.findings_schema import ADVICE
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import html_card
 from tracknoise.words import number, pixels, px
@@ -95,7 +96,7 @@ def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[
     if not found.models:
         why = "; ".join(f"{tracker}: {reason}" for tracker, reason in found.missing.items())
         raise SettingsError(f"{run.path}: no tracker has a noise model, expected one{f' ({why})' if why else ''}")
-    length = _asked_window(run.statistics("advice"), estimator_name(name)) if window is None else window
+    length = _asked_window(run.statistics(ADVICE), estimator_name(name)) if window is None else window
     advised: dict[str, SigmaToSet] = {}
     reasons = []
     for tracker, model in found.models.items():

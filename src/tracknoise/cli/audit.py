@@ -16,6 +16,7 @@ from tracknoise.cli.shared_options import (
     write_json,
 )
 from tracknoise.cli.terminal import WIDTH, Terminal
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, POSE_LAW, RIGID_SHARE, TRUST
 
 if TYPE_CHECKING:
     import polars as pl
@@ -45,14 +46,14 @@ def audit(
 
     require_outputs([("--json-file", json_file)], inputs=[run])
     folder = RunFolder(run)
-    found, curves = folder.statistics("audit"), folder.statistics("audit_curves")
-    trust = folder.statistics("trust")
+    found, curves = folder.statistics(AUDIT), folder.statistics(AUDIT_CURVES)
+    trust = folder.statistics(TRUST)
     verdict = TruthVerdict.of(trust)
     if found.is_empty() and not verdict.are_tracks_wrong:
         raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
     settings = folder.settings()
     corrections = corrections_toml(found, settings)
-    accuracy = accuracy_toml(folder.statistics("pose_law"), folder.statistics("rigid_share"), recorded_step(settings))
+    accuracy = accuracy_toml(folder.statistics(POSE_LAW), folder.statistics(RIGID_SHARE), recorded_step(settings))
     document = _json(trust, found, curves, corrections, accuracy)
     write_json(context.obj, document, as_json=as_json, file=json_file)
     if not as_json:

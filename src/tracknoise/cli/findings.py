@@ -34,7 +34,8 @@ def findings(
     from tracknoise.exceptions import StoreError
     from tracknoise.phrases.headlines import findings_json
     from tracknoise.report.report_data import ReportData
-    from tracknoise.tables.store import FINDINGS_TABLES, RunFolder
+    from tracknoise.tables.findings_schema import FINDINGS_TABLES
+    from tracknoise.tables.store import RunFolder
     from tracknoise.words import count
 
     require_outputs([("--json-file", json_file)], inputs=[run])
@@ -44,7 +45,7 @@ def findings(
     if failed := data.manifest.failures:
         are = "is" if len(failed) == 1 else "are"
         context.obj.warn(f"{run}: {count(len(failed), 'sequence')} failed and {are} not in these findings")
-    tables = {name: getattr(data, name) for name in FINDINGS_TABLES}
+    tables = {table.name: getattr(data, table.name) for table in FINDINGS_TABLES}
     write_json(context.obj, findings_json(tables), as_json=as_json, file=json_file)
     if not as_json:
         _print_sentences(context.obj, data, every=every)

@@ -34,7 +34,7 @@ from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, Units
 from tracknoise.statistics.own_covariances import LEVELS, inside, relative
 from tracknoise.tables.enumerations import Product
-from tracknoise.tables.findings_schema import RESAMPLED
+from tracknoise.tables.findings_schema import RESAMPLED, SUMMARY
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import QUALITY_PREFIX
 from tracknoise.tables.store import RunFolder
@@ -260,7 +260,7 @@ def _chosen(
     prepare: Callable[[pl.DataFrame, SequenceEntry], pl.DataFrame] = _every,
 ) -> pl.DataFrame:
     """Rows of one table of all sequences, of a tracker, a speed, and some scenes."""
-    folder.statistics("summary")
+    folder.statistics(SUMMARY)
     entries = folder.manifest().sequences
     known = {entry.sequence.scene for entry in entries.values()}
     for scene in scenes or ():

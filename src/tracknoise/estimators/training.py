@@ -26,6 +26,7 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import from_quaternion
 from tracknoise.inference.units import SceneGroups, scheme
 from tracknoise.statistics.grouping import without_blocks
+from tracknoise.tables.findings_schema import AUDIT_CURVES
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, TRACK_ERRORS, empty
@@ -116,7 +117,7 @@ class RunTruth:
     def of(cls, folder: RunFolder) -> "RunTruth":
         """That of a run."""
         audited = "audit_curves" in folder.manifest().statistics
-        return cls(TruthVerdict.of_run(folder), folder.statistics("audit_curves") if audited else None)
+        return cls(TruthVerdict.of_run(folder), folder.statistics(AUDIT_CURVES) if audited else None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

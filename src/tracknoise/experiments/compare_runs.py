@@ -38,6 +38,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, TablesByCondition, by_condition
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Axis, ComparedAges, Trimming
+from tracknoise.tables.findings_schema import CURVES, SUMMARY
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import LEADING, REFINED, Manifest, SequenceEntry, joined_fit
 from tracknoise.tables.quantities import RATIOS
@@ -71,7 +72,7 @@ class OpenedRun:
     @classmethod
     def of(cls, folder: RunFolder, name: str) -> "OpenedRun":
         """Read a run."""
-        folder.statistics("summary")
+        folder.statistics(SUMMARY)
         return cls(name, folder, folder.manifest(), folder.settings())
 
     def flat(self) -> dict[str, Any]:
@@ -332,7 +333,7 @@ def _errors(
 ) -> RunErrors:
     entries = run.manifest.sequences.values()
     zeros = {str(entry.sequence.direction): entry.key_frame for entry in entries if entry.key_frame is not None}
-    curves = run.folder.statistics("curves")
+    curves = run.folder.statistics(CURVES)
     values = scene_values(tables["moments"], tables["scales"], curves, errors=errors, key_frames=zeros, scenes=scenes)
     return RunErrors(values, tables["scales"], zeros)
 

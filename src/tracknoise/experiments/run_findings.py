@@ -58,11 +58,10 @@ from tracknoise.statistics.grouping import (
 from tracknoise.statistics.lifetimes import horizons
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Population
-from tracknoise.tables.findings_schema import RANKS
+from tracknoise.tables.findings_schema import RANKS, by_table
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest
-from tracknoise.tables.quantities import Topic
-from tracknoise.tables.result_rows import RESULT_ROWS, with_ids
+from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.schema import ENDS, INCREMENTS, ORIGIN, RIGID, VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
@@ -276,7 +275,7 @@ def _write_findings(
     if TruthVerdict.of(every["trust"]).are_tracks_wrong:
         every |= {name: every[name].clear() for name in _BLAMING_TRUTH}
     every["findings"] = headline_table({**every, **_cited(every, reference)}, reported)
-    run.write_statistics(every, documents={FINDINGS_JSON: findings_json(every), **models.documents})
+    run.write_statistics(by_table(every), documents={FINDINGS_JSON: findings_json(every), **models.documents})
 
 
 def _cited(tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition) -> dict[str, pl.DataFrame]:
@@ -285,9 +284,10 @@ def _cited(tables: Mapping[str, pl.DataFrame], reference: ReferenceCondition) ->
     Curves of errors are those of the reference condition: others are most rows of a large run, and in no sentence.
     """
     shown = pl.all_horizontal(pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed"))
-    are_curves = {name for name, rows in RESULT_ROWS.items() if rows.topics == {Topic.errors}}
     return {
-        name: with_ids(name, tables[name].filter(shown) if name in are_curves else tables[name]) for name in RESULT_ROWS
+        table.name: with_ids(table, found.filter(shown) if table.are_curves else found)
+        for table, found in by_table(tables).items()
+        if table.rows is not None
     }
 
 

@@ -12,10 +12,11 @@ from tracknoise.statistics.definitions import dropped_above, lightings_in_order
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS, with_floor
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
+from tracknoise.tables.findings_schema import CURVES, RUN_TABLES
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.result_rows import run_results
-from tracknoise.tables.schema import CURVES, VIEW
-from tracknoise.tables.store import FINDINGS_JSON, FINDINGS_TABLES, STATISTICS_TABLES, RunFolder
+from tracknoise.tables.schema import VIEW
+from tracknoise.tables.store import FINDINGS_JSON, RunFolder
 from tracknoise.words import view_text
 
 MOST_CONDITIONS = 40
@@ -93,14 +94,14 @@ class RunData:
         StoreError, SchemaError
             If there is no run, or one of its files is missing or damaged.
         """
-        tables = {name: run.statistics(name) for name in (*STATISTICS_TABLES, *FINDINGS_TABLES)}
+        tables = {name: run.statistics(table) for name, table in RUN_TABLES.items()}
         run.document(FINDINGS_JSON)  # the same findings for other programs, which must not be damaged either
         return cls(run=run, manifest=run.manifest(), settings=run.settings(), **tables)
 
     @cached_property
     def results(self) -> pl.DataFrame:
         """The table of results, which is made of the tables."""
-        return run_results(self.run)
+        return run_results(self.run, RUN_TABLES.values())
 
     @property
     def name(self) -> str:

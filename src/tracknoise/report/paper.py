@@ -12,8 +12,8 @@ import polars as pl
 from tracknoise import words
 from tracknoise.analysis.factors import ROLES
 from tracknoise.statistics.yardstick import FACTORS
-from tracknoise.tables.findings_schema import DEPENDENCE
-from tracknoise.tables.schema import CONDITION, EFFECTS, VERDICT, Schema
+from tracknoise.tables.findings_schema import DEPENDENCE, EFFECTS
+from tracknoise.tables.schema import CONDITION, VERDICT, Schema
 
 STATISTICS: Mapping[str, str] = {role: name for role, name in words.STATISTICS.items() if role != "core"}
 """Rows of the paper's summary tables: name of each statistic by its role."""

@@ -22,7 +22,8 @@ from tracknoise.statistics.grouping import group_rows, in_chunks, number_combina
 from tracknoise.statistics.moments import ABOUT_ZERO, SECOND, measure_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.schema import CHANGES, INCREMENTS, TRIMMING, Schema, check
+from tracknoise.tables.findings_schema import CHANGES
+from tracknoise.tables.schema import INCREMENTS, TRIMMING, Schema, check
 
 
 def followers(

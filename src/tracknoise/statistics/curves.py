@@ -26,7 +26,8 @@ from tracknoise.statistics.grouping import group_rows, in_chunks, tables_of
 from tracknoise.statistics.moments import MOMENT_VALUES, SECOND, merge_groups
 from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Axis, Weighting
-from tracknoise.tables.schema import ASPECT_CURVES, ASPECTS, CURVES, MOMENTS, WEIGHTING, Schema, check, empty
+from tracknoise.tables.findings_schema import ASPECT_CURVES, CURVES
+from tracknoise.tables.schema import ASPECTS, MOMENTS, WEIGHTING, Schema, check, empty
 
 _CURVE = [*POOLED, "population", "trimming", "axis"]
 _POINT = [*_CURVE, "at"]

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import add_up, group_runs
-from tracknoise.tables.schema import ERRORS, TRACKS, check
+from tracknoise.tables.findings_schema import ERRORS
+from tracknoise.tables.schema import TRACKS, check
 
 BINS_PER_DECADE = 10
 # Rounded to be the same on every machine.

@@ -19,7 +19,8 @@ from tracknoise.statistics.grouping import (
     total_if_known,
 )
 from tracknoise.statistics.prepared import blocks_of
-from tracknoise.tables.schema import BY_CAUSE, ENDS, FAILURES, LIFETIMES, ORIGIN, TRACKS, Schema, TrackEnd, check, empty
+from tracknoise.tables.findings_schema import LIFETIMES
+from tracknoise.tables.schema import BY_CAUSE, ENDS, FAILURES, ORIGIN, TRACKS, Schema, TrackEnd, check, empty
 
 MEAN_LIFETIMES: Schema = {
     **{column: LIFETIMES[column] for column in POOLED},

@@ -18,18 +18,8 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import IntegerArray, group_rows, in_chunks, number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Population, Trimming, Weighting
-from tracknoise.tables.schema import (
-    AXIS,
-    CORES,
-    CURVES,
-    POPULATION,
-    SCALE_BLOCKS,
-    SCALES,
-    TRIMMING,
-    Schema,
-    check,
-    empty,
-)
+from tracknoise.tables.findings_schema import CORES, CURVES
+from tracknoise.tables.schema import AXIS, POPULATION, SCALE_BLOCKS, SCALES, TRIMMING, Schema, check, empty
 
 PER_MEDIAN = 1.482602218505602
 """Sigma of a Gaussian by the median of its absolute value."""

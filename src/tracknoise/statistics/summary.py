@@ -12,7 +12,8 @@ from tracknoise.statistics.prepared import POPULATIONS
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, FloorSource, Weighting
-from tracknoise.tables.schema import CORES, CURVES, FLOOR, OUTLIERS, SUMMARY, TRIMMING, check, empty
+from tracknoise.tables.findings_schema import CORES, CURVES, FLOOR, OUTLIERS, SUMMARY
+from tracknoise.tables.schema import TRIMMING, check, empty
 
 
 def summary(

@@ -11,7 +11,8 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import add_up, group_rows, in_chunks, total_if_known
 from tracknoise.statistics.histograms import box_of_counts
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.schema import COUNTS, FRAME_COUNTS, OUTLIERS, TrackEnd, TruthStatus, check, empty
+from tracknoise.tables.findings_schema import COUNTS, OUTLIERS
+from tracknoise.tables.schema import FRAME_COUNTS, TrackEnd, TruthStatus, check, empty
 
 _SORTED = [column for column in COUNTS if column != "n"]
 

@@ -10,7 +10,8 @@ from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.statistics.prepared import PreparedSequence, check_population, prepare_sequence
 from tracknoise.tables.defaults import POPULATION, TRIM_AMONG
 from tracknoise.tables.enumerations import TrimAmong
-from tracknoise.tables.schema import AMONG, TRIMS, check
+from tracknoise.tables.findings_schema import TRIMS
+from tracknoise.tables.schema import AMONG, check
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,10 +54,10 @@ from tracknoise.statistics.grouping import group_rows, in_chunks, number_combina
 from tracknoise.statistics.moments import SECOND, measure_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import FloorSource, Trimming, TruthQuantity
+from tracknoise.tables.findings_schema import FLOOR
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import (
     BETWEEN_TRACKERS,
-    FLOOR,
     FLOOR_SOURCE,
     FLOORS,
     ORIGIN,

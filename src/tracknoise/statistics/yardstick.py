@@ -27,7 +27,8 @@ from tracknoise.statistics.definitions import NAMES, POOLED, UNITS, upright
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
-from tracknoise.tables.schema import AXIS, CONDITION, CURVES, EFFECTS, LIFETIMES, OUTLIERS, VERDICT, Schema, check
+from tracknoise.tables.findings_schema import CURVES, EFFECTS, LIFETIMES, OUTLIERS
+from tracknoise.tables.schema import AXIS, CONDITION, VERDICT, Schema, check
 
 FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

@@ -35,13 +35,14 @@ from tracknoise.tables.files import (
     write_parquet,
 )
 from tracknoise.tables.manifest import FailureEntry, Manifest, SequenceEntry, damaged, has_format, parse_run_settings
+from tracknoise.tables.run_table import RunTable
 
 __all__ = ["FailureEntry", "Manifest", "RunFolder", "SequenceEntry"]
 
 _LOCK, _INPUTS, _REFERENCES = ".lock", "inputs", "references"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
 FINDINGS_JSON = "findings.json"
-_PARTS = "parts"
+_PARTS, _SUMMARY = "parts", "summary"
 _OUTDATED = ("report", "statistics")
 _STACKED = 16
 """Sequences whose tables are read together."""
@@ -51,10 +52,10 @@ SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
     "frames": schema.FRAME_COUNTS,
     "poses": schema.POSES,
     "moments": schema.MOMENTS,
-    "trims": schema.TRIMS,
-    "counts": schema.COUNTS,
+    "trims": findings_schema.TRIMS,
+    "counts": findings_schema.COUNTS,
     "ends": schema.ENDS,
-    "errors": schema.ERRORS,
+    "errors": findings_schema.ERRORS,
     "scales": schema.SCALES,
     "blocks": schema.BLOCKS,
     "scale_blocks": schema.SCALE_BLOCKS,
@@ -120,55 +121,6 @@ _ALL_SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
 OBSERVED = ("observations", "tracks")
 """Tables of a sequence that grow with its observations. No table of the whole run is computed from them."""
 _OPTIONAL = (*OBSERVED, *NOISE_TABLES, *SEED_TABLES, *_ASKED_FOR, *_OF_OTHER_TIMES, *_OF_LATER_VERSIONS, *KIND_TABLES)
-STATISTICS_TABLES: Mapping[str, schema.Schema] = {
-    "curves": schema.CURVES,
-    "cores": schema.CORES,
-    "floor": schema.FLOOR,
-    "lifetimes": schema.LIFETIMES,
-    "outliers": schema.OUTLIERS,
-    "trims": schema.TRIMS,
-    "errors": schema.ERRORS,
-    "counts": schema.COUNTS,
-    "summary": schema.SUMMARY,
-    "effects": schema.EFFECTS,
-}
-FINDINGS_TABLES: Mapping[str, schema.Schema] = {
-    "aspect_curves": schema.ASPECT_CURVES,
-    "changes": schema.CHANGES,
-    "intervals": findings_schema.INTERVALS,
-    "seed_spread": findings_schema.SEED_SPREAD,
-    "triangulated_noise": findings_schema.TRIANGULATED_NOISE,
-    "window_sigmas": findings_schema.WINDOW_SIGMAS,
-    "advice": findings_schema.ADVICE,
-    "noise_lookup": findings_schema.NOISE_LOOKUP,
-    "depth_intervals": findings_schema.DEPTH_INTERVALS,
-    "point_tracking_metrics": findings_schema.POINT_TRACKING_METRICS,
-    "two_truths": findings_schema.TWO_TRUTHS,
-    "pose_disagreement": findings_schema.POSE_DISAGREEMENT,
-    "incidence": findings_schema.INCIDENCE,
-    "zero_mean": findings_schema.ZERO_MEAN,
-    "gaussianity": findings_schema.GAUSSIANITY,
-    "radii": findings_schema.RADII,
-    "time_structure": findings_schema.TIME_STRUCTURE,
-    "dependence": findings_schema.DEPENDENCE,
-    "ranks": findings_schema.RANKS,
-    "surrounding_errors": findings_schema.SURROUNDING_ERRORS,
-    "image_cells": findings_schema.IMAGE_CELLS,
-    "speed_errors": findings_schema.SPEED_ERRORS,
-    "ratios": findings_schema.RATIO_VALUES,
-    "own_covariances": findings_schema.OWN_COVARIANCES,
-    "rigid_share": findings_schema.RIGID_SHARE,
-    "pose_share": findings_schema.POSE_SHARE,
-    "pose_law": findings_schema.POSE_LAW,
-    "tracker_differences": findings_schema.TRACKER_DIFFERENCES,
-    "findings": findings_schema.FINDINGS,
-    "audit": findings_schema.AUDIT,
-    "audit_curves": findings_schema.AUDIT_CURVES,
-    "trust": findings_schema.TRUST,
-}
-"""Tables of the whole run that are computed from the others. They are empty if they were not computed."""
-RUN_TABLES: Mapping[str, schema.Schema] = {**STATISTICS_TABLES, **FINDINGS_TABLES}
-"""Tables of the whole run: a file each. The table of results is made of them (`tracknoise.tables.result_rows`)."""
 
 
 def schema_of(name: str) -> schema.Schema:
@@ -570,14 +522,14 @@ class RunFolder:
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
     def write_statistics(
-        self, tables: Mapping[str, pl.DataFrame], *, documents: Mapping[str, str] | None = None
+        self, tables: Mapping[RunTable, pl.DataFrame], *, documents: Mapping[str, str] | None = None
     ) -> None:
         """Write tables and documents of the whole run, then the manifest with their hashes.
 
         Parameters
         ----------
         tables
-            Of `RUN_TABLES`, by name.
+            Of the run.
         documents
             Texts by their paths in ``statistics``, such as ``findings.json``. Others are left as they are.
 
@@ -586,18 +538,18 @@ class RunFolder:
         SchemaError, StoreError
             If a table does not have its columns, or the folder cannot be written.
         """
-        checked = {name: schema.storable(schema.check(table, RUN_TABLES[name], name)) for name, table in tables.items()}
+        checked = [
+            (table.name, schema.storable(schema.check(found, table, table.name))) for table, found in tables.items()
+        ]
         manifest, folder = self.manifest(), self.path / "statistics"
-        for name, table in checked.items():
-            manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", table)
+        for name, found in checked:
+            manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", found)
         for name, text in (documents or {}).items():
             manifest.statistics[name] = write_atomically(folder / name, text.encode())
         self.write_manifest(manifest)
 
-    def statistics(self, name: str) -> pl.DataFrame:
-        """One table of `RUN_TABLES`.
-
-        A table of `FINDINGS_TABLES` that was never written is empty.
+    def statistics(self, table: RunTable) -> pl.DataFrame:
+        """One table of the run; empty if it was never written, as one of an analysis that was not made.
 
         Raises
         ------
@@ -605,15 +557,13 @@ class RunFolder:
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
         hashes = self._hashes_of_statistics()
-        if name in STATISTICS_TABLES and name not in hashes:
-            raise self._unfinished()
-        if name not in hashes:
-            return schema.empty(FINDINGS_TABLES[name])
-        return read_parquet(self.path / "statistics" / f"{name}.parquet", RUN_TABLES[name], hashes[name])
+        if table.name not in hashes:
+            return schema.empty(table)
+        return read_parquet(self.path / "statistics" / f"{table.name}.parquet", table, hashes[table.name])
 
     def _hashes_of_statistics(self) -> dict[str, str]:
         hashes = self._hashes().statistics
-        if not hashes or not (self.path / "statistics").is_dir():
+        if _SUMMARY not in hashes or not (self.path / "statistics").is_dir():
             raise self._unfinished()
         return hashes
 

@@ -6,6 +6,7 @@ from typing import TypeAlias
 import polars as pl
 
 from tracknoise.tables.enumerations import Trust, TruthCause
+from tracknoise.tables.findings_schema import TRUST
 from tracknoise.tables.store import RunFolder
 
 _NOT_ASSESSED = "It was not assessed."
@@ -57,7 +58,7 @@ class TruthVerdict:
         StoreError
             If there is no finished run, or its table is damaged.
         """
-        return cls.of(run.statistics("trust"))
+        return cls.of(run.statistics(TRUST))
 
     @property
     def is_usable(self) -> bool:

@@ -8,6 +8,7 @@ from tests.experiments.validation.known_errors import Known, curve_point, share
 
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.enumerations import Trimming, Weighting
+from tracknoise.tables.findings_schema import COUNTS, CURVES, OUTLIERS
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.oracle import Oracle
 from tracknoise.trackers.tracker_registry import make_tracker
@@ -20,7 +21,7 @@ def compare(run: RunFolder, *, curves: Collection[str] = (), ages: Collection[in
     experiment = parse_experiment(run.experiment_toml(), place=str(run.path))
     made = {choice.label: make_tracker(choice.kind, choice.options) for choice in experiment.trackers}
     oracles = {name: tracker for name, tracker in made.items() if isinstance(tracker, Oracle)}
-    points = run.statistics("curves").filter(
+    points = run.statistics(CURVES).filter(
         pl.col("statistic").is_in(list(curves)),
         pl.col("at").is_in(list(ages)),
         population=experiment.truth.population,
@@ -46,8 +47,8 @@ def _curve_rows(curves: pl.DataFrame, oracles: Mapping[str, Oracle]) -> Iterator
 
 def _rate_rows(run: RunFolder, oracles: Mapping[str, Oracle]) -> Iterator[dict[str, Any]]:
     """Outlier ratio and loss ratio: counts divided by the features offered to all steps."""
-    lost = run.statistics("counts").filter(kind="end", name="lost").select("tracker", "speed", lost="n")
-    offered = run.statistics("outliers").filter(pl.col("tracker").is_in(list(oracles)))
+    lost = run.statistics(COUNTS).filter(kind="end", name="lost").select("tracker", "speed", lost="n")
+    offered = run.statistics(OUTLIERS).filter(pl.col("tracker").is_in(list(oracles)))
     for condition in offered.join(lost, on=["tracker", "speed"]).iter_rows(named=True):
         oracle, n = oracles[condition["tracker"]], condition["offered"]
         yield _row(condition, share(oracle.outlier_rate, n), condition["pooled_ratio"], statistic="outlier_ratio")

@@ -6,6 +6,7 @@ import pytest
 from tests.experiments.validation.oracle_runs import compare
 
 from tracknoise.cli.app import main
+from tracknoise.tables.findings_schema import OUTLIERS
 from tracknoise.tables.store import RunFolder
 
 BIAS_PX = np.array([0.31, -0.17])
@@ -82,5 +83,5 @@ def test_every_curve_at_every_age(run, statistic):
 def test_outlier_and_loss_rates(run):
     rates = z_scores(run).filter(pl.col("statistic").is_in(["outlier_ratio", "loss_ratio"]))
     assert rates["expected"].to_list() == [OUTLIER_RATE, LOSS_RATE]
-    assert run.statistics("outliers")["offered"].item() > 5000
+    assert run.statistics(OUTLIERS)["offered"].item() > 5000
     assert (rates["z"].abs() < 4).all()

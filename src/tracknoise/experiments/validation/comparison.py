@@ -13,6 +13,7 @@ from tracknoise.experiments.validation.known_worlds import UNKNOWN, Script
 from tracknoise.experiments.validation.reference import Trim
 from tracknoise.statistics.changes import change_curves
 from tracknoise.statistics.curves import aspect_curves
+from tracknoise.tables.findings_schema import RUN_TABLES
 from tracknoise.tables.schema import Schema
 from tracknoise.tables.store import RunFolder
 
@@ -185,7 +186,10 @@ def compare_statistics(
 
     `condition`: columns that identify the condition, and their values.
     """
-    tables = {name: run.statistics(name).filter(**condition) for name in ("curves", "cores", "lifetimes", "counts")}
+    tables = {
+        name: run.statistics(RUN_TABLES[name]).filter(**condition)
+        for name in ("curves", "cores", "lifetimes", "counts")
+    }
     keys = ["population", "trimming", "at"]
     curves = reference.curves(scripts, trim, axis=axis)
     measured = tables["curves"].filter(pl.col("weighting").is_in(["features", "scenes"]), axis=axis)
@@ -223,7 +227,7 @@ def _rates(
     world: str, run: RunFolder, scripts: Sequence[Script], condition: Mapping[str, object]
 ) -> Iterator[pl.DataFrame]:
     expected = reference.rates(scripts)
-    summary, outliers = (run.statistics(name).filter(**condition) for name in ("summary", "outliers"))
+    summary, outliers = (run.statistics(RUN_TABLES[name]).filter(**condition) for name in ("summary", "outliers"))
     lived = pl.DataFrame({"mean_lifetime": [expected["mean_lifetime"]]})
     yield exact(Area.lifetimes, world, lived.with_columns(one=1), summary.with_columns(one=1), values=lived.columns)
     rejected = pl.DataFrame({"pooled_ratio": [expected["outlier_ratio"]]}, schema={"pooled_ratio": pl.Float64})

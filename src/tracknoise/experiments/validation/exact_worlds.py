@@ -44,6 +44,7 @@ from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.sequences.views import view
 from tracknoise.tables.enumerations import Axis, Population, TrimAmong
+from tracknoise.tables.findings_schema import by_table
 from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.tables.store import RunFolder
 from tracknoise.trackers.imported import Imported
@@ -184,7 +185,7 @@ def _checked(world: _World, takes: Iterator[_Take]) -> Iterator[pl.DataFrame]:
             name = take.sequence.id
             conditions.setdefault((name.direction, name.rotation, tracker, speed), []).append(script)
     write_settings(run, experiment, entries)
-    run.write_statistics(compute_statistics(run, experiment))
+    run.write_statistics(by_table(compute_statistics(run, experiment)))
     axis = Axis.frame if world.truth == TruthKind.scan else Axis.age
     for key, scripts in conditions.items():
         condition = dict(zip(("direction", "rotation", "tracker", "speed"), key, strict=True))

@@ -54,6 +54,7 @@ from tracknoise.inference.conventions import LEVEL
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import turned
 from tracknoise.tables.enumerations import Behaviour, Shape, Verdict
+from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, TIME_STRUCTURE, ZERO_MEAN
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder
 
@@ -253,15 +254,15 @@ _SAME = {"eta": Verdict.no, "outlier_ratio": Verdict.no, "lifetime": Verdict.no}
 
 def pool_checks(run: RunFolder, *, scenes: int) -> Iterator[pl.DataFrame]:
     """Compare intervals and verdicts of `pool` with what is known. Yields schema `CHECKS`."""
-    yield from interval_checks(run.statistics("intervals"), scenes=scenes)
-    yield from zero_mean_checks(run.statistics("zero_mean").filter(trimming="untrimmed"))
-    yield from _growth(run.statistics("time_structure").filter(trimming="untrimmed"))
-    yield from _shape(run.statistics("gaussianity").filter(trimming="untrimmed"))
+    yield from interval_checks(run.statistics(INTERVALS), scenes=scenes)
+    yield from zero_mean_checks(run.statistics(ZERO_MEAN).filter(trimming="untrimmed"))
+    yield from _growth(run.statistics(TIME_STRUCTURE).filter(trimming="untrimmed"))
+    yield from _shape(run.statistics(GAUSSIANITY).filter(trimming="untrimmed"))
 
 
 def factor_checks(run: RunFolder) -> Iterator[pl.DataFrame]:
     """Compare verdicts on factors in `factors` with what is known: see `pool_checks`."""
-    verdicts = run.statistics("dependence")
+    verdicts = run.statistics(DEPENDENCE)
     for tracker, known in (("rough", _LARGER), ("calm", _SAME)):
         for statistic, verdict in known.items():
             found = verdicts.filter(factor="lighting", tracker=tracker, statistic=statistic)["verdict"].to_list()

@@ -8,10 +8,10 @@ import pytest
 
 from tracknoise.cli.run_summary import MOST_LINES, print_results
 from tracknoise.cli.terminal import Terminal
-from tracknoise.phrases.sentences import sentences_of
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.sentences import sentences_of
 
 TRACKERS = tuple(f"tracker-{place}-of-a-team-with-a-long-name" for place in range(7))
 

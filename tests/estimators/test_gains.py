@@ -5,11 +5,11 @@ from tests.estimators.models import TRUSTED
 
 from tracknoise.estimators.lookup_table import NoiseTable, noise_lookup, scene_sums
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups
-from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.noise_cells import noise_table_sentences
 from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.findings_schema import NOISE_LOOKUP
 from tracknoise.tables.schema import NOISE_SUMS
+from tracknoise.topics.lookup_topic import lookup_sentences
 
 N = 400
 COVARIANCE = np.array([[1.0, 0.3], [0.3, 0.5]])

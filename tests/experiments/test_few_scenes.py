@@ -2,8 +2,8 @@
 
 import polars as pl
 
+from tracknoise.analysis.run_inputs import conditions_of_few_scenes, has_errors
 from tracknoise.analysis.time_structure import lagged
-from tracknoise.experiments.run_findings import conditions_of_few_scenes, has_errors
 from tracknoise.inference.units import NO_GROUPS, SceneGroups
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import by_condition

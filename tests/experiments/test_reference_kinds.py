@@ -15,13 +15,13 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.measurement import refined_poses
 from tracknoise.measurement.reference_tracks import FOLLOWED, MATCHED
 from tracknoise.measurement.refined_poses import RefinedPoses
-from tracknoise.phrases.factor_topic import accuracy
-from tracknoise.phrases.run_data import RunData
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.factor_topic import accuracy
+from tracknoise.topics.run_data import RunData
 
 TEXT = """
 name = "kinds"

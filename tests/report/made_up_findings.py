@@ -5,8 +5,6 @@ from collections.abc import Mapping
 
 import polars as pl
 
-from tracknoise.phrases.headline import ReportedConditions
-from tracknoise.phrases.headlines import headline_table
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import (
@@ -34,6 +32,8 @@ from tracknoise.tables.findings_schema import (
 )
 from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.schema import CAUSES, Schema, empty
+from tracknoise.topics.headline import ReportedConditions
+from tracknoise.topics.headlines import headline_table
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)

@@ -16,7 +16,6 @@ import polars as pl
 
 from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
 from tracknoise.analysis.ratio_intervals import ratio_intervals
-from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.sequences.images import encode_webp
 from tracknoise.statistics.changes import change_curves
 from tracknoise.statistics.curves import aspect_curves, curves
@@ -48,6 +47,7 @@ from tracknoise.tables.schema import (
     empty,
 )
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
+from tracknoise.topics.headline import ReportedConditions
 
 WIDTH, HEIGHT = 160, 120
 _UNREAD = (

@@ -17,9 +17,6 @@ from tests.report.synthetic import DEGENERATE
 from tests.report.test_truth_section import with_floor
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import Card, Measure, Number, Summary, summary_json, summary_schema
-from tracknoise.phrases.measures import card_number as plain_number
-from tracknoise.phrases.measures import shown_size
 from tracknoise.report import small_plots
 from tracknoise.report.answer import certainty, limit_text, summarise
 from tracknoise.report.contents import OPENINGS
@@ -27,6 +24,9 @@ from tracknoise.report.figures.families import FAMILIES, Family
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.answer_summary import Card, Measure, Number, Summary, summary_json, summary_schema
+from tracknoise.topics.measures import card_number as plain_number
+from tracknoise.topics.measures import shown_size
 from tracknoise.words import SPACE, TIMES
 
 MOST_WORDS, MOST_NUMBERS = 25, 3
@@ -497,7 +497,7 @@ def test_the_file_keeps_to_its_schema(data: ReportData, run: RunFolder) -> None:
 
 def test_the_schema_is_documented() -> None:
     assert json.loads(SCHEMA.read_text(encoding="utf-8")) == summary_schema(), (
-        "renew it: python -c 'import json; from tracknoise.phrases.answer_summary import summary_schema; "
+        "renew it: python -c 'import json; from tracknoise.topics.answer_summary import summary_schema; "
         "print(json.dumps(summary_schema(), indent=1))' > docs/report-summary.schema.json"
     )
 

@@ -8,11 +8,11 @@ import pytest
 from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.run_models import run_models
-from tracknoise.phrases.answer_summary import NoiseToSet
 from tracknoise.report.answer import number_of, summarise
 from tracknoise.report.answer_plot import AnswerPlot, Curve, answer_plot
 from tracknoise.report.looks import looks
 from tracknoise.report.report_data import ReportData
+from tracknoise.topics.answer_summary import NoiseToSet
 
 NOTHING = {"groups": [], "patch_px": 31}
 

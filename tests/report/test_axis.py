@@ -1,7 +1,7 @@
 import pytest
 
-from tracknoise.phrases.bands import AGE, FRAME
 from tracknoise.statistics.definitions import NAMES
+from tracknoise.topics.bands import AGE, FRAME
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ import polars as pl
 import pytest
 from tests.report.figures.test_lightings import LIGHTINGS
 
-from tracknoise.phrases import bands
 from tracknoise.report.figures import error_curves, levels, track_ends
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import upright
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics import bands
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 
 import tracknoise
 from tracknoise.exceptions import StoreError
-from tracknoise.phrases.answer_summary import SUMMARY
 from tracknoise.report.contents import CONTENTS, FORMAT, Section, contents_json, layout, read_contents
 from tracknoise.report.figures.figure import Absence, Figure
+from tracknoise.topics.answer_summary import SUMMARY
 
 FIGURE, ABSENCE = Figure("one", "One", "It shows.", "Look.", {}), Absence("two", "Two", "Nothing was found.")
 

@@ -5,12 +5,12 @@ import dataclasses
 import polars as pl
 import pytest
 
-from tracknoise.phrases.depth_topic import depth_sentence, depth_shares
 from tracknoise.report.answer import summarise
 from tracknoise.report.figures import noise_models
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.depth_topic import depth_sentence, depth_shares
 
 SENTENCE = (
     "lucas-kanade: with the residual core, a 95 % depth interval holds 57 % of true depths; with the sigma for "

@@ -4,11 +4,11 @@ from types import ModuleType
 
 import polars as pl
 
-from tracknoise.phrases.truth_topic import without_truth
 from tracknoise.report import measured
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.truth_topic import without_truth
 
 
 def _integer(cell: str) -> int:

@@ -1,7 +1,7 @@
 import pytest
 
-from tracknoise.phrases.sentences import by_statement, together
 from tracknoise.tables.identity import identifiers
+from tracknoise.topics.sentences import by_statement, together
 
 
 def test_names_are_put_together_by_what_is_said_of_them() -> None:

@@ -10,12 +10,12 @@ from tracknoise.estimators.export_render import export, number
 from tracknoise.estimators.exports import estimators
 from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import UnknownNameError
-from tracknoise.phrases.answer_summary import Summary
 from tracknoise.report.answer import summarise
 from tracknoise.report.estimator_exports import exported
 from tracknoise.report.noise_cells import equivalent_cells, model_sentences
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.answer_summary import Summary
 
 SPACES = str.maketrans({"\N{NO-BREAK SPACE}": " ", "\n": " "})
 

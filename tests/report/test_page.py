@@ -14,7 +14,6 @@ import cv2
 import pytest
 
 from tracknoise.exceptions import StoreError, UnknownNameError
-from tracknoise.phrases.sentences import sentences_of
 from tracknoise.report import measured
 from tracknoise.report import page as page_module
 from tracknoise.report.figures.families import FAMILIES
@@ -25,6 +24,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import FILM, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.sentences import sentences_of
 
 MAGIC = {".png": b"\x89PNG\r\n", ".svg": b"<svg"}
 

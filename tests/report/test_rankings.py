@@ -7,13 +7,13 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import StoreError
-from tracknoise.phrases.factor_topic import accuracy
 from tracknoise.report.figures.rankings import _apart, ranking_figures
 from tracknoise.report.ranking_table import ranking_table
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import COSTS_JSON, read_costs, write_costs
 from tracknoise.tables.findings_schema import RANKS
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.factor_topic import accuracy
 
 SPANS = {"best": (1, 1), "alike": (2, 3), "other": (2, 3)}
 

@@ -4,14 +4,14 @@ import json
 from collections.abc import Callable
 
 import pytest
-from tests.phrases.short import long_in_findings, too_long
 from tests.report.synthetic import DEGENERATE
+from tests.topics.short import long_in_findings, too_long
 
-from tracknoise.phrases.headlines import findings_json
 from tracknoise.report.answer import summarise
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.findings_schema import FINDINGS_TABLES
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.headlines import findings_json
 
 WORLDS: dict[str, dict[str, object]] = {
     "ordinary": {},

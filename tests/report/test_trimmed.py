@@ -5,10 +5,10 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.phrases import trimming_topic
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.findings_schema import TRIMS
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics import trimming_topic
 from tracknoise.words import percent
 
 MOSTLY_SEEN_ONCE: dict[str, Any] = {"told": False, "loss": 0.97, "hidden": 0.0, "trackers": ("one",), "speeds": (1,)}

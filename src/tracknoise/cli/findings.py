@@ -32,10 +32,10 @@ def findings(
     """
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.exceptions import StoreError
-    from tracknoise.phrases.headlines import findings_json
     from tracknoise.report.report_data import ReportData
     from tracknoise.tables.findings_schema import FINDINGS_TABLES
     from tracknoise.tables.store import RunFolder
+    from tracknoise.topics.headlines import findings_json
     from tracknoise.words import count
 
     require_outputs([("--json-file", json_file)], inputs=[run])

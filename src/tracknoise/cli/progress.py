@@ -21,9 +21,9 @@ from rich.progress import (
 
 from tracknoise import processes
 from tracknoise.cli.terminal import Terminal
-from tracknoise.phrases.sentences import together
 from tracknoise.tables.identity import readable
 from tracknoise.text import counted, printable
+from tracknoise.topics.sentences import together
 
 if TYPE_CHECKING:
     from tracknoise.tables.manifest import SequenceEntry

@@ -3,17 +3,17 @@
 from collections.abc import Iterable, Sequence
 
 from tracknoise.cli.terminal import wrapped
-from tracknoise.phrases.factor_topic import changes
-from tracknoise.phrases.headline import MOST_TRACKERS
-from tracknoise.phrases.measures import Subject, shown_size
-from tracknoise.phrases.sentences import joined, sentences_of
-from tracknoise.phrases.size_topic import size_measure
-from tracknoise.phrases.truth_topic import depth_is_from_images, without_truth
-from tracknoise.phrases.window_topic import sigma_sentence
 from tracknoise.report.answer import accuracy, summarise
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.factor_topic import changes
+from tracknoise.topics.headline import MOST_TRACKERS
+from tracknoise.topics.measures import Subject
+from tracknoise.topics.sentences import joined, sentences_of
+from tracknoise.topics.size_topic import size_measure
+from tracknoise.topics.truth_topic import depth_is_from_images, without_truth
+from tracknoise.topics.window_topic import sigma_sentence
 from tracknoise.truth_faults.check_change import truth_change
 
 _CLAIMS = ("growth", "bias", "tails")
@@ -72,7 +72,7 @@ def _of_tracker(data: ReportData, tracker: str) -> str:
     if found := sentences_of(sigma_sentence(data, tracker)):
         return f"{tracker}: {found[0][0].lower()}{found[0][1:]}"
     subject = Subject(data, tracker)
-    measure = size_measure(subject, None, shown=shown_size(data))
+    measure = size_measure(subject)
     if measure is None:
         return f"{tracker}: what to set is unknown, because too few errors were measured."
     return subject.said(measure.sentence)

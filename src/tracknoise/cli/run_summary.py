@@ -9,9 +9,6 @@ import polars as pl
 from tracknoise.cli.run_answer import answer_lines, sentences_to_set
 from tracknoise.cli.terminal import Terminal, wrapped
 from tracknoise.cli.text_table import aligned, show
-from tracknoise.phrases.headline import MOST_TRACKERS
-from tracknoise.phrases.sentences import by_statement, together
-from tracknoise.phrases.truth_topic import at_most
 from tracknoise.report.answer import accuracy
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.ranking_table import ranking_table
@@ -22,6 +19,9 @@ from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
+from tracknoise.topics.headline import MOST_TRACKERS
+from tracknoise.topics.sentences import by_statement, together
+from tracknoise.topics.truth_topic import at_most
 from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import rms_of_tracks
 

@@ -23,16 +23,16 @@ from tracknoise.analysis.paired_values import (
     of_differences,
 )
 from tracknoise.analysis.run_changes import ESTIMANDS, OF_ERRORS, Asked, Compared, Comparison, RunSide, Unit
+from tracknoise.analysis.run_inputs import read_kind_tables
 from tracknoise.checks import path_of, require, require_within
 from tracknoise.estimators.window_noise import scene_quantities
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
-from tracknoise.experiments.reference_kinds import read_kind_tables
 from tracknoise.experiments.resume import LIBRARIES
 from tracknoise.experiments.settings import dotted
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.units import MIN_SCENES
-from tracknoise.phrases.window_topic import LONGEST_WINDOW
+from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, TablesByCondition, by_condition
@@ -47,6 +47,7 @@ from tracknoise.tables.schema import RATIOS as RATIO_SUMS
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import parse_toml
+from tracknoise.topics.window_topic import LONGEST_WINDOW
 from tracknoise.words import pixels
 
 _DATA, _TRUTH = "dataset.", "truth."
@@ -306,7 +307,7 @@ def read_run(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[
     every = {
         name: _read(run.folder, name, keys, lambda table: _chosen(table, errors)) for name in ("moments", "scales")
     }
-    alone = read_kind_tables(run.folder, keys, every, lambda table: _chosen(table, errors))
+    alone = read_kind_tables(run.folder, keys, every, KINDS, lambda table: _chosen(table, errors))
     return RunTables(
         _errors(run, every, scenes, errors),
         {kind: _errors(run, tables, scenes, errors) for kind, tables in alone.items()},

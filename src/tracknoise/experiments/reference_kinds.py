@@ -4,8 +4,6 @@ Poses that are refined by tracks may favour trackers that are like these. Refere
 comparison of trackers is decided where poses by each kind alone say the same.
 """
 
-from collections.abc import Callable, Mapping
-from collections.abc import Sequence as Items
 from dataclasses import replace
 
 import numpy as np
@@ -13,18 +11,13 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.geometry.pose import transform
-from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.measurement.refined_poses import RefinedPoses
 from tracknoise.sequences.sequence import Sequence
-from tracknoise.statistics.grouping import TablesByCondition, by_condition
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.scales import scales
-from tracknoise.tables.store import KIND_TABLES, SEQUENCE_TABLES, RunFolder
+from tracknoise.tables.store import KIND_TABLES
 from tracknoise.truth.uncertainty import AnchoredPoints, ObservedCameras, moved_by
-
-KindTables = Mapping[str, Mapping[str, TablesByCondition]]
-"""`MOMENTS` and `SCALES` by the kind of reference tracks, by name and by condition."""
 
 
 def kind_tables(sequence: Sequence, prepared: PreparedSequence, population: str) -> dict[str, pl.DataFrame]:
@@ -57,39 +50,3 @@ def _points(sequence: Sequence, prepared: PreparedSequence) -> tuple[NDArray[np.
     of_row = prepared.track_row
     rows = np.flatnonzero(np.isfinite(seen.error_px).all(axis=1) & np.isfinite(points[of_row]).all(axis=1))
     return rows, AnchoredPoints(birth[of_row[rows]], seen.frame[rows].astype(np.intp), points[of_row[rows]])
-
-
-def read_kind_tables(
-    folder: RunFolder,
-    keys: Items[str],
-    every: Mapping[str, TablesByCondition],
-    reduce: Callable[[pl.DataFrame], pl.DataFrame] = lambda table: table,
-) -> KindTables:
-    """Moments and scales of some sequences of a run by each kind of reference tracks alone; none without any.
-
-    `every`: the same by poses of all reference tracks, which count where poses were not refined. `reduce`: as of
-    `by_condition`.
-    """
-    entries = folder.manifest().sequences
-
-    def of(kind: str, name: str) -> TablesByCondition:
-        stored = f"kind_{name}"
-        tables = folder.stacked_tables(stored, [key for key in keys if stored in entries[key].sha256])
-        own = (table.filter(references=kind).drop("references") for table in tables)
-        return by_condition(own, SEQUENCE_TABLES[name], name, reduce)
-
-    found = {kind: {name: of(kind, name) for name in every} for kind in KINDS}
-    return {
-        kind: {name: _completed(table, every[name]) for name, table in tables.items()}
-        for kind, tables in found.items()
-        if any(tables.values())
-    }
-
-
-def _completed(tables: TablesByCondition, every: TablesByCondition) -> TablesByCondition:
-    """Tables of one kind with the rows of scenes that it does not have."""
-    found = dict(every)
-    for key, table in tables.items():
-        there = table["scene"].unique().to_list()
-        found[key] = pl.concat([table, every[key].filter(~pl.col("scene").is_in(there))])
-    return found

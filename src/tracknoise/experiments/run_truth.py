@@ -12,7 +12,9 @@ from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.experiments.wrong_tracks import largest, wrong_in_run
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.yardstick import ReferenceCondition
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FLOOR, POSE_SHARE, SUMMARY
 from tracknoise.tables.manifest import Manifest, SequenceEntry
+from tracknoise.tables.run_table import RunTable
 from tracknoise.tables.schema import RIGID, VIEW, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.truth_faults.assessment import MOST, ErrorSize, TruthEvidence, assess, refutes
@@ -55,7 +57,7 @@ def trust_table(
     run: RunFolder,
     manifest: Manifest,
     experiment: Experiment,
-    tables: Mapping[str, pl.DataFrame],
+    tables: Mapping[RunTable, pl.DataFrame],
     reference: ReferenceCondition,
 ) -> pl.DataFrame:
     """The verdict on the truth of a run.
@@ -74,18 +76,18 @@ def trust_table(
     seen = every - {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC}
     shown = [pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed")]
     rigid = [empty(RIGID), *(table.filter(*shown) for table in run.stored_tables("rigid"))]
-    summary = tables["summary"].filter(*shown, pl.col("tracker").is_in(seen or every))
+    summary = tables[SUMMARY].filter(*shown, pl.col("tracker").is_in(seen or every))
     states = all(entry.states_accuracy for entry in entries)
-    floor = tables["floor"].filter(*shown, source="all", axis="age")
+    floor = tables[FLOOR].filter(*shown, source="all", axis="age")
     confirmed = largest([entry.confirmed_share for entry in entries])
     evidence = TruthEvidence(
-        audit=tables["audit"],
-        pose_shares=tables["pose_share"].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
+        audit=tables[AUDIT],
+        pose_shares=tables[POSE_SHARE].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
         sizes=_sizes(summary, str(experiment.findings.trimming), floor if states else floor.clear()),
-        curves=tables["audit_curves"],
+        curves=tables[AUDIT_CURVES],
         tracks=wrong_in_run([entry.wrong_tracks for entry in entries]),
         confirmed_share=confirmed,
-        mistakes=[*_each(entries, "doubts"), *([] if refutes(confirmed, MOST) else usual_mistakes(tables["audit"]))],
+        mistakes=[*_each(entries, "doubts"), *([] if refutes(confirmed, MOST) else usual_mistakes(tables[AUDIT]))],
         cautions=_each(entries, "cautions"),
         depth_edges=fmean(entry.depth_edges for entry in entries),
         pose_fits=[entry.pose_fit for entry in entries],

@@ -24,13 +24,13 @@ import polars as pl
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.multiple_tests import chosen_among
 from tracknoise.inference.units import MIN_WITHIN, Resampled
-from tracknoise.phrases.bands import of_scalar
 from tracknoise.report import paper
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Reading, Shape, Verdict, Weighting
+from tracknoise.topics.bands import of_scalar
 from tracknoise.words import DASH, STATISTICS, effect_text, format_estimate, listing, number, percent, size_text
 
 

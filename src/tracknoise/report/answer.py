@@ -5,17 +5,19 @@ from dataclasses import replace
 from typing import Any
 
 from tracknoise.estimators.exports import estimator
-from tracknoise.phrases import bias_topic, factor_topic, growth_topic, shape_topic, size_topic, track_topics
-from tracknoise.phrases.answer_summary import FORMAT, Card, Judgement, Measure, NoiseToSet, Number, Summary
-from tracknoise.phrases.measures import Subject, reported_conditions, shown_size
-from tracknoise.phrases.scene_topic import certainty, holds, measured
-from tracknoise.phrases.statements import findings
-from tracknoise.phrases.truth_topic import truth
-from tracknoise.phrases.window_topic import sigma_sentence
 from tracknoise.report import small_plots
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics import factor_topic
+from tracknoise.topics.answer_summary import FORMAT, Card, Judgement, Measure, NoiseToSet, Number, Summary
+from tracknoise.topics.catalogue import TOPICS
+from tracknoise.topics.headlines import basis_of
+from tracknoise.topics.measures import Subject, reported_conditions
+from tracknoise.topics.scene_topic import certainty, holds, measured
+from tracknoise.topics.statements import findings
+from tracknoise.topics.truth_topic import truth
+from tracknoise.topics.window_topic import sigma_sentence
 from tracknoise.words import SPACE, TIMES, number, pixels, px
 
 
@@ -103,26 +105,12 @@ def _accuracy(data: ReportData, cards: Sequence[Card]) -> Judgement:
 
 
 def _cards(data: ReportData) -> tuple[Card, ...]:
-    shown = shown_size(data)
-    return tuple(_card(data, tracker, shown) for tracker in data.trackers)
+    return tuple(_card(data, tracker) for tracker in data.trackers)
 
 
-def _card(data: ReportData, tracker: str, shown: tuple[str, str]) -> Card:
-    subject = Subject(data, tracker)
-    smallest, fewest, longest = (
-        factor_topic.best(data, tracker, role, question)
-        for role, question in (("core", "smallest"), ("outlier_ratio", "fewest"), ("lifetime", "longest"))
-    )
-    are_wrong = TruthVerdict.of(data.trust).are_tracks_wrong
-    about_errors = [] if are_wrong else [size_topic.size_measure(subject, smallest, shown=shown)]
-    if not (are_wrong or data.truth_is_fitted):
-        makes = bias_topic.bias_measure, shape_topic.shape_measure, growth_topic.growth_measure
-        about_errors += [make(subject) for make in makes]
-    found = [
-        *about_errors,
-        track_topics.outliers_measure(subject, fewest),
-        track_topics.lifetime_measure(subject, longest),
-    ]
+def _card(data: ReportData, tracker: str) -> Card:
+    subject, basis = Subject(data, tracker), basis_of(data.trust, is_fitted=data.truth_is_fitted)
+    found = [topic.measure(subject) for topic in TOPICS if topic.measure is not None and basis in topic.in_cards]
     measures = tuple(_limited(subject, one) for one in found if one is not None)
     return Card(tracker, data.colour[tracker], measures, subject.said(sigma_sentence(data, tracker)))
 

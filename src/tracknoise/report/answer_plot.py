@@ -21,9 +21,9 @@ from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.model import Landmark
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
-from tracknoise.phrases.answer_summary import NoiseToSet, Summary
 from tracknoise.report import figure_files, style
 from tracknoise.text import counted, printable
+from tracknoise.topics.answer_summary import NoiseToSet, Summary
 from tracknoise.words import px, sentence_case
 
 FILE = "share.png"

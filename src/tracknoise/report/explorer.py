@@ -7,9 +7,9 @@ from typing import Any
 import polars as pl
 import polars.selectors as cs
 
-from tracknoise.phrases.bands import BOUNDS, of_scalar
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import VIEW
+from tracknoise.topics.bands import BOUNDS, of_scalar
 
 SCENE_FEATURES = 20
 """Curves of single scenes are cut where fewer features than this remain."""

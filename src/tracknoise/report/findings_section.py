@@ -7,11 +7,11 @@ import polars as pl
 
 from tracknoise.analysis.zero_mean import verdict_at
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.growth_topic import growth_ratio, kind_of_growth
-from tracknoise.phrases.headline import ReportedConditions, scalar_estimate, size_estimate
-from tracknoise.phrases.measures import SIZES, first, reported_conditions
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
+from tracknoise.topics.growth_topic import growth_ratio, kind_of_growth
+from tracknoise.topics.headline import ReportedConditions, scalar_estimate, size_estimate
+from tracknoise.topics.measures import SIZES, first, reported_conditions
 from tracknoise.words import DASH, SELF_REFERENTIAL, SPACE, chance, format_estimate, number, rms_of_tracks
 
 _METRICS = {

@@ -8,9 +8,6 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.phrases.bands import FRAME
-from tracknoise.phrases.run_data import MOST_CONDITIONS
-from tracknoise.phrases.sentences import MOST_NAMED, by_statement, together
 from tracknoise.report.cells import Cells, cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.prepared import POPULATIONS
@@ -18,6 +15,9 @@ from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.topics.bands import FRAME
+from tracknoise.topics.run_data import MOST_CONDITIONS
+from tracknoise.topics.sentences import MOST_NAMED, by_statement, together
 from tracknoise.words import TIMES, condition_name, count, listing, number, percent
 
 _TRUTHS = {

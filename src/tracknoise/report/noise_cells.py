@@ -16,10 +16,10 @@ from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.track_likelihood import BULK, LEAST_NU
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.track_noise import COMPONENTS
-from tracknoise.phrases.lookup_topic import lookup_sentences
 from tracknoise.report.cells import Cells
 from tracknoise.tables.enumerations import Product, Trust, Verdict
 from tracknoise.text import counted, significant
+from tracknoise.topics.lookup_topic import lookup_sentences
 from tracknoise.words import DASH, number, percent, ratio, thousandths
 
 _LANDMARKS = {

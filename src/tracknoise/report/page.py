@@ -8,8 +8,6 @@ from typing import Any
 from tracknoise.atomic import replaced_folder
 from tracknoise.estimators.run_models import RunModels, run_models
 from tracknoise.exceptions import StoreError, UnknownNameError
-from tracknoise.phrases import trimming_topic
-from tracknoise.phrases.answer_summary import SUMMARY, NoiseToSet, Summary, summary_json
 from tracknoise.report import (
     answer_plot,
     estimator_exports,
@@ -35,12 +33,14 @@ from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import browser_json
+from tracknoise.topics import trimming_topic
+from tracknoise.topics.answer_summary import SUMMARY, NoiseToSet, Summary, summary_json
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
     """Write the folder ``report/`` of a run. An earlier report is replaced when the new one is complete.
 
-    The folder has ``index.html``, ``summary.json`` (see `tracknoise.phrases.answer_summary`), ``contents.json`` (see
+    The folder has ``index.html``, ``summary.json`` (see `tracknoise.topics.answer_summary`), ``contents.json`` (see
     `tracknoise.report.contents`) and ``tables/``; ``share.png`` where the run has a noise model; and ``figures/`` if
     figure files are asked for.
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 import polars as pl
 
 from tracknoise.analysis.ranking import RANKED
-from tracknoise.phrases.factor_topic import disputed_ranks, ranks_by_role
 from tracknoise.report.answer import noise_to_set
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import read_costs
 from tracknoise.text import significant
+from tracknoise.topics.factor_topic import disputed_ranks, ranks_by_role
 from tracknoise.words import count
 
 TITLES: Mapping[str, str] = dict(

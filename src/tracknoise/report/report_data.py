@@ -6,10 +6,10 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.phrases.run_data import RunData
 from tracknoise.report import paper, style
 from tracknoise.tables.identity import identifiers
 from tracknoise.text import absolute_paths, without_folders
+from tracknoise.topics.run_data import RunData
 
 _FIXED = ("by-lighting",)
 """How ids of figures of all trackers end that begin as those of single trackers."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
-from tracknoise.phrases.answer_summary import Card, Measure, Number
 from tracknoise.text import printable
+from tracknoise.topics.answer_summary import Card, Measure, Number
 
 INTERVAL_PLOT_WIDTH, INTERVAL_PLOT_HEIGHT = 76, 16
 _EDGE = 4.0

@@ -5,9 +5,9 @@ import re
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 
-from tracknoise.phrases.sentences import sentences_of
 from tracknoise.report.figures.figure import Figure
 from tracknoise.text import printable
+from tracknoise.topics.sentences import sentences_of
 
 _RAW = {
     "css": "page.css",

@@ -9,12 +9,12 @@ from itertools import groupby
 
 import polars as pl
 
-from tracknoise.phrases.bands import Axis
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import TruthCause
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.bands import Axis
 from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml
 from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.truth_faults.explained import MOVED

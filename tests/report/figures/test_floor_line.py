@@ -8,13 +8,13 @@ import polars as pl
 import pytest
 
 from tracknoise.cli.run_summary import summary_text
-from tracknoise.phrases.bands import upright_bounds
 from tracknoise.report.figures import error_curves
 from tracknoise.report.figures.curve_panels import NAME
 from tracknoise.report.figures.figure import Figure
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.table_files import EXPORTS
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.bands import upright_bounds
 
 FLOOR_PX = 0.1
 

@@ -9,7 +9,6 @@ import pytest
 from tests.report import made_up_findings
 from tests.report.synthetic import DEGENERATE
 
-from tracknoise.phrases.growth_topic import growth_message
 from tracknoise.report.figures import error_curves, frames, growth_curves, levels, noise_models, track_ends
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure
@@ -17,6 +16,7 @@ from tracknoise.report.figures.messages import MOST_NUMBERS, MOST_WORDS
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.growth_topic import growth_message
 from tracknoise.words import percent, px, ratio
 
 NAMES = ("a light stage", "a perfect tracker", "no depth", "no feature found", "turned, and played backward")

@@ -13,13 +13,13 @@ import altair as alt
 import polars as pl
 
 from tracknoise.analysis.truth_shares import SIGMAS
-from tracknoise.phrases import bands
-from tracknoise.phrases.bands import AGE, BOUNDS, FRAME, Axis
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.panels import Panel, Spec, arranged, layered
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS
+from tracknoise.topics import bands
+from tracknoise.topics.bands import AGE, BOUNDS, FRAME, Axis
 from tracknoise.words import listing, number, px
 
 MANY = 6

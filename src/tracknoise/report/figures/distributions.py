@@ -12,7 +12,6 @@ import altair as alt
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.bands import AGE, FRAME
 from tracknoise.report import style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
@@ -22,6 +21,7 @@ from tracknoise.report.figures.messages import values
 from tracknoise.report.figures.panels import Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Shape
+from tracknoise.topics.bands import AGE, FRAME
 from tracknoise.words import DASH, SPACE, count, format_estimate, listing, number, percent, px
 
 _TRIMMING_TITLE = "Errors before trimming"

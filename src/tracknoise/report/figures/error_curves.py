@@ -12,8 +12,6 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.phrases.bands import AGE, FRAME, Axis
-from tracknoise.phrases.growth_topic import growth_message
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.curve_panels import HEIGHT, Reading, Series, describe_bands, grid, readings, when
@@ -24,6 +22,8 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LEAST_MOTION_PX, LONG_LIVED_AGES, REFERENCE_AGE
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS
 from tracknoise.tables.enumerations import Aspect, Trimming
+from tracknoise.topics.bands import AGE, FRAME, Axis
+from tracknoise.topics.growth_topic import growth_message
 from tracknoise.words import SPACE, count, listing, number, percent, px, ratio, rms_of_tracks
 
 _LAYOUT = (

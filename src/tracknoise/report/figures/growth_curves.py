@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 
 from tracknoise.analysis.curve_intervals import AUTOCORRELATION
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases import bands
-from tracknoise.phrases.bands import BOUNDS
-from tracknoise.phrases.growth_topic import behaviour
 from tracknoise.report import style
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
@@ -26,6 +23,9 @@ from tracknoise.report.figures.panels import COORDINATES, Panel, arranged, curve
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import LAGS, NAMES, REFERENCE_AGE
 from tracknoise.tables.enumerations import Aspect
+from tracknoise.topics import bands
+from tracknoise.topics.bands import BOUNDS
+from tracknoise.topics.growth_topic import behaviour
 from tracknoise.words import DASH, MINUS, format_estimate, listing, number, px, sentence_case
 
 _NAME, _CHANGE_TITLE = "changes", "Changes from frame to frame"

@@ -14,7 +14,6 @@ from itertools import product
 import altair as alt
 import polars as pl
 
-from tracknoise.phrases.bands import upright_bounds
 from tracknoise.report import style
 from tracknoise.report.figures import light_sweeps
 from tracknoise.report.figures.curve_panels import HEIGHT, MANY, Reading, Series, describe_bands, grid, readings, when
@@ -25,6 +24,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.histograms import box_of_counts, box_summary
 from tracknoise.tables.enumerations import Trimming
+from tracknoise.topics.bands import upright_bounds
 from tracknoise.words import listing, number, px, sentence_case
 
 _NAMES = {"mean": "mean error", "second": "root second moment"}

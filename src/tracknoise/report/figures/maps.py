@@ -12,7 +12,6 @@ import numpy as np
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.bands import describe_bounds, describe_intervals
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
@@ -21,6 +20,7 @@ from tracknoise.report.figures.panels import Panel, arranged, curves, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import MAP_COLUMNS, MAP_ROWS
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
+from tracknoise.topics.bands import describe_bounds, describe_intervals
 from tracknoise.words import MINUS, SPACE, TIMES, count, format_estimate, number, percent, px, sentence_case
 
 _WIDTH = 420

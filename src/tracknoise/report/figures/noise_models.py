@@ -19,16 +19,16 @@ from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.track_noise import COMPONENTS
-from tracknoise.phrases.bands import AGE, describe_bounds, describe_intervals
-from tracknoise.phrases.covariance_topic import covariance_message, covariance_sentence, own_covariances
-from tracknoise.phrases.depth_topic import LEVELS, depth_shares
-from tracknoise.phrases.window_topic import estimator_sentence, sigma_message
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, curves, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import significant
+from tracknoise.topics.bands import AGE, describe_bounds, describe_intervals
+from tracknoise.topics.covariance_topic import covariance_message, covariance_sentence, own_covariances
+from tracknoise.topics.depth_topic import LEVELS, depth_shares
+from tracknoise.topics.window_topic import estimator_sentence, sigma_message
 from tracknoise.words import SPACE, interval_text, number, sentence_case
 
 _LOOKS: dict[str, Any] = {"height": 230, "point": 20, "clip": False}

@@ -12,9 +12,9 @@ from typing import Any, Self, TypeAlias
 import altair as alt
 import polars as pl
 
-from tracknoise.phrases.bands import BOUNDS
 from tracknoise.report import style
 from tracknoise.report.figures import marks
+from tracknoise.topics.bands import BOUNDS
 
 Spec: TypeAlias = dict[str, Any]
 """A Vega-Lite specification."""

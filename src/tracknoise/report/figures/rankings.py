@@ -11,8 +11,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.phrases.answer_summary import NoiseToSet
-from tracknoise.phrases.factor_topic import ranks_by_role
 from tracknoise.report.answer import noise_to_set
 from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
@@ -21,6 +19,8 @@ from tracknoise.report.figures.panels import Panel, arranged, layered
 from tracknoise.report.ranking_table import TITLES, how_to_read, order_of, ranking_table, roles_of
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import read_costs
+from tracknoise.topics.answer_summary import NoiseToSet
+from tracknoise.topics.factor_topic import ranks_by_role
 from tracknoise.words import listing
 
 _RANKING, _COST = "ranking", "cost-of-trackers"

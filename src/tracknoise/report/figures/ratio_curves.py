@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.phrases.bands import AGE, describe_bounds
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.error_curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, curves
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Quantity
+from tracknoise.topics.bands import AGE, describe_bounds
 
 
 def ratio_figures(data: ReportData) -> Sequence[Figure | Absence]:

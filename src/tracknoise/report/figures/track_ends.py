@@ -13,7 +13,6 @@ import altair as alt
 import polars as pl
 
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.bands import FRAME, describe_bounds, describe_intervals, of_scalar
 from tracknoise.report import style
 from tracknoise.report.figures import light_sweeps, marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
@@ -23,6 +22,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import surviving
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import CAUSES
+from tracknoise.topics.bands import FRAME, describe_bounds, describe_intervals, of_scalar
 from tracknoise.words import count, format_estimate, listing, number, percent
 
 _ALL, _MEASURED = "all tracks", "in the curves"

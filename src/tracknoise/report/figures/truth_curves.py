@@ -11,8 +11,6 @@ from collections.abc import Mapping, Sequence
 import altair as alt
 import polars as pl
 
-from tracknoise.phrases import bands
-from tracknoise.phrases.bands import describe_intervals
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
@@ -22,6 +20,8 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, TruthQuantity
 from tracknoise.tables.findings_schema import EVERYTHING, MEASURED
+from tracknoise.topics import bands
+from tracknoise.topics.bands import describe_intervals
 from tracknoise.words import DASH, SPACE, number, percent, pixels, px
 
 _TRACKER_DIFFERENCE_NAME, _TRACKER_DIFFERENCE_TITLE = (

@@ -5,12 +5,15 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.ratio_intervals import point_tracking_metrics, ratio_intervals
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
-from tracknoise.phrases.measures import first
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import shared_places
+from tracknoise.tables.findings_schema import POINT_TRACKING_METRICS, RATIO_VALUES
 from tracknoise.tables.quantities import QUANTITIES, RATIOS
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.topics.measures import first
+from tracknoise.topics.topic import NO_ROWS, Topic, pooled
 from tracknoise.words import bounds_text, format_estimate
 
 _LEAST = 100
@@ -78,3 +81,14 @@ def _brief(rows: pl.DataFrame, conditions: ReportedConditions) -> str:
     found = {tracker: _at_reference(rows, conditions, tracker, name) for tracker in conditions.trackers}
     values = [f"{_plain(_estimate(name, row))} of {tracker}" for tracker, row in found.items() if row is not None]
     return f"{QUANTITIES[name].title}: {' and '.join(values[:_NAMED])}."
+
+
+RATIOS_OF_SUMS = Topic(
+    "ratios",
+    (
+        pooled(RATIO_VALUES, "ratio_sums", ratio_intervals, if_fitted=NO_ROWS),
+        pooled(POINT_TRACKING_METRICS, "point_tracking", point_tracking_metrics),
+    ),
+    headline=ratios,
+    of_these_scenes=True,
+)

@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 import polars as pl
 
 from tracknoise.analysis.zero_mean import verdict_at
-from tracknoise.phrases.bands import FRAME
-from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables, curve_rows
-from tracknoise.phrases.measures import first
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import MOST_NAMED, joined, sentences_of, together
 from tracknoise.tables.enumerations import Behaviour, Trimming
 from tracknoise.tables.schema import VERDICT
+from tracknoise.topics.bands import FRAME
+from tracknoise.topics.headline import Headline, ReportedConditions, RunTables, curve_rows
+from tracknoise.topics.measures import first
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.sentences import MOST_NAMED, joined, sentences_of, together
+from tracknoise.topics.topic import Topic
 from tracknoise.words import condition_name, count, listing, number, percent, px, rms_of_tracks
 
 _BOTH = (Trimming.untrimmed, Trimming.trimmed)
@@ -146,3 +147,6 @@ def _warning(data: RunData, decided: pl.DataFrame, trims: pl.DataFrame) -> str:
 
 def _anchor(data: RunData) -> str:
     return "the key frame" if data.axis is FRAME else "their first frame"
+
+
+TRIMMING_MATTERS = Topic("trimming", headline=trimming_matters)

@@ -5,10 +5,13 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
-from tracknoise.phrases.measures import short
 from tracknoise.tables.enumerations import EdgeSide, Surrounding
+from tracknoise.tables.findings_schema import IMAGE_CELLS, SPEED_ERRORS, SURROUNDING_ERRORS
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.topics.measures import short
+from tracknoise.topics.topic import NO_ROWS, Topic, pooled
 from tracknoise.words import format_estimate, percent, px
 
 IN = {"u": "in u", "v": "in v", "along": "along the motion"}
@@ -103,3 +106,15 @@ def _removed(rows: Mapping[tuple[str, str], Mapping[str, Any]]) -> list[str]:
     if row is None or not _estimate(row).above(0.0):
         return []
     return [f"Without features beside depth edges, the second moment falls by {format_estimate(_estimate(row))}."]
+
+
+PLACES = Topic(
+    "depth edges",
+    (
+        pooled(SURROUNDING_ERRORS, "surroundings", surrounding_errors, if_fitted=NO_ROWS),
+        pooled(IMAGE_CELLS, "image_map", image_cells, if_fitted=NO_ROWS),
+        pooled(SPEED_ERRORS, "image_speeds", speed_errors, if_fitted=NO_ROWS),
+    ),
+    headline=depth_edges,
+    of_these_scenes=True,
+)

@@ -5,13 +5,17 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.covariance_verdicts import ALIKE, LEAST_GAIN, worst_shape
+from tracknoise.analysis.covariance_verdicts import ALIKE, LEAST_GAIN, allowing_for_truth, worst_shape
+from tracknoise.analysis.covariance_verdicts import own_covariances as own_covariance_table
+from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
-from tracknoise.phrases.run_data import RunData
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import Trust, Verdict
+from tracknoise.tables.findings_schema import OWN_COVARIANCES, TRUST
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
 from tracknoise.words import SPACE, format_as, format_estimate, number, thousandths
 
 _LEAST = 100
@@ -200,3 +204,16 @@ def covariance_message(data: RunData) -> str:
             if rows["nees"]["verdict"] != Verdict.undecided:
                 return f"{_judged(_called(tracker, name), rows['nees'])}: {_held(rows, 95)}"
     return ""
+
+
+def _allowing_for_truth(inputs: RunInputs) -> list[pl.DataFrame]:
+    found = own_covariance_table(inputs.run.stored_tables("covariance_sums"), inputs.sampling)
+    return [allowing_for_truth(found, inputs[TRUST])]
+
+
+COVARIANCES = Topic(
+    "covariances",
+    (Analysis((OWN_COVARIANCES,), _allowing_for_truth, needs=(TRUST,), if_fitted=NO_ROWS),),
+    headline=covariances,
+    sentence=covariance_sentence,
+)

@@ -6,11 +6,9 @@ from typing import Any
 
 import polars as pl
 import pytest
-from tests.phrases.short import long_in_findings
+from tests.topics.short import long_in_findings
 
 from tracknoise.inference.units import SceneGroups
-from tracknoise.phrases.headline import ReportedConditions
-from tracknoise.phrases.headlines import findings_json, headline_table
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import (
@@ -39,6 +37,8 @@ from tracknoise.tables.findings_schema import (
     ZERO_MEAN,
 )
 from tracknoise.tables.schema import Schema, check, empty
+from tracknoise.topics.headline import ReportedConditions
+from tracknoise.topics.headlines import findings_json, headline_table
 
 CONDITION = {
     "dataset": "d",

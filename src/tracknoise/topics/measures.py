@@ -9,11 +9,11 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES, Resampled
-from tracknoise.phrases.answer_summary import Answer, Number
-from tracknoise.phrases.headline import ReportedConditions
-from tracknoise.phrases.run_data import RunData
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Verdict
+from tracknoise.topics.answer_summary import Answer, Number
+from tracknoise.topics.headline import ReportedConditions
+from tracknoise.topics.run_data import RunData
 from tracknoise.words import bounds_text, format_estimate, sentence_case
 
 

@@ -1,15 +1,23 @@
 """How errors grow with age, as far as the truth lets it be known."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.run_inputs import RunInputs
+from tracknoise.analysis.time_structure import LONG_LIVED, lagged, time_structure
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import Measure
-from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
-from tracknoise.phrases.measures import (
+from tracknoise.statistics.changes import change_curves
+from tracknoise.statistics.curves import ASPECT_COLUMNS, aspect_curves
+from tracknoise.statistics.grouping import in_chunks
+from tracknoise.tables.enumerations import Axis, Behaviour, Trimming, Verdict
+from tracknoise.tables.findings_schema import ASPECT_CURVES, CHANGES, TIME_STRUCTURE
+from tracknoise.tables.schema import INCREMENTS
+from tracknoise.topics.answer_summary import Measure
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.topics.measures import (
     Subject,
     answer,
     card_number,
@@ -19,10 +27,10 @@ from tracknoise.phrases.measures import (
     trimmed_word,
     with_interval,
 )
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import because, joined
-from tracknoise.phrases.withheld import audited_rise, growth_cover, withheld_growth
-from tracknoise.tables.enumerations import Axis, Behaviour, Trimming, Verdict
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.sentences import because, joined
+from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
+from tracknoise.topics.withheld import audited_rise, growth_cover, withheld_growth
 from tracknoise.words import count, coverage_sentence, format_estimate, listing, ratio, sentence_case
 
 _PARTS: Mapping[str, tuple[str, str]] = {
@@ -245,3 +253,40 @@ def _kinds(rows: list[dict[str, Any]]) -> str:
     if len(named) == 1:
         return next(iter(named))
     return ", ".join(f"{name} in {listing(axes)}" for name, axes in named.items())
+
+
+def _aspect_curves(inputs: RunInputs) -> list[pl.DataFrame]:
+    tables = inputs.run.stacked_tables("aspects", inputs.keys, only=ASPECT_COLUMNS)
+    return [aspect_curves(tables, min_features=inputs.min_features)]
+
+
+def _increments(inputs: RunInputs) -> Iterator[pl.DataFrame]:
+    return in_chunks(inputs.run.stacked_tables("increments", inputs.keys), INCREMENTS, "increments")
+
+
+def _time_structure(inputs: RunInputs) -> list[pl.DataFrame]:
+    found = time_structure(
+        inputs.moments,
+        (lagged(table, inputs.few) for table in _increments(inputs)),
+        blocks=inputs.blocks,
+        aspects=inputs.aspects(LONG_LIVED),
+        aspect_blocks=inputs.aspect_blocks,
+        margin=inputs.margin,
+        key_frames=inputs.key_frames,
+        min_features=inputs.min_features,
+        **inputs.intervals,
+    )
+    return [found]
+
+
+GROWTH = Topic(
+    "growth",
+    (
+        Analysis((ASPECT_CURVES,), _aspect_curves),
+        Analysis((CHANGES,), lambda inputs: [change_curves(_increments(inputs))]),
+        Analysis((TIME_STRUCTURE,), _time_structure, if_fitted=NO_ROWS),
+    ),
+    headline=growth,
+    measure=growth_measure,
+    rows_of_card=("growth",),
+)

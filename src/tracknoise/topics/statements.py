@@ -3,28 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tracknoise.phrases.answer_summary import Card, Finding, Judgement, Statement
-from tracknoise.phrases.covariance_topic import covariance_sentence
-from tracknoise.phrases.depth_topic import depth_sentence
-from tracknoise.phrases.factor_topic import changes
-from tracknoise.phrases.measures import Subject
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import sentences_of
-from tracknoise.phrases.window_topic import depth_noise_sentence
-
-_MEASURES = {
-    "noise": ("error", "noise"),
-    "bias": ("bias",),
-    "shape": ("tails",),
-    "growth": ("growth",),
-    "outliers": ("outliers",),
-    "lifetimes": ("lifetime",),
-}
-"""Topics whose sentences are those of the cards, and the names of the measures."""
-_NUMBERS = ("ratios", "survivorship", "pose errors", "differences", "depth edges")
-"""Topics whose sentences are numbers of the measured scenes."""
-_OF_TRACKERS = {"covariances": covariance_sentence, "depth": depth_sentence, "depth noise": depth_noise_sentence}
-"""Topics with a sentence for each tracker."""
+from tracknoise.topics.answer_summary import Card, Finding, Judgement, Statement
+from tracknoise.topics.catalogue import TOPICS
+from tracknoise.topics.factor_topic import EFFECTS_OF_FACTORS, changes
+from tracknoise.topics.measures import Subject
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.sentences import sentences_of
+from tracknoise.topics.topic import Topic
+from tracknoise.topics.window_topic import ESTIMATOR
 
 
 def findings(data: RunData, cards: Sequence[Card], accuracy: Judgement) -> tuple[Finding, ...]:
@@ -40,20 +26,26 @@ def _finding(data: RunData, row: Mapping[str, Any], cards: Sequence[Card], accur
 
 
 def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, str]]:
-    if row["topic"] == "estimator":
+    if row["topic"] == ESTIMATOR.name:
         texts = (f"{card.tracker}: {card.sigma[0].lower()}{card.sigma[1:]}" for card in cards if card.sigma)
         return [(sentences_of(text)[0], row["figure"]) for text in texts]
-    names = _MEASURES.get(row["topic"], ())
+    names = {name for topic in _topics(row) for name in topic.rows_of_card}
     return [(one.sentence, one.section) for card in cards for one in card.measures if one.name in names]
 
 
 def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> list[tuple[str, str]]:
-    if row["topic"] == "factors":
+    if row["topic"] == EFFECTS_OF_FACTORS.name:
         first = [(accuracy.text, accuracy.section)] if len(data.trackers) > 1 else []
         return [*first, *((text, row["figure"]) for text in changes(data))]
-    say = _OF_TRACKERS.get(row["topic"])
-    if say is not None and (sentences := [*filter(None, (say(data, one) for one in data.trackers))]):
-        return [(text, row["figure"]) for text in sentences]
-    if row["topic"] in _NUMBERS and data.trackers:
-        return [(Subject(data, data.trackers[0]).said(row["brief"]), row["figure"])]
+    for topic in _topics(row):
+        say = topic.sentence
+        if say is not None and (sentences := [*filter(None, (say(data, one) for one in data.trackers))]):
+            return [(text, row["figure"]) for text in sentences]
+        if topic.of_these_scenes and data.trackers:
+            return [(Subject(data, data.trackers[0]).said(row["brief"]), row["figure"])]
     return [(row["brief"] or f"This run has a finding about {row['topic']}.", row["figure"])]
+
+
+def _topics(row: Mapping[str, Any]) -> list[Topic]:
+    """Topics whose finding this may be."""
+    return [topic for topic in TOPICS if topic.name == row["topic"]]

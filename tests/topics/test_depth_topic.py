@@ -2,12 +2,12 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.phrases.depth_topic import depths
-from tracknoise.phrases.headline import Headline, ReportedConditions
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import DEPTH_INTERVALS, SUMMARY
 from tracknoise.tables.schema import empty
+from tracknoise.topics.depth_topic import depths
+from tracknoise.topics.headline import Headline, ReportedConditions
 
 CONDITION = {
     "dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "camera": "", "tracker": "lk", "speed": 1,

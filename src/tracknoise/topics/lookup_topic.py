@@ -5,10 +5,14 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.run_inputs import RunInputs
+from tracknoise.estimators.lookup_table import USED, noise_lookup
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
-from tracknoise.phrases.sentences import because
 from tracknoise.tables.enumerations import Lookup, Product
+from tracknoise.tables.findings_schema import NOISE_LOOKUP
+from tracknoise.topics.headline import Headline, ReportedConditions, RunTables
+from tracknoise.topics.sentences import because
+from tracknoise.topics.topic import Analysis, Topic
 from tracknoise.words import SPACE, format_as, listing, thousandths, times
 
 _BY = {Lookup.tracker: "tracker", Lookup.speed: "speed", Lookup.motion: "motion"}
@@ -116,3 +120,13 @@ def _nats(row: Mapping[str, Any]) -> str:
 
 def _gain(row: Mapping[str, Any]) -> Estimate:
     return Estimate.of_row(row, "gain_nats", "low", "high", "nat")
+
+
+def _noise_lookup(inputs: RunInputs) -> list[pl.DataFrame]:
+    sums = inputs.run.stored_tables("noise_sums", only=USED)
+    return [noise_lookup(sums, groups=inputs.sampling.groups, level=inputs.sampling.level)]
+
+
+NOISE_BY_CONDITION = Topic(
+    "noise by condition", (Analysis((NOISE_LOOKUP,), _noise_lookup),), headline=noise_by_condition
+)

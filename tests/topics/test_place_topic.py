@@ -3,11 +3,11 @@
 import polars as pl
 import pytest
 
-from tracknoise.phrases.edge_topic import depth_edges
-from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.findings_schema import SUMMARY, SURROUNDING_ERRORS
 from tracknoise.tables.schema import empty
+from tracknoise.topics.edge_topic import depth_edges
+from tracknoise.topics.headline import ReportedConditions
 
 LABELS = {
     "dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "camera": "", "tracker": "lk", "speed": 1,

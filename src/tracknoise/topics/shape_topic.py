@@ -5,13 +5,17 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.gaussianity import gaussianity
+from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import Resampled
-from tracknoise.phrases.answer_summary import Measure
-from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
-from tracknoise.phrases.measures import Subject, answer, card_number, first, with_interval
-from tracknoise.phrases.sentences import reasons
 from tracknoise.tables.enumerations import Axis, Shape, Verdict
+from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
+from tracknoise.topics.answer_summary import Measure
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.topics.measures import Subject, answer, card_number, first, with_interval
+from tracknoise.topics.sentences import reasons
+from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
 from tracknoise.words import SHAPES, SPACE, format_estimate, number, percent, sentence_case
 
 _MEANINGS = {Shape.contaminated: " (as if some came from a wider Gaussian)"}
@@ -115,3 +119,24 @@ def _far_share(subject: Subject) -> str:
         return ""
     worst = max(known, key=known.__getitem__)
     return f"; {percent(known[worst])} beyond three cores in {worst}, {subject.conditions.place(row['at'])}"
+
+
+def _shapes_of(inputs: RunInputs) -> tuple[pl.DataFrame, pl.DataFrame]:
+    samples = inputs.run.stacked_tables("samples", inputs.keys)
+    found = gaussianity(
+        inputs.moments,
+        samples,
+        key_frames=inputs.key_frames,
+        min_features=inputs.min_features,
+        **inputs.intervals,
+    )
+    return found.gaussianity, found.radii
+
+
+SHAPE = Topic(
+    "shape",
+    (Analysis((GAUSSIANITY, RADII), _shapes_of, if_fitted=NO_ROWS),),
+    headline=shape,
+    measure=shape_measure,
+    rows_of_card=("tails",),
+)

@@ -17,11 +17,11 @@ from tracknoise.analysis.truth_shares import (
     cover_of_second,
     covered_by_floor,
 )
-from tracknoise.phrases.headline import ReportedConditions, RunTables
-from tracknoise.phrases.measures import first
-from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.tables.enumerations import FloorSource, Trimming, Weighting
+from tracknoise.topics.headline import ReportedConditions, RunTables
+from tracknoise.topics.measures import first
+from tracknoise.topics.sentences import joined
 from tracknoise.words import listing, px, sentence_case
 
 

@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import polars as pl
 
-from tracknoise.phrases.bands import AGE, BOUNDS, FRAME, Axis, with_bounds
 from tracknoise.statistics.definitions import dropped_above, lightings_in_order
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS, with_floor
 from tracknoise.tables.defaults import MARGIN
@@ -17,6 +16,7 @@ from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import FINDINGS_JSON, RunFolder
+from tracknoise.topics.bands import AGE, BOUNDS, FRAME, Axis, with_bounds
 from tracknoise.words import view_text
 
 MOST_CONDITIONS = 40
@@ -189,7 +189,7 @@ class RunData:
         """Points of the curves that are not cut, features pooled. Second moments are roots, px.
 
         Columns u_low, u_high, v_low and v_high hold the bounds. Columns level, resampled and n_resampled hold their
-        kind (`tracknoise.phrases.bands`). All are null where a point has no interval. Columns floor_u and floor_v hold
+        kind (`tracknoise.topics.bands`). All are null where a point has no interval. Columns floor_u and floor_v hold
         the truth floor (`tracknoise.statistics.truth_errors.with_floor`), second moments as roots, px. Column `role`
         names the statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from
         where errors are zero by construction, in frames of the sequence.

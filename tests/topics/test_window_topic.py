@@ -6,12 +6,12 @@ from typing import Any
 import polars as pl
 import pytest
 
-from tracknoise.phrases.headline import Headline, ReportedConditions
-from tracknoise.phrases.window_topic import depth_noise, estimator_noise
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import ADVICE, SUMMARY, TRUST, WINDOW_SIGMAS
 from tracknoise.tables.schema import empty
+from tracknoise.topics.headline import Headline, ReportedConditions
+from tracknoise.topics.window_topic import depth_noise, estimator_noise
 
 CONDITION = {
     "dataset": "d",

@@ -7,8 +7,12 @@ import polars as pl
 
 from tracknoise.analysis.error_shape import ON_GRID
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import Answer, Measure
-from tracknoise.phrases.headline import (
+from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
+from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.answer_summary import Measure
+from tracknoise.topics.factor_topic import best
+from tracknoise.topics.headline import (
     Headline,
     Part,
     ReportedConditions,
@@ -20,12 +24,19 @@ from tracknoise.phrases.headline import (
     in_brackets,
     size_estimate,
 )
-from tracknoise.phrases.measures import POOLED_WORDS, Subject, card_number, first, short, trimmed_word, with_interval
-from tracknoise.phrases.sentences import each_axis, joined
-from tracknoise.phrases.truth_topic import at_most, fitted_measure
-from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.measures import (
+    POOLED_WORDS,
+    Subject,
+    card_number,
+    first,
+    short,
+    shown_size,
+    trimmed_word,
+    with_interval,
+)
+from tracknoise.topics.sentences import each_axis, joined
+from tracknoise.topics.topic import ABOUT_TRACKS, Topic
+from tracknoise.topics.truth_topic import at_most, fitted_measure
 from tracknoise.words import RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent
 
 _SECTION = "error-by-tracker"
@@ -227,11 +238,12 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
     return None
 
 
-def size_measure(subject: Subject, smallest: Answer | None, *, shown: tuple[str, str]) -> Measure | None:
-    """Size of the error at the reference age. `shown`: see `tracknoise.phrases.measures.shown_size`."""
+def size_measure(subject: Subject) -> Measure | None:
+    """Size of the error at the reference age."""
+    smallest = best(subject.data, subject.tracker, "core", "smallest")
     if subject.data.truth_is_fitted:
         return fitted_measure(subject, smallest)
-    (name, axis), at = shown, subject.shared_at
+    (name, axis), at = shown_size(subject.data), subject.shared_at
     if at is None or subject.row is None:
         return None
     rest = "v" if axis == "u" else "u"
@@ -248,3 +260,7 @@ def size_measure(subject: Subject, smallest: Answer | None, *, shown: tuple[str,
     most = at_most(TruthVerdict.of(subject.data.trust))
     sentence = f"The {what} of {subject.tracker} in {axis} is {most}{with_interval(number)}."
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
+
+
+SIZE = Topic("noise", headline=size, measure=size_measure, in_cards=ABOUT_TRACKS, rows_of_card=("error", "noise"))
+SURVIVORSHIP = Topic("survivorship", headline=survivorship, of_these_scenes=True)

@@ -2,12 +2,12 @@
 
 import polars as pl
 import pytest
-from tests.phrases.short import too_long
+from tests.topics.short import too_long
 
-from tracknoise.phrases.covariance_topic import covariances
-from tracknoise.phrases.headline import ReportedConditions
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.findings_schema import OWN_COVARIANCES, SUMMARY, TRUST
+from tracknoise.topics.covariance_topic import covariances
+from tracknoise.topics.headline import ReportedConditions
 
 CONDITION = {
     "dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "camera": "", "tracker": "lk", "speed": 1,

@@ -5,10 +5,13 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.zero_mean import verdict_at
+from tracknoise.analysis.run_inputs import RunInputs
+from tracknoise.analysis.zero_mean import verdict_at, zero_mean
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import Measure, Number
-from tracknoise.phrases.headline import (
+from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
+from tracknoise.tables.findings_schema import CURVES, ZERO_MEAN
+from tracknoise.topics.answer_summary import Measure, Number
+from tracknoise.topics.headline import (
     Headline,
     Part,
     ReportedConditions,
@@ -18,10 +21,10 @@ from tracknoise.phrases.headline import (
     curve_rows,
     curve_scenes,
 )
-from tracknoise.phrases.measures import Subject, answer, card_number, first, trimmed_word, with_interval
-from tracknoise.phrases.sentences import because, each_axis, joined
-from tracknoise.phrases.withheld import audited_bias, bias_covers, covered_coordinates, withheld_bias
-from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
+from tracknoise.topics.measures import Subject, answer, card_number, first, trimmed_word, with_interval
+from tracknoise.topics.sentences import because, each_axis, joined
+from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
+from tracknoise.topics.withheld import audited_bias, bias_covers, covered_coordinates, withheld_bias
 from tracknoise.words import chance, count, format_estimate, intervals_at, listing, percent, px, sentence_case
 
 
@@ -209,3 +212,23 @@ def _bias_sentence(
         return f"{sentence_case(place)} alone no bias of {tracker} is shown; {wider}."
     opening = f"{tracker} is biased" if verdict == Verdict.yes else f"No bias of {tracker} is established"
     return f"{opening}; {size}."
+
+
+def _zero_means(inputs: RunInputs) -> list[pl.DataFrame]:
+    found = zero_mean(
+        inputs.moments,
+        inputs[CURVES],
+        groups=inputs.sampling.groups,
+        key_frames=inputs.key_frames,
+        population=inputs.population,
+    )
+    return [found]
+
+
+BIAS = Topic(
+    "bias",
+    (Analysis((ZERO_MEAN,), _zero_means, needs=(CURVES,), if_fitted=NO_ROWS),),
+    headline=bias,
+    measure=bias_measure,
+    rows_of_card=("bias",),
+)

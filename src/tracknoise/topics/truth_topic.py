@@ -2,9 +2,31 @@
 
 import polars as pl
 
+from tracknoise.analysis.run_inputs import RunInputs
+from tracknoise.analysis.truth_shares import (
+    fitted_noise_table,
+    pose_disagreement_table,
+    tracker_differences,
+    two_truths_table,
+)
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import Answer, Judgement, Measure
-from tracknoise.phrases.headline import (
+from tracknoise.statistics.definitions import REFERENCE_AGE
+from tracknoise.statistics.grouping import by_condition
+from tracknoise.statistics.prepared import POPULATIONS
+from tracknoise.tables.enumerations import Axis, FittedMeasure, FittedTo, Trimming, Trust
+from tracknoise.tables.findings_schema import (
+    POSE_DISAGREEMENT,
+    POSE_LAW,
+    POSE_SHARE,
+    RIGID_SHARE,
+    TRACKER_DIFFERENCES,
+    TRIANGULATED_NOISE,
+    TWO_TRUTHS,
+)
+from tracknoise.tables.schema import RIGID
+from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.answer_summary import Answer, Judgement, Measure
+from tracknoise.topics.headline import (
     MOST_TRACKERS,
     Headline,
     Part,
@@ -17,14 +39,12 @@ from tracknoise.phrases.headline import (
     in_brackets,
     leading,
 )
-from tracknoise.phrases.measures import Subject, card_number, first, short, with_interval
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import each_axis
-from tracknoise.phrases.withheld import excessive_floor
-from tracknoise.statistics.definitions import REFERENCE_AGE
-from tracknoise.statistics.prepared import POPULATIONS
-from tracknoise.tables.enumerations import Axis, FittedMeasure, FittedTo, Trimming, Trust
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.measures import Subject, card_number, first, short, with_interval
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.sentences import each_axis
+from tracknoise.topics.topic import ABOUT_TRACKS, NO_ROWS, Analysis, Basis, Topic, pooled
+from tracknoise.topics.withheld import excessive_floor
+from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
 from tracknoise.words import SELF_REFERENTIAL, count, format_estimate, percent, place
 
 _LEAST_SHARE = 0.1
@@ -235,3 +255,38 @@ def without_truth(data: RunData) -> str:
         return ""
     rest = "; no error could be measured" if without == total else ""
     return f" {percent(without / total)} of observations lack true positions{rest}."
+
+
+def _motions(inputs: RunInputs) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """What errors of the poses explain, by age and of all ages."""
+    rigid = by_condition(inputs.run.stored_tables("rigid"), RIGID, "rigid")
+    return rigid_share(rigid, inputs.sampling), pose_share(rigid, inputs.sampling)
+
+
+VERDICT_ON_TRUTH = Topic("truth", headline=verdict_on_truth, holds=(Basis.truth, Basis.none))
+POSITIONS_OF_TRACKS = Topic("truth", headline=self_referential, holds=(Basis.fitted,))
+NOISE_OF_FIT = Topic(
+    "noise",
+    (pooled(TRIANGULATED_NOISE, "fitted_noise", fitted_noise_table),),
+    headline=noise,
+    holds=(Basis.fitted,),
+    rows_of_card=("error", "noise"),
+)
+ERRORS_OF_POSES = Topic(
+    "pose errors",
+    (
+        pooled(TWO_TRUTHS, "truth_differences", two_truths_table),
+        pooled(POSE_DISAGREEMENT, "pose_differences", pose_disagreement_table),
+        pooled(POSE_LAW, "pose_growth", pose_law, if_wrong=NO_ROWS),
+        Analysis((RIGID_SHARE, POSE_SHARE), _motions, if_wrong=NO_ROWS),
+    ),
+    headline=pose_errors,
+    of_these_scenes=True,
+)
+DIFFERENCES = Topic(
+    "differences",
+    (pooled(TRACKER_DIFFERENCES, "between_trackers", tracker_differences),),
+    headline=between_trackers,
+    holds=ABOUT_TRACKS,
+    of_these_scenes=True,
+)

@@ -7,16 +7,20 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.exports import PURPOSES, estimator
 from tracknoise.estimators.model import Purpose
+from tracknoise.estimators.window_noise import window_sigmas
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
-from tracknoise.phrases.measures import reported_conditions, short
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.findings_schema import WINDOW_SIGMAS
 from tracknoise.tables.trust import TruthVerdict, explained_share
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
+from tracknoise.topics.measures import reported_conditions, short
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.sentences import joined
+from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Topic
 from tracknoise.words import SPACE, format_as, format_estimate, intervals_at, listing, number, pixels, px, ratio
 
 LONGEST_WINDOW = 15
@@ -315,3 +319,18 @@ def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     if length is None:
         return {}
     return _by_quantity(conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length))
+
+
+def _window_sigmas(inputs: RunInputs) -> list[pl.DataFrame]:
+    noise, blocks = (inputs.run.stored_tables(name) for name in ("window_noise", "window_blocks"))
+    return [window_sigmas(noise, blocks, inputs.sampling)]
+
+
+ESTIMATOR = Topic("estimator", headline=estimator_noise)
+DEPTH_NOISE = Topic(
+    "depth noise",
+    (Analysis((WINDOW_SIGMAS,), _window_sigmas),),
+    headline=depth_noise,
+    holds=ABOUT_TRACKS,
+    sentence=depth_noise_sentence,
+)

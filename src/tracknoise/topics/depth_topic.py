@@ -2,11 +2,15 @@
 
 import polars as pl
 
+from tracknoise.analysis.run_inputs import RunInputs
+from tracknoise.estimators.depth_intervals import depth_intervals
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
 from tracknoise.statistics.yardstick import shared_places
+from tracknoise.tables.findings_schema import DEPTH_INTERVALS
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.topic import Analysis, Topic
+from tracknoise.topics.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
 from tracknoise.words import SPACE, format_as
 
 _CLAIMED = 0.95
@@ -93,3 +97,13 @@ def depth_sentence(data: RunData, tracker: str) -> str:
         f"{tracker}: with the residual core, a 95{SPACE}% depth interval holds {residual} of true depths; with "
         f"the sigma for depths, {consistent}."
     )
+
+
+def _depth_intervals(inputs: RunInputs) -> list[pl.DataFrame]:
+    tracks, noise, observed = (
+        inputs.run.stored_tables(name) for name in ("noise_tracks", "noise_sums", "window_noise")
+    )
+    return [depth_intervals(tracks, noise, observed, inputs.sampling)]
+
+
+DEPTHS = Topic("depth", (Analysis((DEPTH_INTERVALS,), _depth_intervals),), headline=depths, sentence=depth_sentence)

@@ -9,17 +9,22 @@ import numpy as np
 import polars as pl
 
 from tracknoise.analysis.factor_values import DISAGREE
-from tracknoise.analysis.factors import ROLES
+from tracknoise.analysis.factors import ROLES, dependence
+from tracknoise.analysis.ranking import LEAST_TRACKERS, ranking
+from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
-from tracknoise.phrases.answer_summary import Answer, Judgement, Measure
-from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables, TrackerPart, ids_of, leading
-from tracknoise.phrases.measures import answer, reported_conditions, shown_size
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import because, joined
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import FACTORS
 from tracknoise.tables.enumerations import Verdict
+from tracknoise.tables.findings_schema import CURVES, DEPENDENCE, EFFECTS, RANKS
+from tracknoise.tables.schema import empty
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.topics.answer_summary import Answer, Judgement, Measure
+from tracknoise.topics.headline import Headline, ReportedConditions, RunTables, TrackerPart, ids_of, leading
+from tracknoise.topics.measures import answer, reported_conditions, shown_size
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.sentences import because, joined
+from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Topic
 from tracknoise.words import (
     STATISTICS,
     bounded_sentences,
@@ -387,3 +392,44 @@ def _changed(factor: str, rows: pl.DataFrame) -> str:
     if not changed:
         return f"{factor} is not shown to change any statistic."
     return f"{factor} changes {', and '.join(changed)}{left}."
+
+
+def _dependence(inputs: RunInputs, *, pairs: bool = False) -> pl.DataFrame:
+    return dependence(
+        inputs.moments,
+        inputs.scales,
+        inputs.ends,
+        inputs.frames,
+        inputs[CURVES],
+        inputs[EFFECTS],
+        by_kind=inputs.by_kind,
+        options=inputs.options,
+        groups=inputs.sampling.groups,
+        key_frames=inputs.key_frames,
+        population=inputs.population,
+        trimming=inputs.trimming,
+        margin=inputs.margin,
+        level=inputs.sampling.level,
+        pairs=pairs,
+    )
+
+
+def _ranks(inputs: RunInputs) -> list[pl.DataFrame]:
+    are_few = len(inputs.trackers) < LEAST_TRACKERS
+    return [empty(RANKS) if are_few else ranking(_dependence(inputs, pairs=True))]
+
+
+EFFECTS_OF_FACTORS = Topic(
+    "factors",
+    (
+        Analysis(
+            (DEPENDENCE,),
+            lambda inputs: [_dependence(inputs)],
+            needs=(CURVES, EFFECTS),
+            if_fitted=pl.col("axis").is_null(),  # of lifetimes and outlier ratios
+        ),
+        Analysis((RANKS,), _ranks, needs=(CURVES, EFFECTS)),
+    ),
+    headline=factors,
+    holds=ABOUT_TRACKS,
+)

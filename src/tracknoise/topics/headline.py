@@ -8,13 +8,13 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, SceneGroups
-from tracknoise.phrases.bands import interval_texts
-from tracknoise.phrases.sentences import joined
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.defaults import POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Aspect, Axis, Trimming, Weighting
 from tracknoise.tables.schema import VIEW
+from tracknoise.topics.bands import interval_texts
+from tracknoise.topics.sentences import joined
 from tracknoise.words import (
     count,
     coverage_sentence,

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from tracknoise.phrases.sentences import MOST_NUMBERS, MOST_WORDS, sentences_of
+from tracknoise.topics.sentences import MOST_NUMBERS, MOST_WORDS, sentences_of
 
 
 def too_long(text: str, names: Iterable[str] = ()) -> list[str]:

@@ -6,8 +6,12 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.phrases.answer_summary import Answer, Measure
-from tracknoise.phrases.headline import (
+from tracknoise.analysis.lifetime_intervals import incidence_table
+from tracknoise.tables.findings_schema import INCIDENCE
+from tracknoise.text import counted
+from tracknoise.topics.answer_summary import Measure
+from tracknoise.topics.factor_topic import best
+from tracknoise.topics.headline import (
     Headline,
     Part,
     ReportedConditions,
@@ -16,8 +20,8 @@ from tracknoise.phrases.headline import (
     scalar_estimate,
     scalar_scenes,
 )
-from tracknoise.phrases.measures import Subject, card_number, first, with_interval
-from tracknoise.text import counted
+from tracknoise.topics.measures import Subject, card_number, first, with_interval
+from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Topic
 from tracknoise.words import count, format_estimate, percent
 
 _ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
@@ -126,17 +130,18 @@ def _value(rows: pl.DataFrame, column: str) -> float | None:
     return value
 
 
-def outliers_measure(subject: Subject, fewest: Answer | None) -> Measure | None:
+def outliers_measure(subject: Subject) -> Measure | None:
     """Share of features that the tracker rejects."""
     if subject.row is None or subject.row["outlier_ratio"] is None:
         return None
     shown = card_number(scalar_estimate(subject.row, subject.intervals, "outlier_ratio", "share"))
     sentence = f"{subject.tracker} rejects {with_interval(shown)} of its features per frame."
     note = "share of its features that a tracker rejects per frame"
+    fewest = best(subject.data, subject.tracker, "outlier_ratio", "fewest")
     return Measure("outliers", "share", shown, None, fewest, note, sentence, "outlier-ratio")
 
 
-def lifetime_measure(subject: Subject, longest: Answer | None) -> Measure | None:
+def lifetime_measure(subject: Subject) -> Measure | None:
     """Median lifetime, or the mean up to a horizon if more than half of some tracker's tracks are alive at the end."""
     if subject.row is None or not subject.row["n_tracks"]:
         return None
@@ -152,4 +157,24 @@ def lifetime_measure(subject: Subject, longest: Answer | None) -> Measure | None
         alive = subject.row["median_lifetime"] is None
         note = f"mean {horizon}{'; over half are alive at the end' if alive else ''}"
         sentence = f"The mean lifetime {horizon} of tracks of {subject.tracker} is {shown.text}."
+    longest = best(subject.data, subject.tracker, "lifetime", "longest")
     return Measure("lifetime", "frames", shown, None, longest, note, sentence, "lifetimes")
+
+
+OUTLIERS_OF_TRACKERS = Topic(
+    "outliers",
+    headline=outliers,
+    holds=ABOUT_TRACKS,
+    measure=outliers_measure,
+    in_cards=tuple(Basis),
+    rows_of_card=("outliers",),
+)
+LIFETIMES_OF_TRACKS = Topic(
+    "lifetimes",
+    (Analysis((INCIDENCE,), lambda inputs: [incidence_table(inputs.ends, inputs.sampling)]),),
+    headline=lifetimes,
+    holds=ABOUT_TRACKS,
+    measure=lifetime_measure,
+    in_cards=tuple(Basis),
+    rows_of_card=("lifetime",),
+)

@@ -7,15 +7,16 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES, Resampled
-from tracknoise.phrases.answer_summary import Judgement
-from tracknoise.phrases.headline import Headline, ReportedConditions, RunTables
-from tracknoise.phrases.measures import answer
-from tracknoise.phrases.run_data import RunData
-from tracknoise.phrases.sentences import joined
-from tracknoise.phrases.truth_topic import without_truth
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.results import ENOUGH_SCENES
 from tracknoise.text import counted, counted_of
+from tracknoise.topics.answer_summary import Judgement
+from tracknoise.topics.headline import Headline, ReportedConditions, RunTables
+from tracknoise.topics.measures import answer
+from tracknoise.topics.run_data import RunData
+from tracknoise.topics.sentences import joined
+from tracknoise.topics.topic import ABOUT_TRACKS, Basis, Topic
+from tracknoise.topics.truth_topic import without_truth
 from tracknoise.words import TIMES, count, interval_text, listing, sentence_case
 
 MOST_NAMED = 6
@@ -166,3 +167,8 @@ def _missing(data: RunData) -> str:
     if without & scenes:
         return f" {len(failed)} of {counted(len(failed) + len(there), 'sequence')} could not be measured."
     return f" {len(without)} of {counted(len(without | scenes), 'scene')} could not be measured."
+
+
+COPIED_SCENES = Topic("copies", headline=copied_scenes, holds=tuple(Basis))
+FEW_SCENES = Topic("scenes", headline=few_scenes, holds=ABOUT_TRACKS)
+GROUPED_SCENES = Topic("groups", headline=grouped_scenes, holds=ABOUT_TRACKS)

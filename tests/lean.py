@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -15,9 +16,11 @@ from tracknoise.experiments.geometry_tables import camera_tables
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.summarise import statistics_of
-from tracknoise.tables.findings_schema import DEPTH_INTERVALS, by_table
+from tracknoise.tables.findings_schema import by_table
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
+from tracknoise.topics.catalogue import TOPICS
+from tracknoise.topics.depth_topic import DEPTHS
 from tracknoise.truth_faults.audit_tables import tables_of
 
 
@@ -94,7 +97,9 @@ def without_audit() -> Iterator[None]:
 def without_depths() -> Iterator[None]:
     """Findings are made as if no tracker had tracks for the intervals of depths, which take a third of their time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_findings, "depth_intervals", lambda *_: empty(DEPTH_INTERVALS))
+        patch.setattr(
+            run_findings, "TOPICS", [replace(topic, analyses=()) if topic is DEPTHS else topic for topic in TOPICS]
+        )
         yield
 
 

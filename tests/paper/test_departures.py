@@ -66,7 +66,7 @@ def test_what_the_tables_do_not_tell_has_no_numbers(found: dict[str, Departure])
 
 def test_the_covariance_differs_from_the_second_moment_by_the_squared_bias(part: Part) -> None:
     (row, _) = {item.id: item for item in departures([part])}["covariance"].measured.rows  # type: ignore[union-attr]
-    curves = part.data.nominal(part.data.curves).filter(
+    curves = part.data.nominal(part.data["curves"]).filter(
         tracker="lucas-kanade", population="visible", trimming="trimmed", weighting="features", cut=False
     )
     known = curves.filter(pl.col("at") > 0).sort("at")
@@ -86,7 +86,7 @@ def test_trimming_and_hidden_features_make_a_difference_here(found: dict[str, De
 def test_hidden_features_are_compared_with_and_without_trimming(
     part: Part, found: dict[str, Departure], trimming: str
 ) -> None:
-    curves = part.data.nominal(part.data.curves).filter(
+    curves = part.data.nominal(part.data["curves"]).filter(
         pl.col("at") > 0, tracker="lucas-kanade", weighting="features", cut=False, statistic="eta", trimming=trimming
     )
     both = curves.filter(population="visible").join(curves.filter(population="projected"), on="at")
@@ -98,7 +98,7 @@ def test_hidden_features_are_compared_with_and_without_trimming(
 
 
 def test_lifetimes_are_those_of_the_statistics(part: Part, found: dict[str, Departure]) -> None:
-    table = mean_lifetime(part.data.nominal(part.data.lifetimes)).filter(tracker="lucas-kanade")
+    table = mean_lifetime(part.data.nominal(part.data["lifetimes"])).filter(tracker="lucas-kanade")
     cells = found["lifetimes"].measured
     assert cells is not None
     means = [number(table[name][0]) for name in ("mean_lifetime", "restricted_mean_lifetime")]

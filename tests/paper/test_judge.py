@@ -42,9 +42,9 @@ def verdict(data: ReportData, name: str, tracker: str | None = None) -> Judgemen
 
 def changed(data: ReportData, table: str, where: pl.Expr, **columns: pl.Expr) -> ReportData:
     """The same data with other values in some rows of a table."""
-    old: pl.DataFrame = getattr(data, table)
+    old: pl.DataFrame = data[table]
     new = {name: pl.when(where).then(value).otherwise(pl.col(name)).alias(name) for name, value in columns.items()}
-    return dataclasses.replace(data, **{table: old.with_columns(*new.values()).cast(dict(old.schema))})
+    return data.with_tables(**{table: old.with_columns(*new.values()).cast(dict(old.schema))})
 
 
 def scaled(data: ReportData, role: str, factor: float, where: pl.Expr | None = None) -> ReportData:

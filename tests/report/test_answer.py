@@ -46,15 +46,13 @@ def data(run: RunFolder) -> ReportData:
 def compared(data: ReportData, verdict: str) -> ReportData:
     """The run with eight scenes, of which the paired comparison has a verdict, and in which all RMS are the same."""
     alike = with_rms(data, **dict.fromkeys(data.trackers, 1.0))
-    return dataclasses.replace(alike, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
+    return alike.with_tables(dependence=made_up_findings.dependence(data["effects"], verdict=verdict, n_scenes=8))
 
 
 def with_rms(data: ReportData, **sizes: float) -> ReportData:
     """The run with other RMS over its tracks."""
     rms = pl.col("tracker").replace_strict(sizes, return_dtype=pl.Float64)
-    return dataclasses.replace(
-        data, summary=data.summary.with_columns(rms.alias(f"trimmed_rms_{axis}_px") for axis in "uv")
-    )
+    return data.with_tables(summary=data["summary"].with_columns(rms.alias(f"trimmed_rms_{axis}_px") for axis in "uv"))
 
 
 def card(summary: Summary, tracker: str) -> Card:
@@ -81,15 +79,15 @@ def test_errors_of_all_trackers_are_those_of_one_coordinate(data: ReportData, ax
     own, other = (pl.when(first).then(size).otherwise(3.0 - size) for size in (2.0, 1.0))
     rest = "v" if axis == "u" else "u"
     sizes = {f"trimmed_core_{axis}_px": own, f"trimmed_core_{rest}_px": other}
-    cards = summarise(dataclasses.replace(data, summary=data.summary.with_columns(**sizes))).cards
+    cards = summarise(data.with_tables(summary=data["summary"].with_columns(**sizes))).cards
     assert [one.measures[0].number.value for one in cards] == [2.0, 1.0]
     assert {one.measures[0].note.partition(" at age")[0] for one in cards} == {f"core error in {axis}"}
 
 
 def test_a_tracker_without_errors_at_the_shared_age_says_so(data: ReportData) -> None:
     gone = pl.col("tracker") == "correspondence"
-    nothing = {name: pl.when(~gone).then(pl.col(name)).alias(name) for name in data.summary.columns if name == "at"}
-    found = summarise(dataclasses.replace(data, summary=data.summary.with_columns(**nothing)))
+    nothing = {name: pl.when(~gone).then(pl.col(name)).alias(name) for name in data["summary"].columns if name == "at"}
+    found = summarise(data.with_tables(summary=data["summary"].with_columns(**nothing)))
     assert measure(found, "correspondence", "error").sentence.endswith(
         "the error of correspondence is unknown at age 10: too few features."
     )
@@ -98,10 +96,14 @@ def test_a_tracker_without_errors_at_the_shared_age_says_so(data: ReportData) ->
 
 def test_lifetimes_are_all_medians_or_all_means(data: ReportData) -> None:
     alive = pl.when(pl.col("tracker") != "lucas-kanade").then(pl.col("median_lifetime"))
-    mean = data.summary.with_columns(
-        median_lifetime=alive, restricted_mean_lifetime=pl.lit(7.5), restricted_to=pl.lit(20, dtype=pl.Int32)
-    ).cast(data.summary.schema)
-    found = summarise(dataclasses.replace(data, summary=mean))
+    mean = (
+        data["summary"]
+        .with_columns(
+            median_lifetime=alive, restricted_mean_lifetime=pl.lit(7.5), restricted_to=pl.lit(20, dtype=pl.Int32)
+        )
+        .cast(data["summary"].schema)
+    )
+    found = summarise(data.with_tables(summary=mean))
     notes = [measure(found, tracker, "lifetime").note for tracker in data.trackers]
     assert all(note.startswith("mean up to 20 frames") for note in notes)
     assert measure(found, "lucas-kanade", "lifetime").number.value == 7.5
@@ -111,14 +113,14 @@ def test_all_trackers_are_compared_by_the_same_size(data: ReportData) -> None:
     """One tracker without a core makes all errors root mean squares: a core and an RMS are not comparable."""
     one = pl.col("tracker") == "correspondence"
     without = [pl.when(~one).then(pl.col(f"trimmed_core_{axis}_px")).alias(f"trimmed_core_{axis}_px") for axis in "uv"]
-    turned = dataclasses.replace(data, summary=data.summary.with_columns(without))
+    turned = data.with_tables(summary=data["summary"].with_columns(without))
     notes = [measure(summarise(turned), tracker, "error").note for tracker in data.trackers]
     assert all(note.startswith("RMS over the kept tracks") for note in notes)
 
 
 def test_intervals_are_those_of_the_table(data: ReportData) -> None:
     found = measure(summarise(data), "lucas-kanade", "outliers").number
-    row = data.nominal(data.intervals).filter(tracker="lucas-kanade", statistic="outlier_ratio").row(0, named=True)
+    row = data.nominal(data["intervals"]).filter(tracker="lucas-kanade", statistic="outlier_ratio").row(0, named=True)
     assert (found.low, found.high) == (row["low"], row["high"])
 
 
@@ -126,7 +128,7 @@ def test_intervals_are_those_of_the_table(data: ReportData) -> None:
 def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunFolder], world: str) -> None:
     data = ReportData.of(make_run(**WORLDS[world]))
     found = summarise(data).findings
-    assert [one.topic for one in found] == data.findings.sort("rank")["topic"].to_list()
+    assert [one.topic for one in found] == data["findings"].sort("rank")["topic"].to_list()
     sections = {*OPENINGS, "findings", "factor-effects", "summary", "measured", "limits", *(one.id for one in FAMILIES)}
     for statement in (one for finding in found for one in finding.statements):
         text = statement.text
@@ -140,9 +142,9 @@ def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunF
 @pytest.mark.parametrize(("n_scenes", "opening"), [(1, "In this scene, "), (5, "In these scenes, "), (8, "")])
 def test_sentences_on_few_scenes_say_that_they_hold_for_these(data: ReportData, n_scenes: int, opening: str) -> None:
     """So do notes beside intervals, which are then from blocks of tracks."""
-    summary = data.summary.with_columns(n_scenes=pl.lit(n_scenes, dtype=data.summary.schema["n_scenes"]))
-    kind = pl.lit("blocks" if n_scenes < 6 else "scenes", dtype=data.intervals.schema["resampled"])
-    few = dataclasses.replace(data, summary=summary, intervals=data.intervals.with_columns(resampled=kind))
+    summary = data["summary"].with_columns(n_scenes=pl.lit(n_scenes, dtype=data["summary"].schema["n_scenes"]))
+    kind = pl.lit("blocks" if n_scenes < 6 else "scenes", dtype=data["intervals"].schema["resampled"])
+    few = data.with_tables(summary=summary, intervals=data["intervals"].with_columns(resampled=kind))
     for one in (one for found in summarise(few).cards for one in found.measures):
         assert one.sentence.startswith(opening or "In th") is bool(opening)
         assert ("blocks of tracks in th" in one.note) is (bool(opening) and bool(one.number.interval))
@@ -155,7 +157,7 @@ def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
     found = {one.topic: one.statements[0].text for one in summarise(data).findings}
     first, _ = data.trackers
     assert found["pose errors"].endswith(f" of the squared errors of {first}.")
-    pairs = data.nominal(data.tracker_differences).filter("established")
+    pairs = data.nominal(data["tracker_differences"]).filter("established")
     row = data.in_order(pairs).row(0, named=True)
     expected = f"at the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
     assert found["differences"].startswith(f"In these scenes, {expected}")
@@ -171,7 +173,7 @@ def test_one_age_alone_does_not_say_how_errors_grow(data: ReportData) -> None:
 
 
 def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: ReportData) -> None:
-    row = compared(data, "yes").dependence.filter(factor="tracker", statistic="core").row(0, named=True)
+    row = compared(data, "yes")["dependence"].filter(factor="tracker", statistic="core").row(0, named=True)
     worse = next(name for name in data.trackers if name != row["better"])
     yes = summarise(compared(data, "yes"))
     assert yes.accuracy.text.startswith(f"{row['better']} is more accurate: the core error of {worse} is 1.50 times")
@@ -195,7 +197,7 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
     ],
 )
 def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: str, expected: str) -> None:
-    row = compared(data, "yes").dependence.filter(factor="tracker", statistic="core").row(0, named=True)
+    row = compared(data, "yes")["dependence"].filter(factor="tracker", statistic="core").row(0, named=True)
     names = {"a": row["better"], "b": next(name for name in data.trackers if name != row["better"])}
     names |= {"x": row["level_a"], "y": row["level_b"]}
     turned = with_rms(compared(data, verdict), **{names["a"]: 2.0, names["b"]: 1.0})
@@ -208,10 +210,10 @@ def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: s
 
 def test_a_difference_that_rounds_to_nothing_is_not_contrasted(data: ReportData) -> None:
     undecided = compared(data, "undecided")
-    row = undecided.dependence.filter(factor="tracker", statistic="core").row(0, named=True)
+    row = undecided["dependence"].filter(factor="tracker", statistic="core").row(0, named=True)
     larger, smaller = row["larger"], next(name for name in data.trackers if name != row["larger"])
-    alike = undecided.dependence.with_columns(effect=pl.lit(1.0001))
-    turned = with_rms(dataclasses.replace(undecided, dependence=alike), **{smaller: 2.0, larger: 1.0})
+    alike = undecided["dependence"].with_columns(effect=pl.lit(1.0001))
+    turned = with_rms(undecided.with_tables(dependence=alike), **{smaller: 2.0, larger: 1.0})
     assert "1.00 times" in summarise(turned).accuracy.text.replace(SPACE, " ")
     assert "smaller" not in summarise(turned).accuracy.text
     nearly = with_rms(undecided, **{smaller: 1.0001, larger: 1.0})
@@ -219,7 +221,7 @@ def test_a_difference_that_rounds_to_nothing_is_not_contrasted(data: ReportData)
 
 
 def test_of_one_scene_the_disagreement_is_told_too(data: ReportData) -> None:
-    bare = dataclasses.replace(data, dependence=data.dependence.clear())
+    bare = data.with_tables(dependence=data["dependence"].clear())
     sizes = {one.tracker: one.measures[0].number.value for one in summarise(bare).cards}
     low = min(sizes, key=sizes.__getitem__)
     turned = with_rms(bare, **{name: 2.0 if name == low else 1.0 for name in sizes})
@@ -238,7 +240,7 @@ def test_an_rms_is_not_contrasted_with_itself(data: ReportData) -> None:
         name.replace_strict(of, return_dtype=pl.Float64).alias(f"{data.trimming}_rms_{axis}_px")
         for axis, of in sizes.items()
     ]
-    bare = dataclasses.replace(data, dependence=data.dependence.clear(), summary=data.summary.with_columns(columns))
+    bare = data.with_tables(dependence=data["dependence"].clear(), summary=data["summary"].with_columns(columns))
     text = summarise(bare).accuracy.text
     assert f"the RMS over the kept tracks in v of {first} is 1.10 times that of " in text.replace(SPACE, " ")
     assert "smaller" not in text
@@ -248,10 +250,10 @@ def test_a_tracker_that_is_better_at_one_age_is_not_more_accurate(data: ReportDa
     """Only the comparison at that age and in that coordinate is established, which the sentence names."""
     everywhere = compared(data, "yes")
     assert summarise(everywhere).accuracy.text.endswith(" over shared ages.")
-    at_one_age = everywhere.dependence.with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
+    at_one_age = everywhere["dependence"].with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
     row = at_one_age.filter(factor="tracker", statistic="core").row(0, named=True)
     worse = next(name for name in data.trackers if name != row["better"])
-    found = summarise(dataclasses.replace(everywhere, dependence=at_one_age))
+    found = summarise(everywhere.with_tables(dependence=at_one_age))
     assert found.accuracy.answer.verdict == "undecided"
     expected = f"Undecided overall; in v at age 7, the core error of {worse} is 1.50 times that of {row['better']} ("
     assert found.accuracy.text.startswith(expected)
@@ -261,7 +263,7 @@ def test_a_tracker_that_is_better_at_one_age_is_not_more_accurate(data: ReportDa
 
 def test_of_three_trackers_the_comparison_of_two_makes_none_the_best(data: ReportData) -> None:
     three = compared(data, "yes")
-    three = dataclasses.replace(three, dependence=three.dependence.with_columns(n_levels=pl.lit(3, pl.Int32)))
+    three = three.with_tables(dependence=three["dependence"].with_columns(n_levels=pl.lit(3, pl.Int32)))
     verdicts = {one.tracker: one.measures[0].answer.verdict for one in summarise(three).cards}
     assert sorted(verdicts.values()) == ["no", "undecided"]
 
@@ -283,11 +285,11 @@ def test_a_bias_is_undecided_with_two_scenes(data: ReportData) -> None:
 
 def with_tests(data: ReportData, *, own: float, family: float, low: float) -> ReportData:
     """The run with tests of the mean: at each age alone, and of all conditions together."""
-    kinds = data.zero_mean.schema
+    kinds = data["zero_mean"].schema
     verdict = pl.lit("yes" if family <= 0.05 else "undecided", dtype=kinds["verdict"])
     values = {"effect_px": 0.3, "effect_low_px": low, "effect_high_px": 0.6, "sign_flip_p": own}
-    table = data.zero_mean.with_columns(verdict=verdict, sign_flip_p_family=pl.lit(family), why=None, **values)
-    return dataclasses.replace(data, zero_mean=table.cast(dict(kinds)))
+    table = data["zero_mean"].with_columns(verdict=verdict, sign_flip_p_family=pl.lit(family), why=None, **values)
+    return data.with_tables(zero_mean=table.cast(dict(kinds)))
 
 
 @pytest.mark.parametrize(
@@ -325,7 +327,7 @@ def test_the_interval_of_a_bias_is_that_of_its_verdict(
 def test_a_bias_that_errors_of_the_truth_can_cause_is_undecided_and_says_why(data: ReportData) -> None:
     shown = with_tests(data, own=0.01, family=0.02, low=0.1)
     floor = {f"floor_mean_{axis}_px": pl.lit(9.0) for axis in "uv"}
-    covered = dataclasses.replace(shown, summary=shown.summary.with_columns(**floor))
+    covered = shown.with_tables(summary=shown["summary"].with_columns(**floor))
     found = measure(summarise(covered), "lucas-kanade", "bias")
     assert found.answer.verdict == "undecided"
     assert found.sentence.endswith(" (0.100 to 0.600), which errors of the truth can cause.")
@@ -334,12 +336,12 @@ def test_a_bias_that_errors_of_the_truth_can_cause_is_undecided_and_says_why(dat
 
 def fitted(data: ReportData, coordinate: str, **columns: object) -> ReportData:
     """The run with other values in the fitted growth of one coordinate."""
-    kinds = data.time_structure.schema
+    kinds = data["time_structure"].schema
     values = {name: pl.lit(value, dtype=kinds[name]) for name, value in columns.items()}
     changed = [
         pl.when(coordinate=coordinate).then(value).otherwise(pl.col(name)).alias(name) for name, value in values.items()
     ]
-    return dataclasses.replace(data, time_structure=data.time_structure.with_columns(changed))
+    return data.with_tables(time_structure=data["time_structure"].with_columns(changed))
 
 
 def test_growth_is_told_of_the_coordinate_that_all_cards_show(data: ReportData) -> None:
@@ -371,8 +373,8 @@ def test_growth_within_the_errors_of_the_truth_is_undecided(data: ReportData) ->
 
 def test_growth_that_a_fault_of_the_truth_explains_is_undecided(data: ReportData) -> None:
     small = pl.when(pl.col("correction") == "measured").then(1.0).otherwise(0.01)
-    explained = data.audit_curves.with_columns(pl.col("second_uu", "second_vv") * small)
-    found = summarise(dataclasses.replace(data, audit_curves=explained))
+    explained = data["audit_curves"].with_columns(pl.col("second_uu", "second_vv") * small)
+    found = summarise(data.with_tables(audit_curves=explained))
     assert measure(found, "lucas-kanade", "growth").answer.verdict == "undecided"
 
 
@@ -389,7 +391,7 @@ def with_truth(data: ReportData, verdict: str, **numbers: float) -> ReportData:
     """The run with another verdict on its truth."""
     row = {"cause": "every", "verdict": verdict, "text": "A sentence.", "step": "Another one."}
     bounds = [{"cause": "every", "tracker": name, "high": high} for name, high in numbers.items()]
-    return dataclasses.replace(data, trust=pl.DataFrame([row, *bounds], schema=data.trust.schema))
+    return data.with_tables(trust=pl.DataFrame([row, *bounds], schema=data["trust"].schema))
 
 
 @pytest.mark.parametrize(
@@ -405,7 +407,7 @@ def test_the_verdict_on_the_truth_is_that_of_the_run_with_the_next_step(
 
 
 def test_a_run_that_was_not_assessed_has_an_unknown_truth(data: ReportData) -> None:
-    found = summarise(dataclasses.replace(data, trust=data.trust.clear())).truth
+    found = summarise(data.with_tables(trust=data["trust"].clear())).truth
     assert (found.answer.verdict, found.answer.is_good) == ("unknown", None)
 
 
@@ -441,23 +443,23 @@ def test_the_first_screen_says_what_could_not_be_measured(data: ReportData, fail
     ("resampled", "verdict"), [("scenes", "yes"), ("within", "undecided"), ("blocks", "undecided")]
 )
 def test_how_sure_it_is_depends_on_what_was_resampled(data: ReportData, resampled: str, verdict: str) -> None:
-    kind = pl.lit(resampled, dtype=data.intervals.schema["resampled"])
-    found = summarise(dataclasses.replace(data, intervals=data.intervals.with_columns(resampled=kind))).certainty
+    kind = pl.lit(resampled, dtype=data["intervals"].schema["resampled"])
+    found = summarise(data.with_tables(intervals=data["intervals"].with_columns(resampled=kind))).certainty
     assert found.answer.verdict == verdict
 
 
 def test_how_sure_it_is_does_not_depend_on_the_order_of_rows(data: ReportData) -> None:
     """Where two kinds of intervals are equally frequent, each report of a run names the same one."""
-    nominal = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
+    nominal = data.nominal(data["intervals"]).drop_nulls(["level", "resampled", "n_scenes"])
     even = nominal.head(nominal.height // 2 * 2).with_row_index()
     named = pl.when(pl.col("index") % 2 == 0).then(pl.lit("scenes")).otherwise(pl.lit("blocks"))
-    halves = even.with_columns(resampled=named.cast(data.intervals.schema["resampled"])).drop("index")
+    halves = even.with_columns(resampled=named.cast(data["intervals"].schema["resampled"])).drop("index")
     shuffled = (halves.sample(fraction=1.0, shuffle=True, seed=seed) for seed in range(12))
-    assert len({certainty(dataclasses.replace(data, intervals=rows)).text for rows in shuffled}) == 1
+    assert len({certainty(data.with_tables(intervals=rows)).text for rows in shuffled}) == 1
 
 
 def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) -> None:
-    found = summarise(dataclasses.replace(data, intervals=data.intervals.clear()))
+    found = summarise(data.with_tables(intervals=data["intervals"].clear()))
     assert found.certainty.text == "No intervals were computed: the numbers hold for these scenes only."
     assert measure(found, "lucas-kanade", "error").number.interval == ""
 
@@ -465,7 +467,7 @@ def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) 
 def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: ReportData) -> None:
     expected = "In these scenes, set 0.200 px and a track gate of 0.300 in a filter; innovations look like 0.100 px."
     assert card(summarise(data), "lucas-kanade").sigma == expected
-    none = dataclasses.replace(data, advice=data.advice.clear())
+    none = data.with_tables(advice=data["advice"].clear())
     assert card(summarise(none), "lucas-kanade").sigma == ""
 
 
@@ -506,7 +508,7 @@ def test_what_to_set_is_that_of_the_advice(data: ReportData) -> None:
     settings = summarise(data).settings
     assert [one.tracker for one in settings] == data.trackers
     for one in settings:
-        rows = data.advice.filter(tracker=one.tracker)
+        rows = data["advice"].filter(tracker=one.tracker)
         assert one.sigma.value == rows.filter(quantity="sigma")["value"][0]
         assert one.innovations.value == rows.filter(quantity="innovations")["value"][0]
         assert one.sigma.text == f"0.200{SPACE}px"

@@ -1,6 +1,5 @@
 """Bands around curves are the intervals of their own points."""
 
-import dataclasses
 import io
 from collections.abc import Callable
 
@@ -37,14 +36,14 @@ def test_points_carry_the_roots_of_their_bounds(data: ReportData) -> None:
     keys = {"tracker": "lucas-kanade", "speed": 1, "at": 5, "population": "visible", "trimming": "trimmed"}
     point = data.points.filter(**keys, role="second").row(0, named=True)
     asked = {"weighting": "features", "statistic": "Phi", "coordinate": "v"}
-    interval = data.intervals.filter(**keys, **asked).row(0, named=True)
+    interval = data["intervals"].filter(**keys, **asked).row(0, named=True)
     assert point["v_low"] == pytest.approx(interval["low"] ** 0.5)
     assert point["v_high"] == pytest.approx(interval["high"] ** 0.5)
     assert (point["level"], point["resampled"], point["n_resampled"]) == (0.95, "blocks", interval["n_scenes"])
 
 
 def test_no_point_is_lost_or_doubled(data: ReportData) -> None:
-    bare = dataclasses.replace(data, intervals=data.intervals.clear())
+    bare = data.with_tables(intervals=data["intervals"].clear())
     columns = [name for name in bare.points.columns if name not in (*bands.BOUNDS, *bands.KIND)]
     assert data.points.select(columns).equals(bare.points.select(columns))
     assert bare.points["u_low"].null_count() == bare.points.height
@@ -71,7 +70,7 @@ def test_selections_live_where_the_legend_is(data: ReportData) -> None:
 
 
 def test_without_intervals_there_is_no_band(data: ReportData) -> None:
-    bare = dataclasses.replace(data, intervals=data.intervals.clear())
+    bare = data.with_tables(intervals=data["intervals"].clear())
     for figure in (
         figure_of(error_curves.curve_figures(bare), "error-by-age"),
         figure_of(track_ends.lifetime_figures(bare), "lifetimes"),
@@ -90,8 +89,8 @@ def test_of_many_curves_the_first_alone_has_a_band(make_run: Callable[..., RunFo
 
 
 def test_a_band_does_not_squash_its_curve(data: ReportData) -> None:
-    wide = data.intervals.with_columns(low=pl.col("value") - 1e3, high=pl.col("value") + 1e3)
-    figure = figure_of(error_curves.curve_figures(dataclasses.replace(data, intervals=wide)), "error-by-age")
+    wide = data["intervals"].with_columns(low=pl.col("value") - 1e3, high=pl.col("value") + 1e3)
+    figure = figure_of(error_curves.curve_figures(data.with_tables(intervals=wide)), "error-by-age")
     values = drawn(figure, "u", "v", "of")["u"]
     domain = figure.spec["concat"][0]["layer"][1]["encoding"]["y"]["scale"]["domain"]
     assert domain[1] - domain[0] < 10 * (values.max() - values.min())  # type: ignore[operator]
@@ -99,10 +98,10 @@ def test_a_band_does_not_squash_its_curve(data: ReportData) -> None:
 
 def test_survival_and_outlier_ratio_draw_their_bounds(data: ReportData) -> None:
     survival = drawn(figure_of(track_ends.lifetime_figures(data), "lifetimes"), "series", "low", "high")
-    expected = data.intervals.filter(statistic="survival", speed=1)
+    expected = data["intervals"].filter(statistic="survival", speed=1)
     np.testing.assert_allclose(sorted(survival["high"]), sorted(expected["high"]), rtol=1e-3)
     ratio = drawn(figure_of(track_ends.outlier_ratio_figures(data), "outlier-ratio"), "pooled_ratio", "low", "high")
-    expected = data.intervals.filter(statistic="outlier_ratio")
+    expected = data["intervals"].filter(statistic="outlier_ratio")
     np.testing.assert_allclose(sorted(ratio["low"]), sorted(expected["low"]), rtol=1e-3)
 
 

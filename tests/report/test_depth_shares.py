@@ -1,7 +1,5 @@
 """What the page says of depth intervals: the made-up ones of `made_up_findings.depth_intervals`."""
 
-import dataclasses
-
 import polars as pl
 import pytest
 
@@ -28,14 +26,14 @@ def plain(text: str) -> str:
 
 
 def without(data: ReportData, keep: pl.Expr) -> ReportData:
-    return dataclasses.replace(data, depth_intervals=data.depth_intervals.filter(keep))
+    return data.with_tables(depth_intervals=data["depth_intervals"].filter(keep))
 
 
 def test_shares_are_those_of_the_longest_window_with_enough_tracks(data: ReportData) -> None:
     assert depth_shares(data)["window"].unique().to_list() == [15]
     few = pl.when(pl.col("window") == 15).then(99).otherwise(pl.col("n"))
-    table = data.depth_intervals.with_columns(n=few.cast(pl.Int64))
-    assert depth_shares(dataclasses.replace(data, depth_intervals=table))["window"].unique().to_list() == [10]
+    table = data["depth_intervals"].with_columns(n=few.cast(pl.Int64))
+    assert depth_shares(data.with_tables(depth_intervals=table))["window"].unique().to_list() == [10]
 
 
 def test_shares_of_all_trackers_are_those_of_one_window(data: ReportData) -> None:
@@ -69,7 +67,7 @@ def test_the_figure_says_what_each_noise_holds(data: ReportData) -> None:
 
 
 def test_nothing_is_established_where_the_interval_holds_the_level(data: ReportData) -> None:
-    wide = dataclasses.replace(data, depth_intervals=data.depth_intervals.with_columns(high=pl.lit(0.96)))
+    wide = data.with_tables(depth_intervals=data["depth_intervals"].with_columns(high=pl.lit(0.96)))
     (figure,) = noise_models.depth_interval_figures(wide)
     assert isinstance(figure, Figure)
     assert figure.message == ""

@@ -59,7 +59,7 @@ def test_the_page_does_not_call_fitted_points_known_or_their_errors_noise(run: R
 
 def test_verdicts_state_no_error_at_an_age(run: RunFolder) -> None:
     data = ReportData.of(run)
-    assert data.summary["untrimmed_core_u_px"].null_count() == 0
+    assert data["summary"]["untrimmed_core_u_px"].null_count() == 0
     for row in findings_section.verdicts(data).rows:
         assert set(row[2:7]) == {"\N{EN DASH}"}
         assert "%" in row[-2], "outliers are observed"

@@ -99,7 +99,7 @@ def test_a_tracker_without_a_feature_stands_in_the_tables_with_zeros(make_run: C
 
 def test_a_run_without_any_true_position_says_so_once(make_run: Callable[..., RunFolder]) -> None:
     data = ReportData.of(make_run(told=False, depth=False))
-    n = data.counts.filter(kind="truth")["n"].sum()
+    n = data["counts"].filter(kind="truth")["n"].sum()
     told = f"100.0\N{NO-BREAK SPACE}% of {n:,} observations is unknown (100.0\N{NO-BREAK SPACE}% no depth)"
     assert measured.without_truth(data) == [
         ("The whole run", f"the true position of {told}. No error could be measured.")

@@ -1,6 +1,5 @@
 """The paper's findings as data, and beside what a run measured."""
 
-import dataclasses
 from collections.abc import Callable
 
 import polars as pl
@@ -54,13 +53,13 @@ def test_where_the_paper_says_nothing_there_is_nothing() -> None:
 
 def with_effects(data: ReportData, **columns: object) -> ReportData:
     """The same data with other values in all rows of its effects."""
-    changed = {name: pl.lit(value, dtype=data.effects.schema[name]) for name, value in columns.items()}
-    return dataclasses.replace(data, effects=data.effects.with_columns(**changed))
+    changed = {name: pl.lit(value, dtype=data["effects"].schema[name]) for name, value in columns.items()}
+    return data.with_tables(effects=data["effects"].with_columns(**changed))
 
 
 def without_intervals(data: ReportData) -> ReportData:
     """The same data without paired verdicts."""
-    return dataclasses.replace(data, dependence=data.dependence.clear())
+    return data.with_tables(dependence=data["dependence"].clear())
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +159,7 @@ def test_a_yes_on_hardly_any_bias_is_put_into_proportion(repeated: ReportData) -
     small = with_effects(repeated, verdict="yes", share_of_absolute=None)
     row = (pl.col("factor") == "speed") & (pl.col("tracker") == LK) & (pl.col("statistic") == "nu")
     share = pl.when(row).then(0.04).otherwise("share_of_absolute")
-    small = dataclasses.replace(small, effects=small.effects.with_columns(share_of_absolute=share))
+    small = small.with_tables(effects=small["effects"].with_columns(share_of_absolute=share))
     assert (
         "Caution: by the paper's yardstick, the yes for the mean error of lucas-kanade by speed may be chance."
         in factor_section.sentences(small)[1]
@@ -183,7 +182,7 @@ def test_a_run_that_varies_nothing_says_so(make_run: Callable[..., RunFolder]) -
 
 def test_what_decided_names_levels_place_and_size(run: RunFolder) -> None:
     data = without_intervals(ReportData.of(run))
-    effects = data.effects.filter(factor="speed", tracker=LK, statistic="eta").row(0, named=True)
+    effects = data["effects"].filter(factor="speed", tracker=LK, statistic="eta").row(0, named=True)
     cells = factor_section.details(data)
     (row,) = [row for row in cells.rows if row[:2] == ["speed", LK] and "absolute" in row[2]]
     place = f"{effects['coordinate']}, at age {effects['at']}"
@@ -195,8 +194,8 @@ def test_what_decided_names_levels_place_and_size(run: RunFolder) -> None:
 
 def with_dependence(data: ReportData, **columns: object) -> ReportData:
     """The same data with other values in all rows of its verdicts with intervals."""
-    changed = {name: pl.lit(value, dtype=data.dependence.schema[name]) for name, value in columns.items()}
-    return dataclasses.replace(data, dependence=data.dependence.with_columns(**changed))
+    changed = {name: pl.lit(value, dtype=data["dependence"].schema[name]) for name, value in columns.items()}
+    return data.with_tables(dependence=data["dependence"].with_columns(**changed))
 
 
 @pytest.fixture

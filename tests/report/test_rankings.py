@@ -1,7 +1,5 @@
 """Ranks of trackers on the page and in the terminal."""
 
-import dataclasses
-
 import numpy as np
 import polars as pl
 import pytest
@@ -21,7 +19,7 @@ SPANS = {"best": (1, 1), "alike": (2, 3), "other": (2, 3)}
 def ranked(run: RunFolder, spans: dict[str, tuple[int, int]] = SPANS) -> ReportData:
     """A run with ranks by the core, and by the RMS that tells nothing."""
     data = ReportData.of(run)
-    held = data.nominal(data.summary).row(0, named=True)
+    held = data.nominal(data["summary"]).row(0, named=True)
     every = {name: (1, len(spans)) for name in spans}
     rows = [
         {name: held.get(name) for name in RANKS}
@@ -30,7 +28,7 @@ def ranked(run: RunFolder, spans: dict[str, tuple[int, int]] = SPANS) -> ReportD
         for statistic, found in (("core", spans), ("Phi", every))
         for name, (best, worst) in found.items()
     ]
-    return dataclasses.replace(data, ranks=pl.DataFrame(rows, schema=dict(RANKS)))
+    return data.with_tables(ranks=pl.DataFrame(rows, schema=dict(RANKS)))
 
 
 def test_the_table_has_the_best_first_with_ranges_of_ranks(run: RunFolder) -> None:

@@ -16,7 +16,7 @@ def test_points_are_uncut_and_second_moments_are_roots(run: RunFolder) -> None:
     data = ReportData.of(run)
     where = {"tracker": "lucas-kanade", "speed": 1, "population": "visible", "trimming": "trimmed", "at": 5}
     row = data.points.filter(**where, role="second").row(0, named=True)
-    curve = data.curves.filter(**where, statistic="Phi", weighting="features").row(0, named=True)
+    curve = data["curves"].filter(**where, statistic="Phi", weighting="features").row(0, named=True)
     assert row["u"] == pytest.approx(np.sqrt(curve["u"]))
     assert data.points["n"].min() >= 40
 
@@ -26,7 +26,7 @@ def test_the_first_lighting_is_the_reference_and_is_named(make_run: Callable[...
     assert data.lightings == ["z", "a"]  # as the experiment has them
     assert data.where == " under lighting z"
     assert data.slowest == 2
-    assert data.nominal(data.outliers).select("lighting", "speed").unique().rows() == [("z", 2)]
+    assert data.nominal(data["outliers"]).select("lighting", "speed").unique().rows() == [("z", 2)]
 
 
 def test_one_lighting_needs_no_name(run: RunFolder) -> None:
@@ -71,7 +71,7 @@ def test_errors_are_zero_in_the_key_frame_of_a_scan(make_run: Callable[..., RunF
     assert zero["since"].unique().to_list() == [0]
     assert zero.select(pl.max_horizontal("u", "v").max()).item() == 0
     row = data.points.filter(tracker="lucas-kanade", speed=1, trimming="trimmed", role="absolute", at=3)
-    curve = data.curves.filter(
+    curve = data["curves"].filter(
         tracker="lucas-kanade", speed=1, trimming="trimmed", statistic="kappa", at=3, weighting="features"
     )
     assert row.select("since", "u").rows() == [(-5, value) for value in curve["u"].unique()] * row.height
@@ -105,7 +105,7 @@ def test_the_view_is_upright_and_forward_whatever_else_there_is(make_run: Callab
     assert data.where == " at rotation 0° played forward"
     assert data.elsewhere("rotation") == " played forward"
     assert list(data.sequences) == ["seen@default"]
-    across = data.across(data.outliers, "rotation")
+    across = data.across(data["outliers"], "rotation")
     assert sorted(across.select("rotation", "direction").rows()) == [(0, "forward"), (90, "forward")]
 
 
@@ -113,7 +113,7 @@ def test_the_view_is_one_that_was_measured(make_run: Callable[..., RunFolder]) -
     views = ((90, "forward"), (0, "backward"))
     data = ReportData.of(make_run(told=False, scenes=("odd",), trackers=("one",), speeds=(1,), views=views))
     assert (data.view["rotation"], data.view["direction"]) == (90, "forward")
-    assert data.nominal(data.outliers).height == 1
+    assert data.nominal(data["outliers"]).height == 1
 
 
 def test_of_many_conditions_only_those_of_the_view_are_listed(
@@ -121,6 +121,6 @@ def test_of_many_conditions_only_those_of_the_view_are_listed(
 ) -> None:
     data = ReportData.of(make_run(**synthetic.DEGENERATE["many conditions"]))
     assert data.is_large
-    assert data.listed(data.summary)["lighting"].to_list() == ["LR0"]
+    assert data.listed(data["summary"])["lighting"].to_list() == ["LR0"]
     few = ReportData.of(run)
-    assert few.listed(few.summary).height == few.summary.height
+    assert few.listed(few["summary"]).height == few["summary"].height

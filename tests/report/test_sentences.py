@@ -9,7 +9,6 @@ from tests.topics.short import long_in_findings, too_long
 
 from tracknoise.report.answer import summarise
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.findings_schema import FINDINGS_TABLES
 from tracknoise.tables.store import RunFolder
 from tracknoise.topics.headlines import findings_json
 
@@ -27,7 +26,7 @@ WORLDS: dict[str, dict[str, object]] = {
 def test_sentences_of_made_up_runs_are_short(make_run: Callable[..., RunFolder], world: str) -> None:
     data = ReportData.of(make_run(**WORLDS[world]))
     names = {*data.trackers, *(entry.sequence.scene for entry in data.sequences.values())}
-    document = json.loads(findings_json({table.name: getattr(data, table.name) for table in FINDINGS_TABLES}))
+    document = json.loads(findings_json(data.tables))
     assert long_in_findings(document["findings"], names) == []
     summary = summarise(data)
     texts = [summary.accuracy.text, summary.certainty.text, summary.truth.text]

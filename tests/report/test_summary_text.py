@@ -65,8 +65,8 @@ def test_the_noise_to_set_in_an_estimator_stands_below_the_table(make_run: Calla
 def test_means_are_those_of_the_finding_on_bias(run: RunFolder) -> None:
     """Scenes weigh equally, however many features they have."""
     data = ReportData.of(run)
-    means = data.zero_mean.filter(trimming=data.trimming, axis=data.axis.name)
-    shown = data.in_order(data.summary).join(means, on=["tracker", "speed", "at"], how="left", maintain_order="left")
+    means = data["zero_mean"].filter(trimming=data.trimming, axis=data.axis.name)
+    shown = data.in_order(data["summary"]).join(means, on=["tracker", "speed", "at"], how="left", maintain_order="left")
     assert shown["mean_u_px"].to_list() != shown[f"{data.trimming}_nu_u_px"].to_list()
     assert [line.split()[5:8] for line in _table(run)[3:]] == [
         [str(row["at"]), f"{row['mean_u_px']:+.3f}", f"{row['mean_v_px']:+.3f}"] for row in shown.to_dicts()

@@ -77,7 +77,7 @@ def test_latex_rows_that_start_with_a_bracket_are_no_argument_of_the_row_before(
 
 def test_only_curves_that_are_not_cut_are_exported(run: RunFolder) -> None:
     data = ReportData.of(run)
-    assert data.curves["cut"].any()
+    assert data["curves"]["cut"].any()
     (curves,) = [export.make(data) for export in EXPORTS if export.id == "curves"]
     assert not curves["cut"].any()
     assert curves["n"].min() >= data.min_features

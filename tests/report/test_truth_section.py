@@ -1,7 +1,6 @@
 """The section on how much of the errors is the truth's."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import polars as pl
 import pytest
@@ -20,23 +19,23 @@ def data(make_run: Callable[..., RunFolder]) -> ReportData:
 
 def with_floor(data: ReportData, share: float) -> ReportData:
     """The run with a floor of this share of the second moment of every point."""
-    second = data.curves.filter(
+    second = data["curves"].filter(
         statistic="Phi", population=data.population, trimming=data.trimming, weighting="features"
     )
     floor = second.select(
-        *[name for name in data.floor.columns if name in second.columns],
-        source=pl.lit("all", dtype=data.floor.schema["source"]),
+        *[name for name in data["floor"].columns if name in second.columns],
+        source=pl.lit("all", dtype=data["floor"].schema["source"]),
         floor_uu=share * pl.col("u"),
         floor_uv=pl.lit(0.0),
         floor_vv=share * pl.col("v"),
         mean_u_px=pl.lit(0.0),
         mean_v_px=pl.lit(0.0),
     )
-    return replace(data, floor=floor.select(data.floor.columns).cast(dict(data.floor.schema)))
+    return data.with_tables(floor=floor.select(data["floor"].columns).cast(dict(data["floor"].schema)))
 
 
 def test_it_begins_with_the_verdict_what_the_audit_found_and_how_to_correct_it(data: ReportData) -> None:
-    assert verdicts(data)[:2] == [TruthVerdict.of(data.trust).sentence, AUDITED]
+    assert verdicts(data)[:2] == [TruthVerdict.of(data["trust"]).sentence, AUDITED]
     assert corrections(data) == "[truth.corrections]\nfocal_scale = 0.90909"
     assert len(tables(data)[0].rows) == 2
 
@@ -59,9 +58,9 @@ def test_it_says_what_errors_of_the_truth_can_cause(data: ReportData, share: flo
 
 def limit_of(data: ReportData, covered: pl.Expr) -> str:
     """What is said of covariances where the floor is three quarters of the second moment at some ages, else a tenth."""
-    floor = with_floor(data, 0.1).floor
+    floor = with_floor(data, 0.1)["floor"]
     factor = pl.when(covered).then(7.5).otherwise(1.0)
-    (found,) = verdicts(replace(data, floor=floor.with_columns(pl.col("floor_uu", "floor_vv") * factor)))[2:]
+    (found,) = verdicts(data.with_tables(floor=floor.with_columns(pl.col("floor_uu", "floor_vv") * factor)))[2:]
     return found.split("px of one. ")[1]
 
 
@@ -79,5 +78,5 @@ def test_ages_at_which_the_truth_is_the_smaller_part_are_named(data: ReportData)
 
 
 def test_without_a_stated_accuracy_there_is_no_floor(data: ReportData) -> None:
-    (found,) = verdicts(replace(data, floor=data.floor.clear()))[2:]
+    (found,) = verdicts(data.with_tables(floor=data["floor"].clear()))[2:]
     assert "is not stated, so that there is no truth floor" in found

@@ -33,19 +33,18 @@ def findings(
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.exceptions import StoreError
     from tracknoise.report.report_data import ReportData
-    from tracknoise.tables.findings_schema import FINDINGS_TABLES
     from tracknoise.tables.store import RunFolder
     from tracknoise.topics.headlines import findings_json
     from tracknoise.words import count
 
     require_outputs([("--json-file", json_file)], inputs=[run])
     data = ReportData.of(RunFolder(run))
-    if data.findings.is_empty():
+    if data["findings"].is_empty():
         raise StoreError(f"{run}: holds no findings, expected those of a finished run; `tracknoise run` computes them")
     if failed := data.manifest.failures:
         are = "is" if len(failed) == 1 else "are"
         context.obj.warn(f"{run}: {count(len(failed), 'sequence')} failed and {are} not in these findings")
-    tables = {table.name: getattr(data, table.name) for table in FINDINGS_TABLES}
+    tables = data.tables
     write_json(context.obj, findings_json(tables), as_json=as_json, file=json_file)
     if not as_json:
         _print_sentences(context.obj, data, every=every)

@@ -119,7 +119,7 @@ def print_results(
         if ranks is not None:
             show(terminal.result, ranks)
         terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), to_set=ranks is None)))
-        if not TruthVerdict.of(data.trust).are_tracks_wrong:
+        if not TruthVerdict.of(data["trust"]).are_tracks_wrong:
             terminal.say(_HINT)
     for line in failed:
         terminal.say(line)
@@ -157,7 +157,7 @@ def summary_text(run: RunFolder) -> str:
     If there are too many conditions, only those that the report's figures show have a row.
     """
     data = ReportData.of(run)
-    if TruthVerdict.of(data.trust).are_tracks_wrong:
+    if TruthVerdict.of(data["trust"]).are_tracks_wrong:
         return "\n".join(_truth(data)).rstrip()
     table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else _with_means(data)))
     shown = [*((name, name, "{}") for name in data.condition_columns), *_TRACKS, *_errors(data)]
@@ -183,7 +183,7 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
     Where true positions are fitted to the tracks, their noise, because errors about fitted points are smaller.
     """
     if data.truth_is_fitted:
-        bound = f"noise {at_most(TruthVerdict.of(data.trust))}by"
+        bound = f"noise {at_most(TruthVerdict.of(data['trust']))}by"
         return [(heading.replace("noise by", bound), name, form) for heading, name, form in _NOISE]
     shown = [
         (
@@ -203,25 +203,29 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
             for other in others
             for axis in "uv"
         ),
-        *(_FLOOR if (data.summary["floor_u_px"] > 0).any() else ()),
+        *(_FLOOR if (data["summary"]["floor_u_px"] > 0).any() else ()),
     ]
 
 
 def _with_means(data: ReportData) -> pl.DataFrame:
     """The summary with the mean errors of the finding on bias, in which scenes weigh equally, px."""
     key = [*POOLED, "at"]
-    means = data.zero_mean.filter(pl.col("at").is_not_null(), trimming=data.trimming, axis=data.axis.name).select(
-        *key, *(pl.col(f"mean_{axis}_px").alias(f"{data.trimming}_mean_{axis}_px") for axis in "uv")
+    means = (
+        data["zero_mean"]
+        .filter(pl.col("at").is_not_null(), trimming=data.trimming, axis=data.axis.name)
+        .select(*key, *(pl.col(f"mean_{axis}_px").alias(f"{data.trimming}_mean_{axis}_px") for axis in "uv"))
     )
-    return data.summary.join(means, on=key, how="left", nulls_equal=True, maintain_order="left")
+    return data["summary"].join(means, on=key, how="left", nulls_equal=True, maintain_order="left")
 
 
 def _with_noise(data: ReportData) -> pl.DataFrame:
     """The summary with columns of `_NOISE`: noise of one coordinate of tracks of any length, px."""
-    of_all = data.triangulated_noise.filter(
-        pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming
-    ).with_columns(pl.col("measure").cast(pl.String))
-    table = data.summary
+    of_all = (
+        data["triangulated_noise"]
+        .filter(pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming)
+        .with_columns(pl.col("measure").cast(pl.String))
+    )
+    table = data["summary"]
     for _, measure, _ in _NOISE:
         noise = of_all.filter(measure=measure).select(*POOLED, pl.col("sigma_px").alias(measure))
         table = table.join(noise, on=POOLED, how="left", nulls_equal=True, maintain_order="left")
@@ -230,8 +234,8 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
 
 def _truth(data: ReportData) -> list[str]:
     """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
-    change, copies = truth_change(data.run, data.trust), data.findings.filter(topic="copies")["text"]
-    truth = TruthVerdict.of(data.trust)
+    change, copies = truth_change(data.run, data["trust"]), data["findings"].filter(topic="copies")["text"]
+    truth = TruthVerdict.of(data["trust"])
     texts = (*filter(None, [truth.sentence, truth.stated, change]), *copies)
     return ["\n".join([*wrapped(text), ""]) for text in texts]
 
@@ -252,13 +256,13 @@ def _more_accurate(data: ReportData) -> list[str]:
 
 def _for_estimators(data: ReportData) -> list[str]:
     """The finding that says which noise to set in an estimator, and the trackers that it does not name."""
-    texts = [*data.findings.filter(topic="estimator")["text"], *sentences_to_set(data)[MOST_TRACKERS:]]
+    texts = [*data["findings"].filter(topic="estimator")["text"], *sentences_to_set(data)[MOST_TRACKERS:]]
     return ["\n".join(wrapped(text)) for text in texts]
 
 
 def _where_trimming_matters(data: ReportData) -> list[str]:
     """The finding that says where trimmed and untrimmed errors disagree."""
-    return ["\n".join(wrapped(text)) for text in data.findings.filter(topic="trimming")["text"]]
+    return ["\n".join(wrapped(text)) for text in data["findings"].filter(topic="trimming")["text"]]
 
 
 def _machines(data: ReportData) -> list[str]:
@@ -271,11 +275,11 @@ def _fitted(data: ReportData) -> list[str]:
     """What errors about fitted points hide, and the noise that is corrected for the fit."""
     if not data.truth_is_fitted:
         return []
-    return ["\n".join(wrapped(text)) for text in data.findings.filter(pl.col("topic").is_in(_FITTED_TOPICS))["text"]]
+    return ["\n".join(wrapped(text)) for text in data["findings"].filter(pl.col("topic").is_in(_FITTED_TOPICS))["text"]]
 
 
 def _others(data: ReportData) -> list[str]:
-    n = data.summary.height - data.listed(data.summary).height
+    n = data["summary"].height - data.listed(data["summary"]).height
     if not n:
         return []
     others = "1 other condition is" if n == 1 else f"{n} other conditions are"

@@ -18,11 +18,20 @@ from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import dropped_above
-from tracknoise.tables.findings_schema import ADVICE, AUDIT, AUDIT_CURVES, FINDINGS, TRIMS, TRUST, by_table
+from tracknoise.tables.findings_schema import (
+    ADVICE,
+    AUDIT,
+    AUDIT_CURVES,
+    FINDINGS,
+    FINDINGS_TABLES,
+    TRIMS,
+    TRUST,
+    by_table,
+)
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.run_table import RunTable
-from tracknoise.tables.schema import VIEW
+from tracknoise.tables.schema import VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.catalogue import TOPICS
@@ -109,7 +118,8 @@ def _write_findings(inputs: RunInputs, manifest: Manifest, experiment: Experimen
         groups=inputs.sampling.groups,
         trimming=inputs.trimming,
     )
-    basis, tables = basis_of(inputs[TRUST], is_fitted=reported.fitted), dict(inputs.made)
+    basis = basis_of(inputs[TRUST], is_fitted=reported.fitted)
+    tables = {**{table: empty(table) for table in FINDINGS_TABLES}, **inputs.made}
     for analysis in (_AUDIT, *(analysis for topic in TOPICS for analysis in topic.analyses)):
         for table in analysis.tables:
             tables[table] = tables[table].filter(analysis.remaining(basis))

@@ -167,7 +167,7 @@ def mean_chosen_among(data: ReportData, point: Point, coordinate: str, choices: 
     if choices == 1 or found.low is None:
         return found
     here = {name: point[name] for name in (*POOLED, "population", "trimming", "at")}
-    rows = data.intervals.filter(
+    rows = data["intervals"].filter(
         aspect=Aspect.all,
         weighting=Weighting.features,
         statistic=NAMES[data.axis.name]["mean"],
@@ -351,8 +351,8 @@ _ROUNDING = 0.05
 def judge_outlier_level(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     """By the pooled ratio at every speed, and its interval. Ratios do not depend on trimming."""
     data, stated = runs[claim.experiment], claim.stated
-    table = data.reference(data.outliers).filter(tracker=tracker_named(data, stated["tracker"])).sort("speed")
-    rows = of_scalar(table, data.intervals, "outlier_ratio").drop_nulls("pooled_ratio").to_dicts()
+    table = data.reference(data["outliers"]).filter(tracker=tracker_named(data, stated["tracker"])).sort("speed")
+    rows = of_scalar(table, data["intervals"], "outlier_ratio").drop_nulls("pooled_ratio").to_dicts()
     if not rows:
         return Judgement(Agreement.open, reason="no outlier ratio is known")
     low, high = stated["low"] - _ROUNDING, stated["high"] + _ROUNDING
@@ -398,8 +398,8 @@ def _bounds(row: Mapping[str, Any]) -> str:
 
 def _answers(data: ReportData, tracker: str) -> dict[str, bool | None]:
     """Whether errors of a tracker have zero mean, and are Gaussian; None where that is undecided."""
-    tests = data.nominal(data.zero_mean).filter(pl.col("at").is_null(), tracker=tracker, trimming=data.trimming)
-    shapes = data.nominal(data.gaussianity).filter(tracker=tracker, trimming=data.trimming)["verdict"].to_list()
+    tests = data.nominal(data["zero_mean"]).filter(pl.col("at").is_null(), tracker=tracker, trimming=data.trimming)
+    shapes = data.nominal(data["gaussianity"]).filter(tracker=tracker, trimming=data.trimming)["verdict"].to_list()
     return {"mean": _is_zero(tests, data, tracker), "shape": _is_gaussian([Shape(shape) for shape in shapes])}
 
 

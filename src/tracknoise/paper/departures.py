@@ -138,7 +138,7 @@ def _by_curves(name: str, parts: Sequence[Part]) -> Cells:
 
 def _is_one_scene(data: ReportData, tracker: str) -> bool:
     """Whether a tracker's curves at the nominal speed come from a single scene, so that weights change nothing."""
-    return data.nominal(data.curves).filter(tracker=tracker)["n_scenes"].max() == 1
+    return data.nominal(data["curves"]).filter(tracker=tracker)["n_scenes"].max() == 1
 
 
 def _differences(
@@ -150,7 +150,7 @@ def _differences(
     """
     key_frames = {direction: data.key_frame(direction) or 0 for direction in data.directions}
     roles = data.axis.roles
-    of_both = data.nominal(data.curves)
+    of_both = data.nominal(data["curves"])
     chosen = of_both if trimming is None else of_both.filter(trimming=trimming)
     curves = comparable(chosen, key_frames).with_columns(
         role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String)
@@ -171,8 +171,8 @@ def _lifetimes(parts: Sequence[Part]) -> Cells:
     """Mean lifetime as the paper computes it, and the Kaplan-Meier mean."""
     rows = []
     for part in parts:
-        summary = part.data.nominal(part.data.summary)
-        censored = part.data.nominal(part.data.lifetimes).group_by("tracker").agg(pl.col("n_censored").sum())
+        summary = part.data.nominal(part.data["summary"])
+        censored = part.data.nominal(part.data["lifetimes"]).group_by("tracker").agg(pl.col("n_censored").sum())
         for row in part.data.in_order(summary.join(censored, on="tracker")).to_dicts():
             names = ("mean_lifetime", "restricted_mean_lifetime", "restricted_to")
             cut = percent(row["n_censored"] / row["n_tracks"])
@@ -186,7 +186,7 @@ def _rejection(parts: Sequence[Part]) -> Cells | None:
     rows = []
     for title, variants in ((part.title, part.variants) for part in parts if part.variants):
         roots = {trimming: _shared_roots(variants, trimming) for trimming in _TRIMMINGS}
-        for row in variants.in_order(variants.nominal(variants.summary)).to_dicts():
+        for row in variants.in_order(variants.nominal(variants["summary"])).to_dicts():
             ratio = DASH if row["outlier_ratio"] is None else percent(row["outlier_ratio"])
             lengths = (_root_cells(variants, table.filter(tracker=row["tracker"])) for table in roots.values())
             rows.append([title, row["tracker"], ratio, number(row["mean_lifetime"]), *chain.from_iterable(lengths)])

@@ -196,7 +196,7 @@ def _row(item: Replicated, part: Part | None) -> list[str]:
         return [paper.title(item.experiment), item.found, *[DASH] * (4 + 2 * len(paper.AGREEMENTS))]
     manifest, table = part.data.manifest, part.data.comparison
     yardstick, paired = paper.tally(table, of="yardstick_agreement"), paper.tally(table)
-    observed = int(part.data.counts.filter(kind="truth")["n"].sum())
+    observed = int(part.data["counts"].filter(kind="truth")["n"].sum())
     counts = [len(manifest.sequences), len(manifest.failures), observed, sum(paired.values()), *yardstick.values()]
     counts += paired.values()
     return [part.title, item.found, *map(number, counts)]

@@ -42,8 +42,8 @@ def summarise(data: ReportData) -> Summary:
 
 def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     """What to set in the estimator of the experiment, for each tracker in their order."""
-    rows = reported_conditions(data, data.slowest).reported(data.advice)
-    is_bound = not TruthVerdict.of(data.trust).is_usable
+    rows = reported_conditions(data, data.slowest).reported(data["advice"])
+    is_bound = not TruthVerdict.of(data["trust"]).is_usable
     for tracker in data.trackers:
         found = {row["quantity"]: row for row in rows.filter(tracker=tracker).to_dicts()}
         if found:
@@ -109,7 +109,7 @@ def _cards(data: ReportData) -> tuple[Card, ...]:
 
 
 def _card(data: ReportData, tracker: str) -> Card:
-    subject, basis = Subject(data, tracker), basis_of(data.trust, is_fitted=data.truth_is_fitted)
+    subject, basis = Subject(data, tracker), basis_of(data["trust"], is_fitted=data.truth_is_fitted)
     found = [topic.measure(subject) for topic in TOPICS if topic.measure is not None and basis in topic.in_cards]
     measures = tuple(_limited(subject, one) for one in found if one is not None)
     return Card(tracker, data.colour[tracker], measures, subject.said(sigma_sentence(data, tracker)))

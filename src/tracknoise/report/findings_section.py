@@ -28,7 +28,7 @@ _ZERO = {"yes": "no", "no": "yes", "undecided": "undecided"}
 
 def sentences(data: ReportData) -> list[dict[str, Any]]:
     """Rows of the findings by rank. `file` is the name of the table file that holds their numbers."""
-    return [{**row, "file": row["table"].replace("_", "-")} for row in data.findings.sort("rank").to_dicts()]
+    return [{**row, "file": row["table"].replace("_", "-")} for row in data["findings"].sort("rank").to_dicts()]
 
 
 def verdicts(data: ReportData) -> Cells:
@@ -59,7 +59,7 @@ def verdicts(data: ReportData) -> Cells:
 
 def fitted_noise(data: ReportData) -> Cells | None:
     """Noise by length of the track where true positions are fitted to the tracks; None where they are not."""
-    rows = data.reference(data.triangulated_noise).filter(trimming=data.trimming)
+    rows = data.reference(data["triangulated_noise"]).filter(trimming=data.trimming)
     if rows.is_empty():
         return None
     shown = [
@@ -81,7 +81,7 @@ def fitted_noise(data: ReportData) -> Cells | None:
 
 def point_tracking(data: ReportData) -> Cells | None:
     """Metrics of point trackers, one row per condition and metric; None where they were not asked for."""
-    rows = data.reference(data.point_tracking_metrics).filter(pl.col("metric").is_in([*_METRICS]))
+    rows = data.reference(data["point_tracking_metrics"]).filter(pl.col("metric").is_in([*_METRICS]))
     if rows.is_empty():
         return None
     shown = [
@@ -107,10 +107,10 @@ def _lengths(low: int | None, high: int | None) -> str:
 def _row(data: ReportData, tracker: str, speed: int) -> list[str]:
     """Cells of one condition. Empty where it was not measured."""
     chosen = reported_conditions(data, speed)
-    summary = first(chosen.of(data.summary, tracker))
+    summary = first(chosen.of(data["summary"], tracker))
     if summary is None:
         return []
-    intervals = chosen.of(data.intervals, tracker)
+    intervals = chosen.of(data["intervals"], tracker)
     return [
         tracker,
         str(speed),
@@ -141,7 +141,7 @@ def _px(estimate: Estimate) -> str:
 
 def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> str:
     """The verdict at the reference age alone."""
-    rows = conditions.of(data.zero_mean, tracker).filter(trimming=data.trimming, axis=data.axis.name)
+    rows = conditions.of(data["zero_mean"], tracker).filter(trimming=data.trimming, axis=data.axis.name)
     row = first(rows.filter(pl.col("at") == at)) if at is not None else None
     if row is None:
         return DASH
@@ -151,7 +151,7 @@ def _zero_mean(data: ReportData, conditions: ReportedConditions, tracker: str, a
 
 def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: int | None) -> list[str]:
     """Verdicts on the shape in the band of ages that holds the reference age, one for each trimming."""
-    rows = conditions.of(data.gaussianity, tracker).sort("age_low")
+    rows = conditions.of(data["gaussianity"], tracker).sort("age_low")
     since = 1 if at is None else abs(conditions.since(at))
     holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").is_null() | (pl.col("age_high") >= since))
     found = [first(holding.filter(trimming=trimming)) for trimming in conditions.trimmings]
@@ -159,7 +159,7 @@ def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: 
 
 
 def _growth(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
-    rows = conditions.of(data.time_structure, tracker).filter(trimming=data.trimming, coordinate=coordinate)
+    rows = conditions.of(data["time_structure"], tracker).filter(trimming=data.trimming, coordinate=coordinate)
     row = first(rows)
     found = None if row is None else growth_ratio(row)
     if row is None or found is None:

@@ -143,7 +143,7 @@ def truth_was_read(data: ReportData) -> bool:
 
 def without_truth(data: ReportData) -> list[tuple[str, str]]:
     """Conditions, then sequences, most of whose observations have no true position, each with a sentence."""
-    statuses = data.counts.filter(kind="truth")
+    statuses = data["counts"].filter(kind="truth")
     if statuses["n"].sum() > 0 and not statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum():
         return [("The whole run", _unknown(data, statuses))]
     listed, keys = data.listed(statuses), list(data.condition_columns)
@@ -211,10 +211,10 @@ def _sequences(keys: Sequence[str]) -> str:
 def _pivot(data: ReportData, kind: str, names: Mapping[str, str], caption: str) -> Cells:
     """Counts with their shares: one row per measured condition, one column per name."""
     keys = data.condition_columns
-    table = data.listed(data.counts).filter(kind=kind)
+    table = data.listed(data["counts"]).filter(kind=kind)
     totals = [_sum(pl.col("n").filter(pl.col("name") == name)).alias(name) for name in names]
     wide = table.group_by(list(keys)).agg(*totals, all=_sum(pl.col("n")))
-    every = data.listed(data.summary).select(list(keys)).unique()
+    every = data.listed(data["summary"]).select(list(keys)).unique()
     nothing = every.join(wide, on=list(keys), how="anti").with_columns(
         pl.lit(0).alias(name) for name in (*names, "all")
     )
@@ -248,7 +248,7 @@ def summary(data: ReportData) -> Cells:
     }
     groups = [("", len(conditions) + 1), ("lifetime (frames)", 5), ("", 2)]
     groups += [(f"{trimming} (px)", 2 * len(signs)) for trimming in trimmings]
-    table = data.in_order(data.listed(data.summary))
+    table = data.in_order(data.listed(data["summary"]))
     caption = f"Key numbers of every condition{_chosen(data)}"
     return cells(table, {**conditions, **lived, **errors}, caption, groups=groups)
 
@@ -268,7 +268,7 @@ def _chosen(data: ReportData) -> str:
     """What a table leaves out, to follow its caption."""
     if not data.is_large:
         return ""
-    n = data.summary.height - data.listed(data.summary).height
+    n = data["summary"].height - data.listed(data["summary"]).height
     return f",{data.where}; {count(n, 'other condition')} in the table file" if n else ""
 
 

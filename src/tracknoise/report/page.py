@@ -148,7 +148,7 @@ def _page(
     return template("index.html.j2").render(
         data=data,
         summary=answered,
-        verdict=TruthVerdict.of(data.trust),
+        verdict=TruthVerdict.of(data["trust"]),
         scales=small_plots.scales(answered.cards),
         interval_plot=small_plots,
         picture=shown,

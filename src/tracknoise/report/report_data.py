@@ -55,5 +55,5 @@ class ReportData(RunData):
         kinds = {entry.get("name") or entry.get("kind"): str(entry.get("kind", "")) for entry in entries}
         trackers = {name: kinds.get(name, "") for name in self.trackers}
         asked = paper.Asked(self.settings.get("paper"), trackers, self.slowest)
-        effects = self.effects.filter(pl.col("axis").is_null()) if self.truth_is_fitted else self.effects
-        return paper.compare(effects, self.dependence, asked)
+        effects = self["effects"].filter(pl.col("axis").is_null()) if self.truth_is_fitted else self["effects"]
+        return paper.compare(effects, self["dependence"], asked)

@@ -113,22 +113,22 @@ _EXACT = "The truth is stated to be exact, so that it adds nothing to the errors
 def verdicts(data: ReportData) -> list[str]:
     """Sentences: the verdict, what it changed in that of a check, what the audit found, and what is stated."""
     found = [] if data.truth_is_fitted else _floor(data)
-    change = truth_change(data.run, data.trust)
-    truth = TruthVerdict.of(data.trust)
+    change = truth_change(data.run, data["trust"])
+    truth = TruthVerdict.of(data["trust"])
     said = filter(None, [truth.sentence, truth.stated, change])
-    return [*said, *audit_sentences(data.audit), *found]
+    return [*said, *audit_sentences(data["audit"]), *found]
 
 
 def corrections(data: ReportData) -> str | None:
     """The block of an experiment file that corrects what the audit found; None where it found nothing."""
-    return corrections_toml(data.audit, data.settings)
+    return corrections_toml(data["audit"], data.settings)
 
 
 def tables(data: ReportData) -> list[Cells]:
     """The audit: each parameter alone, and the faults that were found; then what the verdict rests on."""
-    shown = data.audit.filter(pl.col("family").is_in(_SHOWN))
+    shown = data["audit"].filter(pl.col("family").is_in(_SHOWN))
     found = [] if shown.is_empty() else [parameter_cells(shown)]
-    causes = cause_cells(data.trust)
+    causes = cause_cells(data["trust"])
     return [*found, causes] if causes.rows else found
 
 

@@ -181,7 +181,7 @@ def _is_covered(subject: Subject, there: Mapping[str, Any]) -> bool:
     """Whether errors of the truth can cause the mean error at the reference age."""
     conditions, tracker, at = subject.conditions, subject.tracker, there["at"]
     covers = bias_covers(subject.row or {}, there)
-    curves = {"audit_curves": subject.data.audit_curves}
+    curves = {"audit_curves": subject.data["audit_curves"]}
     return (withheld_bias(tracker, "", covers) or audited_bias(curves, conditions, tracker, at)) is not None
 
 

@@ -182,7 +182,7 @@ def own_covariances(data: RunData) -> pl.DataFrame:
 
     Returns: columns of `tracknoise.tables.findings_schema.OWN_COVARIANCES`, and line.
     """
-    rows = data.nominal(data.own_covariances).filter(trimming=data.trimming)
+    rows = data.nominal(data["own_covariances"]).filter(trimming=data.trimming)
     judged = rows.filter(pl.col("n") >= _LEAST, pl.col("at").is_null(), quantity="nees")
     names = pl.when(covariance=_USUAL).then("tracker").otherwise(pl.format("{}: {}", "tracker", "covariance"))
     key = [*POOLED, "covariance"]

@@ -79,7 +79,7 @@ def depth_shares(data: RunData) -> pl.DataFrame:
     (the level of the claimed interval, %).
     """
     wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= LONGEST_WINDOW)
-    rows = data.nominal(data.depth_intervals).filter(wanted, trimming=data.trimming)
+    rows = data.nominal(data["depth_intervals"]).filter(wanted, trimming=data.trimming)
     enough = rows.filter(pl.col("n").min().over("tracker", "window") >= LEAST_WINDOWS)
     longest = _at_shared_window(enough, enough)
     levels = pl.col("quantity").replace_strict(LEVELS, return_dtype=pl.Int64)

@@ -149,7 +149,7 @@ _QUESTION = "shown"
 def compared(data: RunData, role: str) -> dict[str, Any] | None:
     """Row of the comparison of trackers at the lowest speed by one statistic; None where there is none."""
     names = [name for name, of in ROLES.items() if of == role]
-    rows = data.dependence.filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor="tracker")
+    rows = data["dependence"].filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor="tracker")
     rows = rows.filter(pl.col("speed").is_null() | (pl.col("speed") == data.slowest))
     return rows.row(0, named=True) if rows.height else None
 
@@ -178,7 +178,7 @@ def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None
 
 def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     """Which tracker is more accurate, and by how much: by the core, and by the RMS over tracks where that differs."""
-    if (truth := TruthVerdict.of(data.trust)).are_tracks_wrong:
+    if (truth := TruthVerdict.of(data["trust"])).are_tracks_wrong:
         return Judgement(answer(_QUESTION, Verdict.undecided, wished=Verdict.yes), truth.text, _SECTION)
     if len(data.trackers) < 2:
         return _alone(errors)
@@ -199,7 +199,7 @@ def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
 def ranks_by_role(data: RunData) -> pl.DataFrame:
     """Ranks at the lowest speed, with the role of each statistic; none where fewer than three trackers are compared."""
     roles = pl.col("statistic").replace_strict(dict(ROLES), default=None, return_dtype=pl.String)
-    return data.nominal(data.ranks).with_columns(role=roles)
+    return data.nominal(data["ranks"]).with_columns(role=roles)
 
 
 def _best_ranks(data: RunData, role: str) -> dict[str, int]:
@@ -234,7 +234,7 @@ def _said_of_truth(data: RunData, found: Judgement) -> Judgement:
     Errors of the truth are the same for all trackers: they add to the squared errors of each, so that ratios are nearer
     to 1 than those of the trackers alone, and the order stays. In differences at the same corners they cancel.
     """
-    if TruthVerdict.of(data.trust).is_usable:
+    if TruthVerdict.of(data["trust"]).is_usable:
         return found
     is_better = found.answer.verdict == Verdict.yes
     alike = "Errors of the truth are the same for all: the order holds, and the ratio is at least this."
@@ -244,7 +244,7 @@ def _said_of_truth(data: RunData, found: Judgement) -> Judgement:
 
 def _apart(data: RunData) -> str:
     """How far two trackers are apart at the same corners, up to the reference age; begins with a space."""
-    near = data.nominal(data.tracker_differences).filter(pl.col("age") <= REFERENCE_AGE)
+    near = data.nominal(data["tracker_differences"]).filter(pl.col("age") <= REFERENCE_AGE)
     last = near.filter(pl.col("age") == pl.col("age").max())
     if last.is_empty():
         return ""
@@ -304,7 +304,7 @@ def _equal(data: RunData, row: dict[str, Any], pair: Sequence[str]) -> str:
 
 def _rms_ratio(data: RunData, one: str, other: str) -> float:
     """RMS of a tracker over that of another at their shared age (or frame), u and v together; 1 where unknown."""
-    rows = {row["tracker"]: row for row in data.nominal(data.summary).drop_nulls("at").to_dicts()}
+    rows = {row["tracker"]: row for row in data.nominal(data["summary"]).drop_nulls("at").to_dicts()}
     if {one, other} - set(rows) or rows[one]["at"] != rows[other]["at"]:
         return 1.0
     length, beside = (
@@ -351,7 +351,7 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     if len(sizes) < 2:
         return Judgement(undecided, "Too few trackers have a measured error to compare them.", _SECTION)
     scenes = count(len({entry.sequence.scene for entry in data.sequences.values()}), "scene")
-    if data.nominal(data.summary).filter(pl.col("tracker").is_in(list(sizes)))["at"].n_unique() > 1:
+    if data.nominal(data["summary"]).filter(pl.col("tracker").is_in(list(sizes)))["at"].n_unique() > 1:
         text = f"Undecided from {scenes}: the errors are not known at the same {data.axis.name}."
         return Judgement(undecided, text, _SECTION)
     low, *_, high = sorted(sizes, key=lambda name: sizes[name] or 0.0)  # of equal ones, not the same twice
@@ -373,7 +373,7 @@ def _core_or_rms(data: RunData) -> str:
 
 def changes(data: RunData) -> list[str]:
     """What each factor changes, and what is open, in a sentence; none where no question was asked."""
-    rows = asked(data.dependence, reported_conditions(data, data.slowest))
+    rows = asked(data["dependence"], reported_conditions(data, data.slowest))
     groups = list(rows.group_by("factor", maintain_order=True))
     told = [_changed(f"The {factor_name(str(name))}", of_factor) for (name,), of_factor in groups[:_MOST_NAMED]]
     return [*told, "More factors are in the table of effects."] if len(groups) > len(told) else told

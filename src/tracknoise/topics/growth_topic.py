@@ -166,7 +166,7 @@ def growth_verdict(data: RunData, conditions: ReportedConditions, row: Mapping[s
     if verdict != Verdict.yes or at is None:
         return verdict
     names = ("curves", "floor", "audit_curves", "summary")
-    tables = {name: getattr(data, name) for name in names}
+    tables = {name: data[name] for name in names}
     where = tables, conditions, row["tracker"], row["coordinate"], at
     cover = growth_cover(*where)
     is_covered = (cover is not None and cover.is_covered) or audited_rise(*where) is not None
@@ -197,7 +197,7 @@ def behaviour(data: RunData, tracker: str) -> str | None:
 
 
 def _fits(data: RunData) -> pl.DataFrame:
-    return data.nominal(data.time_structure).filter(pl.col("tracker").is_in(data.trackers), trimming=data.trimming)
+    return data.nominal(data["time_structure"]).filter(pl.col("tracker").is_in(data.trackers), trimming=data.trimming)
 
 
 _NO_GROWTH = 1.0

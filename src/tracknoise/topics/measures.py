@@ -85,12 +85,12 @@ class Subject:
     @property
     def shared_at(self) -> int | None:
         """The reference age or frame of the run; None where no tracker has one."""
-        found = self.conditions.reported(self.data.summary)["at"].drop_nulls()
+        found = self.conditions.reported(self.data["summary"])["at"].drop_nulls()
         return int(found[0]) if found.len() else None
 
     def of(self, table: str) -> pl.DataFrame:
         """Rows of the condition in a table of the run."""
-        return self.conditions.of(getattr(self.data, table), self.tracker)
+        return self.conditions.of(self.data[table], self.tracker)
 
     def first(self, table: str, *filters: pl.Expr, **values: object) -> dict[str, Any] | None:
         """First row of the condition that has some values; None where there is none."""

@@ -1,7 +1,7 @@
 """Settings, manifest and tables of a run, read once, and the view of it that is shown."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -34,56 +34,21 @@ class RunData:
         The run folder, which has the tables of single sequences.
     manifest, settings
         State of the run, and its resolved experiment.
-    curves and all others
-        Tables of the run by their names in `tracknoise.tables.store`. Those of findings, and of the audit of the truth,
-        have no rows where these were not computed.
+    tables
+        Tables of the run by their names. Those of an analysis that was not made have no rows.
     """
 
     run: RunFolder
     manifest: Manifest
     settings: Mapping[str, Any]
-    curves: pl.DataFrame
-    cores: pl.DataFrame
-    floor: pl.DataFrame
-    lifetimes: pl.DataFrame
-    outliers: pl.DataFrame
-    trims: pl.DataFrame
-    errors: pl.DataFrame
-    counts: pl.DataFrame
-    summary: pl.DataFrame
-    effects: pl.DataFrame
-    aspect_curves: pl.DataFrame
-    changes: pl.DataFrame
-    two_truths: pl.DataFrame
-    pose_disagreement: pl.DataFrame
-    intervals: pl.DataFrame
-    incidence: pl.DataFrame
-    seed_spread: pl.DataFrame
-    triangulated_noise: pl.DataFrame
-    point_tracking_metrics: pl.DataFrame
-    advice: pl.DataFrame
-    noise_lookup: pl.DataFrame
-    window_sigmas: pl.DataFrame
-    depth_intervals: pl.DataFrame
-    own_covariances: pl.DataFrame
-    zero_mean: pl.DataFrame
-    gaussianity: pl.DataFrame
-    radii: pl.DataFrame
-    time_structure: pl.DataFrame
-    dependence: pl.DataFrame
-    ranks: pl.DataFrame
-    surrounding_errors: pl.DataFrame
-    image_cells: pl.DataFrame
-    speed_errors: pl.DataFrame
-    ratios: pl.DataFrame
-    rigid_share: pl.DataFrame
-    pose_share: pl.DataFrame
-    pose_law: pl.DataFrame
-    tracker_differences: pl.DataFrame
-    findings: pl.DataFrame
-    audit: pl.DataFrame
-    audit_curves: pl.DataFrame
-    trust: pl.DataFrame
+    tables: Mapping[str, pl.DataFrame]
+
+    def __getitem__(self, name: str) -> pl.DataFrame:
+        return self.tables[name]
+
+    def with_tables(self, **tables: pl.DataFrame) -> Self:
+        """The same data with other tables in place of some of the run."""
+        return replace(self, tables={**self.tables, **tables})
 
     @classmethod
     def of(cls, run: RunFolder) -> "Self":
@@ -96,7 +61,7 @@ class RunData:
         """
         tables = {name: run.statistics(table) for name, table in RUN_TABLES.items()}
         run.document(FINDINGS_JSON)  # the same findings for other programs, which must not be damaged either
-        return cls(run=run, manifest=run.manifest(), settings=run.settings(), **tables)
+        return cls(run, run.manifest(), run.settings(), tables)
 
     @cached_property
     def results(self) -> pl.DataFrame:
@@ -132,7 +97,7 @@ class RunData:
     @property
     def margin(self) -> float:
         """Relative effect above which a factor counts."""
-        found = self.effects["margin"].drop_nulls()
+        found = self["effects"]["margin"].drop_nulls()
         return float(found.item(0)) if found.len() else MARGIN
 
     @property
@@ -143,7 +108,7 @@ class RunData:
     @cached_property
     def percentile(self) -> float | None:
         """Percentile of the tracks' largest error above which tracks were dropped. None where none were."""
-        return dropped_above(self.trims)
+        return dropped_above(self["trims"])
 
     @property
     def truth_is_fitted(self) -> bool:
@@ -174,7 +139,7 @@ class RunData:
 
     def cuts(self, tracker: str) -> pl.DataFrame:
         """Error above which trimming drops a tracker's tracks, px, as median over scenes: columns speed and cut."""
-        trims = self.reference(self.trims).filter(tracker=tracker).drop_nulls("threshold_px")
+        trims = self.reference(self["trims"]).filter(tracker=tracker).drop_nulls("threshold_px")
         cuts = trims.group_by("speed").agg(cut=pl.col("threshold_px").median()).sort("speed")
         return cuts.clear() if self.percentile is None else cuts
 
@@ -194,7 +159,7 @@ class RunData:
         names the statistic on either axis: mean, absolute, second or central. Column `since` holds the distance from
         where errors are zero by construction, in frames of the sequence.
         """
-        return pl.concat([self._points_of(self.curves), self._core_points])
+        return pl.concat([self._points_of(self["curves"]), self._core_points])
 
     @cached_property
     def _core_points(self) -> pl.DataFrame:
@@ -202,15 +167,17 @@ class RunData:
         labels = {"statistic": "core", "weighting": Weighting.geometric, "unit": "px"}
         values = {"u": pl.col("core_u_px"), "v": pl.col("core_v_px"), "uv": pl.lit(None, dtype=pl.Float64)}
         values |= {name: pl.max_horizontal(f"{name}_u", f"{name}_v") for name in ("n", "n_scenes")}
-        table = self.cores.with_columns(
-            **{name: pl.lit(value, dtype=CURVES[name]) for name, value in labels.items()}, **values
-        ).select(list(CURVES))
+        table = (
+            self["cores"]
+            .with_columns(**{name: pl.lit(value, dtype=CURVES[name]) for name, value in labels.items()}, **values)
+            .select(list(CURVES))
+        )
         return self._rooted(table.filter(~pl.col("cut")), {"core": "core"})
 
     @cached_property
     def aspect_points(self) -> pl.DataFrame:
         """The same for every aspect (column `aspect`), of visible features. Here u is along and v across its axis."""
-        points = self._points_of(self.aspect_curves)
+        points = self._points_of(self["aspect_curves"])
         in_image = pl.when(pl.col("aspect") == Aspect.long_lived)  # the floor is known in u and v only
         return points.with_columns(in_image.then(pl.col(name)).alias(name) for name in FLOOR_COLUMNS)
 
@@ -220,7 +187,7 @@ class RunData:
 
     def _rooted(self, curves: pl.DataFrame, roles: Mapping[str, str]) -> pl.DataFrame:
         """Curves with bounds and roles, px."""
-        table = with_floor(with_bounds(curves, self.intervals), self.floor).with_columns(
+        table = with_floor(with_bounds(curves, self["intervals"]), self["floor"]).with_columns(
             role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String)
         )
         moments = pl.col("role").is_in(["second", "central"])
@@ -283,7 +250,7 @@ class RunData:
         It is the first lighting, upright and forward, of the first camera, if there is such a view. Otherwise it is the
         nearest to it, in this order: played forward, least rotation, first lighting, first camera.
         """
-        parts = [table.select(*VIEW) for table in (self.counts, self.outliers, self.lifetimes, self.curves)]
+        parts = [table.select(*VIEW) for table in (self["counts"], self["outliers"], self["lifetimes"], self["curves"])]
         views = pl.concat(parts).unique().to_dicts()
         return min(views, key=self._remoteness, default=dict.fromkeys(VIEW))
 
@@ -367,7 +334,7 @@ class RunData:
     @cached_property
     def is_large(self) -> bool:
         """Whether there are too many conditions for a table of all of them."""
-        return self.summary.height > MOST_CONDITIONS
+        return self["summary"].height > MOST_CONDITIONS
 
     def listed(self, table: pl.DataFrame) -> pl.DataFrame:
         """Rows of the conditions that the page lists: all, or those of the `view` where there are too many."""
@@ -378,7 +345,7 @@ class RunData:
         return direction, view["rotation"], lighting, view["camera"]
 
     def _measured(self, column: str) -> list[Any]:
-        tables = (self.counts, self.outliers, self.lifetimes, self.curves)
+        tables = (self["counts"], self["outliers"], self["lifetimes"], self["curves"])
         return list(dict.fromkeys(value for table in tables for value in table[column].unique().sort().to_list()))
 
 

@@ -120,7 +120,7 @@ def holds(data: RunData) -> str:
 
 def _interval_kind(data: RunData) -> dict[str, Any] | None:
     """Level, resampled and n_scenes of most intervals at the lowest speed; None where there are none."""
-    known = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
+    known = data.nominal(data["intervals"]).drop_nulls(["level", "resampled", "n_scenes"])
     kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
     return kinds.sort("len", "resampled", "level").row(-1, named=True) if kinds.height else None
 

@@ -257,7 +257,7 @@ def size_measure(subject: Subject) -> Measure | None:
         sentence = f"The error of {subject.tracker} is {missing}."
         return Measure("error", "px", number, None, smallest, f"{what} in {axis} {missing}", sentence, _SECTION)
     note = f"{what} in {axis} {place}; in {rest} {other.text}"
-    most = at_most(TruthVerdict.of(subject.data.trust))
+    most = at_most(TruthVerdict.of(subject.data["trust"]))
     sentence = f"The {what} of {subject.tracker} in {axis} is {most}{with_interval(number)}."
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 

@@ -15,7 +15,7 @@ from tracknoise.topics.window_topic import ESTIMATOR
 
 def findings(data: RunData, cards: Sequence[Card], accuracy: Judgement) -> tuple[Finding, ...]:
     """Every finding of the run in short sentences, by rank."""
-    rows = data.findings.sort("rank").to_dicts()
+    rows = data["findings"].sort("rank").to_dicts()
     return tuple(_finding(data, row, cards, accuracy) for row in rows)
 
 

@@ -145,7 +145,7 @@ def lifetime_measure(subject: Subject) -> Measure | None:
     """Median lifetime, or the mean up to a horizon if more than half of some tracker's tracks are alive at the end."""
     if subject.row is None or not subject.row["n_tracks"]:
         return None
-    rows = subject.conditions.reported(subject.data.summary).filter(pl.col("n_tracks") > 0)
+    rows = subject.conditions.reported(subject.data["summary"]).filter(pl.col("n_tracks") > 0)
     statistic = "restricted_mean_lifetime" if rows["median_lifetime"].null_count() else "median_lifetime"
     if subject.row[statistic] is None:
         return None

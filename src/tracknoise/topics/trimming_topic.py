@@ -108,7 +108,7 @@ def _differs(rows: pl.DataFrame, subject: str) -> Sequence[str]:
 
 def percentile_of(data: RunData) -> str:
     """The tracks over which the percentile is taken, as part of a sentence."""
-    if "followed" not in data.trims["among"]:
+    if "followed" not in data["trims"]["among"]:
         return "all tracks of the same scene and condition"
     return f"those tracks of the same scene and condition that were followed beyond {_anchor(data)}"
 
@@ -119,7 +119,7 @@ def cut_at_zero(data: RunData) -> list[tuple[str, str]]:
     A track whose only error is that at its anchor has a largest error of about 0 px. Where the share of such tracks
     reaches the percentile, the cut falls among them, and nearly all of the other tracks are dropped.
     """
-    trims = data.listed(data.trims)
+    trims = data.listed(data["trims"])
     least = pl.col("percentile") / 100 * pl.col("n_measured")
     decided = trims.filter(pl.col("percentile") < 100, pl.col("n_anchor_only") >= least, pl.col("n_anchor_only") > 0)
     decided = decided.filter(among="all")

@@ -222,7 +222,7 @@ def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
     if row is None:
         return None
     shown = card_number(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
-    most = at_most(TruthVerdict.of(subject.data.trust))
+    most = at_most(TruthVerdict.of(subject.data["trust"]))
     note = f"{'upper bound of the ' if most else ''}standard deviation of one coordinate, corrected for the fit"
     sentence = f"The noise of {subject.tracker} in one coordinate is {most}{with_interval(shown)}."
     return Measure("noise", "px", shown, None, smallest, note, sentence, "findings")
@@ -235,7 +235,7 @@ _IS_GOOD = {Trust.trusted: True, Trust.not_trusted: False}
 
 def truth(data: RunData) -> Judgement:
     """Whether the true positions can be trusted, and what would help most."""
-    found = TruthVerdict.of(data.trust)
+    found = TruthVerdict.of(data["trust"])
     step = f" Next: {found.step}" if found.step else ""
     asked = Answer("truth", found.verdict, _IS_GOOD.get(found.verdict))
     return Judgement(asked, f"{found.text}{without_truth(data)}{step}", "truth")
@@ -248,7 +248,7 @@ def depth_is_from_images(data: RunData) -> bool:
 
 def without_truth(data: RunData) -> str:
     """How many observations have no true position, if most or if depth is from images; begins with a space."""
-    statuses = data.nominal(data.counts).filter(kind="truth")
+    statuses = data.nominal(data["counts"]).filter(kind="truth")
     total = int(statuses["n"].sum())
     without = total - int(statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum())
     if without <= (0.0 if depth_is_from_images(data) else _MOSTLY) * total:

@@ -247,12 +247,12 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
 
     Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
-    rows = reported_conditions(data, data.slowest).of(data.advice, tracker)
+    rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
     found = {row["quantity"]: row for row in rows.to_dicts()}
     if not found:
         return ""
     sigma, innovations = found["sigma"], found["innovations"]
-    caveat = _caveat(sigma["value"], data.trust, tracker)
+    caveat = _caveat(sigma["value"], data["trust"], tracker)
     most = _most(caveat)
     more = f" and a track gate of {number(found['track_gate']['value'])}" if "track_gate" in found else ""
     more = f" and a knee of {number(found['knee']['value'])} sigma" if "knee" in found else more
@@ -270,7 +270,7 @@ def depth_noise_sentence(data: RunData, tracker: str) -> str:
     sigma = _at_window(data, tracker).get("consistent_sigma")
     if sigma is None:
         return ""
-    most = _most(_caveat(sigma["value"], data.trust, tracker))
+    most = _most(_caveat(sigma["value"], data["trust"], tracker))
     window = f"in windows of {sigma['window']} frames"
     return f"{tracker}: depths are right with {most}{pixels(sigma['value'])} px {window}."
 
@@ -282,7 +282,7 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
         return ""
     sigma = found["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
-    caveat = _caveat(sigma["value"], data.trust, tracker)
+    caveat = _caveat(sigma["value"], data["trust"], tracker)
     most = _most(caveat)
     opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds}."
     return joined([opening, f"Windows have {sigma['window']} frames.", caveat, _certain(found)])
@@ -315,10 +315,10 @@ def _certain(found: dict[str, dict[str, Any]]) -> str:
 def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     """Quantities of the windows that sentences are about, by name; none where points are fitted to whole tracks."""
     conditions = reported_conditions(data, data.slowest)
-    length = None if data.truth_is_fitted else shown_window(data.window_sigmas, conditions)
+    length = None if data.truth_is_fitted else shown_window(data["window_sigmas"], conditions)
     if length is None:
         return {}
-    return _by_quantity(conditions.of(data.window_sigmas, tracker).filter(trimming=data.trimming, window=length))
+    return _by_quantity(conditions.of(data["window_sigmas"], tracker).filter(trimming=data.trimming, window=length))
 
 
 def _window_sigmas(inputs: RunInputs) -> list[pl.DataFrame]:

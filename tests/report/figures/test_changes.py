@@ -1,6 +1,5 @@
 """Changes from frame to frame: drawn and told as the tables have them, with the bounds that were found."""
 
-import dataclasses
 import io
 from collections.abc import Callable
 
@@ -31,7 +30,7 @@ def drawn(data: ReportData, column: str) -> pl.DataFrame:
 
 
 def nominal(data: ReportData) -> pl.DataFrame:
-    return data.nominal(data.changes).filter(pl.col("n") >= data.min_features, trimming="trimmed")
+    return data.nominal(data["changes"]).filter(pl.col("n") >= data.min_features, trimming="trimmed")
 
 
 def test_means_spreads_and_autocorrelations_are_those_of_the_table(data: ReportData) -> None:
@@ -78,7 +77,7 @@ def test_bounds_stand_where_their_values_do_and_those_of_variances_are_roots(dat
         for axis in "uv"
     ]  # fmt: skip
     found = pl.concat(rows).select(pl.col(name).cast(kind) for name, kind in INTERVALS.items())
-    bounded = dataclasses.replace(data, intervals=found)
+    bounded = data.with_tables(intervals=found)
     bands = drawn(bounded, "u_low").sort("at")
     spread = table.sort("age")["covariance_uu"].sqrt()
     np.testing.assert_allclose(bands["u_low"], 0.5 * spread, rtol=1e-3)
@@ -88,9 +87,9 @@ def test_bounds_stand_where_their_values_do_and_those_of_variances_are_roots(dat
 
 
 def test_without_intervals_the_figure_says_so_and_without_changes_there_is_none(data: ReportData) -> None:
-    (figure,) = growth_curves.change_figures(dataclasses.replace(data, intervals=data.intervals.clear()))
+    (figure,) = growth_curves.change_figures(data.with_tables(intervals=data["intervals"].clear()))
     assert "No intervals were computed for the curves." in figure.shows
-    (absence,) = growth_curves.change_figures(dataclasses.replace(data, changes=data.changes.clear()))
+    (absence,) = growth_curves.change_figures(data.with_tables(changes=data["changes"].clear()))
     assert isinstance(absence, Absence)
 
 

@@ -78,5 +78,5 @@ def test_without_known_errors_there_is_nothing_to_turn(make_run: Callable[..., R
 
 def test_a_run_without_aspects_says_so(run: RunFolder) -> None:
     data = ReportData.of(run)
-    object.__setattr__(data, "aspect_curves", data.aspect_curves.clear())
+    data = data.with_tables(aspect_curves=data["aspect_curves"].clear())
     assert all(isinstance(item, Absence) for item in error_curves.direction_figures(data))

@@ -1,6 +1,5 @@
 """Titles of figures say nothing that the tables do not establish."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import polars as pl
@@ -26,18 +25,16 @@ def test_one_age_does_not_stand_for_all(data: ReportData) -> None:
     """A comparison that only a single age and coordinate decides says nothing of the tracker as a whole."""
     found = judged(with_verdict(data, "undecided", "undecided"), "yes")
     assert message(error_curves.curve_figures(found), "error-by-age").startswith("The core error of ")
-    at_one_age = found.dependence.with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
-    assert message(error_curves.curve_figures(dataclasses.replace(found, dependence=at_one_age)), "error-by-age") == ""
+    at_one_age = found["dependence"].with_columns(coordinate=pl.lit("v"), at=pl.lit(7, dtype=pl.Int64))
+    assert message(error_curves.curve_figures(found.with_tables(dependence=at_one_age)), "error-by-age") == ""
 
 
 def test_a_share_of_pose_errors_that_may_be_zero_is_not_stated(data: ReportData) -> None:
     assert message(truth_curves.pose_error_figures(data), "pose-errors").startswith(
         "Share that pose errors explain: 50"
     )
-    undecided = data.rigid_share.with_columns(low=pl.lit(-0.1))
-    assert (
-        message(truth_curves.pose_error_figures(dataclasses.replace(data, rigid_share=undecided)), "pose-errors") == ""
-    )
+    undecided = data["rigid_share"].with_columns(low=pl.lit(-0.1))
+    assert message(truth_curves.pose_error_figures(data.with_tables(rigid_share=undecided)), "pose-errors") == ""
 
 
 def test_a_difference_of_trackers_that_one_of_many_intervals_shows_is_not_stated(data: ReportData) -> None:
@@ -45,10 +42,10 @@ def test_a_difference_of_trackers_that_one_of_many_intervals_shows_is_not_stated
     assert message(truth_curves.tracker_difference_figures(data), "between-trackers").endswith(
         "0.100\N{NO-BREAK SPACE}px"
     )
-    open_ones = data.tracker_differences.with_columns(established=pl.col("established") & False)
+    open_ones = data["tracker_differences"].with_columns(established=pl.col("established") & False)
     assert (
         message(
-            truth_curves.tracker_difference_figures(dataclasses.replace(data, tracker_differences=open_ones)),
+            truth_curves.tracker_difference_figures(data.with_tables(tracker_differences=open_ones)),
             "between-trackers",
         )
         == ""
@@ -65,11 +62,8 @@ def test_growth_that_the_truth_can_explain_is_not_stated(make_run: Callable[...,
 
 
 def test_a_verdict_of_one_coordinate_is_not_that_of_the_error(data: ReportData) -> None:
-    fits = with_verdict(data, "random walk").time_structure.filter(coordinate="u")
-    assert (
-        message(growth_curves.time_structure_figures(dataclasses.replace(data, time_structure=fits)), "time-structure")
-        == ""
-    )
+    fits = with_verdict(data, "random walk")["time_structure"].filter(coordinate="u")
+    assert message(growth_curves.time_structure_figures(data.with_tables(time_structure=fits)), "time-structure") == ""
 
 
 def test_corrections_that_change_nothing_are_not_said_to_change_the_core() -> None:
@@ -125,8 +119,8 @@ def test_one_of_several_causes_is_the_most_frequent_only_if_it_is_shown_to_be(
         .replace_strict(dict(zip(("lost", "outlier"), shares, strict=True)), default=0.0, return_dtype=pl.Float64)
     )
     bounds = {"low": share - half, "high": share + half}
-    table = data.incidence.with_columns(incidence=share, **bounds)
-    text = message(track_ends.incidence_figures(dataclasses.replace(data, incidence=table)), "ends-by-cause")
+    table = data["incidence"].with_columns(incidence=share, **bounds)
+    text = message(track_ends.incidence_figures(data.with_tables(incidence=table)), "ends-by-cause")
     assert text == (
         f"Most frequent cause of ends: {listing(f'lost for {name}' for name in data.trackers)}" if stated else ""
     )

@@ -82,7 +82,7 @@ def test_files_have_the_floor_in_the_unit_of_each_row(data: ReportData) -> None:
 
 
 def test_the_summary_has_the_floor_at_its_age(data: ReportData) -> None:
-    row = data.summary.row(0, named=True)
+    row = data["summary"].row(0, named=True)
     assert row["floor_u_px"] == pytest.approx(FLOOR_PX * np.sqrt(row["at"]))
     assert row["floor_mean_v_px"] == pytest.approx(FLOOR_PX * np.sqrt(row["at"]))
     text = summary_text(data.run)

@@ -1,6 +1,5 @@
 """Titles that state what a figure shows: short, true to the tables, and none where nothing is established."""
 
-import dataclasses
 import re
 from collections.abc import Callable
 
@@ -34,16 +33,16 @@ def drawn(data: ReportData) -> list[Figure]:
 
 def judged(data: ReportData, verdict: str) -> ReportData:
     """The run, of which every paired comparison has a verdict."""
-    return dataclasses.replace(data, dependence=made_up_findings.dependence(data.effects, verdict=verdict, n_scenes=8))
+    return data.with_tables(dependence=made_up_findings.dependence(data["effects"], verdict=verdict, n_scenes=8))
 
 
 def with_verdict(data: ReportData, verdict: str, grows: str = "yes") -> ReportData:
     """The run, of which every fit of growth has these verdicts."""
-    kinds = data.time_structure.schema
-    fits = data.time_structure.with_columns(
+    kinds = data["time_structure"].schema
+    fits = data["time_structure"].with_columns(
         verdict=pl.lit(verdict, dtype=kinds["verdict"]), grows=pl.lit(grows, dtype=kinds["grows"])
     )
-    return dataclasses.replace(data, time_structure=fits)
+    return data.with_tables(time_structure=fits)
 
 
 def message(items: object, id: str) -> str:
@@ -93,14 +92,14 @@ def test_factors_are_stated_only_with_a_decided_verdict(data: ReportData) -> Non
 
 def test_trackers_are_compared_by_the_paired_comparison(data: ReportData) -> None:
     found = judged(data, "yes")
-    row = found.dependence.filter(factor="tracker", statistic="lifetime", speed=data.slowest).row(0, named=True)
+    row = found["dependence"].filter(factor="tracker", statistic="lifetime", speed=data.slowest).row(0, named=True)
     text = message(track_ends.lifetime_figures(found), "lifetimes")
     assert text.startswith(f"Tracks of {row['larger']} live {ratio(row['effect'])} times as long as those of ")
     assert message(track_ends.lifetime_figures(judged(data, "undecided")), "lifetimes").startswith("Median lifetime: ")
 
 
 def test_values_are_those_of_the_tables(data: ReportData) -> None:
-    shares = data.nominal(data.outliers).select("tracker", "pooled_ratio")
+    shares = data.nominal(data["outliers"]).select("tracker", "pooled_ratio")
     parts = [f"{percent(dict(shares.iter_rows())[name])} for {name}" for name in data.trackers]
     assert (
         message(track_ends.outlier_ratio_figures(data), "outlier-ratio") == f"Rejected features: {' and '.join(parts)}"
@@ -118,9 +117,11 @@ def test_values_are_those_of_the_tables(data: ReportData) -> None:
 def test_the_sigma_to_set_is_stated_only_where_residuals_are_shown_to_mislead(data: ReportData) -> None:
     def with_low(low: float | None) -> ReportData:
         lows = pl.when(quantity="core_overconfidence").then(low).otherwise("low")
-        return dataclasses.replace(data, window_sigmas=data.window_sigmas.with_columns(low=lows))
+        return data.with_tables(window_sigmas=data["window_sigmas"].with_columns(low=lows))
 
-    row = data.nominal(data.window_sigmas).filter(quantity="core_overconfidence", window=15, tracker=data.trackers[0])
+    row = data.nominal(data["window_sigmas"]).filter(
+        quantity="core_overconfidence", window=15, tracker=data.trackers[0]
+    )
     times = ratio(row["value"][0])
     text = message(noise_models.window_sigma_figures(with_low(1.01)), "window-sigmas")
     assert text == f"In windows of 15 frames, depths need {times} times the residual core of {data.trackers[0]}"
@@ -134,8 +135,8 @@ def test_second_moments_in_u_and_v_are_compared_where_intervals_lie_apart(data: 
         own = (pl.col("statistic") == "Phi") & (pl.col("coordinate") == "u")
         bounds = [pl.when(own).then(pl.col(name) * factor).otherwise(name) for name in ("value", "low", "high")]
         u = pl.when(statistic="Phi").then(pl.col("u") * factor).otherwise("u")
-        curves = data.curves.with_columns(u=u)
-        return dataclasses.replace(data, curves=curves, intervals=data.intervals.with_columns(bounds))
+        curves = data["curves"].with_columns(u=u)
+        return data.with_tables(curves=curves, intervals=data["intervals"].with_columns(bounds))
 
     id = "second-moment-by-age"
     assert "times as large in u as in v" in message(error_curves.second_moment_figures(with_factor(100.0)), id)

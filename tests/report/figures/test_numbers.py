@@ -34,7 +34,7 @@ def data(run: RunFolder) -> ReportData:
 
 def test_curves_quote_the_summary(data: ReportData) -> None:
     figure = _by_id(error_curves.curve_figures(data))["error-by-age"]
-    rows = data.summary.filter(speed=1)
+    rows = data["summary"].filter(speed=1)
     assert rows["at"].n_unique() == 1
     assert f"At age {rows['at'][0]}, " in figure.look_for
     for row in rows.to_dicts():
@@ -51,7 +51,7 @@ def test_curves_draw_what_is_in_the_tables(data: ReportData) -> None:
         for _drawn in _datasets(figure)
         if "about zero" in (_drawn.get_column("of").to_list() if "of" in _drawn.columns else [])
     )
-    expected = data.curves.filter(
+    expected = data["curves"].filter(
         ~pl.col("cut"), tracker="lucas-kanade", speed=1, population="visible", trimming="trimmed",
         weighting="features", statistic="Phi",
     )  # fmt: skip
@@ -62,7 +62,7 @@ def test_curves_draw_what_is_in_the_tables(data: ReportData) -> None:
 
 def test_causes_of_ends_are_those_of_the_table(data: ReportData) -> None:
     (figure,) = track_ends.incidence_figures(data)
-    rows = data.incidence.filter(tracker="lucas-kanade", speed=1)
+    rows = data["incidence"].filter(tracker="lucas-kanade", speed=1)
     last = (
         rows.filter(pl.col("lifetime") == pl.col("lifetime").max())
         .sort("incidence", descending=True)
@@ -77,7 +77,7 @@ def test_causes_of_ends_are_those_of_the_table(data: ReportData) -> None:
 
 def test_lifetimes_quote_the_summary(data: ReportData) -> None:
     figure = _by_id(track_ends.lifetime_figures(data))["lifetimes"]
-    row = data.nominal(data.summary).filter(tracker="lucas-kanade").row(0, named=True)
+    row = data.nominal(data["summary"]).filter(tracker="lucas-kanade").row(0, named=True)
     means = [number(row[name]) for name in ("restricted_mean_lifetime", "restricted_mean_until_failure")]
     assert (
         f"Mean restricted to {row['restricted_to']} frames: {means[0]} frames, or {means[1]} until failure."
@@ -114,7 +114,7 @@ def test_speeds_that_were_trimmed_at_different_errors_have_a_warning(
     make_run: Callable[..., RunFolder], data: ReportData
 ) -> None:
     figure = _by_id(levels.speed_figures(data))["error-by-speed-correspondence"]
-    trims = data.trims.filter(tracker="correspondence")
+    trims = data["trims"].filter(tracker="correspondence")
     cuts = [trims.filter(speed=speed)["threshold_px"].median() for speed in (1, 2)]
     assert f"trimming cuts at {px(cuts[0])} at speed 1 and {px(cuts[1])} at speed 2" in figure.look_for
     for untrimmed in levels.speed_figures(ReportData.of(make_run(told=False, percentile=None))):
@@ -173,7 +173,7 @@ def test_errors_quote_the_cut_and_single_sightings(data: ReportData, run: RunFol
         f"lucas-kanade has {tracks.height} tracks. {once} of them were seen only in their first frame"
         in figure.look_for
     )
-    cuts = data.trims.filter(tracker="lucas-kanade", speed=1)["threshold_px"]
+    cuts = data["trims"].filter(tracker="lucas-kanade", speed=1)["threshold_px"]
     assert f"The threshold is between {px(cuts.min())} and {px(cuts.max())}, depending on the scene." in figure.look_for
     kept = tracks.drop_nulls("max_error_px")["kept"]
     assert f"drops {percent(1 - kept.mean())} of the tracks with a known error" in figure.look_for

@@ -28,7 +28,7 @@ def test_every_tracker_has_a_map_of_each_age(data: ReportData) -> None:
     figures = maps.image_map_figures(data)
     assert [figure.id for figure in figures] == [f"image-map-{data.slug(tracker)}" for tracker in data.trackers]
     for tracker, figure in zip(data.trackers, figures, strict=True):
-        every = data.nominal(data.image_cells).filter(tracker=tracker)
+        every = data.nominal(data["image_cells"]).filter(tracker=tracker)
         cells = every.filter(pl.col("n").sum().over("at") >= data.min_features).filter(pl.col("n") >= 5)
         ages = cells["at"].unique().sort().to_list()
         titles = [panel["title"]["text"] for panel in figure.spec["concat"]]
@@ -57,7 +57,7 @@ def test_arrows_point_where_the_mean_error_points(data: ReportData) -> None:
 def test_classes_are_drawn_with_their_values_and_sides_are_named(data: ReportData) -> None:
     figure = maps.surrounding_figures(data)[0]
     assert isinstance(figure, Figure)
-    errors = data.nominal(data.surrounding_errors).filter(tracker=data.trackers[0])
+    errors = data.nominal(data["surrounding_errors"]).filter(tracker=data.trackers[0])
     whole = errors.filter(surrounding="side", coordinate="u", statistic="mean").group_by("at").agg(pl.col("n").sum())
     age = whole.filter(pl.col("n") >= data.min_features)["at"].max()
     last = errors.filter(pl.col("at") == age, pl.col("n") >= 20)
@@ -70,7 +70,7 @@ def test_classes_are_drawn_with_their_values_and_sides_are_named(data: ReportDat
 
 def test_speeds_are_drawn_for_both_directions_at_each_age(data: ReportData) -> None:
     (figure,) = maps.image_speed_figures(data)
-    points = data.nominal(data.speed_errors).filter(pl.col("n") >= data.min_features)
+    points = data.nominal(data["speed_errors"]).filter(pl.col("n") >= data.min_features)
     assert isinstance(figure, Figure) == (not points.is_empty())
     if isinstance(figure, Figure):
         assert len(figure.spec["concat"]) == 2 * points["at"].n_unique()

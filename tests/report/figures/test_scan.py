@@ -43,7 +43,7 @@ def _tables(figure: Figure, column: str) -> list[pl.DataFrame]:
 
 def test_curves_quote_the_summary_at_ten_frames_after_the_key_frame(data: ReportData, trimmed: Figure) -> None:
     assert trimmed.title == "Error by frame at speed 1, trimmed"
-    rows = data.summary.filter(speed=1).to_dicts()
+    rows = data["summary"].filter(speed=1).to_dicts()
     assert [row["at"] for row in rows] == [KEY_FRAME + 10] * 2
     assert trimmed.look_for.startswith("At 10 frames after the key frame, ")
     for row in rows:

@@ -16,7 +16,7 @@ def test_elements_are_those_of_the_curves_and_not_their_roots(make_run):
     (figure,) = second_moment_figures(data)
     assert isinstance(figure, Figure)
     assert figure.id == "second-moment-by-age"
-    curve = data.curves.filter(statistic="Phi", weighting="features", trimming="trimmed", population="visible")
+    curve = data["curves"].filter(statistic="Phi", weighting="features", trimming="trimmed", population="visible")
     curve = curve.filter(~pl.col("cut")).sort("at")
     drawn = [pl.read_csv(io.StringIO(text)) for text in figure.spec["datasets"].values() if isinstance(text, str)]
     for element, table in zip(("u", "uv", "v"), drawn, strict=True):

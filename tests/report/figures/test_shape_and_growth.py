@@ -1,6 +1,5 @@
 """How errors grow, and their shape: figures and tables hold what was found."""
 
-import dataclasses
 import io
 from collections.abc import Callable
 
@@ -51,9 +50,9 @@ def test_distances_from_a_key_frame_are_never_negative(make_run: Callable[..., R
 def test_a_verdict_that_is_open_says_why(data: ReportData) -> None:
     (cells,) = growth_curves.tables(data)
     assert {row[-1] for row in cells.rows} == {""}
-    verdict = pl.lit("undecided", dtype=data.time_structure.schema["verdict"])
-    open_ = data.time_structure.with_columns(verdict=verdict, why=pl.lit("too few ages"))
-    (cells,) = growth_curves.tables(dataclasses.replace(data, time_structure=open_))
+    verdict = pl.lit("undecided", dtype=data["time_structure"].schema["verdict"])
+    open_ = data["time_structure"].with_columns(verdict=verdict, why=pl.lit("too few ages"))
+    (cells,) = growth_curves.tables(data.with_tables(time_structure=open_))
     assert {tuple(row[-2:]) for row in cells.rows} == {("undecided", "too few ages")}
     assert len(cells.rows) == 16
 
@@ -77,8 +76,8 @@ def test_the_tail_table_has_a_row_a_band_and_trimming(data: ReportData) -> None:
 
 
 def test_what_was_not_worked_out_is_absent(data: ReportData) -> None:
-    empty = {name: getattr(data, name).clear() for name in ("time_structure", "gaussianity", "radii")}
-    bare = dataclasses.replace(data, **empty)
+    empty = {name: data[name].clear() for name in ("time_structure", "gaussianity", "radii")}
+    bare = data.with_tables(**empty)
     made = growth_curves.time_structure_figures, distributions.gaussianity_figures
     for family, figures in zip((growth_curves, distributions), made, strict=True):
         (item,) = figures(bare)

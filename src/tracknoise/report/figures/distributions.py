@@ -34,7 +34,7 @@ _DECADES = alt.Axis(values=[10.0**power for power in range(-3, 4)], format="~g")
 
 def trimming_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One histogram per tracker, with one line per speed, and the image of one scene beside it."""
-    table = data.reference(data.errors)
+    table = data.reference(data["errors"])
     if not table["n"].sum():
         return [Absence("trimming", _TRIMMING_TITLE, "No track has a known true position, so there are no errors.")]
     trackers = [name for name in data.trackers if table.filter(tracker=name)["n"].sum()]
@@ -95,9 +95,9 @@ def _look_for_trimming(data: ReportData, trackers: Sequence[str]) -> str:
 
 
 def _sentences(data: ReportData, tracker: str) -> str:
-    lived = data.nominal(data.lifetimes).filter(tracker=tracker)
+    lived = data.nominal(data["lifetimes"]).filter(tracker=tracker)
     total, once = (_tracks(lived), _tracks(lived.filter(lifetime=1)))
-    trims = data.nominal(data.trims).filter(tracker=tracker)
+    trims = data.nominal(data["trims"]).filter(tracker=tracker)
     dropped, measured = int(trims["n_dropped"].sum()), int(trims["n_measured"].sum())
     counted = f"{tracker} has {count(total, 'track')}. "
     counted += (
@@ -169,7 +169,7 @@ _SHAPES = {
 
 def gaussianity_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: one row per tracker, before and after trimming, one colour per band of ages."""
-    radii = data.nominal(data.radii).with_columns(band=_band(data))
+    radii = data.nominal(data["radii"]).with_columns(band=_band(data))
     if radii.is_empty():
         return [
             Absence("gaussianity", _GAUSSIANITY_TITLE, "No condition has enough errors to judge their distribution.")
@@ -243,7 +243,7 @@ def _estimate_text(row: Mapping[str, Any], name: str, bounds: str) -> str:
 
 
 def _ordered(data: ReportData) -> pl.DataFrame:
-    table = data.nominal(data.gaussianity).filter(pl.col("trimming").is_in(data.trimmings))
+    table = data.nominal(data["gaussianity"]).filter(pl.col("trimming").is_in(data.trimmings))
     return table.with_columns(band=_band(data)).sort(data.tracker_place, "age_low", "trimming")
 
 

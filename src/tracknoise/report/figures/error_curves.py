@@ -168,7 +168,7 @@ def _second_moment_message(data: ReportData) -> str:
 def _second_moment_points(data: ReportData) -> pl.DataFrame:
     """Second moments about zero, px²: columns tracker, speed, at, since, u, v, uv and others."""
     roles = pl.col("statistic").replace_strict(data.axis.roles, default=None)
-    chosen = data.reference(data.curves).filter(
+    chosen = data.reference(data["curves"]).filter(
         roles == "second",
         ~pl.col("cut"),
         weighting="features",
@@ -433,7 +433,7 @@ _KEYS = ["tracker", "speed", "role", "since"]
 
 def occlusion_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: both populations, every tracker and speed."""
-    if not data.counts.filter(pl.col("name").is_in(["occluded", "out_of_image"]))["n"].sum():
+    if not data["counts"].filter(pl.col("name").is_in(["occluded", "out_of_image"]))["n"].sum():
         why = "No feature with a known true position was occluded, so there is nothing to leave out."
         return [Absence("occlusion", _OCCLUSION_TITLE, why)]
     table = compare(data)

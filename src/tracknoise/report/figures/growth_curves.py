@@ -70,7 +70,7 @@ def _change_message(data: ReportData, points: pl.DataFrame) -> str:
 
 def _points(data: ReportData) -> pl.DataFrame:
     """One row per tracker, statistic and age or lag: `at`, n, u and v with `BOUNDS`, and the kind of interval."""
-    table = data.nominal(data.changes).filter(trimming=data.trimming)
+    table = data.nominal(data["changes"]).filter(trimming=data.trimming)
     alone = _uncut(table.filter(pl.col("lag") == 0), "age", data.min_features)
     pairs = _uncut(table.filter(pl.col("lag") > 0), "lag", data.min_features)
     parts = [
@@ -94,7 +94,7 @@ def _named(table: pl.DataFrame, statistic: str, values: Mapping[str, pl.Expr]) -
 
 def _bounds(data: ReportData) -> pl.DataFrame:
     """Bounds of all these. Those of the variance are roots."""
-    found = data.nominal(data.intervals).filter(aspect=Aspect.change, trimming=data.trimming)
+    found = data.nominal(data["intervals"]).filter(aspect=Aspect.change, trimming=data.trimming)
     found = found.filter(pl.col("weighting").is_null() | (pl.col("weighting") == "features"))
     found = found.filter(pl.col("statistic").is_in(list(_STATISTICS)), pl.col("coordinate").is_in(list(COORDINATES)))
     named = found.with_columns(statistic=pl.col("statistic").replace_strict(_STATISTICS, return_dtype=pl.String))
@@ -265,7 +265,7 @@ def tables(data: ReportData) -> Sequence[Cells]:
 
 
 def _fitted(data: ReportData) -> pl.DataFrame:
-    table = data.reference(data.time_structure).filter(pl.col("trimming").is_in(data.trimmings))
+    table = data.reference(data["time_structure"]).filter(pl.col("trimming").is_in(data.trimmings))
     return table.sort(data.tracker_place, "speed", "coordinate", "trimming")
 
 

@@ -278,7 +278,7 @@ def lifetimes_by_lighting_figures(data: ReportData) -> list[Figure]:
 
 def boxes(data: ReportData) -> pl.DataFrame:
     """Columns tracker, speed, lighting and those of a box of lifetimes."""
-    table = data.across(data.lifetimes, "lighting").with_columns(n=pl.col("n_ended") + pl.col("n_censored"))
+    table = data.across(data["lifetimes"], "lighting").with_columns(n=pl.col("n_ended") + pl.col("n_censored"))
     groups = table.group_by(_KEYS).agg("lifetime", "n").sort(_KEYS)
     made = [asdict(box_of_counts(row["lifetime"], row["n"])) for row in groups.iter_rows(named=True)]
     return groups.select(_KEYS).hstack(pl.DataFrame(made))

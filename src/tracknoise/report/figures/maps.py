@@ -45,7 +45,7 @@ def image_map_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _image_map_figure(data: ReportData, tracker: str) -> Figure | Absence:
     name, title = f"image-map-{data.slug(tracker)}", f"{tracker}, by place in the image"
-    every = data.nominal(data.image_cells).filter(pl.col("tracker") == tracker)
+    every = data.nominal(data["image_cells"]).filter(pl.col("tracker") == tracker)
     enough = pl.col("n").sum().over("at") >= data.min_features
     cells = every.filter(enough).filter(pl.col("n") >= _FEWEST)
     if cells.is_empty():
@@ -165,7 +165,7 @@ _DIRECTIONS = {"along": "along the motion", "across": "across it, to the right"}
 
 def image_speed_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: all trackers at the lowest speed."""
-    points = data.nominal(data.speed_errors).filter(pl.col("n") >= data.min_features)
+    points = data.nominal(data["speed_errors"]).filter(pl.col("n") >= data.min_features)
     if points.is_empty():
         why = f"No speed of the image has {data.min_features} features with a known error."
         return [Absence(_NAME, _TITLE, why)]
@@ -252,7 +252,7 @@ def surrounding_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _surrounding_figure(data: ReportData, tracker: str) -> Figure | Absence:
     name, title = f"surroundings-{data.slug(tracker)}", f"{tracker}, by surroundings of the feature"
-    every = data.nominal(data.surrounding_errors).filter(pl.col("tracker") == tracker)
+    every = data.nominal(data["surrounding_errors"]).filter(pl.col("tracker") == tracker)
     at = _last_age(every, data.min_features)
     if at is None:
         why = f"No age has {data.min_features} features with a known error and a known depth."

@@ -55,7 +55,7 @@ def trackers(data: ReportData, role: str, text: str) -> str:
 def _rows(data: ReportData, factor: str, tracker: str | None, speed: int | None, role: str) -> list[dict[str, Any]]:
     """Comparisons of several levels of a factor by one statistic; none where they differ by more than that."""
     names = [name for name, of in ROLES.items() if of == role]
-    rows = data.dependence.filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor=factor)
+    rows = data["dependence"].filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor=factor)
     rows = rows.filter(pl.col("speed").eq_missing(speed), pl.col("tracker").eq_missing(tracker)).drop_nulls("effect")
     return rows.to_dicts() if rows.height == 1 else []
 

@@ -201,7 +201,7 @@ _WINDOW_SIGMA_ADVICE = (
 
 def window_sigma_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: a panel per tracker at the lowest speed."""
-    rows = data.nominal(data.window_sigmas).filter(pl.col("quantity").is_in([*_LINES]), trimming=data.trimming)
+    rows = data.nominal(data["window_sigmas"]).filter(pl.col("quantity").is_in([*_LINES]), trimming=data.trimming)
     if rows.is_empty():
         return [
             Absence(_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE, "No track was long enough for a window of an estimator.")

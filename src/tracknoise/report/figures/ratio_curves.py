@@ -22,7 +22,7 @@ def ratio_figures(data: ReportData) -> Sequence[Figure | Absence]:
 def _figure(data: ReportData, name: str) -> Figure | Absence:
     quantity, id = QUANTITIES[name], name.replace("_", "-")
     enough = pl.col("n") >= data.min_features
-    table = data.nominal(data.ratios).filter(enough, quantity=name, trimming=data.trimming).sort("tracker", "at")
+    table = data.nominal(data["ratios"]).filter(enough, quantity=name, trimming=data.trimming).sort("tracker", "at")
     if table.is_empty():
         return Absence(id, quantity.title, no_curve(data))
     shows = (

@@ -43,7 +43,7 @@ def _title(data: ReportData) -> str:
 
 def _by_age(data: ReportData) -> pl.DataFrame:
     """Columns tracker, speed, at, n, of: all tracks that reached an age."""
-    reached = surviving(data.reference(data.lifetimes))
+    reached = surviving(data.reference(data["lifetimes"]))
     return reached.select("tracker", "speed", pl.col("age").alias("at"), "n", of=pl.lit(_ALL))
 
 
@@ -56,7 +56,7 @@ def _in_frames(data: ReportData) -> pl.DataFrame:
 
 def _in_curves(data: ReportData) -> pl.DataFrame:
     """The same for the features of the curves, including those where curves are cut."""
-    curves = data.reference(data.curves).filter(
+    curves = data.reference(data["curves"]).filter(
         pl.col("statistic").replace_strict(data.axis.roles, default=None) == "mean",
         weighting="features",
         population=data.population,
@@ -187,7 +187,7 @@ _FAILURE = (
 
 def lifetime_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """Trackers at the lowest speed, then the speeds of each tracker if there are several."""
-    table = of_scalar(data.reference(data.lifetimes), data.intervals, "survival")
+    table = of_scalar(data.reference(data["lifetimes"]), data["intervals"], "survival")
     nominal = table.filter(speed=data.slowest)
     if nominal.is_empty():
         return [Absence("lifetimes", "Lifetimes", "No tracker found a feature, so there are no tracks.")]
@@ -214,7 +214,7 @@ def _by_tracker(data: ReportData, nominal: pl.DataFrame) -> Figure:
 
 def _medians(data: ReportData) -> dict[str, str]:
     """Median lifetime of each tracker at the lowest speed, where less than half of the tracks are censored."""
-    rows = data.in_order(data.nominal(data.summary).drop_nulls("median_lifetime"))
+    rows = data.in_order(data.nominal(data["summary"]).drop_nulls("median_lifetime"))
     return {row["tracker"]: count(row["median_lifetime"], "frame") for row in rows.to_dicts()}
 
 
@@ -238,7 +238,7 @@ def _lifetimes_by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> 
 def _numbers(data: ReportData, table: pl.DataFrame, subjects: Mapping[str, str]) -> str:
     """Means, median and censored share of each series. Its first sentence begins with its subject."""
     labels = table.group_by("tracker", "speed", "series").agg(pl.col("n_censored").sum())
-    found = data.reference(data.summary).join(labels, on=["tracker", "speed"])
+    found = data.reference(data["summary"]).join(labels, on=["tracker", "speed"])
     rows = {row["series"]: row for row in found.to_dicts()}
     until_failure = any(row["restricted_mean_until_failure"] is not None for row in rows.values())
     sentences = [_sentences(subject, rows[name]) for name, subject in subjects.items() if name in rows]
@@ -319,7 +319,7 @@ _ID, _INCIDENCE_TITLE = "ends-by-cause", "Causes of track ends"
 
 def incidence_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """Each tracker at the lowest speed."""
-    table = data.nominal(data.incidence)
+    table = data.nominal(data["incidence"])
     if table.is_empty():
         return [Absence(_ID, _INCIDENCE_TITLE, "No tracker of this run reports why tracks end.")]
     table = table.with_columns(series=pl.col("cause").cast(pl.String).replace_strict(_NAMES))
@@ -393,7 +393,7 @@ def outlier_ratio_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _entered(data: ReportData) -> pl.DataFrame:
     """Conditions with an outlier ratio: those that carried a feature into some frame, and report outliers."""
-    return of_scalar(data.outliers.filter(pl.col("pooled_ratio").is_not_null()), data.intervals, "outlier_ratio")
+    return of_scalar(data["outliers"].filter(pl.col("pooled_ratio").is_not_null()), data["intervals"], "outlier_ratio")
 
 
 def _outlier_ratios_by_speed(data: ReportData, table: pl.DataFrame) -> Figure:

@@ -35,7 +35,7 @@ _MOST_PAIRS = 7
 
 def tracker_difference_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: every two trackers at the lowest speed."""
-    table = data.nominal(data.tracker_differences).filter(pl.col("n") >= data.min_features)
+    table = data.nominal(data["tracker_differences"]).filter(pl.col("n") >= data.min_features)
     pair = pl.format("{} " + DASH + " {}", "tracker", "other")
     table = table.with_columns(pl.col("value", "low", "high").pipe(_root), pair=pair)
     pairs = table["pair"].unique(maintain_order=True).to_list()[:_MOST_PAIRS]
@@ -116,7 +116,7 @@ _SOURCES: Mapping[str, str] = {FittedTo.own: "fitted to this tracker", FittedTo.
 
 def pose_error_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure: all trackers at the lowest speed."""
-    table = data.nominal(data.rigid_share).filter(pl.col("n") >= data.min_features)
+    table = data.nominal(data["rigid_share"]).filter(pl.col("n") >= data.min_features)
     points = side_by_side(table, "share", ["tracker", "fitted_to"])
     if points.is_empty():
         why = f"No age has {data.min_features} features with a known depth and a visible true position."
@@ -190,10 +190,10 @@ _POSES = {"rotation": "rotation per axis (degrees)", "translation": "translation
 
 def two_truth_figures(data: ReportData) -> Sequence[Figure]:
     """One figure per tracker at the lowest speed, and one of the poses. None without a second truth."""
-    table = data.nominal(data.two_truths).filter(trimming=data.trimming, statistic="second")
+    table = data.nominal(data["two_truths"]).filter(trimming=data.trimming, statistic="second")
     present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
     made = [_two_truths_of_tracker(data, tracker, table.filter(tracker=tracker)) for tracker in present]
-    poses = data.reference(data.pose_disagreement)
+    poses = data.reference(data["pose_disagreement"])
     return made if poses.is_empty() else [*made, _of_poses(data, poses)]
 
 
@@ -303,7 +303,7 @@ _SIZE = {"width": 395, "height": 165}
 
 def audit_curve_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure per tracker that took part in the audit, where it found a fault."""
-    curves = data.audit_curves
+    curves = data["audit_curves"]
     if not set(curves["correction"].unique()) - {MEASURED}:
         why = "The audit found no fault of the truth that could be corrected." if curves.height else _not_audited(data)
         return [Absence("audit", "Errors before and after corrections", why)]
@@ -312,7 +312,7 @@ def audit_curve_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _not_audited(data: ReportData) -> str:
-    texts = data.audit["text"].to_list()
+    texts = data["audit"]["text"].to_list()
     return texts[0] if texts else "The truth of this run was not audited."
 
 

@@ -90,19 +90,20 @@ class AdjustedDepths:
         return adjustment, adjustment.best(State(best.poses, best.depth_m * ratio))
 
     @cached_property
-    def displaced(self) -> Mapping[str, Array]:
+    def displaced(self) -> Mapping[str, NDArray[np.float32]]:
         """(n, 2) each: displacements of true positions, px, by one unit of the faults that are not of the depths."""
         tracks, best = self.adjustment.tracks, self.best
         derivatives = TruthDerivatives(OtherPoses(self.sequence, best.poses, _NAME))
-        parts = []
+        found = {name: np.empty(tracks.uv.shape, np.float32) for name in (READOUT, FOCAL, ALONG_RAY)}
         for rows in self.adjustment.blocks():
             points = self.adjustment.anchored_points(best.poses, best.depth_m, rows)
             moved = derivatives.sensitivity(points)
             there = transform(invert(best.poses[points.anchor]), points.points_world)
             beyond = (np.linalg.norm(there, axis=1) - moved.depth_m)[:, None]
-            parts.append((1e-3 * moved.readout, moved.focal, moved.depth * beyond))
-        columns = [np.concatenate(one) for one in zip(*parts, strict=True)] or [np.empty((len(tracks.frame), 2))] * 3
-        return dict(zip((READOUT, FOCAL, ALONG_RAY), columns, strict=True))
+            of_rows = 1e-3 * moved.readout, moved.focal, moved.depth * beyond
+            for one, values in zip(found.values(), of_rows, strict=True):
+                one[rows] = values
+        return found
 
     @cached_property
     def faults(self) -> Mapping[str, Fault]:
@@ -144,10 +145,12 @@ def depth_corrections(named: Mapping[str, float]) -> Corrections:
 
 def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] | None:
     """The step of a law; at first of the one that explains most, or None where an error of the camera explains more."""
-    slope = now.adjustment.by_log_depth(now.best)
-    depth_m = now.best.depth_m[now.adjustment.tracks.track, None]
+    slope, track = now.adjustment.by_log_depth(now.best), now.adjustment.tracks.track
+    of_tracks = {name: sign * now.best.depth_m**power for name, (power, sign) in LAWS.items()}
     displaced = {
-        name: sign * slope * depth_m**power for name, (power, sign) in LAWS.items() if name in named or not named
+        name: slope * factor.astype(np.float32)[track, None]
+        for name, factor in of_tracks.items()
+        if name in named or not named
     }
     name, fault = max(now.adjustment.faults(now.best, displaced).items(), key=lambda one: one[1].explained)
     if named:

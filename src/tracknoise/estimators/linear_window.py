@@ -323,7 +323,8 @@ def _contracted(shared: NDArray[np.float64], half: NDArray[np.float64]) -> NDArr
     """(4, 2, 2): sums over tracks of each component's share of pairs times `half` half', (tracks, 2 n, q)."""
     count, size, _ = half.shape
     products = (half @ np.swapaxes(half, 1, 2)).reshape(count, size // 2, 2, size // 2, 2)
-    return np.asarray(np.einsum("ctjk,tjukv->cuv", shared, products, optimize=True))
+    sums = shared.reshape(len(shared), -1) @ np.swapaxes(products, 2, 3).reshape(-1, 4)
+    return np.asarray(sums.reshape(-1, 2, 2))
 
 
 def scalar_variances(

@@ -33,7 +33,9 @@ _SETTLED, _STEPS = 0.05, 8
 """Steps to the size of a law end at one of this part of it, or after so many."""
 _LOWER = 0.99
 """Ratio of the sizes of residuals by joined and by single depths, below which maps are joined."""
-_SAMPLED = 12
+_PLACES, _SUCCESSIVE = 4, 3
+"""Places in a sequence where maps are joined to see whether that is better, and frames with births at each. Successive
+frames share most of the maps that are read."""
 _OLDEST = 10
 _NAME = "reference tracks"
 
@@ -114,7 +116,8 @@ class AdjustedDepths:
         """Whether depths that are joined over maps predict reference tracks better, in some frames."""
         tracks = self.adjustment.tracks
         births = np.unique(tracks.birth[np.isfinite(tracks.depth_m)])
-        some = np.unique(np.linspace(0, len(births) - 1, min(len(births), _SAMPLED)).astype(int))
+        places = np.linspace(0, max(len(births) - _SUCCESSIVE, 0), _PLACES).astype(int)
+        some = np.unique(np.minimum(places[:, None] + np.arange(_SUCCESSIVE), len(births) - 1))
         joined_m = self._joined_m(births[some])
         young = tracks.frame - tracks.birth[tracks.track] <= _OLDEST
         used = young & np.isfinite(joined_m)[tracks.track]

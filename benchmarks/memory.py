@@ -1,5 +1,6 @@
-"""Peak memory of one process: against the length of a scene, of which only recorded observations may remain; and of a
-scene of the light stage, whose lightings are measured together.
+"""Peak memory of one process: against the length of a scene, of which only recorded observations may remain; of poses
+that are refined by reference tracks, against the length of a recording in one piece; and of a scene of the light stage,
+whose lightings are measured together.
 
 Each is measured by a process of its own, which says how large it was at its peak.
 """
@@ -13,6 +14,9 @@ from benchmarks.harness import Row, elapsed_ms, in_new_process, peak_mib, progra
 from tracknoise.tables.findings_schema import COUNTS
 
 LENGTHS = (100, 1000)
+REFINED_LENGTHS = (120, 480, 1920)
+BORN, LONGEST = 26, 48
+"""Reference tracks that begin in a frame, and frames of one at most: 76,000 observations in 120 frames."""
 STAGE_SMALL, STAGE_FULL = (240, 180), (1600, 1200)
 STAGE = """
 name = "memory"
@@ -39,12 +43,12 @@ class Silent:
 
 def rows() -> list[Row]:
     """Of a simulated sequence of two lengths, and of a stage of small images."""
-    return [*_by_length(), *_stage(STAGE_SMALL)]
+    return [*_by_length(), *_refined(), *_stage(STAGE_SMALL)]
 
 
 def full_rows() -> list[Row]:
     """The same with a stage of the images that DTU Point Features have."""
-    return [*_by_length(), *_stage(STAGE_FULL)]
+    return [*_by_length(), *_refined(), *_stage(STAGE_FULL)]
 
 
 def _by_length() -> list[Row]:
@@ -58,6 +62,18 @@ def _by_length() -> list[Row]:
     growth = long["peak"] - short["peak"]
     recorded = long["recorded observations"] - short["recorded observations"]
     return [*table, Row("memory: growth beyond the recorded observations", growth - recorded, "MiB")]
+
+
+def _refined() -> list[Row]:
+    measured = {length: in_new_process("benchmarks.memory", "refined", length) for length in REFINED_LENGTHS}
+    table = [
+        Row(f"memory: peak of poses refined in one piece, {length} frames", values["peak"], "MiB",
+            f"{values['observations'] / 1e3:.0f} thousand observations, {values['seconds']:.1f} s")
+        for length, values in measured.items()
+    ]  # fmt: skip
+    short, long = (measured[length] for length in REFINED_LENGTHS[1:])
+    each = (long["peak"] - short["peak"]) * 2**20 / (long["observations"] - short["observations"])
+    return [*table, Row("memory: growth of refined poses", each, "bytes an observation")]
 
 
 def _stage(size: tuple[int, int]) -> list[Row]:
@@ -91,6 +107,46 @@ def _measure_sweep(length: int) -> dict[str, float]:
     return {"peak": peak_mib(), "recorded observations": size / 2**20}
 
 
+def _measure_refined(length: int) -> dict[str, float]:
+    import numpy as np
+
+    from tracknoise.geometry.accuracy import TruthAccuracy
+    from tracknoise.geometry.cameras import Camera
+    from tracknoise.measurement.refined_poses import refined_by
+    from tracknoise.sequences.recorded import RecordedSequence
+    from tracknoise.tables.identity import SequenceId
+    from tracknoise.truth.pose_adjustment import ReferenceTracks, exponential
+
+    rng, camera = np.random.default_rng(0), Camera(640, 480, 500.0, 500.0, 320.0, 240.0)
+    poses = np.tile(np.eye(4), (length, 1, 1))
+    poses[:, :3, 3] = np.cumsum(rng.normal(0.0, 0.01, (length, 3)), axis=0)
+    birth = np.repeat(np.arange(length - 1), BORN)
+    count = np.minimum(rng.integers(1, LONGEST + 1, len(birth)), length - 1 - birth)
+    track = np.repeat(np.arange(len(birth)), count)
+    frame = birth[track] + 1 + np.arange(len(track)) - np.repeat(np.cumsum(count) - count, count)
+    birth_uv, depth_m = rng.uniform((80, 80), (560, 400), (len(birth), 2)), rng.uniform(1.0, 4.0, len(birth))
+    points = camera.unproject(birth_uv, depth_m) + poses[birth, :3, 3]
+    uv = rng.normal(0.0, 0.2, (len(track), 2))
+    for rows in (slice(start, start + 4096) for start in range(0, len(track), 4096)):
+        uv[rows] += camera.project(points[track[rows]] - poses[frame[rows], :3, 3])
+    sigma, kind = np.full(len(birth), 0.01), rng.integers(0, 2, len(birth))
+    births = {"birth": birth, "birth_uv": birth_uv, "depth_m": depth_m, "depth_sigma": sigma, "kind": kind}
+    tracks = ReferenceTracks(**births, track=track.astype(np.int32), frame=frame.astype(np.int32), uv=uv)
+    del points, track, frame
+    spoilt = poses @ exponential(rng.normal(0.0, (0.01, 0.01, 0.01, 2e-3, 2e-3, 2e-3), (length, 6)))
+    sequence = RecordedSequence(
+        id=SequenceId("made", "up"),
+        source="made up",
+        camera=camera,
+        world_from_camera=spoilt,
+        images=lambda index: np.zeros((480, 640), np.uint8),
+        depths=lambda index: None,
+        timestamps_s=np.arange(length) / 30.0,
+    )
+    seconds = elapsed_ms(lambda: refined_by(sequence, tracks, TruthAccuracy(), length)) / 1e3
+    return {"peak": peak_mib(), "observations": len(tracks.frame), "seconds": seconds}
+
+
 def _measure_stage(folder: Path) -> dict[str, float]:
     from tracknoise.experiments.execute import execute
     from tracknoise.experiments.load import load_experiment
@@ -105,4 +161,6 @@ def _measure_stage(folder: Path) -> dict[str, float]:
 
 if __name__ == "__main__":
     kind, argument = sys.argv[1:]
-    json.dump(_measure_sweep(int(argument)) if kind == "sweep" else _measure_stage(Path(argument)), sys.stdout)
+    measures = {"sweep": _measure_sweep, "refined": _measure_refined}
+    measured = measures[kind](int(argument)) if kind in measures else _measure_stage(Path(argument))
+    json.dump(measured, sys.stdout)

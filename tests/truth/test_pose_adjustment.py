@@ -220,11 +220,11 @@ def test_what_poses_absorb_of_displacements_is_not_left():
     turned = one.poses.copy()
     turned[5, :3, :3] = turned[5, :3, :3] @ Rotation.from_rotvec([0.0, 1e-4, 0.0]).as_matrix()
     moved = adjustment.residuals(turned, best.depth_m) - adjustment.residuals(one.poses, best.depth_m)
-    assert np.sqrt(np.mean(adjustment.faults(best, {"one": moved})["one"].in_residuals ** 2)) < 0.02 * np.sqrt(
+    assert np.sqrt(np.mean(adjustment.faults(best, {"one": moved})["one"].left ** 2)) < 0.02 * np.sqrt(
         np.mean(moved**2)
     )
     noise = np.random.default_rng(0).normal(0.0, 0.02, moved.shape)
-    assert np.sqrt(np.mean(adjustment.faults(best, {"one": noise})["one"].in_residuals ** 2)) > 0.8 * 0.02
+    assert np.sqrt(np.mean(adjustment.faults(best, {"one": noise})["one"].left ** 2)) > 0.8 * 0.02
 
 
 def test_rows_of_a_rolling_shutter_have_poses_of_their_own():

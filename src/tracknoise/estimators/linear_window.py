@@ -292,9 +292,10 @@ def influences(window: Sequence[LinearTracks], assumed: Assumed) -> dict[Purpose
     size = window[0].by_pose.shape[2]
     pairs = list(zip(window, whitened, strict=True))
     by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
-    claimed = np.linalg.inv(sum(rows.reshape(-1, size).T @ rows.reshape(-1, size) for rows in by_pose))
-    newest = claimed[:, -_NEWEST:] @ np.linalg.inv(np.linalg.cholesky(claimed[-_NEWEST:, -_NEWEST:])).T
-    roots = {Purpose.ALL_POSES: np.linalg.cholesky(claimed), Purpose.NEWEST_POSE: newest}
+    # upper triangular root of what is claimed; a sum of squares would lose poses that are hardly known. Its last columns
+    # are those of the newest pose over the root of its own block
+    root = np.linalg.inv(np.linalg.qr(np.concatenate([rows.reshape(-1, size) for rows in by_pose]), mode="r"))
+    roots = {Purpose.ALL_POSES: root, Purpose.NEWEST_POSE: root[:, -_NEWEST:]}
     found = {purpose: np.zeros((len(COMPONENTS), 2, 2)) for purpose in Purpose}
     freedom = sum(rows.shape[0] * (rows.shape[1] - 3) for rows in by_pose)
     for (tracks, one), rows in zip(pairs, by_pose, strict=True):
@@ -323,7 +324,8 @@ def _contracted(shared: NDArray[np.float64], half: NDArray[np.float64]) -> NDArr
     """(4, 2, 2): sums over tracks of each component's share of pairs times `half` half', (tracks, 2 n, q)."""
     count, size, _ = half.shape
     products = (half @ np.swapaxes(half, 1, 2)).reshape(count, size // 2, 2, size // 2, 2)
-    return np.asarray(np.einsum("ctjk,tjukv->cuv", shared, products, optimize=True))
+    sums = shared.reshape(len(shared), -1) @ np.swapaxes(products, 2, 3).reshape(-1, 4)
+    return np.asarray(sums.reshape(-1, 2, 2))
 
 
 def scalar_variances(

@@ -8,23 +8,28 @@ from dataclasses import replace
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-from tracknoise.geometry.pose import transform
 from tracknoise.measurement.refined_poses import RefinedPoses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.scales import scales
+from tracknoise.tables.schema import TruthStatus
 from tracknoise.tables.store import KIND_TABLES
-from tracknoise.truth.uncertainty import AnchoredPoints, ObservedCameras, moved_by
+from tracknoise.truth.truth import TruePositions
+from tracknoise.truth.uncertainty import anchored_points, moved_by
 
 
 def kind_tables(sequence: Sequence, prepared: PreparedSequence, population: str) -> dict[str, pl.DataFrame]:
     """Tables of `KIND_TABLES` of a sequence and one population; none where poses were not refined."""
     if not isinstance(sequence, RefinedPoses) or not sequence.by_kind:
         return {}
-    rows, points = _points(sequence, prepared)
+    seen, depth_m = prepared.seen, prepared.tracks["depth_m"].to_numpy().astype(np.float64)
+    uv = prepared.observations.select("u_px", "v_px").to_numpy() - seen.error_px
+    status = np.full(len(uv), TruthStatus.valid, np.int8)
+    frame = seen.frame.astype(np.intp)
+    positions = TruePositions(uv, status, depth_m)
+    rows, points = anchored_points(sequence, frame, prepared.track_row, positions, key_frame=None)
     found: dict[str, list[pl.DataFrame]] = {name: [] for name in KIND_TABLES}
     for kind, poses in sequence.by_kind.items():
         error_px = prepared.seen.error_px.copy()
@@ -35,18 +40,3 @@ def kind_tables(sequence: Sequence, prepared: PreparedSequence, population: str)
             own = table.filter(pl.col("n") > 0, population=population)
             found[f"kind_{name}"].append(own.select(pl.lit(kind).alias("references"), pl.all()))
     return {name: pl.concat(tables) for name, tables in found.items()}
-
-
-def _points(sequence: Sequence, prepared: PreparedSequence) -> tuple[NDArray[np.intp], AnchoredPoints]:
-    """Rows of the observations whose errors are known, and their points."""
-    seen, depth_m = prepared.seen, prepared.tracks["depth_m"].to_numpy().astype(np.float64)
-    uv = prepared.observations.select("u_px", "v_px").to_numpy()
-    birth, birth_uv = np.zeros(len(depth_m), np.intp), np.full((len(depth_m), 2), np.nan)
-    born = np.flatnonzero(seen.age == 0)
-    track = prepared.track_row[born]
-    birth[track], birth_uv[track] = seen.frame[born], uv[born]
-    rays = ObservedCameras.of(sequence, birth).bearings(birth_uv)
-    points = transform(sequence.world_from_camera[birth], rays * depth_m[:, None])
-    of_row = prepared.track_row
-    rows = np.flatnonzero(np.isfinite(seen.error_px).all(axis=1) & np.isfinite(points[of_row]).all(axis=1))
-    return rows, AnchoredPoints(birth[of_row[rows]], seen.frame[rows].astype(np.intp), points[of_row[rows]])

@@ -14,6 +14,7 @@ numbers together have the mean of their shares.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,11 @@ def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np
     residual : (n, 2)
         px; NaN is left out.
     """
+    return scales_of_groups(group, residual)[group]
+
+
+def scales_of_groups(group: NDArray[np.signedinteger[Any]], residual: NDArray[np.floating]) -> NDArray[np.float64]:
+    """The same of each group, (groups,); the least one of a group that has none."""
     length = np.hypot(residual[:, 0], residual[:, 1])
     count = np.bincount(group)
     last = np.cumsum(count)
@@ -47,11 +53,11 @@ def scales(group: NDArray[np.intp], residual: NDArray[np.float64]) -> NDArray[np
     known = np.bincount(group, np.isfinite(length)).astype(np.intp)
     low, high = last - count + np.maximum(known - 1, 0) // 2, last - count + known // 2
     median = 0.5 * (of_groups[low] + of_groups[np.minimum(high, len(length) - 1)])
-    scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), LEAST_PX)[group]
+    scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), LEAST_PX)
     return scale
 
 
-def sorting(group: NDArray[np.intp]) -> NDArray[np.intp]:
+def sorting(group: NDArray[np.signedinteger[Any]]) -> NDArray[np.intp]:
     """Order of rows by their groups, numbers (n,) from 0, otherwise as they are; fast where these are small."""
     return np.argsort(group.astype(np.min_scalar_type(int(group.max(initial=0)))), kind="stable")
 

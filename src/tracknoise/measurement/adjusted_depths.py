@@ -33,7 +33,9 @@ _SETTLED, _STEPS = 0.05, 8
 """Steps to the size of a law end at one of this part of it, or after so many."""
 _LOWER = 0.99
 """Ratio of the sizes of residuals by joined and by single depths, below which maps are joined."""
-_SAMPLED = 12
+_PLACES, _SUCCESSIVE = 4, 3
+"""Places in a sequence where maps are joined to see whether that is better, and frames with births at each. Successive
+frames share most of the maps that are read."""
 _OLDEST = 10
 _NAME = "reference tracks"
 
@@ -90,19 +92,20 @@ class AdjustedDepths:
         return adjustment, adjustment.best(State(best.poses, best.depth_m * ratio))
 
     @cached_property
-    def displaced(self) -> Mapping[str, Array]:
+    def displaced(self) -> Mapping[str, NDArray[np.float32]]:
         """(n, 2) each: displacements of true positions, px, by one unit of the faults that are not of the depths."""
         tracks, best = self.adjustment.tracks, self.best
         derivatives = TruthDerivatives(OtherPoses(self.sequence, best.poses, _NAME))
-        parts = []
+        found = {name: np.empty(tracks.uv.shape, np.float32) for name in (READOUT, FOCAL, ALONG_RAY)}
         for rows in self.adjustment.blocks():
             points = self.adjustment.anchored_points(best.poses, best.depth_m, rows)
             moved = derivatives.sensitivity(points)
             there = transform(invert(best.poses[points.anchor]), points.points_world)
             beyond = (np.linalg.norm(there, axis=1) - moved.depth_m)[:, None]
-            parts.append((1e-3 * moved.readout, moved.focal, moved.depth * beyond))
-        columns = [np.concatenate(one) for one in zip(*parts, strict=True)] or [np.empty((len(tracks.frame), 2))] * 3
-        return dict(zip((READOUT, FOCAL, ALONG_RAY), columns, strict=True))
+            of_rows = 1e-3 * moved.readout, moved.focal, moved.depth * beyond
+            for one, values in zip(found.values(), of_rows, strict=True):
+                one[rows] = values
+        return found
 
     @cached_property
     def faults(self) -> Mapping[str, Fault]:
@@ -113,7 +116,8 @@ class AdjustedDepths:
         """Whether depths that are joined over maps predict reference tracks better, in some frames."""
         tracks = self.adjustment.tracks
         births = np.unique(tracks.birth[np.isfinite(tracks.depth_m)])
-        some = np.unique(np.linspace(0, len(births) - 1, min(len(births), _SAMPLED)).astype(int))
+        places = np.linspace(0, max(len(births) - _SUCCESSIVE, 0), _PLACES).astype(int)
+        some = np.unique(np.minimum(places[:, None] + np.arange(_SUCCESSIVE), len(births) - 1))
         joined_m = self._joined_m(births[some])
         young = tracks.frame - tracks.birth[tracks.track] <= _OLDEST
         used = young & np.isfinite(joined_m)[tracks.track]
@@ -144,10 +148,12 @@ def depth_corrections(named: Mapping[str, float]) -> Corrections:
 
 def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] | None:
     """The step of a law; at first of the one that explains most, or None where an error of the camera explains more."""
-    slope = now.adjustment.by_log_depth(now.best)
-    depth_m = now.best.depth_m[now.adjustment.tracks.track, None]
+    slope, track = now.adjustment.by_log_depth(now.best), now.adjustment.tracks.track
+    of_tracks = {name: sign * now.best.depth_m**power for name, (power, sign) in LAWS.items()}
     displaced = {
-        name: sign * slope * depth_m**power for name, (power, sign) in LAWS.items() if name in named or not named
+        name: slope * factor.astype(np.float32)[track, None]
+        for name, factor in of_tracks.items()
+        if name in named or not named
     }
     name, fault = max(now.adjustment.faults(now.best, displaced).items(), key=lambda one: one[1].explained)
     if named:

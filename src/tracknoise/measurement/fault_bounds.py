@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import AccuracyKind, TruthAccuracy
 from tracknoise.geometry.pose import invert
-from tracknoise.inference.robust_fits import scales, squared
+from tracknoise.inference.robust_fits import scales, scales_of_groups, squared
 from tracknoise.measurement.adjusted_depths import FOCAL, READOUT, AdjustedDepths
 from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.poses import has_pose
@@ -54,22 +54,19 @@ class FaultBounds:
 
     shares: Mapping[str, float]  # of what a fault moves that poses do not absorb, by its figure
     bounds: TruthAccuracy  # of those that count
-    left: Array  # (n, 2): displacements of observations by the bounds, px
-    in_floor: Array  # (n, 2): by these and by what is stated of other faults
+    left_px: float  # RMS of what the bounds leave of some observations, both coordinates together
+    in_floor_px: float  # by these and by what is stated of other faults
 
     @classmethod
-    def of(cls, depths: AdjustedDepths, stated: TruthAccuracy) -> "FaultBounds":
-        """By (refined.faults)."""
-        tracks = depths.adjustment.tracks
-        is_free = ~np.isfinite(tracks.depth_m[tracks.track])[:, None]  # depths of such points absorb what these do
-        shares, bounds, squares = dict[str, float](), dict[str, float](), np.zeros((2, len(tracks.frame), 2))
+    def of(cls, depths: AdjustedDepths, stated: TruthAccuracy, rows: NDArray[np.bool_]) -> "FaultBounds":
+        """By (refined.faults); `rows`, (n,) bool: observations of which is said what is left."""
+        shares, bounds, squares = dict[str, float](), dict[str, float](), np.zeros((2, np.count_nonzero(rows), 2))
         for figure in (READOUT, FOCAL):
             fault, moved = depths.faults[figure], depths.displaced[figure]
             if not np.isfinite(fault.deviation):
                 continue
-            left = np.where(is_free, fault.in_residuals, fault.in_positions)
-            whole_px = rms(moved)
-            shares[figure] = min(rms(left) / whole_px, 1.0) if whole_px > 0.0 else 1.0
+            whole_px, left = rms(moved), fault.left[rows]
+            shares[figure] = min(rms(fault.left) / whole_px, 1.0) if whole_px > 0.0 else 1.0
             told, sigma = abs(fault.size), max(fault.deviation, float(np.ptp(fault.of_kinds)) / 2.0)
             part = _PLAUSIBLE[figure] ** 2 / (_PLAUSIBLE[figure] ** 2 + sigma**2)
             told, sigma = part * told, np.sqrt(part) * sigma
@@ -82,31 +79,24 @@ class FaultBounds:
             squares[1] += np.nan_to_num(left * bounds.get(figure, known)) ** 2
         found: dict[str, Any] = dict(bounds)
         accuracy = TruthAccuracy(**found, source="reference tracks", kind=AccuracyKind.measured)
-        return cls(shares, accuracy, *np.sqrt(squares))
-
-    def left_px(self, rows: NDArray[np.bool_]) -> float:
-        """RMS of what the bounds leave of some observations, (n,) bool, both coordinates together, px."""
-        return rms(self.left[rows])
+        return cls(shares, accuracy, *(rms(one) for one in np.sqrt(squares)))
 
 
-def size(moved: Array) -> float:
+def size(moved: NDArray[np.floating]) -> float:
     """Robust RMS of both coordinates (n, 2) together, px: that of a round Gaussian with the same median length."""
-    length = np.linalg.norm(moved, axis=1)
-    return float(np.nanmedian(length) / _MEDIAN_TO_RMS) if np.isfinite(length).any() else 0.0
+    known = np.isfinite(moved).all(axis=1).any()
+    return float(np.sqrt(2.0) * scales_of_groups(np.zeros(len(moved), np.int8), moved)[0]) if known else 0.0
 
 
 _MOST_SIZES = 10.0
 """Larger displacements, of points next to the camera, count as so many robust sizes."""
 
 
-def rms(moved: Array) -> float:
+def rms(moved: NDArray[np.floating]) -> float:
     """RMS of both coordinates (n, 2) together, px: as the floor has it."""
     length = np.linalg.norm(moved, axis=1)
     length = np.minimum(length[np.isfinite(length)], _MOST_SIZES * size(moved))
     return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
-
-
-_MEDIAN_TO_RMS = float(np.sqrt(np.log(2.0)))
 
 
 def largest_bounds(one: TruthAccuracy, other: TruthAccuracy) -> TruthAccuracy:

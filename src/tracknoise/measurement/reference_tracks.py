@@ -185,8 +185,8 @@ def _joined(sequence: Sequence, n_frames: int, table: pl.DataFrame) -> Reference
         depth_m=unknown,
         depth_sigma=unknown,
         kind=kind[order],
-        track=number[track[rows]],
-        frame=frame[rows],
+        track=number[track[rows]].astype(np.int32),
+        frame=frame[rows].astype(np.int32),
         uv=uv[rows],
     )
     return with_depths(sequence, found)

@@ -220,7 +220,7 @@ def refined_by(
         return sequence, PoseFit(False, references, reason=reason)
     try:
         depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
-        faults = FaultBounds.of(depths, stated)
+        faults = FaultBounds.of(depths, stated, _shown(tracks)[1])
         found = _adjusted(depths, faults)
     except np.linalg.LinAlgError:  # poses that are too far apart for the precision of numbers
         reason = "Poses are not refined: no poses near the stated ones fit reference tracks."
@@ -248,7 +248,7 @@ def _adjusted(depths: AdjustedDepths, faults: FaultBounds) -> RefinedPoses:
         pairs.append((by_kind[FOLLOWED], by_kind[MATCHED]))  # what tracks of one kind have in common
     farthest = max(pairs, key=lambda pair: _apart_px(adjustment, best, *pair))
     rows = _shown(tracks)[1]
-    more = misfit_px2(depths, rows) - rms(faults.in_floor[rows]) ** 2
+    more = misfit_px2(depths, rows) - faults.in_floor_px**2
     if more > 0.0:
         one, other = (adjustment.residuals(poses, best.depth_m)[rows] for poses in farthest)
         apart_px = rms((one - other) / 2.0)
@@ -261,7 +261,7 @@ def _adjusted(depths: AdjustedDepths, faults: FaultBounds) -> RefinedPoses:
 def _shown(tracks: ReferenceTracks) -> tuple[int, NDArray[np.bool_]]:
     """The age at which errors of poses are stated, and the observations (n,) bool of it."""
     age = tracks.frame - tracks.birth[tracks.track]
-    shown = max((one for one in set(age.tolist()) if one <= AGE), default=int(age.min()))
+    shown = int(age[age <= AGE].max(initial=int(age.min())))
     return shown, age == shown
 
 
@@ -278,21 +278,21 @@ def _compared(
     tracks, sequence = adjustment.tracks, found.sequence
     age = tracks.frame - tracks.birth[tracks.track]
     shown, rows = _shown(tracks)
-    every = [
-        *(adjustment.residuals(poses, depth_m) for poses in (*(halves_of(found) or ()), found.poses)),
-        adjustment.residuals(sequence.world_from_camera, depths.stated_m),
-    ]
-    next_px = rms((every[3] - every[2])[age == 1]) if (age == 1).any() else None
-    one, other, best, given = (residual[rows] for residual in every)
-    left_px = float(np.hypot(rms((one - other) / 2.0), faults.left_px(rows)))
-    stated_px = rms(given - best)
+    one, other = (adjustment.residuals(poses, depth_m)[rows] for poses in halves_of(found) or ())
+    best = adjustment.residuals(found.poses, depth_m)
+    by_stated = adjustment.residuals(sequence.world_from_camera, depths.stated_m)
+    given_px = size(by_stated[age <= AGE])
+    by_stated -= best
+    next_px = rms(by_stated[age == 1]) if (age == 1).any() else None
+    left_px = float(np.hypot(rms((one - other) / 2.0), faults.left_px))
+    stated_px = rms(by_stated[rows])
     errors = stated_errors(found)
     fit = PoseFit(True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, found.joins_depths)
-    residual_px = float(np.nanmedian(np.linalg.norm(best, axis=1)))
+    residual_px = float(np.nanmedian(np.linalg.norm(best[rows], axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
         return PoseFit(False, references, reason=reason)
-    if _is_of_camera(depths, found):
+    if _is_of_camera(depths, given_px):
         reason = "An error of the camera or the kind of depth makes much of the errors by stated poses."
         return replace(fit, leads=False, reason=reason)
     if not (stated_px > max(_CLEARLY * left_px, _LEAST_PX) or found.joins_depths):
@@ -309,14 +309,13 @@ def _compared(
     return fit
 
 
-def _is_of_camera(depths: AdjustedDepths, found: RefinedPoses) -> bool:
-    """Whether an error of the focal length, or of the kind of depth, makes much of what stated poses leave.
+def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:
+    """Whether an error of the focal length, or of the kind of depth, makes much of what stated poses leave, px.
 
     It has to be established: no poses absorb all of it. Other poses would only hide it.
     """
     tracks = depths.adjustment.tracks
     young = tracks.frame - tracks.birth[tracks.track] <= AGE
-    stated_px = size(depths.adjustment.residuals(found.sequence.world_from_camera, depths.stated_m)[young])
     return any(
         fault.is_established and size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
         for name, fault in depths.faults.items()

@@ -23,6 +23,7 @@ from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.text import counted
 from tracknoise.trackers.tracker import StatedPoints, reports_causes
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
+from tracknoise.truth.anchored import AnchoredTruth
 from tracknoise.truth.scan import SCAN_RULE, ScanRule
 from tracknoise.truth.truth import TruePositions, Truth
 from tracknoise.truth.truth_registry import make_truth, make_truths
@@ -160,14 +161,15 @@ def _names(values: NDArray[np.int8], kind: type[TruthStatus] | type[TrackEnd]) -
 def open_second_truths(
     sequences: Items[Sequence], truths: Items[Truth], second: Items[Sequence], *, scan_rule: ScanRule
 ) -> list[Truth] | None:
-    """The second truth of each sequence, of the same kind as its first; None where there is none."""
+    """The second truth of each sequence, positions only, of the same kind as its first; None where there is none."""
     if not second:
         return None
     for sequence, other in zip(sequences, second, strict=True):
         found, expected = _frames_and_size(other), _frames_and_size(sequence)
         if found != expected:
             raise DataError(other.source, f"a second truth of {found}", f"{expected}, as the first")
-    return [make_truth(other, known.kind, scan_rule=scan_rule) for other, known in zip(second, truths, strict=True)]
+    made = [make_truth(other, known.kind, scan_rule=scan_rule) for other, known in zip(second, truths, strict=True)]
+    return [one.positions_only() if isinstance(one, AnchoredTruth) else one for one in made]
 
 
 def second_notes(sequence: Sequence, other: Sequence) -> tuple[str, ...]:

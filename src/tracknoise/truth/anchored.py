@@ -1,8 +1,10 @@
 """Truth by anchors: each track gets one world point, which is projected into all frames in which it was observed."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +144,12 @@ class AnchoredTruth:
     def key_frame(self) -> int | None:
         """None: each track is anchored in its own first frame."""
         return None
+
+    def positions_only(self) -> Self:
+        """The same truth, which states neither surroundings nor errors of single depths."""
+        part = copy(self)
+        part.surround = part.depth_sigma = None
+        return part
 
     def start(self) -> TruthSession:
         """Start a session for one tracker setup."""

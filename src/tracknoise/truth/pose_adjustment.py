@@ -14,12 +14,18 @@ where J_b = -J_t Ad(T_t^-1 T_b): only the motion of one camera against the other
 - Stated poses: relative poses of successive frames have a loose prior, so that frames without tracks stay as stated.
 
 Depths are eliminated. What is left is a banded system of the poses, as tracks end, solved by Cholesky factors.
+
+Sums are made of some tracks after the others, in the order of their births, so that derivatives and weights of few
+observations are held at a time.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Sequence as Items
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +34,14 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.geometry.projection import cross_matrices
-from tracknoise.inference.robust_fits import scales, squared, weights
+from tracknoise.inference.robust_fits import scales_of_groups, squared, weights
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.row_poses import RowPoses
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.truth.uncertainty import AnchoredPoints, ObservedCameras
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
+Integers = NDArray[np.signedinteger[Any]]
 
 PRIOR_ROTATION_RAD = np.deg2rad(0.5)
 """Standard deviation of the stated rotation from frame to frame, about each axis. A stated translation has that which
@@ -46,8 +52,10 @@ _LARGEST_STEP = 0.5
 """Largest change of the logarithm of a depth in a step."""
 _GAUGE = 1e-6
 _HYPOTHESES = 24
-_TOGETHER = 1 << 16
-"""Rows that are treated together."""
+_TOGETHER = 1 << 14
+"""Rows that are treated together, but for those of tracks that are born in one frame, which always are."""
+_KEPT = 1 << 17
+"""Rows whose derivatives are kept between passes: all of those of a short recording."""
 _TWIST = 6
 _ESTABLISHED, _OF_A_KIND = 3.0, 1.0 / 3.0
 _BLOCK = 0.15
@@ -60,15 +68,15 @@ class ReferenceTracks:
 
     Attributes
     ----------
-    birth : (m,) intp
+    birth : (m,) integers
         First frame of each track, ascending.
     birth_uv : (m, 2) float64
         Its position there, px.
     depth_m, depth_sigma : (m,) float64
         Its stated depth there, metres, NaN where there is none; and its relative standard deviation.
-    kind : (m,) intp
+    kind : (m,) integers
         Number of the tracker.
-    track, frame : (n,) intp
+    track, frame : (n,) integers
         Of each observation.
     uv : (n, 2) float64
         Its position, px.
@@ -85,7 +93,7 @@ class ReferenceTracks:
 
     def chosen(self, tracks: NDArray[np.bool_]) -> "ReferenceTracks":
         """Some of the tracks, (m,) bool."""
-        number = np.cumsum(tracks) - 1
+        number = np.cumsum(tracks, dtype=self.track.dtype) - 1
         rows = tracks[self.track]
         births = {name: getattr(self, name)[tracks] for name in ("birth", "birth_uv", "depth_m", "depth_sigma", "kind")}
         return ReferenceTracks(**births, track=number[self.track[rows]], frame=self.frame[rows], uv=self.uv[rows])
@@ -107,8 +115,8 @@ class Fault:
     deviation: float
     of_kinds: tuple[float, ...]
     explained: float  # what it takes off the weighted squares of residuals
-    in_residuals: Array  # (n, 2): what one unit leaves in residuals, px
-    in_positions: Array  # (n, 2): and in positions of points with stated depths
+    # (n, 2) float32: what one unit leaves in positions of points with stated depths, and in residuals of others, px
+    left: NDArray[np.float32]
 
     @property
     def is_established(self) -> bool:
@@ -117,43 +125,88 @@ class Fault:
         return clear and all(one / self.size > _OF_A_KIND for one in self.of_kinds)
 
 
-class _Pairs:
-    """The pairs of a frame of birth and a later frame that have observations, sorted by both."""
+class _Chunk:
+    """Tracks that are born in successive frames, and their observations.
 
-    def __init__(self, tracks: ReferenceTracks) -> None:
-        frames = int(tracks.frame.max(initial=0)) + 1
-        key, self.of_row = np.unique(tracks.birth[tracks.track] * frames + tracks.frame, return_inverse=True)
+    Their pairs of a frame of birth and a later frame are sorted by both.
+    """
+
+    def __init__(self, tracks: ReferenceTracks, own: range) -> None:
+        first, last = np.searchsorted(tracks.track, (own.start, own.stop)).tolist()
+        self.tracks, self.rows = slice(own.start, own.stop), slice(first, last)
+        born, frame = tracks.birth[tracks.track[self.rows]], tracks.frame[self.rows]
+        frames = int(frame.max(initial=0)) + 1
+        key, of_row = np.unique(born.astype(np.intp) * frames + frame, return_inverse=True)
         self.birth, self.frame = np.divmod(key, frames)
-        self.order = np.argsort(self.of_row, kind="stable")  # of the rows
+        self.of_row = of_row.astype(np.int32)
+        self.order = np.argsort(self.of_row, kind="stable").astype(np.int32)  # of the rows
         self.starts = np.searchsorted(self.of_row[self.order], np.arange(len(key) + 1))
 
-    def blocks(self) -> Iterator[range]:
-        """Pairs that are treated together: those of about as many rows."""
-        steps = np.arange(0, len(self.order) + _TOGETHER, _TOGETHER)
-        ends = np.unique(np.minimum(np.searchsorted(self.starts, steps), len(self.birth)))
-        return (range(*each) for each in pairwise(ends.tolist()))
+    def numbers(self, tracks: ReferenceTracks) -> Integers:
+        """(n,): the track of each observation, from the first of the chunk."""
+        return np.asarray(tracks.track[self.rows] - self.tracks.start)
+
+    def births(self, tracks: ReferenceTracks) -> Iterator[tuple[int, slice, slice, slice]]:
+        """Of each frame of birth: the frame, and its rows, tracks and pairs, from the first of the chunk."""
+        births = np.unique(self.birth)
+        first = np.append(np.searchsorted(tracks.birth[self.tracks], births), self.tracks.stop - self.tracks.start)
+        rows = np.searchsorted(tracks.track[self.rows], first + self.tracks.start)
+        pairs = np.append(np.searchsorted(self.birth, births), len(self.birth))
+        for place, birth in enumerate(births.tolist()):
+            yield birth, *(slice(int(ends[place]), int(ends[place + 1])) for ends in (rows, first, pairs))
+
+
+def _chunks(tracks: ReferenceTracks) -> tuple[_Chunk, ...]:
+    """All tracks in the order of their births, those of one frame together."""
+    births, first = np.unique(tracks.birth, return_index=True)
+    rows = np.searchsorted(tracks.track, first)
+    ends, start = [0], 0
+    for place in range(1, len(births)):
+        if rows[place] - start >= _TOGETHER:
+            ends.append(int(first[place]))
+            start = rows[place]
+    ends.append(len(tracks.birth))
+    return tuple(_Chunk(tracks, range(*each)) for each in pairwise(ends) if each[0] < each[1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Linear:
-    """Residuals (n, 2) of observations and their derivatives: (n, 2, 6) by the pose now, (n, 2) by depth.
+    """Derivatives of the residuals of a chunk: (n, 2, 6) by the pose now, (n, 2) by depth.
 
     `carried`, (pairs, 6, 6): twists of the pose at birth as such of the pose now, with the other sign.
     """
 
-    residual: Array
     by_pose: Array
     by_depth: Array
     carried: Array
 
-    def between(self, pairs: _Pairs, twist: Array) -> Array:
-        """(pairs, 6): twists of the pose now that do what twists (frames, 6) of both poses do."""
-        return np.asarray(twist[pairs.frame] - np.einsum("pij,pj->pi", self.carried, twist[pairs.birth]))
+    def between(self, chunk: _Chunk, twist: Array) -> Array:
+        """(n, 6): twists of the pose now that do what twists (frames, 6) of both poses do."""
+        moved = twist[chunk.frame] - np.einsum("pij,pj->pi", self.carried, twist[chunk.birth])
+        return np.asarray(moved[chunk.of_row])
 
-    def moved(self, tracks: ReferenceTracks, pairs: _Pairs, twist: Array, stretch: Array) -> Array:
-        """Residuals after twists (frames, 6) of poses and changes (m,) of log depths."""
-        turned = np.einsum("nij,nj->ni", self.by_pose, self.between(pairs, twist)[pairs.of_row])
-        return np.asarray(self.residual - turned - self.by_depth * stretch[tracks.track, None])
+
+Weights = Callable[[_Chunk], Array]
+"""Weights of the observations of a chunk, (n,), 1/px^2."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Linearised:
+    """Derivatives at a state, chunk by chunk. Those of the first chunks are kept, as far as there is room."""
+
+    adjustment: "PoseAdjustment"
+    state: State
+    _kept: dict[int, _Linear] = field(default_factory=dict)
+
+    def of(self, chunk: _Chunk) -> _Linear:
+        """Of one chunk."""
+        first = chunk.rows.start
+        if first in self._kept:
+            return self._kept[first]
+        found = self.adjustment.linear(self.state, chunk)
+        if chunk.rows.stop <= _KEPT:
+            self._kept[first] = found
+        return found
 
 
 class PoseAdjustment:
@@ -171,20 +224,16 @@ class PoseAdjustment:
         self.tracks = tracks
         self._stated = sequence.world_from_camera
         self._posed = has_pose(self._stated)
-        rows = RowPoses(sequence)
-        born = tracks.birth[tracks.track]
-        self._cameras = ObservedCameras.of(sequence, tracks.frame)
-        self._rays = ObservedCameras.of(sequence, tracks.birth).bearings(tracks.birth_uv)
-        self._in_frame = self._in_row = None  # of a rolling shutter: pose of the row in the frame of the pose
-        if rows.rows is not None:
-            stated = invert(self._stated)
-            self._in_frame = (stated[tracks.birth] @ rows.at(tracks.birth, tracks.birth_uv))[tracks.track]
-            self._in_row = stated[tracks.frame] @ rows.at(tracks.frame, tracks.uv)
-        self._reach = int(max(1, (tracks.frame - born).max(initial=1)))
+        self._row_poses = RowPoses(sequence)
+        self._cameras = ObservedCameras.of(sequence, np.arange(len(self._stated)))  # of frames
+        self._rays = self._cameras.chosen(tracks.birth).bearings(tracks.birth_uv)
+        self._in_frame = None  # of a rolling shutter: pose of the row of birth in the frame of the pose
+        if self._row_poses.rows is not None:
+            self._in_frame = invert(self._stated)[tracks.birth] @ self._row_poses.at(tracks.birth, tracks.birth_uv)
         known = tracks.depth_m[np.isfinite(tracks.depth_m)]
         self._has_depth = bool(len(known))
-        self._group = tracks.kind[tracks.track] * (self._reach + 1) + tracks.frame - born
-        self._pairs = _Pairs(tracks)
+        self._chunks = _chunks(tracks)
+        self._reach = max((int((one.frame - one.birth).max(initial=1)) for one in self._chunks), default=1)
         self._depth_prior = np.where(np.isfinite(tracks.depth_m), tracks.depth_sigma, np.inf)
         self._start = State(self._stated.copy(), self._depths(tracks.depth_m))
         self._logs = np.log(self._start.depth_m)
@@ -192,8 +241,8 @@ class PoseAdjustment:
 
     def chosen(self, tracks: NDArray[np.bool_]) -> "PoseAdjustment":
         """The adjustment by some of the tracks, (m,) bool, with the same prior."""
-        part, rows = copy(self), np.flatnonzero(tracks[self.tracks.track])
-        part._choose(tracks, rows)
+        part = copy(self)
+        part._choose(tracks)
         part._logs, part._start = self._logs[tracks], State(self._start.poses, self._start.depth_m[tracks])
         return part
 
@@ -206,34 +255,33 @@ class PoseAdjustment:
         part._depth_prior = np.where(known, self._depth_prior, np.inf)
         return part
 
-    def _choose(self, tracks: NDArray[np.bool_], rows: Integers) -> None:
+    def _choose(self, tracks: NDArray[np.bool_]) -> None:
         """Leave out the other tracks, but for what their depths are at the start."""
         self.tracks = self.tracks.chosen(tracks)
-        self._cameras, self._group, self._pairs = self._cameras.chosen(rows), self._group[rows], _Pairs(self.tracks)
+        self._chunks = _chunks(self.tracks)
         self._rays, self._depth_prior = self._rays[tracks], self._depth_prior[tracks]
-        if self._in_frame is not None and self._in_row is not None:
-            self._in_frame, self._in_row = self._in_frame[rows], self._in_row[rows]
+        if self._in_frame is not None:
+            self._in_frame = self._in_frame[tracks]
 
     def residuals(self, poses: Array, depth_m: Array) -> Array:
         """(n, 2): observed less predicted positions, px, by poses (frames, 4, 4) and depths (m,) at births."""
         state, found = State(poses, depth_m), np.empty_like(self.tracks.uv)
-        between = self._between(state)
-        for rows in self.blocks():
-            seen, *_ = self._seen(state, between, rows)
-            found[rows] = self.tracks.uv[rows] - self._cameras.chosen(rows).project(seen)
+        for chunk in self._chunks:
+            seen, *_ = self._seen(state, self._between(state, chunk), chunk)
+            cameras = self._cameras.chosen(self.tracks.frame[chunk.rows])
+            found[chunk.rows] = self.tracks.uv[chunk.rows] - cameras.project(seen)
         return found
 
-    def blocks(self) -> Iterator[Integers]:
+    def blocks(self) -> Iterator[slice]:
         """Rows that are treated together, so that memory grows little with their number."""
-        count = len(self.tracks.frame)
-        return (np.arange(start, min(start + _TOGETHER, count)) for start in range(0, count, _TOGETHER))
+        return (chunk.rows for chunk in self._chunks)
 
-    def anchored_points(self, poses: Array, depth_m: Array, rows: Integers) -> AnchoredPoints:
+    def anchored_points(self, poses: Array, depth_m: Array, rows: Integers | slice) -> AnchoredPoints:
         """The points of some observations in the world of these poses."""
         track = self.tracks.track[rows]
         anchor = self.tracks.birth[track]
         points = transform(poses[anchor], self._rays[track] * depth_m[track, None])
-        return AnchoredPoints(anchor, self.tracks.frame[rows], points)
+        return AnchoredPoints(anchor.astype(np.intp), self.tracks.frame[rows].astype(np.intp), points)
 
     def parallax_px(self) -> float:
         """Median parallax of the tracks by the stated poses, px; infinite where depths are known without it."""
@@ -248,13 +296,17 @@ class PoseAdjustment:
 
     def best(self, start: "State | None" = None) -> "State":
         """The state that fits all tracks, from another one that is near."""
-        state = start or self._start
-        for _ in range(_STEPS):
-            linear = self._linear(state)
-            twist, stretch = self._step(state, linear, self._weights(linear.residual))
-            state = self._moved(state, twist, stretch)
-            change = np.abs(linear.moved(self.tracks, self._pairs, twist, stretch) - linear.residual)
-            if np.nanmedian(change) < _CONVERGED_PX:
+        return self._fitted(start or self._start, _STEPS)
+
+    def _fitted(self, state: State, steps: int) -> State:
+        """The state after so many steps, or fewer where they no longer change residuals."""
+        residual = self.residuals(state.poses, state.depth_m)
+        for _ in range(steps):
+            linear = _Linearised(self, state)
+            state = self._moved(state, *self._step(state, linear, residual, self._weights(residual)))
+            before, residual = residual, self.residuals(state.poses, state.depth_m)
+            before -= residual
+            if np.nanmedian(np.abs(before, out=before)) < _CONVERGED_PX:
                 break
         return state
 
@@ -275,174 +327,186 @@ class PoseAdjustment:
 
     def of(self, state: "State", tracks: NDArray[np.bool_]) -> Array:
         """Poses (n, 4, 4) by some of the tracks, (m,) bool, near the state that fits all."""
-        part, near = self.chosen(tracks), State(state.poses, state.depth_m[tracks])
-        linear = part._linear(near)
-        residual = linear.residual
-        for _ in range(_STEPS_FROM_BEST):
-            twist, stretch = part._step(near, linear, part._weights(residual))
-            residual = linear.moved(part.tracks, part._pairs, twist, stretch)
-        return part._moved(near, twist, stretch).poses
+        near = State(state.poses, state.depth_m[tracks])
+        return self.chosen(tracks)._fitted(near, _STEPS_FROM_BEST).poses
 
-    def faults(self, state: "State", moved: Mapping[str, Array]) -> dict[str, "Fault"]:
+    def faults(self, state: "State", moved: Mapping[str, NDArray[np.floating]]) -> dict[str, "Fault"]:
         """How much of each fault by itself the residuals hold that no poses and depths of tracks absorb.
 
         With the displacements m (n, 2) of observations by one unit of it, what is left m~ of them in residuals r, and
         the weights W of these, it is (m' W m~)^-1 m~' W r. Its variance is that of sums over blocks of space.
         """
-        linear, block = self._linear(state), self._blocks(state)[self.tracks.track]
-        weight = self._weights(linear.residual)
-        return {name: self._fault(linear, weight, block, one) for name, one in moved.items()}
+        linear, block = _Linearised(self, state), self._blocks(state)
+        residual = self.residuals(state.poses, state.depth_m)
+        weight = self._weights(residual)
+        return {name: self._fault(linear, residual, weight, block, one) for name, one in moved.items()}
 
-    def _fault(self, linear: _Linear, weight: Array, block: Integers, moved: Array) -> "Fault":
-        left, in_positions = self._left_of(linear, weight, moved)
-        weight = np.where(np.isfinite(left[:, 0]), weight, 0.0)
-        curvature = np.nan_to_num(weight * np.sum(moved * left, axis=1))
-        slope = np.nan_to_num(weight * np.sum(left * linear.residual, axis=1))
-        if not curvature.sum() > 0.0:
-            return Fault(0.0, np.inf, (), 0.0, left, in_positions)
-        size = float(slope.sum() / curvature.sum())
-        blocks = np.bincount(block, slope - size * curvature)
-        kind, square = self.tracks.kind[self.tracks.track], np.nan_to_num(weight * np.sum(left * left, axis=1))
-        of_kinds = np.bincount(kind, slope) / np.maximum(np.bincount(kind, square), 1e-300)
-        of_kinds *= square.sum() / curvature.sum()
-        deviation = float(np.sqrt(np.sum(blocks**2)) / curvature.sum())
-        explained = size * float(slope.sum())
-        return Fault(size, deviation, tuple(of_kinds.tolist()), explained, left, in_positions)
+    def _fault(
+        self, linear: _Linearised, residual: Array, weight: Weights, block: Integers, moved: NDArray[np.floating]
+    ) -> "Fault":
+        """What small displacements of true positions (n, 2), px, leave; NaN stays.
 
-    def _left_of(self, linear: _Linear, weight: Array, moved: Array) -> tuple[Array, Array]:
-        """What small displacements of true positions leave in residuals, and in positions by stated depths.
-
-        Shapes: moved (n, 2), px; NaN stays. Poses and depths absorb a part of them in residuals (n, 2). Positions
-        (n, 2) of other tracks have the poses, and no depths that absorb anything.
+        Poses and depths absorb a part of them in residuals. Positions of tracks with stated depths have the poses, and
+        no depths that absorb anything.
         """
-        known = np.isfinite(moved[:, :1]) & np.isfinite(moved[:, 1:])
-        changed = replace(linear, residual=np.where(known, moved, 0.0))
+        tracks, left = self.tracks, np.empty(moved.shape, np.float32)
+        is_free = ~np.isfinite(tracks.depth_m)
+
+        def of_known(chunk: _Chunk) -> Array:
+            return np.where(np.isfinite(moved[chunk.rows]).all(axis=1), weight(chunk), 0.0)
+
         start = State(self._stated, self._start.depth_m)  # where the priors are 0
-        twist, stretch = self._step(start, changed, np.where(known[:, 0], weight, 0.0))
-        by_both, by_poses = (
-            changed.moved(self.tracks, self._pairs, twist, one) for one in (stretch, np.zeros_like(stretch))
-        )
-        return np.where(known, by_both, np.nan), np.where(known, by_poses, np.nan)
+        twist, stretch = self._step(start, linear, moved, of_known)
+        size = int(block.max(initial=0)) + 1
+        of_blocks, of_kinds = np.zeros((2, size)), np.zeros((2, int(tracks.kind.max(initial=0)) + 1))
+        for chunk in self._chunks:
+            rows, derivatives = chunk.rows, linear.of(chunk)
+            track, unit = tracks.track[rows], moved[rows].astype(np.float64)
+            turned = np.einsum("nij,nj->ni", derivatives.by_pose, derivatives.between(chunk, twist))
+            by_poses = unit - turned
+            by_both = by_poses - derivatives.by_depth * stretch[track, None]
+            left[rows] = np.where(is_free[track, None], by_both, by_poses)
+            own = of_known(chunk)
+            curvature, slope, square = (
+                np.nan_to_num(own * np.sum(one * other, axis=1))
+                for one, other in ((unit, by_both), (by_both, residual[rows]), (by_both, by_both))
+            )
+            of_blocks += [np.bincount(block[track], one, size) for one in (slope, curvature)]
+            of_kinds += [np.bincount(tracks.kind[track], one, of_kinds.shape[1]) for one in (slope, square)]
+        slopes, curvatures = of_blocks.sum(axis=1).tolist()
+        if not curvatures > 0.0:
+            return Fault(0.0, np.inf, (), 0.0, left)
+        found = slopes / curvatures
+        deviation = float(np.sqrt(np.sum((of_blocks[0] - found * of_blocks[1]) ** 2)) / curvatures)
+        kinds = of_kinds[0] / np.maximum(of_kinds[1], 1e-300) * (of_kinds[1].sum() / curvatures)
+        return Fault(found, deviation, tuple(kinds.tolist()), found * slopes, left)
 
-    def by_log_depth(self, state: "State") -> Array:
+    def by_log_depth(self, state: "State") -> NDArray[np.float32]:
         """(n, 2): displacements of predicted positions with the logarithms of the depths at birth, px."""
-        return self._linear(state).by_depth
+        found = np.empty(self.tracks.uv.shape, np.float32)
+        for chunk in self._chunks:
+            found[chunk.rows] = self.linear(state, chunk).by_depth
+        return found
 
-    def _weights(self, residual: Array) -> Array:
-        """(n,) float64, 1/px^2: of observations; 0 where one is unknown."""
-        scale = scales(self._group, residual)
-        return np.asarray(weights(squared(residual, scale)) / scale**2)
+    def _weights(self, residual: Array) -> Weights:
+        """Of observations, by the scales of all residuals (n, 2); 0 where one is unknown."""
+        scale = scales_of_groups(self._group(slice(None)), residual)
+        return partial(self._weighted, scale, residual)
 
-    def _between(self, state: State) -> Array:
+    def _weighted(self, scale_of_group: Array, residual: Array, chunk: _Chunk) -> Array:
+        scale = scale_of_group[self._group(chunk.rows)]
+        return np.asarray(weights(squared(residual[chunk.rows], scale)) / scale**2)
+
+    def _group(self, rows: slice) -> Integers:
+        """Number of the kind and age of some observations."""
+        tracks = self.tracks
+        track = tracks.track[rows]
+        return np.asarray(tracks.kind[track] * (self._reach + 1) + tracks.frame[rows] - tracks.birth[track], np.int32)
+
+    def _between(self, state: State, chunk: _Chunk) -> Array:
         """(pairs, 4, 4): pose at birth in the pose now."""
-        return invert(state.poses[self._pairs.frame]) @ state.poses[self._pairs.birth]
+        return invert(state.poses[chunk.frame]) @ state.poses[chunk.birth]
 
-    def _seen(self, state: State, between: Array, rows: Integers) -> tuple[Array, Array, Array]:
-        """Of some rows: points in the camera and in the frame of the pose that see them, and origins of the rays."""
-        track, pair = self.tracks.track[rows], self._pairs.of_row[rows]
+    def _seen(self, state: State, between: Array, chunk: _Chunk) -> tuple[Array, Array, Array, Array | None]:
+        """Of a chunk: points in the camera and in the frame of the pose that see them, and origins of the rays.
+
+        Of a rolling shutter also the frame of the pose in the camera.
+        """
+        track, pair = self.tracks.track[chunk.rows], chunk.of_row
         at_birth, origin = self._rays[track] * state.depth_m[track, None], between[pair, :3, 3]
-        if self._in_frame is not None:
-            at_birth = transform(self._in_frame[rows], at_birth)
-            origin = transform(between[pair], self._in_frame[rows, :3, 3])
-        points = transform(between[pair], at_birth)
-        return points if self._in_row is None else transform(invert(self._in_row[rows]), points), points, origin
+        if self._in_frame is None:
+            points = transform(between[pair], at_birth)
+            return points, points, origin, None
+        in_frame, frame = self._in_frame[track], self.tracks.frame[chunk.rows]
+        origin = transform(between[pair], in_frame[:, :3, 3])
+        points = transform(between[pair], transform(in_frame, at_birth))
+        in_row = invert(self._row_poses.at(frame, self.tracks.uv[chunk.rows])) @ self._stated[frame]
+        return transform(in_row, points), points, origin, in_row
 
-    def _linear(self, state: State) -> _Linear:
-        between, count = self._between(state), len(self.tracks.frame)
-        residual, by_pose, by_depth = (np.empty((count, *shape)) for shape in ((2,), (2, _TWIST), (2,)))
-        for rows in self.blocks():
-            seen, points, origin = self._seen(state, between, rows)
-            cameras = self._cameras.chosen(rows)
-            by_point = cameras.jacobians(seen)
-            if self._in_row is not None:
-                by_point = by_point @ invert(self._in_row[rows])[:, :3, :3]
-            residual[rows] = self.tracks.uv[rows] - cameras.project(seen)
-            by_pose[rows] = np.concatenate([-by_point, np.cross(by_point, points[:, None])], axis=2)
-            by_depth[rows] = np.einsum("nij,nj->ni", by_point, points - origin)
-        unknown = ~(np.isfinite(residual).all(axis=1) & np.isfinite(by_pose).all(axis=(1, 2)))
-        residual[unknown], by_pose[unknown], by_depth[unknown] = np.nan, 0.0, 0.0
-        return _Linear(residual, by_pose, by_depth, _adjoint(between))
+    def linear(self, state: State, chunk: _Chunk) -> _Linear:
+        """Derivatives of the residuals of a chunk; 0 where one is unknown."""
+        between = self._between(state, chunk)
+        seen, points, origin, in_row = self._seen(state, between, chunk)
+        by_point = self._cameras.chosen(self.tracks.frame[chunk.rows]).jacobians(seen)
+        if in_row is not None:
+            by_point = by_point @ in_row[:, :3, :3]
+        by_pose = np.concatenate([-by_point, np.cross(by_point, points[:, None])], axis=2)
+        by_depth = np.einsum("nij,nj->ni", by_point, points - origin)
+        unknown = ~np.isfinite(by_pose).all(axis=(1, 2))
+        by_pose[unknown], by_depth[unknown] = 0.0, 0.0
+        return _Linear(by_pose, by_depth, _adjoint(between))
 
-    def _step(self, state: State, linear: _Linear, weight: Array) -> tuple[Array, Array]:
-        """Twists (frames, 6) and changes of log depths (m,) that fit the tracks."""
-        tracks, pairs, n_frames = self.tracks, self._pairs, len(state.poses)
-        residual = np.nan_to_num(linear.residual)
-        weighted = linear.by_depth * weight[:, None]
+    def _step(
+        self, state: State, linear: _Linearised, residual: NDArray[np.floating], weight: Weights
+    ) -> tuple[Array, Array]:
+        """Twists (frames, 6) and changes of log depths (m,) that fit residuals (n, 2), and priors from a state."""
+        tracks, n_frames = self.tracks, len(state.poses)
         prior = np.where(np.isfinite(self._depth_prior), 1.0 / self._depth_prior**2, 0.0)
-        count = len(tracks.birth)
-        curvature = np.bincount(tracks.track, np.sum(weighted * linear.by_depth, axis=1), count) + prior
-        slope = np.bincount(tracks.track, np.sum(weighted * residual, axis=1), count)
-        slope = slope - prior * (np.log(state.depth_m) - self._logs)
-        curvature = np.where(curvature > 0.0, curvature, 1.0)
-        by_pose = np.einsum("nij,ni->nj", linear.by_pose, weighted)
-        width = min(self._reach, n_frames - 1) + 1
-        blocks, right = np.zeros((n_frames, width, _TWIST, _TWIST)), np.zeros((n_frames, _TWIST))
-        self._add_prior(state, blocks, right)
-        self._add_observed(linear, residual, weight, blocks, right)
-        squares = _Squares(blocks)
-        for rows, first, last, some in self._births():
-            birth, age = int(tracks.birth[first]), pairs.frame[some] - int(tracks.birth[first])
-            joint = np.zeros((last - first, int(age[-1]) + 1, _TWIST))
-            joint[tracks.track[rows] - first, tracks.frame[rows] - birth] = by_pose[rows]
-            joint[:, 0] = -np.tensordot(joint[:, age], linear.carried[some], axes=2)
-            scaled = joint.reshape(last - first, -1) / np.sqrt(curvature[first:last, None])
-            squares.subtract(birth, scaled.T @ scaled)
-            along = scaled.T @ (slope[first:last] / np.sqrt(curvature[first:last]))
-            right[birth : birth + joint.shape[1]] -= along.reshape(-1, _TWIST)
-        squares.finish()
-        twist = _solved(blocks, right)
-        along = np.sum(by_pose * linear.between(pairs, twist)[pairs.of_row], axis=1)
-        stretch = (slope - np.bincount(tracks.track, along, count)) / curvature
-        return twist, stretch
+        curvature, slope = prior, -prior * (np.log(state.depth_m) - self._logs)
+        system = _Banded(n_frames, min(self._reach, n_frames - 1) + 1)
+        self._add_prior(state, system)
+        for chunk in self._chunks:
+            derivatives, own, number = linear.of(chunk), weight(chunk), chunk.numbers(tracks)
+            weighted, known = derivatives.by_depth * own[:, None], np.nan_to_num(residual[chunk.rows])
+            of_depth = curvature[chunk.tracks], slope[chunk.tracks]
+            for sums, column in zip(of_depth, (derivatives.by_depth, known), strict=True):
+                sums += np.bincount(number, np.sum(weighted * column, axis=1), len(sums))
+            of_depth[0][of_depth[0] <= 0.0] = 1.0
+            self._add_chunk(system, chunk, derivatives, known, own, of_depth)
+        twist = system.solved()
+        for chunk in self._chunks:
+            derivatives = linear.of(chunk)
+            turned = np.einsum("nij,nj->ni", derivatives.by_pose, derivatives.between(chunk, twist))
+            along = weight(chunk) * np.sum(derivatives.by_depth * turned, axis=1)
+            own_slope = slope[chunk.tracks]
+            own_slope -= np.bincount(chunk.numbers(tracks), along, len(own_slope))
+        return twist, slope / curvature
 
-    def _births(self) -> Iterator[tuple[slice, int, int, slice]]:
-        """Of the tracks that are born in each frame: rows of observations, the range of the tracks, and the pairs."""
-        tracks, pairs = self.tracks, self._pairs
-        births = np.unique(pairs.birth)
-        first, last = (np.searchsorted(tracks.birth, births, side=side) for side in ("left", "right"))
-        rows = np.searchsorted(tracks.track, np.append(first, len(tracks.birth)))
-        some = np.append(np.searchsorted(pairs.birth, births), len(pairs.birth))
-        for place in range(len(births)):
-            of_birth = (slice(int(ends[place]), int(ends[place + 1])) for ends in (rows, some))
-            yield next(of_birth), int(first[place]), int(last[place]), next(of_birth)
+    def _add_chunk(
+        self, system: "_Banded", chunk: _Chunk, linear: _Linear, residual: Array, weight: Array, of_depth: Items[Array]
+    ) -> None:
+        """Add the information of observations, less that of the depths: `of_depth`, curvature and slope of each."""
+        columns = np.concatenate([linear.by_pose, residual[:, :, None]], axis=2) * np.sqrt(weight)[:, None, None]
+        columns = columns[chunk.order].reshape(-1, _TWIST + 1)
+        sums = np.empty((len(chunk.birth), _TWIST, _TWIST + 1))
+        for place, (start, end) in enumerate(pairwise((2 * chunk.starts).tolist())):
+            sums[place] = columns[start:end, :_TWIST].T @ columns[start:end]
+        now, aside = sums[:, :, :_TWIST], -np.swapaxes(linear.carried, 1, 2) @ sums
+        by_both = np.einsum("nij,ni->nj", linear.by_pose, linear.by_depth * weight[:, None])
+        number, frame, root = chunk.numbers(self.tracks), self.tracks.frame[chunk.rows], np.sqrt(of_depth[0])
+        for birth, rows, own, pairs in chunk.births(self.tracks):
+            age, carried, square = chunk.frame[pairs] - birth, linear.carried[pairs], system.opened(birth)
+            square[age, :, age, :] += now[pairs]
+            square[0, :, age, :] += aside[pairs, :, :_TWIST]
+            square[0, :, 0, :] -= np.tensordot(aside[pairs, :, :_TWIST], carried, axes=((0, 2), (0, 1)))
+            joint = np.zeros((own.stop - own.start, int(age[-1]) + 1, _TWIST))
+            joint[number[rows] - own.start, frame[rows] - birth] = by_both[rows]
+            joint[:, 0] = -np.tensordot(joint[:, age], carried, axes=2)
+            wide = joint.shape[1]
+            scaled = joint.reshape(len(joint), -1) / root[own, None]
+            square[:wide, :, :wide] -= (scaled.T @ scaled).reshape(wide, _TWIST, wide, _TWIST)
+            system.right[birth + age] += sums[pairs, :, _TWIST]
+            system.right[birth] += aside[pairs, :, _TWIST].sum(axis=0)
+            system.right[birth : birth + wide] -= (scaled.T @ (of_depth[1][own] / root[own])).reshape(-1, _TWIST)
 
-    def _add_observed(self, linear: _Linear, residual: Array, weight: Array, blocks: Array, right: Array) -> None:
-        """Add the information of observations, without that of the depths."""
-        pairs = self._pairs
-        sums, root = np.empty((len(pairs.birth), _TWIST, _TWIST + 1)), np.sqrt(weight)[:, None, None]
-        for some in pairs.blocks():
-            ends = pairs.starts[some.start : some.stop + 1]
-            rows = pairs.order[ends[0] : ends[-1]]
-            columns = np.concatenate([linear.by_pose[rows], residual[rows, :, None]], axis=2) * root[rows]
-            columns = columns.reshape(-1, _TWIST + 1)
-            for place, (start, end) in zip(some, pairwise((2 * (ends - ends[0])).tolist()), strict=True):
-                sums[place] = columns[start:end, :_TWIST].T @ columns[start:end]
-        now, back = sums[:, :, :_TWIST], -np.swapaxes(linear.carried, 1, 2)
-        np.add.at(blocks, (pairs.frame, 0), now)
-        np.add.at(blocks, (pairs.birth, 0), -back @ now @ linear.carried)
-        blocks[pairs.birth, pairs.frame - pairs.birth] += back @ now
-        np.add.at(right, pairs.frame, sums[:, :, _TWIST])
-        np.add.at(right, pairs.birth, (back @ sums[:, :, _TWIST:])[:, :, 0])
-
-    def _add_prior(self, state: State, blocks: Array, right: Array) -> None:
+    def _add_prior(self, state: State, system: "_Banded") -> None:
         """Add the stated relative poses of successive frames with a pose."""
         precision = np.repeat([1.0 / (PRIOR_ROTATION_RAD * self._far_m) ** 2, 1.0 / PRIOR_ROTATION_RAD**2], 3)
-        frames = np.flatnonzero(self._posed)
+        every, frames = np.arange(len(self._posed)), np.flatnonzero(self._posed)
         before, after = frames[:-1], frames[1:]
-        near = after - before < blocks.shape[1]
+        near = after - before < system.width
         before, after = before[near], after[near]
         stated, now = (invert(poses[before]) @ poses[after] for poses in (self._stated, state.poses))
         miss, moved = -_logarithm(invert(stated) @ now), -_adjoint(invert(now))
         weighted = np.swapaxes(moved, 1, 2) * precision
-        blocks[:, 0] += np.diag(np.full(_TWIST, _GAUGE * precision.min()))
-        blocks[~self._posed, 0] += np.eye(_TWIST)
-        if len(frames):
-            blocks[frames[0], 0] += np.diag(1e6 * precision)
-        np.add.at(blocks, (before, 0), weighted @ moved)
-        np.add.at(blocks, (after, 0), np.diag(precision))
-        np.add.at(blocks, (before, after - before), weighted)
-        np.add.at(right, before, np.einsum("nij,nj->ni", weighted, miss))
-        np.add.at(right, after, precision * miss)
+        system.add(every, every, np.diag(np.full(_TWIST, _GAUGE * precision.min())))
+        system.add(every[~self._posed], every[~self._posed], np.eye(_TWIST))
+        system.add(frames[:1], frames[:1], np.diag(1e6 * precision))
+        system.add(before, before, weighted @ moved)
+        system.add(after, after, np.diag(precision))
+        system.add(before, after, weighted)
+        system.right[before] += np.einsum("nij,nj->ni", weighted, miss)
+        system.right[after] += precision * miss
 
     def _moved(self, state: State, twist: Array, stretch: Array) -> State:
         poses = state.poses.copy()
@@ -462,7 +526,7 @@ class PoseAdjustment:
         else:
             tried = unit * np.geomspace(2.0, 2000.0, _HYPOTHESES)
         part = copy(self)
-        part._choose(unknown, np.flatnonzero(unknown[self.tracks.track]))
+        part._choose(unknown)
         count = len(part.tracks.birth)
         costs = np.empty((len(tried), count))
         for place, depth_m in enumerate(tried):
@@ -494,42 +558,42 @@ def _adjoint(poses: Array) -> Array:
     return found
 
 
-class _Squares:
-    """Takes symmetric matrices, each about a frame and those after it, from blocks (frames, width, 6, 6)."""
+class _Banded:
+    """The banded system of the poses. What belongs to tracks is added in the order of their births."""
 
-    def __init__(self, blocks: Array) -> None:
-        self._blocks, self._frame = blocks, 0
-        side = blocks.shape[1] * _TWIST
-        self._open = np.zeros((side, side))  # of the frame and those after it
+    def __init__(self, n_frames: int, width: int) -> None:
+        self.width = width  # frames that are linked with each, itself among them
+        self.right = np.zeros((n_frames, _TWIST))
+        self._lower = np.zeros((n_frames * _TWIST, width * _TWIST))  # its columns, each from the diagonal on
+        self._open = np.zeros((width, _TWIST, width, _TWIST))  # of a frame and those after it
+        self._frame = 0
 
-    def subtract(self, first: int, square: Array) -> None:
-        """Subtract (6 k, 6 k) at a frame, not before that of an earlier call."""
-        while self._frame < first:
+    def add(self, frame: Integers, other: Integers, block: Array) -> None:
+        """Add blocks (n, 6, 6), or one, at different frames (n,) and later or the same ones."""
+        row, column = np.divmod(np.arange(_TWIST * _TWIST), _TWIST)
+        below = _TWIST * (other - frame)[:, None] + column - row
+        at, place = np.nonzero(below >= 0)
+        values = np.broadcast_to(block, (len(frame), _TWIST, _TWIST)).reshape(len(frame), len(row))
+        self._lower[_TWIST * frame[at] + row[place], below[at, place]] += values[at, place]
+
+    def opened(self, frame: int) -> Array:
+        """(width, 6, width, 6): what is added at a frame and those after it, of which the upper part counts.
+
+        A frame before that of an earlier call is closed.
+        """
+        while self._frame < frame:
             self._close()
-        self._open[: len(square), : len(square)] -= square
+        return self._open
 
-    def finish(self) -> None:
-        """Write what is still open."""
-        while self._frame < len(self._blocks):
-            self._close()
+    def solved(self) -> Array:
+        """Twists (frames, 6). Nothing can be added afterwards."""
+        self.opened(len(self.right))
+        found = solveh_banded(self._lower.T, self.right.ravel(), overwrite_ab=True, lower=True)
+        return np.asarray(found.reshape(-1, _TWIST))
 
     def _close(self) -> None:
-        of_frame = self._open[:_TWIST].reshape(_TWIST, -1, _TWIST)
-        self._blocks[self._frame] += np.swapaxes(of_frame, 0, 1)
-        self._open[:-_TWIST, :-_TWIST] = self._open[_TWIST:, _TWIST:]
-        self._open[-_TWIST:], self._open[:, -_TWIST:] = 0.0, 0.0
+        for row, values in enumerate(self._open[0].reshape(_TWIST, -1)):
+            self._lower[_TWIST * self._frame + row, : len(values) - row] += values[row:]
+        self._open[:-1, :, :-1] = self._open[1:, :, 1:]
+        self._open[-1], self._open[:, :, -1] = 0.0, 0.0
         self._frame += 1
-
-
-def _solved(blocks: Array, right: Array) -> Array:
-    """Twists (frames, 6) of the block-banded system."""
-    n_frames, width = blocks.shape[:2]
-    banded = np.zeros((width * _TWIST, n_frames * _TWIST))
-    row, column = np.divmod(np.arange(_TWIST * _TWIST), _TWIST)
-    for apart in range(width):
-        frames = np.arange(n_frames - apart)
-        for i, j in zip(row, column, strict=True):  # entry (6 t + i, 6 (t + apart) + j) of the upper half
-            below = _TWIST * apart + j - i
-            if below >= 0:
-                banded[below, _TWIST * frames + i] = blocks[frames, apart, i, j]
-    return np.asarray(solveh_banded(banded, right.ravel(), lower=True).reshape(n_frames, _TWIST))

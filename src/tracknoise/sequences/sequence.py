@@ -266,7 +266,7 @@ class FurtherFacts(Protocol):
 
     @property
     def second(self) -> SecondCamera | None:
-        """A second camera, from which `tracknoise.sequences.stereo` computes depth."""
+        """A second camera, whose images tell depth too."""
         ...
 
     @property

@@ -4,13 +4,15 @@
         [--without WAY ...] [--recordings READER:PATH ...] [--truth KIND] [--trackers NAME ...]
 
 Simulated recordings are rendered once, and kept in `--cache`. A scene is named by its motion and the number of its
-world; `shaken` adds rotations of a hand. Each is followed once by the trackers, and the same tracks are measured with
-the exact truth, and without recorded depth in these ways:
+world. `shaken` adds rotations of a hand. `slow` goes a tenth of the way, and `still` none, with the rotations of arvr.
+Each is followed once by the trackers, and the same tracks are measured with the exact truth, and without recorded depth
+in these ways:
 
 - `exact poses`: depth from the images of other frames (`swept`);
 - `refined poses`: the same, where poses walk by 0.05 degrees and 4 mm per root frame and are refined;
 - `images alone`: the same, with poses that pycolmap reconstructs from the images, refined where this is possible;
-- `stereo`: depth from a second camera 0.11 m away (`depth = "stereo"`), and exact poses.
+- `stereo`: depth from a second camera 0.11 m away (`depth = "stereo"`), and exact poses;
+- `two cameras`: the first three again, where the images of this camera are further views of the sweep.
 
 Each scene and way is one line of RESULTS, a file of JSON, and is not measured again. Printed are
 
@@ -54,7 +56,9 @@ from tracknoise.trackers.tracker_registry import make_tracker
 Array = NDArray[np.float64]
 Images = NDArray[np.uint8]
 
-MOTIONS, WORLDS = ("arvr", "forward", "sideways", "shaken arvr"), (1, 2)
+MOTIONS, WORLDS = ("arvr", "forward", "sideways", "shaken arvr", "still", "slow arvr"), (1, 2)
+SLOW = 0.1
+"""Share of the way, between the first and each other frame, in `slow` scenes."""
 TRACKERS = ("lucas-kanade", "correspondence")
 AGES = (1, 3, 10, 24)
 LARGEST_PX = 5.0
@@ -90,7 +94,14 @@ class Kept(View):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hidden(View):
-    """A sequence without depth and surface."""
+    """A sequence without depth and surface, and unless it is kept, without a second camera."""
+
+    both: bool = False
+
+    @property
+    def second(self) -> SecondCamera | None:
+        """That of the sequence shown, if it is kept."""
+        return second_of(self.sequence) if self.both else None
 
     @property
     def truths(self) -> tuple[str, ...]:
@@ -107,13 +118,15 @@ class Hidden(View):
 
 def simulated(name: str, size: tuple[int, int, int], cache: Path) -> Recording:
     """A simulated scene whose images are in the cache."""
-    motion, world = name.removeprefix("shaken ").rsplit(" ", 1)
+    motion, world = name.removeprefix("shaken ").removeprefix("slow ").replace("still", "arvr").rsplit(" ", 1)
     width, height, frames = size
     options: dict[str, Any] = {"motions": [motion], "frames": frames, "width": width, "height": height}
     options |= {"baseline_m": BASELINE_M, "imaging": {"rate_hz": RATE_HZ}}
     sequence = tn.open_sequence("simulated", seed=int(world), **options)
     if name.startswith("shaken "):
         sequence = replace(sequence, world_from_camera=by_hand(sequence.world_from_camera))  # type: ignore[type-var]
+    if name.startswith(("slow ", "still ")):
+        sequence = replace(sequence, world_from_camera=_slowed(sequence.world_from_camera, name.startswith("slow ")))  # type: ignore[type-var]
     file = cache / f"{name.replace(' ', '-')}-{width}x{height}x{frames}.npz"
     if not file.is_file():
         cache.mkdir(parents=True, exist_ok=True)
@@ -123,6 +136,13 @@ def simulated(name: str, size: tuple[int, int, int], cache: Path) -> Recording:
         np.savez(file, first=[sequence.image(one) for one in every], second=[second.images(one) for one in every])
     kept = np.load(file)
     return Kept(sequence, *(dict(enumerate(kept[side])) for side in ("first", "second")))
+
+
+def _slowed(poses: Array, share: float) -> Array:
+    """Poses at a share of the way from the first; rotations stay."""
+    slowed = poses.copy()
+    slowed[:, :3, 3] = poses[0, :3, 3] + SLOW * share * (poses[:, :3, 3] - poses[0, :3, 3])
+    return slowed
 
 
 def recorded(name: str) -> Recording:
@@ -151,6 +171,19 @@ def _images_alone(sequence: Recording, trackers: Mapping[str, Any]) -> Measureme
     return measure(OtherPoses(hidden, reconstruct(hidden), "images"), trackers, truth=SWEPT, poses="refined")
 
 
+def _two_cameras(sequence: Recording, trackers: Mapping[str, Any]) -> Measurement:
+    return measure(Hidden(sequence, both=True), trackers, truth=SWEPT)
+
+
+def _two_refined(sequence: Recording, trackers: Mapping[str, Any]) -> Measurement:
+    return measure(spoilt(Hidden(sequence, both=True)), trackers, truth=SWEPT, poses="refined")
+
+
+def _two_alone(sequence: Recording, trackers: Mapping[str, Any]) -> Measurement:
+    hidden = Hidden(sequence, both=True)
+    return measure(OtherPoses(hidden, reconstruct(hidden), "images"), trackers, truth=SWEPT, poses="refined")
+
+
 def _stereo(sequence: Recording, trackers: Mapping[str, Any]) -> Measurement:
     return measure(with_stereo_depth(sequence), trackers, truth="birth")
 
@@ -160,8 +193,11 @@ WAYS: Mapping[str, Callable[[Recording, Mapping[str, Any]], Measurement]] = {
     "refined poses": _refined_poses,
     "images alone": _images_alone,
     "stereo": _stereo,
+    "two cameras": _two_cameras,
+    "two cameras, refined poses": _two_refined,
+    "two cameras, images alone": _two_alone,
 }
-REFINED_POSES, _WITH_EXACT_POSES = "refined poses", ("exact poses", "stereo")
+_WITH_EXACT_POSES = ("exact poses", "stereo", "two cameras")
 
 
 def of_depths(exact: Measurement, other: Measurement) -> str:
@@ -272,7 +308,7 @@ def compared(
         other = WAYS[way](sequence, trackers)
     except TracknoiseError as error:
         return {"refused": str(error)}
-    if way == REFINED_POSES and other.pose_fit is not None and not other.pose_fit.leads:
+    if way.endswith("refined poses") and other.pose_fit is not None and not other.pose_fit.leads:
         return {"refused": other.pose_fit.reason}
     row: dict[str, Any] = {"tracks": shares(exact, other), "errors": [*of_positions(exact, maps, other)]}
     row["sigma"], row["sigma of the same"] = sigmas(other), sigmas(of_the_same(other, exact))

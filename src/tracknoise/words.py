@@ -17,8 +17,8 @@ SELF_REFERENTIAL = (
 )
 """What holds for errors of triangulated truth, wherever they are shown."""
 DEPTH_FROM_IMAGES = (
-    "depth is computed from the images of other frames: hidden points count as visible, and a feature with little "
-    "parallax or texture, or at a depth edge, has no true position"
+    "depth is computed from the images of other frames and of a second camera, if any: hidden points count as "
+    "visible, and a feature with little parallax or texture, or at a depth edge, has no true position"
 )
 """What holds for truth whose depth is from images."""
 SPACE = "\N{NO-BREAK SPACE}"

@@ -313,7 +313,7 @@ def test_frames_without_an_image_of_the_second_camera_have_no_depth(scene):
     read = open_sequence("euroc", scene)
     np.testing.assert_array_equal(read.second.images(3), images(4)[2])
     assert read.second.images(2) is None
-    assert "1 of 4 frames has no image of cam1, and no stereo depth" in read.notes
+    assert "1 of 4 frames has no image of cam1, and no depth from it" in read.notes
     made = with_stereo_depth(read)
     assert made.depth(2) is None
     assert made.depth(3) is not None
@@ -371,7 +371,7 @@ def test_a_second_camera_that_cannot_be_used_is_no_error(scene):
     write_images(scene / "mav0", "cam1", (FRAMES_NS[:3] + 1).tolist(), images(3))
     read = open_sequence("euroc", scene)
     assert read.second is None
-    assert any(note.startswith("cam1 gives no stereo depth: ") and "sensor.yaml" in note for note in read.notes)
+    assert any(note.startswith("cam1 gives no depth: ") and "sensor.yaml" in note for note in read.notes)
     write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS)
     read = open_sequence("euroc", scene)
     assert read.second is None

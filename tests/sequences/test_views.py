@@ -14,7 +14,7 @@ from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.folder import write_folder
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.recorded import RecordedSequence
-from tracknoise.sequences.sequence import Scan, Sequence, TruthKind, clock_start_of
+from tracknoise.sequences.sequence import Scan, Sequence, TruthKind, clock_start_of, second_of
 from tracknoise.sequences.views import View, chosen_frames, turned, view
 from tracknoise.tables.identity import Direction
 
@@ -231,3 +231,17 @@ def test_the_size_comes_from_an_image_that_can_be_read(tmp_path, write_sevenscen
         path.write_bytes(b"damaged")
     with pytest.raises(DataError, match=r"frame-000000\.color\.png"):
         open_sequence("sevenscenes", tmp_path)
+
+
+def test_the_second_camera_is_shown_as_the_first_is() -> None:
+    """A view of a recording of both cameras is, seen by the second, the same view of a recording of the second."""
+    both = open_sequence("simulated", motions=["arvr"], baseline_m=0.2, **SIZE)
+    part = {"n_frames": None, "direction": Direction.backward, "rotation": 90, "frames": (1, 4, 1)}
+    shown = view(both, **part)
+    second = pickle.loads(pickle.dumps(second_of(shown)))
+    alone = view(replace(both, world_from_camera=both.world_from_camera @ second_of(both).first_from_second), **part)
+    np.testing.assert_allclose(shown.world_from_camera @ second.first_from_second, alone.world_from_camera, atol=1e-12)
+    assert second.camera == alone.camera
+    for index in range(len(shown)):
+        seen = np.abs(second.images(index).astype(float) - alone.image(index))
+        assert np.median(seen) < 6.0  # the noise of two sensors

@@ -1,6 +1,6 @@
 """Depth from the images of other frames: exact worlds whose depth is hidden, its error, and where there is none."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import cv2
@@ -14,10 +14,12 @@ from tracknoise.exceptions import NothingToMeasureError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.depth import sample
 from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.sequence import SecondCamera
 from tracknoise.sequences.views import View
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
-from tracknoise.truth.plane_sweep import OFFSETS, PlaneSweep
+from tracknoise.truth.plane_sweep import PlaneSweep
+from tracknoise.truth.sweep_views import OFFSETS
 from tracknoise.truth.truth_registry import make_truth
 from tracknoise.truth.uncertainty import TruthDerivatives, anchored_points
 from tracknoise.truth.visibility import SequenceGeometry
@@ -200,6 +202,65 @@ def test_a_recording_without_depth_has_errors_and_a_sigma_to_set(recorded):
         runs = [tracknoise.analyse(one) for one in (by_depth, without)]
     sigmas = [run.sigma("openvins")["lucas-kanade"].sigma_px for run in runs]
     assert sigmas[1] == pytest.approx(sigmas[0], rel=0.15)
+
+
+BASELINE_M = 0.15
+
+
+def beside(sequence, *, lens):
+    """A camera 0.15 m to the right, slightly turned and behind, with its own intrinsics and lens."""
+    turn, _ = cv2.Rodrigues(np.array([0.01, 0.02, -0.03]))
+    first_from_second = np.eye(4)
+    first_from_second[:3] = np.column_stack([turn, (BASELINE_M, 0.01, -0.02)])
+    shown = tracknoise.open_sequence("simulated", motions=["sideways"], seed=3, **SIZE, hfov_deg=70.0, **lens)
+    seen = replace(shown, world_from_camera=sequence.world_from_camera @ first_from_second)
+    return SecondCamera(seen.camera, first_from_second, seen.image)
+
+
+def stopped(sequence):
+    """The sequence with a camera that stays at its first pose."""
+    return replace(sequence, world_from_camera=np.repeat(sequence.world_from_camera[:1], len(sequence), axis=0))
+
+
+@pytest.mark.parametrize("lens", [{}, LOOKS["distorted"]], ids=["pinhole", "distorted"])
+def test_a_second_camera_gives_depths_where_the_first_stands_still(recorded, lens):
+    there = stopped(recorded)
+    pair = replace(still(there), second=beside(there, lens=lens))
+    uv = corners(there, 7)
+    points, hit = there.cast(7, uv)
+    depth_m = SequenceGeometry(there).to_camera(7, uv, points)[:, 2]
+    found = PlaneSweep(SequenceGeometry(pair)).found(7, uv)
+    known = np.isfinite(found.inverse_depth) & hit
+    error = (found.inverse_depth * depth_m - 1.0)[known]
+    assert np.mean(known) > 0.5
+    assert abs(np.median(error)) < 0.01
+    assert np.median(np.abs(error)) < 0.03
+    ratio = np.abs(error / depth_m[known] / found.sigma[known])
+    assert 0.1 < np.median(ratio) < 1.5
+    assert np.mean(ratio < 3.0) > 0.85
+
+
+def test_frames_without_an_image_of_the_second_camera_have_depths_from_others(recorded):
+    second = beside(recorded, lens={})
+    pair = replace(still(recorded), second=replace(second, images=lambda _: None))
+    uv = corners(recorded, 7, 30)
+    alone, found = (PlaneSweep(SequenceGeometry(one)).found(7, uv) for one in (still(recorded), pair))
+    np.testing.assert_array_equal(found.inverse_depth, alone.inverse_depth)
+
+
+@pytest.mark.parametrize("unit", [1.0, 3.0])
+def test_a_second_camera_takes_no_part_where_poses_are_in_another_unit_than_its_distance(recorded, unit):
+    poses = recorded.world_from_camera.copy()
+    poses[:, :3, 3] *= unit
+    alone = still(recorded, poses=poses)
+    uv = corners(recorded, 7, 40)
+    truths = [make_truth(one) for one in (alone, replace(alone, second=beside(recorded, lens={})))]
+    depths_m = [truth.anchor(7, uv)[0][:, 2] for truth in truths]
+    assert np.array_equal(*depths_m, equal_nan=True) == (unit != 1.0)
+    assert truths[0].notes == ()
+    assert bool(truths[1].notes) == (unit != 1.0)
+    if unit != 1.0:
+        assert "depths by the poses are 3 times those by the second camera" in truths[1].notes[0]
 
 
 def rotating(sequence):

@@ -52,7 +52,7 @@ class Recording:
     options
         Options of the reader that were given.
     stereo
-        Whether depth is computed from a second camera, in place of recorded depth; None where nothing was said.
+        Whether depth is computed by stereo matching with a second camera, in place of recorded depth.
     trajectory
         File of the poses, in place of the recorded ones, as an absolute path; None for the recorded ones.
     trajectory_of
@@ -62,7 +62,7 @@ class Recording:
     reader: "Reader"
     path: Path | None
     options: dict[str, object]
-    stereo: bool | None
+    stereo: bool
     trajectory: str | None
     trajectory_of: "PosesOf"
 
@@ -113,7 +113,7 @@ def open_recording(
     name, path = named_recording(words, images_alone=trajectory is not None or camera is not None)
     given = options_of(options)
     asked = not _is_of_reader(name, _DEPTH) and _DEPTH in given
-    stereo = _is_stereo(given.pop(_DEPTH)) if asked else None
+    stereo = asked and _is_stereo(given.pop(_DEPTH))
     if camera is not None:
         if not _is_of_reader(name, _CAMERA_FILE):
             with_file = [one for one in READERS.names() if _is_of_reader(one, _CAMERA_FILE)]

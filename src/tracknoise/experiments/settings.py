@@ -283,7 +283,7 @@ class TruthSettings(_Section):
     """How true positions of features are computed."""
 
     kind: str | None = None
-    """Kind of truth: `birth`, `raycast`, `scan`, `swept` (depth from images of other frames), `triangulated`, or one of
+    """Kind of truth: `birth`, `raycast`, `scan`, `swept` (depth from other images), `triangulated`, or one of
     another package. Default: the best that the data allow."""
     poses: Literal["refined", "stated"] = "refined"
     """Poses that lead: refined by reference tracks, unless the stated ones are exact or stated to be better, or

@@ -5,10 +5,8 @@ from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
 
-import numpy as np
 import tomlkit
 
-from tracknoise.exceptions import DataError
 from tracknoise.sequences.reader_registry import READERS, reader_defaults
 from tracknoise.sequences.sequence import SWEPT, Reader, Sequence, second_of
 from tracknoise.sequences.stereo import with_stereo_depth
@@ -36,7 +34,7 @@ def experiment_template(
     path: Path | None,
     options: Mapping[str, object],
     *,
-    stereo: bool | None = None,
+    stereo: bool = False,
     trajectory: str | None = None,
     trajectory_of: PosesOf = PosesOf.camera,
 ) -> str:
@@ -52,7 +50,7 @@ def experiment_template(
         Options of the reader that differ from the defaults; relative paths start from the current folder, and are
         written as absolute ones.
     stereo
-        Whether depth is computed from a second camera, in place of recorded depth; None for where there is no other.
+        Whether depth is computed by stereo matching with a second camera, in place of recorded depth.
     trajectory
         File of poses that the reader's were replaced by, an absolute path; None for none.
     trajectory_of
@@ -65,15 +63,15 @@ def experiment_template(
     """
     listed = reader.sequences()
     first = reader.open(listed[0])
-    if stereo or (stereo is None and _has_pair_alone(first)):
-        first, stereo = with_stereo_depth(first), True
+    if stereo:
+        first = with_stereo_depth(first)
     scenes = list(dict.fromkeys(item.scene for item in listed))
     name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
     given = READERS.with_paths_from(Path(), reader.name, options)
     poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
     dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]
     named = _named_again(reader, path, given, poses)
-    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=bool(stereo)), _trackers()]
+    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _trackers()]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
@@ -128,37 +126,14 @@ def _options(name: str, options: Mapping[str, object]) -> list[str]:
     return ["", "[dataset.options]", *(_entry(key, value) for key, value in options.items()), *defaults]
 
 
-_FRAMES_APART = 16
-"""Frames over which the way of a camera is compared with the distance to its second camera."""
-
-
-def _has_pair_alone(sequence: Sequence) -> bool:
-    """Whether a sequence has no depth, but a second camera beside the first that shows more than other frames do.
-
-    Errors of depths fall with the distance of the cameras: where the first moves farther, its own images tell more.
-    """
-    second, centres = second_of(sequence), sequence.world_from_camera[:, :3, 3]
-    if sequence.truths[:1] != (SWEPT,) or second is None:
-        return False
-    moved_m = np.linalg.norm(centres[_FRAMES_APART:] - centres[:-_FRAMES_APART], axis=1)
-    known = moved_m[np.isfinite(moved_m)]
-    if len(known) and np.median(known) > np.linalg.norm(second.first_from_second[:3, 3]):
-        return False
-    try:
-        with_stereo_depth(sequence)
-    except DataError:  # the cameras are no stereo pair
-        return False
-    return True
-
-
 def _truth(first: Sequence, *, stereo: bool) -> list[str]:
-    """Depth from stereo if it is chosen, and the default kind of truth as a comment; nothing where none is possible."""
+    """Depth from stereo matching if chosen, and the default kind of truth as a comment; nothing if none is possible."""
     if not first.truths:
         return []
     best = first.truths[0]
     why = "there is no depth: it is computed from the images of other frames" if best == SWEPT else "the default here"
     if best == SWEPT and second_of(first) is not None:
-        why += '; depth = "stereo" takes it from the second camera'
+        why += " and of the second camera"
     depth = [_entry("depth", "stereo")] if stereo else []
     return ["", "[truth]", *depth, f"# {_entry('kind', best)}  # {why}"]
 

@@ -25,7 +25,7 @@ from tracknoise.trackers.tracker import StatedPoints, reports_causes
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.anchored import AnchoredTruth
 from tracknoise.truth.scan import SCAN_RULE, ScanRule
-from tracknoise.truth.truth import TruePositions, Truth
+from tracknoise.truth.truth import TruePositions, Truth, notes_of
 from tracknoise.truth.truth_registry import make_truth, make_truths
 
 Tables = tuple[pl.DataFrame, pl.DataFrame, pl.DataFrame, pl.DataFrame]
@@ -284,7 +284,7 @@ def measure_sequences(
         floor = TruthFloor.of(sequence, known, accuracy)
         tables = _sequence_tables(sequence, setups, floor, result, n_frames, known.kind)
         release_memory()
-        yield replace(tables, notes=(*tables.notes, *more))
+        yield replace(tables, notes=(*tables.notes, *notes_of(known), *more))
 
 
 def _sequence_tables(

@@ -279,12 +279,12 @@ def find_second(
         calibration = read_camera(of_both or files.calibration(name), name)
         paths = _paths_at(files, name, times_ns, unit)
     except TracknoiseError as error:
-        return None, (f"{name} gives no stereo depth: {error}",)
+        return None, (f"{name} gives no depth: {error}",)
     assert calibration.body_from_camera is not None, "checked when it was read"
     first_from_second = invert(body_from_first) @ calibration.body_from_camera
     missing = paths.count(None)
     have = counted_of(missing, len(paths), "frame", "has", "have")
-    notes = (f"{have} no image of {name}, and no stereo depth",) if missing else ()
+    notes = (f"{have} no image of {name}, and no depth from it",) if missing else ()
     return SecondCamera(calibration.camera, first_from_second, _SomeImages(paths, calibration.camera, levels)), notes
 
 

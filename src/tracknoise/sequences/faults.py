@@ -21,7 +21,7 @@ from tracknoise.geometry.cameras import Camera, CameraModel, EquidistantCamera, 
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
-from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, camera_at, second_of, shutter_of
+from tracknoise.sequences.sequence import Sequence, TruthKind, camera_at, shutter_of
 from tracknoise.sequences.views import View
 
 Vector = tuple[float, float, float]
@@ -358,11 +358,6 @@ class FaultySequence(View):
     def shutter(self) -> RollingShutter | None:
         """The stated shutter."""
         return None if self.faults.hide_shutter else shutter_of(self.sequence)
-
-    @property
-    def second(self) -> SecondCamera | None:
-        """That of the sequence shown."""
-        return second_of(self.sequence)
 
     @property
     def truths(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
-from tracknoise.sequences.sequence import SecondCamera, path_of, second_of
+from tracknoise.sequences.sequence import path_of
 from tracknoise.sequences.views import View
 
 KEPT_BYTES = 64 << 20
@@ -33,11 +33,6 @@ class KeptFrames(View):
     def path(self) -> PosePath | None:
         """That of the sequence shown."""
         return path_of(self.sequence)
-
-    @property
-    def second(self) -> SecondCamera | None:
-        """That of the sequence shown."""
-        return second_of(self.sequence)
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `Sequence.image`."""

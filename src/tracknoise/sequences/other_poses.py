@@ -13,11 +13,9 @@ from tracknoise.sequences.sequence import (
     IMAGE_AXES,
     Axes,
     Scan,
-    SecondCamera,
     Sequence,
     clock_start_of,
     path_of,
-    second_of,
     times_of,
 )
 from tracknoise.sequences.views import View
@@ -64,11 +62,6 @@ class OtherPoses(View):
     def notes(self) -> tuple[str, ...]:
         """Those of the sequence shown, and where the poses are from."""
         return (*self.sequence.notes, f"poses are from {self.name}", *self.pose_notes)
-
-    @property
-    def second(self) -> SecondCamera | None:
-        """The second camera of the sequence shown, for depth from stereo."""
-        return second_of(self.sequence)
 
     @property
     def scan(self) -> Scan | None:

@@ -244,7 +244,7 @@ class FurtherFacts:
     opens files without Python.
     """
     second: SecondCamera | None = None
-    """A second camera, from which `tracknoise.sequences.stereo` computes depth."""
+    """A second camera, whose images tell depth too."""
     body: Body | None = None
     """What the camera is mounted on, if the recording states where: other poses may be those of it."""
     recorded_axes: Axes = IMAGE_AXES

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.accuracy import DepthAccuracy
-from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.projection import Rectification, origins, rectify
+from tracknoise.sequences.second_camera import second_image
 from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, path_of, second_of
 from tracknoise.sequences.views import View
 
@@ -53,7 +53,7 @@ def with_stereo_depth(sequence: Sequence) -> "StereoDepth":
 class StereoDepth(View):
     """A sequence with depth from its second camera. Made by `with_stereo_depth`."""
 
-    second: SecondCamera  # its second camera
+    beside: SecondCamera  # its second camera
     pair: Rectification  # the rectified pair
 
     @property
@@ -87,7 +87,7 @@ class StereoDepth(View):
 
     def depth(self, index: int) -> DepthMap | None:
         """Depth of the pixels for which a disparity was found; None where the second camera has no image."""
-        second = self.second.images(index)
+        second = second_image(self.beside, index, self.source)
         if second is None:
             return None
         columns, rows, inside, depth_per_z = self._back
@@ -108,8 +108,7 @@ class StereoDepth(View):
 
     def _disparity(self, first: NDArray[np.uint8], second: NDArray[np.uint8]) -> NDArray[np.float64]:
         """(height, width) float64 of the rectified image, px; below 0 where none was found."""
-        images = (first, _checked(second, self.second.camera, self.source))
-        padding = self._most_disparity
+        images, padding = (first, second), self._most_disparity
         rectified = [
             cv2.copyMakeBorder(cv2.remap(image, *maps, cv2.INTER_LINEAR), 0, 0, padding, 0, cv2.BORDER_CONSTANT)
             for image, maps in zip(images, self._maps, strict=True)
@@ -127,14 +126,14 @@ class StereoDepth(View):
         pair = self.pair
         sides = (
             (self.sequence.camera, pair.first_from_rectified),
-            (self.second.camera, pair.second_from_rectified),
+            (self.beside.camera, pair.second_from_rectified),
         )
         return tuple(_columns_and_rows(origins(pair.camera, camera, rotation)) for camera, rotation in sides)
 
     @cached_property
     def _shown(self) -> NDArray[np.bool_]:
         """(height, width) bool of the rectified image: the second image has this position."""
-        camera = self.second.camera
+        camera = self.beside.camera
         return camera.contains(origins(self.pair.camera, camera, self.pair.second_from_rectified))
 
     @cached_property
@@ -169,11 +168,3 @@ def _matcher(disparities: int) -> cv2.StereoSGBM:
         speckleRange=2,
         mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )
-
-
-def _checked(image: NDArray[np.uint8], camera: CameraModel, source: str) -> NDArray[np.uint8]:
-    """The image of the second camera, if it has the camera's size."""
-    if image.shape != (camera.height, camera.width):
-        found = f"an image of the second camera of shape {image.shape}"
-        raise DataError(source, found, f"shape {(camera.height, camera.width)}")
-    return image

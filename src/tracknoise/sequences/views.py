@@ -1,7 +1,9 @@
 """Views of a sequence: some of its frames only, played backward, or with turned images."""
 
+from collections.abc import Callable
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +21,7 @@ from tracknoise.sequences.sequence import (
     Axes,
     Body,
     Scan,
+    SecondCamera,
     Sequence,
     Surface,
     body_of,
@@ -28,6 +31,7 @@ from tracknoise.sequences.sequence import (
     group_of,
     path_of,
     recorded_axes,
+    second_of,
     shutter_of,
     stated_accuracy,
     z_depth_from,
@@ -203,6 +207,11 @@ class View:
         return body_of(self.sequence)
 
     @property
+    def second(self) -> SecondCamera | None:
+        """That of the sequence shown, seen as its images are."""
+        return second_of(self.sequence)
+
+    @property
     def recorded_axes(self) -> Axes:
         """That of the sequence shown."""
         return recorded_axes(self.sequence)
@@ -310,6 +319,11 @@ class ChosenFrames(View):
         return None if times is None else times[self._slice]
 
     @property
+    def second(self) -> SecondCamera | None:
+        """That of the sequence shown, with images of the chosen frames."""
+        return _with_images_of(second_of(self.sequence), self.frames)
+
+    @property
     def path(self) -> PosePath | None:
         """That of the sequence shown: the poses of all its frames."""
         return path_of(self.sequence)
@@ -398,6 +412,11 @@ class Backward(View):
         return None if times is None or path is None else PosePath(_reversed(path.times, times), path.poses[::-1])
 
     @property
+    def second(self) -> SecondCamera | None:
+        """That of the sequence shown, with its last image first."""
+        return _with_images_of(second_of(self.sequence), range(len(self.sequence))[::-1])
+
+    @property
     def shutter(self) -> RollingShutter | None:
         """That of the sequence shown, with its last row first; None where all rows are exposed together."""
         shutter = shutter_of(self.sequence)
@@ -478,6 +497,15 @@ class Turned(View):
         return None if path is None else replace(path, poses=path.poses @ _UPRIGHT_FROM_TURNED)
 
     @property
+    def second(self) -> SecondCamera | None:
+        """That of the sequence shown, with turned images."""
+        second = second_of(self.sequence)
+        if second is None:
+            return None
+        turned = _UPRIGHT_FROM_TURNED.T @ second.first_from_second @ _UPRIGHT_FROM_TURNED
+        return SecondCamera(second.camera.turned(), turned, partial(_turned_image, second.images))
+
+    @property
     def shutter(self) -> RollingShutter | None:
         """That of the turned images; None where all rows are exposed together."""
         shutter = shutter_of(self.sequence)
@@ -485,7 +513,7 @@ class Turned(View):
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: see `Sequence.image`."""
-        return np.ascontiguousarray(np.rot90(self.sequence.image(index)))
+        return _quarter_turned(self.sequence.image(index))
 
     def depth(self, index: int) -> DepthMap | None:
         """Depth of one frame: see `Sequence.depth`."""
@@ -498,6 +526,27 @@ class Turned(View):
         """First surface points on the rays through pixels: see `Surface.cast`."""
         upright = np.stack([self.sequence.camera.width - 1 - uv[:, 1], uv[:, 0]], axis=-1)
         return View.cast(self, index, upright)
+
+
+Images = Callable[[int], NDArray[np.uint8] | None]
+
+
+def _with_images_of(second: SecondCamera | None, frames: range) -> SecondCamera | None:
+    return None if second is None else replace(second, images=partial(_image_of, second.images, frames))
+
+
+def _image_of(images: Images, frames: range, index: int) -> NDArray[np.uint8] | None:
+    return images(frames[index])
+
+
+def _turned_image(images: Images, index: int) -> NDArray[np.uint8] | None:
+    image = images(index)
+    return None if image is None else _quarter_turned(image)
+
+
+def _quarter_turned(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """An image turned counter-clockwise."""
+    return np.ascontiguousarray(np.rot90(image))
 
 
 def _reversed(times_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> NDArray[np.float64]:

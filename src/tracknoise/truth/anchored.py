@@ -119,10 +119,11 @@ class AnchoredTruth:
 
     All methods accept any number of features, including 0, and treat each feature independently. Calls for one frame
     should come together, as only the depth of the latest frame is kept. `surround`: None where there is no dense
-    depth. `depth_sigma`: None where errors of depths are not known one by one.
+    depth. `depth_sigma`: None where errors of depths are not known one by one. `note`: says what is to be known of the
+    truth, once it was used.
     """
 
-    __slots__ = ("_anchor", "_geometry", "_surface", "depth_sigma", "kind", "surround")
+    __slots__ = ("_anchor", "_geometry", "_note", "_surface", "depth_sigma", "kind", "surround")
 
     def __init__(
         self,
@@ -132,13 +133,20 @@ class AnchoredTruth:
         surface: VisibleSurface,
         surround: Surround | None = None,
         depth_sigma: DepthSigma | None = None,
+        note: Callable[[], str | None] = lambda: None,
     ) -> None:
         self.kind = kind
+        self._note = note
         self.depth_sigma = depth_sigma
         self.surround = surround
         self._geometry = geometry
         self._anchor = anchor
         self._surface = surface
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be known of the truth, one sentence each; complete once it was used."""
+        return tuple(filter(None, [self._note()]))
 
     @property
     def key_frame(self) -> int | None:

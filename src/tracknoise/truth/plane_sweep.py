@@ -1,21 +1,21 @@
 """Depth of points of an image from other images of known poses: a plane sweep around each point.
 
-A patch around a point at the inverse depth r is seen in another frame where the poses say. The right r is the one at
-which the patch looks alike in frames of many baselines:
+A patch around a point at the inverse depth r is seen in another view, a frame or an image of a second camera, where the
+poses say. The right r is the one at which the patch looks alike in views of many baselines:
 
-1. The frames are sorted into rungs of doubling baseline. On the lowest rung all inverse depths are tried, in images of
+1. The views are sorted into rungs of doubling baseline. On the lowest rung all inverse depths are tried, in images of
    half the size; on each further rung those around the best few, in steps of less than a pixel there. The score of an
-   inverse depth is the mean correlation in the better half of the frames: a point is often hidden on one side.
-2. In the frames of the rungs on which the patch is found, Gauss-Newton steps fit a small plane, r and its slope along
-   both axes of the image. A frame counts by its own distance from the median of all.
+   inverse depth is the mean correlation in the better half of the views: a point is often hidden on one side.
+2. In the views of the rungs on which the patch is found, Gauss-Newton steps fit a small plane, r and its slope along
+   both axes of the image. A view counts by its own distance from the median of all.
 
 Errors are mostly no noise: a patch is not flat, or lies on two surfaces. With r_h the inverse depth that half a patch
-alone gives (left, right, upper, lower), and r_g that of one side of the frames (earlier or later, near or far), the
-variance is that of the mean of the r_g, plus
+alone gives (left, right, upper, lower), and r_g that of one side of the views (earlier or later frames or the second
+camera, near or far), the variance is that of the mean of the r_g, plus
 
     c^2 max_h (r_h - r)^2 + c^2 v / sum g^2    (sweep.spread)
 
-The last term is the noise of the point's own patch, which all frames have in common: v is the variance of the
+The last term is the noise of the point's own patch, which all views have in common: v is the variance of the
 differences of gray values, g their derivative. Both c are 0.7: then errors in simulated recordings are as large as
 stated (`benchmarks.validity.swept_depth`).
 
@@ -23,9 +23,9 @@ stated (`benchmarks.validity.swept_depth`).
    the point are looked for at other depths: where one is alike there, and clearly less at the depth of the point, the
    point is at a depth edge.
 
-A point has no inverse depth if its patch is found in fewer than two frames, is found at two depths as well, or has too
-little parallax. So there is none without texture, and none where the camera does not change its position. At a depth
-edge it has none either, as beside the edge of a depth map.
+A point has no inverse depth if its patch is found in fewer than two views, is found at two depths as well, or has too
+little parallax. So there is none without texture, and none where a single camera does not change its position. At a
+depth edge it has none either, as beside the edge of a depth map.
 """
 
 from dataclasses import dataclass
@@ -33,21 +33,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.sequences.sequence import Sequence
-from tracknoise.trackers.alignment import pyramid
 from tracknoise.trackers.patch_samples import offsets, sampled
+from tracknoise.truth.sweep_views import Cameras, SweepViews
 from tracknoise.truth.visibility import SequenceGeometry
 
 Floats = NDArray[np.float64]
-Images = tuple[NDArray[np.float32], NDArray[np.float32]]
-"""An image, and the same of half the size."""
 
-OFFSETS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
-"""How many frames before and after a frame the images lie that it is compared with."""
-CACHE_BYTES = 160 << 20
-"""Size of the images that are kept. Large images are compared with fewer frames, so that each is read once."""
-LARGEST_PX = 64.0
-"""Parallax of the nearest points that are looked for, in the frame of the shortest baseline, px."""
+LARGEST_PX, LARGEST_SHARE = 64.0, 0.2
+"""Parallax of the nearest points that are looked for, in the view of the shortest baseline, px; and at least this share
+of the image's width where that is one of the second camera, whose baseline is not the shorter the nearer a scene is."""
 
 LEAST_SIGMAS, LEAST_PARALLAX_PX = 2.0, 0.5
 """An inverse depth is known where it exceeds so many of its standard deviations, and moves the point so far."""
@@ -56,12 +50,15 @@ HALF_SHARE, NOISE_SHARE = 0.7, 0.7
 STEEPEST = 2.0
 """Slope of surfaces against the image plane, metres per metre: the standard deviation of a prior of the fit."""
 
-_NEGLIGIBLE = 0.02
-"""Baselines below this share of the longest say nothing."""
+_FEWEST_VIEWS = 2
+"""In which a patch is found."""
+_NEGLIGIBLE, _OF_PAIR = 0.02, 0.25
+"""Baselines below this share of the longest say nothing; and none below this share of that to a second camera, in whose
+images all inverse depths can be tried: what is found with much shorter ones is too vague for a step to it."""
 _MOST_PLANES, _CANDIDATES, _AT_ONCE = 96, 3, 100
 _COARSE, _FINE = offsets(7), offsets(11)
 _STEPS_PX = 0.75 * np.arange(-3, 4)
-"""Around an inverse depth, in the frame of a rung that shows the most parallax."""
+"""Around an inverse depth, in the view of a rung that shows the most parallax."""
 _POSSIBLE, _ALIKE = 0.3, 0.5
 """Least correlation of a candidate on the lowest rung, and of patches that are alike."""
 _UNIQUE, _APART_PX = 0.9, 2.0
@@ -130,16 +127,16 @@ class Rays:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warp:
-    """Where patches of a frame are in another."""
+    """Where patches of a frame are in another view."""
 
     centre: Floats  # (n, 2): px
     right: Floats  # (n, 2): step for each pixel to the right
     down: Floats  # (n, 2): step for each pixel down
 
     @classmethod
-    def of(cls, geometry: SequenceGeometry, frame: int, rays: Rays, inverse: Floats) -> "Warp":
+    def of(cls, views: SweepViews, view: int, rays: Rays, inverse: Floats) -> "Warp":
         """Of patches on planes of constant depth."""
-        centre, right, down = (geometry.project(frame, rays.points(which, inverse)) for which in range(3))
+        centre, right, down = (views.project(view, rays.points(which, inverse)) for which in range(3))
         return cls(centre, right - centre, down - centre)
 
     def positions(self, grid: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -160,27 +157,6 @@ class Warp:
         return np.stack([u, v], axis=1) / determinant[:, None]
 
 
-class FrameImages:
-    """Images of a sequence as numbers, each with one of half the size. Those that were used last are kept."""
-
-    __slots__ = ("_kept", "_most", "_sequence")
-
-    def __init__(self, sequence: Sequence, most: int) -> None:
-        self._sequence, self._most = sequence, most
-        self._kept: dict[int, Images] = {}
-
-    def of(self, index: int) -> Images:
-        """Those of a frame."""
-        found = self._kept.pop(index, None)
-        if found is None:
-            whole, half = pyramid(self._sequence.image(index), 1, 1)
-            found = whole, half
-        self._kept[index] = found  # the last in order
-        while len(self._kept) > self._most:
-            del self._kept[next(iter(self._kept))]
-        return found
-
-
 class PlaneSweep:
     """Inverse depths of points of a sequence.
 
@@ -188,17 +164,15 @@ class PlaneSweep:
     ----------
     geometry
         Of the sequence. Its depths are not used.
+    cameras
+        In whose images points are looked for.
     """
 
-    __slots__ = ("_centres", "_geometry", "_images", "_posed", "_reach")
+    __slots__ = ("_fewest", "_geometry", "_views")
 
-    def __init__(self, geometry: SequenceGeometry) -> None:
-        self._geometry, sequence = geometry, geometry.sequence
-        self._centres = sequence.world_from_camera[:, :3, 3]
-        self._posed = [geometry.has_pose(index) for index in range(len(sequence))]
-        image_bytes = 5 * sequence.camera.width * sequence.camera.height  # of float32, and a quarter of it
-        self._reach = int(np.clip(CACHE_BYTES // image_bytes // 2, 2, max(OFFSETS)))
-        self._images = FrameImages(sequence, 2 * self._reach + 1)
+    def __init__(self, geometry: SequenceGeometry, cameras: Cameras = Cameras.both) -> None:
+        self._geometry, self._views = geometry, SweepViews(geometry, cameras)
+        self._fewest = 1 if cameras is Cameras.pair else _FEWEST_VIEWS
 
     def found(self, index: int, uv: Floats) -> Swept:
         """Inverse depths of points (n, 2) of a frame, px, each by itself.
@@ -219,29 +193,29 @@ class PlaneSweep:
         )
 
     def rungs(self, index: int) -> list[list[int]]:
-        """Frames that a frame is compared with, by doubling baseline; none where the camera does not move."""
-        near = (index + side * step for step in OFFSETS if step <= self._reach for side in (-1, 1))
-        near = (frame for frame in near if 0 <= frame < len(self._posed) and self._posed[frame])
-        baselines = {frame: float(np.linalg.norm(self._centres[frame] - self._centres[index])) for frame in near}
+        """Views that a frame is compared with, by doubling baseline; none where no camera is elsewhere."""
+        baselines = {view: self._views.baseline(index, view) for view in self._views.around(index)}
         most = max(baselines.values(), default=0.0)
-        used = {frame: length for frame, length in baselines.items() if length > _NEGLIGIBLE * most}
+        of_pair = self._views.pair_baseline if any(map(self._views.is_second, baselines)) else 0.0
+        least = max(_NEGLIGIBLE * most, _OF_PAIR * of_pair)
+        used = {view: length for view, length in baselines.items() if length > least}
         found: dict[int, list[int]] = {}
-        for frame, length in sorted(used.items(), key=lambda one: one[1]):
-            found.setdefault(int(np.log2(length / min(used.values()))), []).append(frame)
+        for view, length in sorted(used.items(), key=lambda one: one[1]):
+            found.setdefault(int(np.log2(length / min(used.values()))), []).append(view)
         return list(found.values())
 
     def _found(self, index: int, uv: Floats, rungs: list[list[int]]) -> Swept:
         rays = Rays.of(self._geometry, index, uv)
         inverse, last = self._searched(index, uv, rays, rungs)
-        frames = [(frame, number) for number, rung in enumerate(rungs) for frame in rung]
-        patches = Patches.cut(self._images.of(index)[0], uv)
-        inverse, sigma = _Fit(self._geometry, self._images, rays, patches, frames, index).found(inverse, last)
+        seen = [(view, number) for number, rung in enumerate(rungs) for view in rung]
+        patches = Patches.cut(self._views.level(index, 0), uv)
+        inverse, sigma = _Fit(self._views, rays, patches, seen, index).found(inverse, last, self._fewest)
         at_edge = self._at_edge(index, uv, inverse, rungs)
         return Swept(np.where(at_edge, np.nan, inverse), np.where(at_edge, np.nan, sigma), at_edge)
 
     def _at_edge(self, index: int, uv: Floats, inverse: Floats, rungs: list[list[int]]) -> NDArray[np.bool_]:
         """(n,): whether a patch beside a point is found at another depth than at that of the point."""
-        rays, whole = Rays.of(self._geometry, index, uv), self._images.of(index)[0]
+        rays, whole = Rays.of(self._geometry, index, uv), self._views.level(index, 0)
         moved = np.stack([inverse * self._slope(rays, rung, inverse) for rung in rungs])
         apart = np.abs(np.log(np.nan_to_num(moved, nan=_TINY) / _EDGE_PX))
         chosen, found = np.argmin(apart, axis=0), np.zeros(len(uv), np.bool_)
@@ -263,7 +237,7 @@ class PlaneSweep:
     def _searched(self, index: int, uv: Floats, rays: Rays, rungs: list[list[int]]) -> tuple[Floats, NDArray[np.intp]]:
         """Inverse depth of each point, and the last rung on which it was found, -1 if on none or at two depths."""
         planes = self._planes(index, rungs[0])
-        whole, half = self._images.of(index)
+        whole, half = (self._views.level(index, level) for level in (0, 1))
         template = sampled(half, (uv[:, None] / 2.0 + _COARSE).astype(np.float32))
         every = np.broadcast_to(planes, (len(uv), len(planes)))
         inverse, score = _peaks(every, self._scores(rays, rungs[0], every, template, level=1, grid=_COARSE))
@@ -293,19 +267,21 @@ class PlaneSweep:
         camera = self._geometry.camera_at(index)
         u, v = np.meshgrid(np.linspace(0, camera.width - 1, 5), np.linspace(0, camera.height - 1, 5))
         rays = Rays.of(self._geometry, index, np.stack([u.ravel(), v.ravel()], axis=1))
-        far = np.full(u.size, _STEP / np.linalg.norm(self._centres[rung[0]] - self._centres[index]))
+        far = np.full(u.size, _STEP / self._views.baseline(index, rung[0]))
         slopes = [self._slope(rays, [frame], far) for frame in rung]
         seen = [float(np.nanmax(slope)) for slope in slopes if np.isfinite(slope).any()]
         first, most = min(seen, default=1.0), max(seen, default=1.0)
-        count = int(np.clip(LARGEST_PX / 2.0 * most / first, 16, _MOST_PLANES))
-        planes = np.linspace(0.0, LARGEST_PX / first, count)
+        of_pair = LARGEST_SHARE * camera.width if all(map(self._views.is_second, rung)) else 0.0
+        largest_px = max(LARGEST_PX, of_pair)
+        count = int(np.clip(largest_px / 2.0 * most / first, 16, _MOST_PLANES))
+        planes = np.linspace(0.0, largest_px / first, count)
         planes[0] = _FARTHEST * planes[-1]
         return planes
 
-    def _slope(self, rays: Rays, frames: list[int], inverse: Floats) -> Floats:
-        """(n,): the most that points move in any of the frames, px per inverse depth; NaN where none shows them."""
+    def _slope(self, rays: Rays, views: list[int], inverse: Floats) -> Floats:
+        """(n,): the most that points move in any of the views, px per inverse depth; NaN where none shows them."""
         here, there = rays.points(0, inverse), rays.points(0, inverse * (1.0 + _STEP))
-        moved = [self._geometry.project(frame, there) - self._geometry.project(frame, here) for frame in frames]
+        moved = [self._views.project(view, there) - self._views.project(view, here) for view in views]
         slope = np.fmax.reduce([np.linalg.norm(one, axis=1) for one in moved]) / (_STEP * inverse)
         return np.where(slope > 0.0, slope, np.nan)
 
@@ -326,10 +302,10 @@ class PlaneSweep:
         both = np.stack([plain, np.ones_like(plain)], axis=2)
         length = np.sqrt(np.square(plain).sum(axis=1))[:, None]
         scores = np.empty((len(rung), n, h))
-        for number, frame in enumerate(rung):
-            warp = Warp.of(self._geometry, frame, every, flat)
+        for number, view in enumerate(rung):
+            warp = Warp.of(self._views, view, every, flat)
             warp = Warp(warp.centre / (1.0 + level), warp.right, warp.down)
-            values = sampled(self._images.of(frame)[level], warp.positions(grid)).reshape(n, h, -1)
+            values = sampled(self._views.level(view, level), warp.positions(grid)).reshape(n, h, -1)
             alike, total = np.moveaxis(values @ both, 2, 0)
             spread = np.einsum("nhp,nhp->nh", values, values) - np.square(total) / len(grid)
             textured = (length > 0.0) & (spread > _LEAST_VARIANCE * len(grid))
@@ -389,24 +365,24 @@ class _Sums:
 class _Fit:
     """The fit of small planes to the patches of points, in the frames in which they are seen."""
 
-    __slots__ = ("_before", "_frames", "_geometry", "_images", "_patches", "_pixel", "_rays")
+    __slots__ = ("_patches", "_pixel", "_rays", "_seen", "_sides", "_views")
 
     def __init__(
         self,
-        geometry: SequenceGeometry,
-        images: FrameImages,
+        views: SweepViews,
         rays: Rays,
         patches: Patches,
-        frames: list[tuple[int, int]],
+        seen: list[tuple[int, int]],
         index: int,
     ) -> None:
-        self._geometry, self._images, self._rays, self._patches = geometry, images, rays, patches
-        self._frames = frames  # with the rung of each
-        self._before = np.array([frame < index for frame, _ in frames])[:, None]
+        self._views, self._rays, self._patches = views, rays, patches
+        self._seen = seen  # views, with the rung of each
+        second, before = np.array([(views.is_second(view), views.frame(view) < index) for view, _ in seen]).T
+        self._sides = [side[:, None] for side in (second, ~second & before, ~second & ~before)]
         self._pixel = np.linalg.norm(rays.direction[1] - rays.direction[0], axis=1)
 
-    def found(self, inverse: Floats, last: NDArray[np.intp]) -> tuple[Floats, Floats]:
-        """Inverse depths and their standard deviations, in the frames of the rungs up to the `last` of each point."""
+    def found(self, inverse: Floats, last: NDArray[np.intp], fewest: int) -> tuple[Floats, Floats]:
+        """Inverse depths and their standard deviations, in the views of the rungs up to the `last` of each point."""
         inverse, tilt = np.where(last >= 0, inverse, np.nan), np.zeros((len(inverse), 2))
         for _ in range(_ITERATIONS):
             sums = self._sums(inverse, tilt, last)
@@ -422,7 +398,7 @@ class _Fit:
             + np.square(_of_noise(sums, weight))
         )
         slope = np.where(weight > 0.0, sums.slope, 0.0).max(axis=0, initial=0.0)
-        known = (np.count_nonzero(weight, axis=0) >= 2) & (inverse > LEAST_SIGMAS * sigma)
+        known = (np.count_nonzero(weight, axis=0) >= fewest) & (inverse > LEAST_SIGMAS * sigma)
         known &= inverse * slope > LEAST_PARALLAX_PX
         return np.where(known, inverse, np.nan), np.where(known, sigma, np.nan)
 
@@ -442,28 +418,28 @@ class _Fit:
         return np.where(usable[:, None], step, np.nan)
 
     def _spread(self, sums: _Sums, weight: Floats) -> Floats:
-        """(n,): standard deviation of the mean of groups of frames: earlier and later ones, near and far ones."""
+        """(n,): standard deviation of the mean of groups of views: of both cameras, earlier and later, near and far."""
         own, known = np.nan_to_num(sums.own), weight * np.nan_to_num(sums.normal[:, :, 0])
         total = np.maximum(known.sum(axis=0), _TINY)
         mean = (known * own).sum(axis=0) / total
         far = sums.slope > _median(np.where(known > 0.0, sums.slope, np.nan))
-        parts = [known * side * part for side in (self._before, ~self._before) for part in (far, ~far)]
+        parts = [known * side * part for side in self._sides for part in (far, ~far)]
         count = np.sum([part.any(axis=0) for part in parts], axis=0)
         moved = np.stack([(part * (own - mean)).sum(axis=0) / total for part in parts])
         return np.asarray(np.sqrt(np.square(moved).sum(axis=0) * count / np.maximum(count - 1, 1)))
 
     def _sums(self, inverse: Floats, tilt: Floats, last: NDArray[np.intp]) -> _Sums:
-        shape = len(self._frames), len(inverse)
+        shape = len(self._seen), len(inverse)
         sums = _Sums(*(np.full((*shape, *more), np.nan) for more in ((7,), (10,), (), ())))
-        for place, (frame, rung) in enumerate(self._frames):
+        for place, (view, rung) in enumerate(self._seen):
             rows = np.flatnonzero((last >= rung) & np.isfinite(inverse))
             rays, here = self._rays.rows(rows), inverse[rows]
-            warp = Warp.of(self._geometry, frame, rays, here)
-            there = self._geometry.project(frame, rays.points(0, here * (1.0 + _STEP)))
+            warp = Warp.of(self._views, view, rays, here)
+            there = self._views.project(view, rays.points(0, here * (1.0 + _STEP)))
             moved = (there - warp.centre) / (_STEP * here)[:, None]
             back = warp.back(moved)
             tilted = Warp(warp.centre, warp.right + moved * tilt[rows, :1], warp.down + moved * tilt[rows, 1:])
-            seen = sampled(self._images.of(frame)[0], tilted.positions(_FINE)).astype(np.float64)
+            seen = sampled(self._views.level(view, 0), tilted.positions(_FINE)).astype(np.float64)
             seen = _without_mean(seen)
             size = np.sqrt(_total(seen * seen))
             seen /= np.where(size > 0.0, size, np.nan)

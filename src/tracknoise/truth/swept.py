@@ -1,4 +1,4 @@
-"""Truth without depth: the depth of each feature's first frame, from the images of other frames."""
+"""Truth without depth: the depth of each feature's first frame, from other images of known poses."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -7,10 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.sequences.poses import require_some_poses
-from tracknoise.sequences.sequence import SWEPT, Sequence
+from tracknoise.sequences.sequence import SWEPT, Sequence, second_of
 from tracknoise.tables.schema import TruthStatus
+from tracknoise.text import significant
 from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
+from tracknoise.truth.pair_unit import PairUnit, pair_unit
 from tracknoise.truth.plane_sweep import PlaneSweep, Swept
+from tracknoise.truth.sweep_views import Cameras
 from tracknoise.truth.visibility import Depths, SequenceGeometry
 
 
@@ -18,7 +21,9 @@ from tracknoise.truth.visibility import Depths, SequenceGeometry
 class SweptDepth:
     """Depth at birth by a plane sweep (`tracknoise.truth.plane_sweep`), whatever the track does later.
 
-    Nothing is known of what hides a point: one in the image and in front of the camera counts as visible.
+    Nothing is known of what hides a point: one in the image and in front of the camera counts as visible. A second
+    camera takes no part where depths by it show that poses are in another unit than its distance
+    (`tracknoise.truth.pair_unit`).
     """
 
     kind: ClassVar[str] = SWEPT
@@ -34,7 +39,9 @@ class SweptDepth:
         require_some_poses(sequence.world_from_camera, sequence.source)
         geometry = SequenceGeometry(sequence)
         births = _Births(geometry)
-        return AnchoredTruth(self.kind, geometry, births.anchor, _Nothing(), depth_sigma=births.depth_sigma)
+        return AnchoredTruth(
+            self.kind, geometry, births.anchor, _Nothing(), depth_sigma=births.depth_sigma, note=births.note
+        )
 
 
 class _Nothing:
@@ -48,10 +55,12 @@ class _Nothing:
 class _Births:
     """Depths of features in their first frame. Those of one frame are kept: several trackers and speeds share them."""
 
-    __slots__ = ("_found", "_geometry", "_index", "_sweep")
+    __slots__ = ("_found", "_geometry", "_index", "_sweep", "_unit")
 
     def __init__(self, geometry: SequenceGeometry) -> None:
-        self._geometry, self._sweep = geometry, PlaneSweep(geometry)
+        self._geometry = geometry
+        self._sweep: PlaneSweep | None = None
+        self._unit: PairUnit | None = None  # known where there is a second camera, once depths were asked for
         self._index: int | None = None
         self._found: dict[tuple[float, ...], tuple[float, float, bool]] = {}
 
@@ -68,13 +77,29 @@ class _Births:
         found = self._swept(index, uv)
         return found.sigma / np.square(found.inverse_depth)
 
+    def note(self) -> str | None:
+        """What is to be said of the second camera; None where there is nothing to be said."""
+        unit = self._unit
+        if unit is None or unit.is_same:
+            return None
+        found = f"depths by the poses are {significant(unit.ratio, 3)} times those by the second camera"
+        return f"{found}: its images are not used, as poses are not in metres, or its place is wrong"
+
+    def _opened(self) -> PlaneSweep:
+        if self._sweep is None:
+            if second_of(self._geometry.sequence) is not None:
+                self._unit = pair_unit(self._geometry)
+            alone = self._unit is not None and not self._unit.is_same
+            self._sweep = PlaneSweep(self._geometry, Cameras.first if alone else Cameras.both)
+        return self._sweep
+
     def _swept(self, index: int, uv: NDArray[np.float64]) -> Swept:
         if index != self._index:
             self._index, self._found = index, {}
         keys = [tuple(position) for position in uv.tolist()]
         new = [key for key in dict.fromkeys(keys) if key not in self._found]
         if new:
-            swept = self._sweep.found(index, np.array(new))
+            swept = self._opened().found(index, np.array(new))
             each = zip(swept.inverse_depth, swept.sigma, swept.at_edge, strict=True)
             self._found.update(zip(new, each, strict=True))
         inverse, sigma, at_edge = np.array([self._found[key] for key in keys]).reshape(-1, 3).T

@@ -112,6 +112,12 @@ class Truth(Protocol):
         ...
 
 
+def notes_of(truth: Truth) -> tuple[str, ...]:
+    """What is to be known of a truth that was used, one sentence each; empty where it says nothing of itself."""
+    notes: tuple[str, ...] = getattr(truth, "notes", ())
+    return notes
+
+
 class TruthSource(Protocol):
     """A kind of truth: a frozen dataclass whose fields are its settings, all with defaults."""
 

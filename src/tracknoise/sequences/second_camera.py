@@ -1,0 +1,78 @@
+"""The second camera of a recording, as a sequence of its own."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.exceptions import DataError
+from tracknoise.geometry.cameras import CameraModel
+from tracknoise.geometry.pose import PosePath
+from tracknoise.sequences.sequence import SecondCamera, path_of
+from tracknoise.sequences.views import View
+
+
+def second_image(second: SecondCamera, index: int, source: str) -> NDArray[np.uint8] | None:
+    """(height, width) uint8: the image of a second camera of a frame; None of a frame without one.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or its size is not that of the camera. `source` is named then.
+    """
+    image = second.images(index)
+    expected = second.camera.height, second.camera.width
+    if image is not None and image.shape != expected:
+        raise DataError(source, f"an image of the second camera of shape {image.shape}", f"shape {expected}")
+    return image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beside(View):
+    """A sequence as its second camera sees it: with the poses, the camera and the images of that.
+
+    Rows of a rolling shutter are read out as those of the first camera.
+    """
+
+    camera_beside: SecondCamera  # the second camera of the sequence shown
+
+    @property
+    def second(self) -> None:
+        """None: it is this."""
+
+    @property
+    def camera(self) -> CameraModel:
+        """The second camera."""
+        return self.camera_beside.camera
+
+    def camera_at(self, index: int) -> CameraModel:
+        """The second camera, in all frames."""
+        return self.camera_beside.camera
+
+    @property
+    def world_from_camera(self) -> NDArray[np.float64]:
+        """(n, 4, 4) float64: poses of the second camera; all NaN for a frame without a pose."""
+        return np.asarray(self.sequence.world_from_camera @ self.camera_beside.first_from_second)
+
+    @property
+    def path(self) -> PosePath | None:
+        """Poses of the second camera over time; None without timestamps."""
+        path = path_of(self.sequence)
+        return None if path is None else replace(path, poses=path.poses @ self.camera_beside.first_from_second)
+
+    def image(self, index: int) -> NDArray[np.uint8]:
+        """(height, width) uint8: that of the second camera.
+
+        Raises
+        ------
+        DataError
+            As `second_image`, or if a frame has none.
+        """
+        image = self.image_or_none(index)
+        if image is None:
+            raise DataError(self.source, f"no image of the second camera of frame {index}", "one")
+        return image
+
+    def image_or_none(self, index: int) -> NDArray[np.uint8] | None:
+        """(height, width) uint8: see `second_image`."""
+        return second_image(self.camera_beside, index, self.source)

@@ -16,10 +16,9 @@ from tracknoise.experiments.geometry_tables import camera_tables
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.summarise import statistics_of
-from tracknoise.tables.findings_schema import by_table
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
-from tracknoise.topics.catalogue import TOPICS
+from tracknoise.topics.catalogue import TOPICS, by_table
 from tracknoise.topics.depth_topic import DEPTHS
 from tracknoise.truth_faults.audit_tables import tables_of
 

@@ -7,14 +7,14 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from tracknoise.analysis.factors import dependence
+from tracknoise.analysis.factors import DEPENDENCE, dependence
 from tracknoise.exceptions import SchemaError
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.curves import curves
 from tracknoise.statistics.lifetimes import lifetimes_of_ends
 from tracknoise.statistics.track_counts import outlier_ratios
 from tracknoise.statistics.yardstick import ReferenceCondition, effects
-from tracknoise.tables.findings_schema import CURVES, DEPENDENCE, EFFECTS, LIFETIMES
+from tracknoise.tables.findings_schema import CURVES, EFFECTS, LIFETIMES
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, TRACKS, empty
 from tracknoise.words import size_text
 

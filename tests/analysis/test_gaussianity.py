@@ -4,14 +4,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.analysis.gaussianity import Shapes, gaussianity
+from tracknoise.analysis.gaussianity import GAUSSIANITY, RADII, Shapes, gaussianity
 from tracknoise.exceptions import SchemaError
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.moments import scene_moments
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.samples import samples
 from tracknoise.statistics.trimming import Trimmed
-from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.tables.schema import MOMENTS, SAMPLES, empty
 
 TRACKS, FRAMES = 400, 8

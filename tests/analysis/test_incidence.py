@@ -3,10 +3,9 @@ import polars as pl
 import pytest
 
 from tracknoise.analysis.condition_units import Sampling
-from tracknoise.analysis.lifetime_intervals import incidence_table
+from tracknoise.analysis.lifetime_intervals import INCIDENCE, incidence_table
 from tracknoise.exceptions import SchemaError, SettingsError
 from tracknoise.statistics.lifetimes import count_ends, lifetimes_of_ends
-from tracknoise.tables.findings_schema import INCIDENCE
 from tracknoise.tables.schema import CAUSES, ENDS, TRACKS, TrackEnd, empty
 
 ENDINGS = [end.name for end in TrackEnd]

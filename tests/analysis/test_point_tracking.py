@@ -7,10 +7,10 @@ import pytest
 from tests.lean import without_audit, without_depths, without_figure_files, without_geometry
 
 import tracknoise as tn
+from tracknoise.analysis.ratio_intervals import POINT_TRACKING_METRICS
 from tracknoise.cli.app import main
 from tracknoise.report.page import write_report
 from tracknoise.sequences.simulated import Simulated
-from tracknoise.tables.findings_schema import POINT_TRACKING_METRICS
 from tracknoise.tables.store import RunFolder
 
 TOML = """

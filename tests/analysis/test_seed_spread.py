@@ -5,10 +5,10 @@ import polars as pl
 import pytest
 
 from tracknoise.analysis.curve_intervals import interval_table
-from tracknoise.analysis.seed_spread import Repeat, seed_spread, widened
+from tracknoise.analysis.seed_spread import SEED_SPREAD, Repeat, seed_spread, widened
 from tracknoise.exceptions import SchemaError
 from tracknoise.statistics.lifetimes import horizons, lifetimes_of_ends
-from tracknoise.tables.findings_schema import INTERVALS, SEED_SPREAD
+from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, Schema, empty
 
 CONDITION = {"dataset": "d", "lighting": "l", "rotation": 0, "direction": "forward", "camera": "", "tracker": "t"}

@@ -4,14 +4,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.analysis.time_structure import lagged, time_structure
+from tracknoise.analysis.time_structure import TIME_STRUCTURE, lagged, time_structure
 from tracknoise.exceptions import SchemaError
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.changes import increments
 from tracknoise.statistics.moments import block_moments, scene_moments
 from tracknoise.statistics.prepared import prepare_observations, prepare_sequence
 from tracknoise.statistics.trimming import Trimmed
-from tracknoise.tables.findings_schema import TIME_STRUCTURE
 from tracknoise.tables.schema import INCREMENTS, MOMENTS, VIEW, empty
 
 TRACKS, FRAMES = 200, 15

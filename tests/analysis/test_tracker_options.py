@@ -9,11 +9,12 @@ from tests.analysis.test_dependence import asked, moments
 from tests.lean import without_audit, without_depths, without_geometry
 
 from tracknoise.analysis.factor_values import OptionFactor, option_factors
+from tracknoise.analysis.factors import DEPENDENCE
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.report import factor_section
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.findings_schema import DEPENDENCE, FINDINGS
+from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import difference_sentences, level_text
 

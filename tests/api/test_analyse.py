@@ -7,7 +7,7 @@ import pytest
 
 import tracknoise as tn
 from tracknoise.exceptions import SettingsError
-from tracknoise.tables.findings_schema import RUN_TABLES
+from tracknoise.topics.catalogue import RUN_TABLES
 
 
 def test_an_analysis_is_a_run_of_the_same_sequences(run, analysis):

@@ -5,12 +5,13 @@ import pytest
 
 import tracknoise as tn
 from tracknoise.exceptions import UnknownNameError
-from tracknoise.tables.findings_schema import CORES, CURVES, FINDINGS, RUN_TABLES, SUMMARY
+from tracknoise.tables.findings_schema import CORES, CURVES, FINDINGS, SUMMARY
 from tracknoise.tables.quantities import QUANTITIES
 from tracknoise.tables.result_rows import results_of, run_results, with_ids
 from tracknoise.tables.results import IDENTITY, RESULTS
 from tracknoise.tables.schema import check
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import RUN_TABLES
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,15 @@ from polars.testing import assert_frame_equal
 from tests.estimators.conftest import TEXT, Silent
 
 import tracknoise as tn
+from tracknoise.analysis.covariance_verdicts import OWN_COVARIANCES
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.report.figures.noise_models import covariance_figures
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.findings_schema import FINDINGS, OWN_COVARIANCES, RUN_TABLES
+from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.result_rows import results_of, run_results
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import RUN_TABLES
 
 CLAIMED = {"cov_uu": 0.09 / 4.0, "cov_uv": 0.0, "cov_vv": 0.04 / 4.0}
 

@@ -16,12 +16,13 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.tables.enumerations import TrimAmong
-from tracknoise.tables.findings_schema import COUNTS, CURVES, ERRORS, LIFETIMES, OUTLIERS, RUN_TABLES, SUMMARY, TRIMS
+from tracknoise.tables.findings_schema import COUNTS, CURVES, ERRORS, LIFETIMES, OUTLIERS, SUMMARY, TRIMS
 from tracknoise.tables.store import (
     NOISE_TABLES,
     SEQUENCE_TABLES,
     RunFolder,
 )
+from tracknoise.topics.catalogue import RUN_TABLES
 
 TEXT = """
 name = "small"

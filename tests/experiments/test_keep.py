@@ -4,10 +4,11 @@ import shutil
 
 import pytest
 
+from tracknoise.analysis.factors import DEPENDENCE
 from tracknoise.exceptions import StoreError, TracknoiseError
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import FindingsSettings, parse_experiment
-from tracknoise.tables.findings_schema import DEPENDENCE, FINDINGS, INTERVALS, STATISTICS_TABLES, SUMMARY
+from tracknoise.tables.findings_schema import FINDINGS, INTERVALS, STATISTICS_TABLES, SUMMARY
 from tracknoise.tables.store import OBSERVED, RunFolder
 
 

@@ -8,6 +8,7 @@ from tests.lean import with_findings
 
 import tracknoise
 from tracknoise.analysis.factor_values import DISAGREE
+from tracknoise.analysis.factors import DEPENDENCE
 from tracknoise.experiments.compare_runs import compare
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.reference_kinds import kind_tables
@@ -15,13 +16,12 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.measurement import refined_poses
 from tracknoise.measurement.reference_tracks import FOLLOWED, MATCHED
 from tracknoise.measurement.refined_poses import RefinedPoses
+from tracknoise.report.report_data import ReportData
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.enumerations import Verdict
-from tracknoise.tables.findings_schema import DEPENDENCE
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.tables.store import RunFolder
 from tracknoise.topics.factor_topic import accuracy
-from tracknoise.topics.run_data import RunData
 
 TEXT = """
 name = "kinds"
@@ -101,7 +101,7 @@ def test_where_kinds_disagree_a_comparison_is_undecided_and_this_is_said(tmp_pat
     row = core_of(run)
     assert row["verdict"] == "undecided"
     assert row["why"] == f"{DISAGREE} small and large" or row["why"] == f"{DISAGREE} large and small"
-    found = accuracy(RunData.of(run), {})
+    found = accuracy(ReportData.of(run), {})
     assert found.answer.verdict == Verdict.undecided
     assert "References of the two kinds disagree about" in found.text
 

@@ -4,8 +4,9 @@ import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
 
+from tracknoise.analysis.seed_spread import SEED_SPREAD
 from tracknoise.experiments.execute import execute
-from tracknoise.tables.findings_schema import INTERVALS, SEED_SPREAD, STATISTICS_TABLES
+from tracknoise.tables.findings_schema import INTERVALS, STATISTICS_TABLES
 from tracknoise.tables.store import SEED_TABLES, SEQUENCE_TABLES, RunFolder
 
 

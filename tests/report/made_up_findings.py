@@ -5,35 +5,26 @@ from collections.abc import Mapping
 
 import polars as pl
 
+from tracknoise.analysis.factors import DEPENDENCE
+from tracknoise.analysis.gaussianity import GAUSSIANITY, RADII
+from tracknoise.analysis.lifetime_intervals import INCIDENCE
+from tracknoise.analysis.seed_spread import SEED_SPREAD
+from tracknoise.analysis.time_structure import TIME_STRUCTURE
+from tracknoise.analysis.truth_shares import TRACKER_DIFFERENCES
+from tracknoise.analysis.zero_mean import ZERO_MEAN
+from tracknoise.estimators.depth_intervals import DEPTH_INTERVALS
+from tracknoise.estimators.lookup_table import NOISE_LOOKUP
+from tracknoise.estimators.run_models import ADVICE
+from tracknoise.estimators.window_noise import WINDOW_SIGMAS
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
-from tracknoise.tables.findings_schema import (
-    ADVICE,
-    AUDIT,
-    AUDIT_CURVES,
-    DEPENDENCE,
-    DEPTH_INTERVALS,
-    FINDINGS_TABLES,
-    GAUSSIANITY,
-    INCIDENCE,
-    INTERVALS,
-    NOISE_LOOKUP,
-    POSE_LAW,
-    POSE_SHARE,
-    RADII,
-    RIGID_SHARE,
-    SEED_SPREAD,
-    TIME_STRUCTURE,
-    TRACKER_DIFFERENCES,
-    TRUST,
-    WINDOW_SIGMAS,
-    ZERO_MEAN,
-    by_table,
-)
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, INTERVALS, TRUST
 from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.schema import CAUSES, Schema, empty
+from tracknoise.topics.catalogue import FINDINGS_TABLES, by_table
 from tracknoise.topics.headline import ReportedConditions
 from tracknoise.topics.headlines import headline_table
+from tracknoise.truth_faults.pose_accuracy import POSE_LAW, POSE_SHARE, RIGID_SHARE
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)

@@ -32,7 +32,6 @@ from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.statistics.yardstick import ReferenceCondition, effects
 from tracknoise.tables.defaults import PATCH_PX
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import by_table
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import (
@@ -47,6 +46,7 @@ from tracknoise.tables.schema import (
     empty,
 )
 from tracknoise.tables.store import OBSERVED, SEQUENCE_TABLES, RunFolder
+from tracknoise.topics.catalogue import by_table
 from tracknoise.topics.headline import ReportedConditions
 
 WIDTH, HEIGHT = 160, 120

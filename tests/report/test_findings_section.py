@@ -9,9 +9,10 @@ import pytest
 from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.findings_schema import FINDINGS, FINDINGS_TABLES
+from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import FINDINGS_TABLES
 from tracknoise.words import percent, pixels
 
 MANY = tuple(f"scene-{place}" for place in range(8))

@@ -5,13 +5,14 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
+from tracknoise.analysis.truth_shares import TRIANGULATED_NOISE
 from tracknoise.api.finished_run import Run
 from tracknoise.cli.run_summary import summary_text
 from tracknoise.report import findings_section
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.tables.findings_schema import SUMMARY, TRIANGULATED_NOISE
+from tracknoise.tables.findings_schema import SUMMARY
 from tracknoise.tables.store import RunFolder
 
 SHOWN = {

@@ -4,12 +4,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.analysis.ranking import RANKS
 from tracknoise.exceptions import StoreError
 from tracknoise.report.figures.rankings import _apart, ranking_figures
 from tracknoise.report.ranking_table import ranking_table
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import COSTS_JSON, read_costs, write_costs
-from tracknoise.tables.findings_schema import RANKS
 from tracknoise.tables.store import RunFolder
 from tracknoise.topics.factor_topic import accuracy
 

@@ -4,8 +4,9 @@ import polars as pl
 import pytest
 from tests.topics.short import too_long
 
+from tracknoise.analysis.covariance_verdicts import OWN_COVARIANCES
 from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.findings_schema import OWN_COVARIANCES, SUMMARY, TRUST
+from tracknoise.tables.findings_schema import SUMMARY, TRUST
 from tracknoise.topics.covariance_topic import covariances
 from tracknoise.topics.headline import ReportedConditions
 

@@ -2,9 +2,10 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.estimators.depth_intervals import DEPTH_INTERVALS
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import DEPTH_INTERVALS, SUMMARY
+from tracknoise.tables.findings_schema import SUMMARY
 from tracknoise.tables.schema import empty
 from tracknoise.topics.depth_topic import depths
 from tracknoise.topics.headline import Headline, ReportedConditions

@@ -8,37 +8,27 @@ import polars as pl
 import pytest
 from tests.topics.short import long_in_findings
 
+from tracknoise.analysis.covariance_verdicts import OWN_COVARIANCES
+from tracknoise.analysis.factors import DEPENDENCE
+from tracknoise.analysis.gaussianity import GAUSSIANITY
+from tracknoise.analysis.places_found import SURROUNDING_ERRORS
+from tracknoise.analysis.ratio_intervals import RATIO_VALUES
+from tracknoise.analysis.seed_spread import SEED_SPREAD
+from tracknoise.analysis.time_structure import TIME_STRUCTURE
+from tracknoise.analysis.truth_shares import TRACKER_DIFFERENCES, TRIANGULATED_NOISE
+from tracknoise.analysis.zero_mean import ZERO_MEAN
+from tracknoise.estimators.depth_intervals import DEPTH_INTERVALS
+from tracknoise.estimators.lookup_table import NOISE_LOOKUP
+from tracknoise.estimators.run_models import ADVICE
+from tracknoise.estimators.window_noise import WINDOW_SIGMAS
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import (
-    ADVICE,
-    AUDIT_CURVES,
-    CURVES,
-    DEPENDENCE,
-    DEPTH_INTERVALS,
-    EFFECTS,
-    FINDINGS,
-    FLOOR,
-    GAUSSIANITY,
-    INTERVALS,
-    NOISE_LOOKUP,
-    OWN_COVARIANCES,
-    POSE_SHARE,
-    RATIO_VALUES,
-    SEED_SPREAD,
-    SUMMARY,
-    SURROUNDING_ERRORS,
-    TIME_STRUCTURE,
-    TRACKER_DIFFERENCES,
-    TRIANGULATED_NOISE,
-    TRUST,
-    WINDOW_SIGMAS,
-    ZERO_MEAN,
-)
+from tracknoise.tables.findings_schema import AUDIT_CURVES, CURVES, EFFECTS, FINDINGS, FLOOR, INTERVALS, SUMMARY, TRUST
 from tracknoise.tables.schema import Schema, check, empty
 from tracknoise.topics.headline import ReportedConditions
 from tracknoise.topics.headlines import findings_json, headline_table
+from tracknoise.truth_faults.pose_accuracy import POSE_SHARE
 
 CONDITION = {
     "dataset": "d",

@@ -3,8 +3,9 @@
 import polars as pl
 import pytest
 
+from tracknoise.analysis.places_found import SURROUNDING_ERRORS
 from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.findings_schema import SUMMARY, SURROUNDING_ERRORS
+from tracknoise.tables.findings_schema import SUMMARY
 from tracknoise.tables.schema import empty
 from tracknoise.topics.edge_topic import depth_edges
 from tracknoise.topics.headline import ReportedConditions

@@ -10,7 +10,7 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.inference.robust_fits import scales
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, POSE_SHARE
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES
 from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_selection import available
@@ -18,6 +18,7 @@ from tracknoise.truth_faults.audit_tables import tables_of
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.explained import explained, moved
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter
+from tracknoise.truth_faults.pose_accuracy import POSE_SHARE
 
 Share = tuple[float, float, float]
 SMALL: Share = (0.01, 0.0, 0.02)

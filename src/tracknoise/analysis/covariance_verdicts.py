@@ -29,9 +29,57 @@ from tracknoise.inference.units import Units, by_number
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.enumerations import Verdict
-from tracknoise.tables.findings_schema import OWN_COVARIANCES
-from tracknoise.tables.schema import COVARIANCE_FRAMES, COVARIANCE_SUMS
+from tracknoise.tables.findings_schema import INTERVAL_COLUMNS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity, same
+from tracknoise.tables.schema import COVARIANCE_FRAMES, COVARIANCE_SUMS, TRIMMING, VERDICT
+from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.tables.trust import explained_share
+
+
+def _own_covariances() -> Rows:
+    names: dict[str, tuple[str, Constants]] = {
+        **{f"coverage_{level}": ("covariance_coverage", {"of": f"{level} %"}) for level in (50, 90, 95, 99)},
+        "nees": ("covariance_nees", {}),
+        "shape": ("covariance_shape", {"of": "worst"}),
+        **{
+            f"shape_{frame}_{name}": ("covariance_shape", {"of": f"{frame}, {name}"})
+            for frame in COVARIANCE_FRAMES
+            for name in ("along", "turned")
+        },
+        "elongation": ("covariance_elongation", {}),
+        "fourth": ("covariance_fourth_moment", {}),
+        "ranking": ("covariance_ranking", {}),
+        "gain": ("covariance_gain", {}),
+        "impossible": ("impossible_covariances", {}),
+    }
+    values = by_quantity(names, ESTIMATED_OF_N | same("verdict"), of=None)
+    keys = {**OF_CONDITION, **same("trimming", "axis", "at"), "part": "covariance"}
+    return Rows(Topic.own_covariances, keys, values)
+
+
+OWN_COVARIANCES = RunTable(
+    "own_covariances",
+    {
+        **CONDITIONS,
+        "covariance": pl.String,
+        "trimming": TRIMMING,
+        "quantity": pl.String,
+        "axis": pl.String,
+        "at": pl.Int64,
+        "n": pl.Int64,
+        "value": pl.Float64,
+        "verdict": VERDICT,
+        **INTERVAL_COLUMNS,
+    },
+    _own_covariances(),
+)
+"""Whether covariances that a tracker predicts are right: see `tracknoise.analysis.covariance_verdicts`.
+
+covariance is the name in the columns ``quality_<name>_uu`` of the observations. axis and at are null for all ages
+together. n counts errors. The verdict says of `nees` whether the covariances are right in size, of `shape` whether in
+shape, of `ranking` whether they tell which errors are large, and of `gain` whether they are better than one sigma.
+"""
 
 ALIKE = 1.1
 """Errors that are certainly not this many times as large, or as small, as predicted agree with a covariance."""

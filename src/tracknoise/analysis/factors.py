@@ -90,9 +90,79 @@ from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.statistics.grouping import Tables, TablesByCondition, by_condition, group_rows, scenes_by_dataset
 from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
-from tracknoise.tables.findings_schema import DEPENDENCE
+from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, OF_LEVELS, RESAMPLED
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import CONDITION, ENDS, FRAME_COUNTS, MOMENTS, SCALES, VERDICT, Schema, check, empty
 from tracknoise.words import STATISTICS, count, only
+
+
+def _factors() -> Rows:
+    """Effects of factors."""
+    carried = OF_LEVELS | same(
+        *("unit", "low", "high", "level", "resampled", "n_scenes", "verdict", "why", "larger", "better")
+    )
+    counts = ("n_levels", "n_pairs", "n_places", "at_low", "at_high", "more_scenes")
+    values = [
+        Value("effect", "effect", carried=carried | {"interval": "kind"}),
+        Value("effect_bound", "most", carried=same("unit")),
+        Value("effect_margin", "margin", carried=same("unit")),
+        *(Value("effect_p", f"p_{part}", {"part": part}) for part in ("yes", "no")),
+        *(Value("effect_q", f"q_{part}", {"part": part}) for part in ("yes", "no")),
+        *(Value("effect_count", name, {"part": name}) for name in counts),
+        Value("effect_horizon", "horizon"),
+    ]
+    keys = {**OF_CONDITION, **same("factor", "axis", "coordinate", "at"), "of": "statistic"}
+    return Rows(Topic.factors, keys, values)
+
+
+DEPENDENCE = RunTable(
+    "dependence",
+    {
+        "dataset": pl.String,
+        "factor": pl.String,
+        **CONDITION,
+        **dict.fromkeys(
+            ("statistic", "axis", "unit", "level_a", "level_b", "larger", "better", "coordinate"), pl.String
+        ),
+        "at": pl.Int64,
+        **dict.fromkeys(("effect", "low", "high", "most"), pl.Float64),
+        "kind": EFFECT_INTERVAL_KIND,
+        "level": pl.Float64,
+        "resampled": RESAMPLED,
+        **dict.fromkeys(("margin", "p_yes", "q_yes", "p_no", "q_no"), pl.Float64),
+        **dict.fromkeys(("n_levels", "n_pairs", "n_scenes", "n_places"), pl.Int32),
+        "at_low": pl.Int64,
+        "at_high": pl.Int64,
+        "horizon": pl.Float64,
+        "more_scenes": pl.Int32,
+        "verdict": VERDICT,
+        "why": pl.String,
+    },
+    _factors(),
+)
+"""Does a factor change a statistic: one row per factor, condition that was held, and statistic.
+
+Levels are compared in pairs, within each scene. The row reports the pair level_a and level_b, and the size of its
+difference:
+
+- unit `ratio`: effect is the larger level over the smaller one, as geometric mean over scenes, ages (or frames) and
+  both coordinates. low and high are bounds of the same ratio, and below 1 if the order may be the other way round. high
+  and most are null for a ratio of outlier ratios of which one rests on fewer than five outliers per scene.
+- unit `px` (mean errors): effect is the size of the difference at one age and coordinate.
+
+coordinate and at are null unless a single age decides. most bounds the difference of any two levels at any age. margin
+is in the unit of the effect. larger is the level with the larger value, better that with smaller errors, fewer
+outliers or longer lifetimes; null for mean errors. n_pairs counts the pairs that were compared. n_scenes is the fewest
+scenes that two levels share, n_places the number of ages that were compared, from at_low to at_high. Lifetimes are
+restricted means to the common horizon (frames that the tracker saw). more_scenes is how many more scenes would settle
+an `undecided` with a probability of 80 %, where that is known.
+
+p_yes is the p-value of the hypothesis that no difference exceeds the margin, p_no of the hypothesis that some
+difference is at least the margin. q_yes and q_no are adjusted p-values: q_yes by Hochberg in a family (core and second
+moment; lifetime and outlier ratio; the others) of one cell, such as one tracker at one speed, and both by Benjamini and
+Hochberg over the rows of a factor about the same statistic.
+"""
 
 ROLES: Mapping[str, str] = {
     **{name: role for names in NAMES.values() for role, name in names.items() if role in STATISTICS},

@@ -68,9 +68,114 @@ from tracknoise.statistics.grouping import (
 from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
-from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
-from tracknoise.tables.schema import MOMENTS, SAMPLES, Schema, check, empty
+from tracknoise.tables.findings_schema import INTERVAL_KIND, RESAMPLED, SHAPE
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, bounds_of, same
+from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, check, empty
+from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import SPACE, format_as, listing, number, thousandths
+
+
+def _shape() -> Rows:
+    made = same("level", "resampled") | {"interval": "kind"}
+    values = [Value("shape", "shape", carried=same("n", "n_scenes", "verdict", "why") | made)]
+    for part, suffix in (("pooled", ""), ("within scenes", "_within")):
+        bounds = bounds_of(f"kurtosis{suffix}") | made
+        values += [
+            Value("skewness", f"skewness{suffix}", {"part": part}),
+            Value("kurtosis", f"kurtosis{suffix}", {"part": part}, carried=bounds),
+            Value("tail_ratio", f"tail_99{suffix}", {"part": part, "against": "99 %"}),
+        ]
+        for density in ("student", "mixture"):
+            stem = f"gain_{density}{suffix}"
+            bounds = bounds_of(stem) | made
+            values.append(Value("gain", f"{stem}_nats", {"part": part, "against": density}, carried=bounds))
+        values += [
+            Value("student_nu", f"student_nu{suffix}", {"part": part}),
+            Value("mixture_share", f"mixture_share{suffix}", {"part": part}),
+            Value("mixture_ratio", f"mixture_ratio{suffix}", {"part": part}),
+        ]
+    scales = bounds_of("gain_scales") | made
+    values += [
+        Value("tail_ratio", "tail_999", {"part": "pooled", "against": "99.9 %"}),
+        Value("gain", "gain_scales_nats", {"part": "scales of scenes", "against": "student"}, carried=scales),
+        Value("student_scale", "student_scale_px", {"part": "pooled"}),
+        Value("errors_sampled", "n_sampled"),
+    ]
+    keys = {**OF_CONDITION, "trimming": "trimming", "at_low": "age_low", "at_high": "age_high"}
+    return Rows(Topic.shape, keys, values)
+
+
+GAUSSIANITY = RunTable(
+    "gaussianity",
+    {
+        **CONDITIONS,
+        "trimming": TRIMMING,
+        "age_low": pl.Int64,
+        "age_high": pl.Int64,
+        "n": pl.Int64,
+        "n_sampled": pl.Int64,
+        "n_scenes": pl.Int32,
+        **dict.fromkeys(("skewness", "kurtosis", "kurtosis_low", "kurtosis_high", "tail_99", "tail_999"), pl.Float64),
+        **dict.fromkeys(("gain_student_nats", "gain_student_low", "gain_student_high"), pl.Float64),
+        **dict.fromkeys(("gain_mixture_nats", "gain_mixture_low", "gain_mixture_high"), pl.Float64),
+        **dict.fromkeys(("student_nu", "student_scale_px", "mixture_share", "mixture_ratio"), pl.Float64),
+        **dict.fromkeys(
+            ("skewness_within", "kurtosis_within", "kurtosis_within_low", "kurtosis_within_high", "tail_99_within"),
+            pl.Float64,
+        ),
+        **dict.fromkeys(
+            ("gain_student_within_nats", "gain_student_within_low", "gain_student_within_high"), pl.Float64
+        ),
+        **dict.fromkeys(
+            ("gain_mixture_within_nats", "gain_mixture_within_low", "gain_mixture_within_high"), pl.Float64
+        ),
+        **dict.fromkeys(("gain_scales_nats", "gain_scales_low", "gain_scales_high"), pl.Float64),
+        **dict.fromkeys(("student_nu_within", "mixture_share_within", "mixture_ratio_within"), pl.Float64),
+        "kind": INTERVAL_KIND,
+        "level": pl.Float64,
+        "resampled": RESAMPLED,
+        "verdict": SHAPE,
+        "why": pl.String,
+    },
+    _shape(),
+)
+"""Are errors Gaussian: one row per band of ages (or of distances from the key frame) of a condition.
+
+skewness and kurtosis are Mardia's b1 and b2 (0 and 8 for a Gaussian in two dimensions). tail_99 is P(d2 > 9.21) / 0.01,
+tail_999 P(d2 > 13.82) / 0.001. Gains are held-out log-likelihood per observation over a Gaussian, nats. All are of
+errors in units of the mean and covariance of their age. student_scale_px is the scale of one coordinate at a typical
+age; mixture_share is the share of the wider component, mixture_ratio how many times larger its covariance is.
+
+Columns with `_within` are of errors in units of the mean and covariance of their own scene, and the verdict is about
+these. gain_scales is what the different scales of scenes add: Student's gain less that within scenes.
+"""
+
+
+def _radii() -> Rows:
+    values = [Value("radius", name, {"part": name}) for name in ("expected", "observed")]
+    keys = {
+        **OF_CONDITION,
+        "trimming": "trimming",
+        "at_low": "age_low",
+        "at_high": "age_high",
+        "part_low": "probability",
+    }
+    return Rows(Topic.radii, keys, values)
+
+
+RADII = RunTable(
+    "radii",
+    {
+        **CONDITIONS,
+        "trimming": TRIMMING,
+        "age_low": pl.Int64,
+        "age_high": pl.Int64,
+        **dict.fromkeys(("probability", "expected", "observed"), pl.Float64),
+    },
+    _radii(),
+)
+"""Radial QQ plot: quantiles of the Mahalanobis distance, observed and of a Gaussian of the same covariance."""
 
 Array = NDArray[np.float64]
 

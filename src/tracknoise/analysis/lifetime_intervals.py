@@ -31,8 +31,34 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.lifetimes import RESTRICTED
 from tracknoise.statistics.prepared import block_of
-from tracknoise.tables.findings_schema import INCIDENCE
+from tracknoise.tables.findings_schema import CAUSE, INTERVAL_COLUMNS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import ESTIMATED, OF_CONDITION, RunTable, one_number
 from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, FAILURES, empty
+from tracknoise.tables.schema import POOLED as CONDITIONS
+
+INCIDENCE = RunTable(
+    "incidence",
+    {
+        **CONDITIONS,
+        "cause": CAUSE,
+        "lifetime": pl.Int64,
+        "incidence": pl.Float64,
+        **INTERVAL_COLUMNS,
+    },
+    one_number(
+        Topic.causes,
+        "incidence",
+        "incidence",
+        {**OF_CONDITION, "part": "cause", "at": "lifetime"},
+        ESTIMATED,
+    ),
+)
+"""Share of all tracks that have ended by a cause up to and including a lifetime: one row per cause and lifetime.
+
+At every lifetime, the incidences of all causes and the survival of `LIFETIMES` add up to 1. Bounds are null where the
+incidence is 0 or 1, or nothing can be resampled.
+"""
 
 QUANTILES: Mapping[str, float] = {
     "lower_quartile_lifetime": 0.75,

@@ -23,8 +23,120 @@ from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.statistics.definitions import NEAR_EDGE_PX, POOLED
 from tracknoise.statistics.grouping import Tables, by_condition, group_rows
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
-from tracknoise.tables.findings_schema import IMAGE_CELLS, SPEED_ERRORS, SURROUNDING_ERRORS
+from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import (
+    ESTIMATED_OF_N,
+    OF_CLASS,
+    OF_CONDITION,
+    Rows,
+    RunTable,
+    Value,
+    bounds_of,
+    one_number,
+    same,
+)
 from tracknoise.tables.schema import IMAGE_MAP, IMAGE_SPEEDS, SURROUNDING, SURROUNDINGS, empty
+from tracknoise.tables.schema import POOLED as CONDITIONS
+
+SURROUNDING_ERRORS = RunTable(
+    "surrounding_errors",
+    {
+        **CONDITIONS,
+        "surrounding": SURROUNDING,
+        "class": pl.String,
+        "class_low": pl.Float64,
+        "class_high": pl.Float64,
+        "axis": pl.String,
+        "at": pl.Int64,
+        "coordinate": pl.String,
+        "statistic": pl.String,
+        "unit": pl.String,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+    },
+    Rows(
+        Topic.surroundings,
+        {**OF_CONDITION, **OF_CLASS, **same("axis", "at", "coordinate"), "of": "statistic"},
+        [Value("surrounding", "value", carried=ESTIMATED_OF_N | {"unit": "unit"})],
+        packed={"part": ("surrounding", "class")},
+    ),
+)
+"""Untrimmed errors by what surrounds a feature: one row per property, class, age, coordinate and statistic.
+
+The properties are those of `tracknoise.tables.enumerations.Surrounding`. class_low and class_high bound a class of
+depths (m), of signed distances to a depth edge (px), or of angles of incidence (degrees). The classes of `side` are
+`near`, `far` and `none`: within 7.5 px of an edge, or not. Those of `occlusion` are `never`, `later` and `now`, and
+include features that are occluded; all others are of visible features. The coordinate is u, v, or along the motion of
+the true position.
+
+mean, second and share are the mean error, the second moment, and the share of the features that are of the class.
+share_of_mean and share_of_second are its shares of the sum of all errors and of their squares. mean_without is the mean
+error of all other features. second_removed is the share of the second moment that excluding the class removes, and
+second_removed_by_others the share that excluding all other classes removes.
+"""
+
+
+def _image() -> Rows:
+    made = same("level", "resampled", "n_units", "n_scenes") | {"interval": "kind"}
+    values = [
+        Value("image_spread", "spread_px", carried=made | {"n": "n", "verdict": "differs"}),
+        *(
+            Value("image_mean", f"mean_{name}_px", {"coordinate": name}, carried=made | bounds_of(f"mean_{name}"))
+            for name in "uv"
+        ),
+    ]
+    keys = {**OF_CONDITION, **same("axis", "at")}
+    return Rows(Topic.image, keys, values, packed={"part": ("row", "column")})
+
+
+IMAGE_CELLS = RunTable(
+    "image_cells",
+    {
+        **CONDITIONS,
+        "axis": pl.String,
+        "at": pl.Int64,
+        "row": pl.Int32,
+        "column": pl.Int32,
+        "n": pl.Int64,
+        **{f"mean_{axis}_{value}": pl.Float64 for axis in "uv" for value in ("px", "low", "high")},
+        "spread_px": pl.Float64,
+        "differs": pl.Boolean,
+        **{name: dtype for name, dtype in INTERVAL_COLUMNS.items() if name not in ("low", "high")},
+    },
+    _image(),
+)
+"""Mean of visible, untrimmed errors in each cell of the image, 20 columns x 14 rows, counted from the top left.
+
+spread_px is the standard deviation of one coordinate, as root mean square of both. The bounds in u and v hold together
+with the probability of the level. differs says whether they exclude a mean of zero; it is null without bounds.
+"""
+
+SPEED_ERRORS = RunTable(
+    "speed_errors",
+    {
+        **CONDITIONS,
+        "axis": pl.String,
+        "at": pl.Int64,
+        "class_low": pl.Float64,
+        "class_high": pl.Float64,
+        "coordinate": pl.String,
+        "n": pl.Int64,
+        "mean_px": pl.Float64,
+        **INTERVAL_COLUMNS,
+    },
+    one_number(
+        Topic.image_speeds,
+        "image_speed_mean",
+        "mean_px",
+        {**OF_CONDITION, **OF_CLASS, **same("axis", "at", "coordinate")},
+        ESTIMATED_OF_N,
+    ),
+)
+"""Mean of visible, untrimmed errors along and across the image motion, by its speed: class_low to class_high px/frame.
+
+The motion is that of the true position since the previous frame that the tracker saw.
+"""
 
 POINT = ["surrounding", "class", "class_low", "class_high", "axis", "at", "coordinate"]
 """Columns that identify a class at one age, and one coordinate of its errors."""

@@ -17,8 +17,43 @@ import polars as pl
 
 from tracknoise.analysis.factor_values import CORE, DISAGREE, Cell
 from tracknoise.tables.enumerations import Verdict
-from tracknoise.tables.findings_schema import DEPENDENCE, RANKS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import CONDITION, check, empty
+
+RANKS = RunTable(
+    "ranks",
+    {
+        "dataset": pl.String,
+        **{name: kind for name, kind in CONDITION.items() if name != "tracker"},
+        "statistic": pl.String,
+        "axis": pl.String,
+        "tracker": pl.String,
+        "best": pl.Int32,
+        "worst": pl.Int32,
+        "n_trackers": pl.Int32,
+        "n_scenes": pl.Int32,
+        "level": pl.Float64,
+        "why": pl.String,
+    },
+    Rows(
+        Topic.ranks,
+        {**OF_CONDITION, "axis": "axis", "of": "statistic"},
+        [
+            *(
+                Value("rank", name, {"part": name}, carried=same("n_scenes", "level", "why"))
+                for name in ("best", "worst")
+            ),
+            Value("rank_count", "n_trackers"),
+        ],
+    ),
+)
+"""Ranks of trackers at the lowest speed, one row per statistic and tracker, where three or more are compared.
+
+A tracker is between the ranks best and worst of n_trackers, by (ranks). n_scenes is the smallest number of scenes that
+it shares with another tracker. level is that of the comparisons. why names the trackers about which references of the
+two kinds disagree, if any.
+"""
 
 RANKED = (CORE, "second", "lifetime", "outlier_ratio")
 """Roles of the statistics that trackers are ranked by."""
@@ -48,14 +83,9 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
     -------
     polars.DataFrame
         Schema `RANKS`, by statistic and tracker, the best first. Nothing of statistics by which no pair was tested.
-
-    Raises
-    ------
-    SchemaError
-        If the table has other columns.
     """
     held = ["dataset", *(name for name in CONDITION if name != "tracker"), "statistic", "axis"]
-    known = check(pairs, DEPENDENCE, "pairs").filter(pl.col("p_yes").is_not_null().any().over(held))
+    known = pairs.filter(pl.col("p_yes").is_not_null().any().over(held))
     if known.is_empty():
         return empty(RANKS)
     shown = (pl.col("verdict") == Verdict.yes) & pl.col("at").is_null()

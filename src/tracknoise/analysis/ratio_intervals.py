@@ -7,9 +7,51 @@ from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
-from tracknoise.tables.findings_schema import POINT_TRACKING_METRICS, RATIO_VALUES
-from tracknoise.tables.quantities import QUANTITIES, ComparedBy
-from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, RATIOS
+from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
+from tracknoise.tables.quantities import QUANTITIES, ComparedBy, Topic
+from tracknoise.tables.run_table import ESTIMATED, ESTIMATED_OF_N, OF_CONDITION, Rows, RunTable, Value, one_number, same
+from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, RATIOS, TRIMMING
+from tracknoise.tables.schema import POOLED as CONDITIONS
+
+POINT_TRACKING_METRICS = RunTable(
+    "point_tracking_metrics",
+    {
+        **CONDITIONS,
+        "raster": pl.String,
+        "metric": pl.String,
+        **ESTIMATE_COLUMNS,
+    },
+    one_number(
+        Topic.point_tracking,
+        "point_tracking",
+        "value",
+        {**OF_CONDITION, "part": "raster", "of": "metric"},
+        ESTIMATED,
+    ),
+)
+"""Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.
+
+The table has rows only where the experiment asks for these metrics.
+"""
+
+RATIO_VALUES = RunTable(
+    "ratios",
+    {
+        **CONDITIONS,
+        "quantity": pl.String,
+        "trimming": TRIMMING,
+        "axis": pl.String,
+        "at": pl.Int64,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+    },
+    Rows(
+        Topic.ratios,
+        {**OF_CONDITION, **same("trimming", "axis", "at")},
+        [Value(name, "value", {}, {"quantity": name}, ESTIMATED_OF_N) for name in NAMES_OF_RATIOS],
+    ),
+)
+"""Ratios of sums over features, by age: the quantities of `tracknoise.tables.quantities.RATIOS`, features pooled."""
 
 _POINT = ["quantity", "trimming", "axis", "at"]
 _METRIC = ["raster", "metric"]

@@ -25,8 +25,47 @@ from tracknoise.inference.units import Resampled
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.statistics.grouping import Tables
 from tracknoise.statistics.lifetimes import RESTRICTED
-from tracknoise.tables.findings_schema import INTERVALS, SEED_SPREAD
+from tracknoise.tables.findings_schema import INTERVALS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
+from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.tables.schema import check, empty
+
+
+def _seeds() -> Rows:
+    values = [
+        Value("seed_spread", "standard_deviation", carried=same("unit") | {"verdict": "widens_interval"}),
+        Value("seed_mean", "mean", carried=same("unit")),
+        Value("seeds", "n_seeds"),
+    ]
+    keys = {
+        **OF_CONDITION,
+        **same("population", "trimming", "weighting", "axis", "at", "coordinate"),
+        "of": "statistic",
+    }
+    return Rows(Topic.seeds, keys, values)
+
+
+SEED_SPREAD = RunTable(
+    "seed_spread",
+    {
+        **CONDITIONS,
+        **{
+            name: INTERVALS[name]
+            for name in ("population", "trimming", "weighting", "statistic", "axis", "at", "coordinate", "unit")
+        },
+        "mean": pl.Float64,
+        "standard_deviation": pl.Float64,
+        "n_seeds": pl.Int32,
+        "widens_interval": pl.Boolean,
+    },
+    _seeds(),
+)
+"""How much a number differs between random seeds of the trackers, in its own unit.
+
+The table has rows if an experiment has several seeds. widens_interval states whether the standard deviation was added
+to the interval of the number in `INTERVALS`. Intervals that resample scenes include this chance already.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,10 +60,98 @@ from tracknoise.statistics.grouping import (
     scenes_by_dataset,
 )
 from tracknoise.tables.defaults import MARGIN, MIN_FEATURES
-from tracknoise.tables.enumerations import Aspect, Behaviour, Verdict
-from tracknoise.tables.findings_schema import TIME_STRUCTURE
-from tracknoise.tables.schema import ASPECT_BLOCKS, ASPECTS, BLOCKS, INCREMENTS, MOMENTS, ORIGIN, SEQUENCE, check
+from tracknoise.tables.enumerations import Aspect, Behaviour, Verdict, Weighting
+from tracknoise.tables.findings_schema import BEHAVIOUR, INTERVAL_KIND, RESAMPLED
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import OF_CONDITION, Constants, Rows, RunTable, Value, bounds_of, same
+from tracknoise.tables.schema import (
+    ASPECT_BLOCKS,
+    ASPECTS,
+    BLOCKS,
+    INCREMENTS,
+    MOMENTS,
+    ORIGIN,
+    SEQUENCE,
+    TRIMMING,
+    VERDICT,
+    check,
+)
+from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import only
+
+_GROWTH = (
+    *("white_px", "walk_px_per_sqrt_frame", "drift_px_per_frame"),
+    *("saturating_white_px", "saturating_px", "saturating_frames"),
+    *("white_px_geometric", "walk_px_per_sqrt_frame_geometric", "drift_px_per_frame_geometric"),
+    *("autocorrelation", *(f"autocorrelation_{lag}" for lag in range(2, LAGS + 1))),
+    "growth_ratio",
+)
+
+
+def _growth() -> Rows:
+    made = same("level", "resampled") | {"interval": "kind"}
+    values = [Value("growth", "growth", carried={"n": "n_ages", **same("n_scenes", "verdict", "why"), **made})]
+    ends = {"low": "growth_ratio_low", "high": "growth_ratio_high", "at_low": "growth_from", "at_high": "growth_to"}
+    of_ratio = {**ends, "verdict": "grows", **same("level", "resampled", "coverage")}
+    values.append(Value("growth_ratio", "growth_ratio", carried=of_ratio, always=True))
+
+    def bounded(quantity: str, column: str, labels: Constants, *, kind: str = "kind") -> Value:
+        bounds = bounds_of(column) | same("resampled") | {"interval": kind}
+        return Value(quantity, column, labels, carried=bounds, always=column == "autocorrelation")
+
+    for quantity, column in (
+        ("white", "white_px"),
+        ("random_walk", "walk_px_per_sqrt_frame"),
+        ("drift", "drift_px_per_frame"),
+    ):
+        values.append(bounded(quantity, column, {"weighting": Weighting.features}))
+        values.append(bounded(quantity, f"{column}_geometric", {"weighting": Weighting.geometric}))
+    for quantity in ("saturating_white", "saturating"):
+        values.append(bounded(quantity, f"{quantity}_px", {"weighting": Weighting.features}))
+    values.append(bounded("saturating_frames", "saturating_frames", {"weighting": Weighting.features}))
+    for lag in range(1, LAGS + 1):
+        column = "autocorrelation" if lag == 1 else f"autocorrelation_{lag}"
+        values.append(bounded("autocorrelation", column, {"axis": "lag", "at": lag}, kind="autocorrelation_kind"))
+    keys = {**OF_CONDITION, **same("trimming", "coordinate")}
+    return Rows(Topic.growth, keys, values)
+
+
+TIME_STRUCTURE = RunTable(
+    "time_structure",
+    {
+        **CONDITIONS,
+        "trimming": TRIMMING,
+        "coordinate": pl.String,
+        "n_ages": pl.Int32,
+        "n_scenes": pl.Int32,
+        **{f"{name}{bound}": pl.Float64 for name in _GROWTH for bound in ("", "_low", "_high")},
+        "kind": INTERVAL_KIND,
+        "autocorrelation_kind": INTERVAL_KIND,
+        "level": pl.Float64,
+        "resampled": RESAMPLED,
+        "coverage": pl.Float64,
+        "growth_from": pl.Int64,
+        "growth_to": pl.Int64,
+        "grows": VERDICT,
+        "verdict": BEHAVIOUR,
+        "why": pl.String,
+    },
+    _growth(),
+)
+"""How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
+
+white_px, walk_px_per_sqrt_frame and drift_px_per_frame are of all errors together, so that every feature counts alike.
+Those with `_geometric` are geometric means over scenes: the sizes in a scene of typical scale. saturating_white_px,
+saturating_px and saturating_frames are white, size and tau of white^2 + size^2 (1 - exp(-k / tau)), and null where the
+polynomial agrees with the data. autocorrelation is that of the changes at one step of the tracker, about zero;
+autocorrelation_2 to autocorrelation_5 are those at 2 to 5 steps. coordinate is u or v. white_px is the root of the
+constant term: sqrt(2) times the noise of a single position, if the first position is as noisy as the others.
+
+growth_ratio is the RMS at age growth_to over that at growth_from, of the tracks that live to age 10 where these are
+known, with scenes counted alike. coverage is the share of intervals of geometric means that contain the true value
+where single errors have a heavy tail, and null elsewhere. `grows` says whether growth_ratio is above 1 + margin, and
+`verdict` how errors grow: by the established part that grows, white if there is none and errors do not grow.
+"""
 
 Array = NDArray[np.float64]
 _Fit = Callable[[Array], Array]

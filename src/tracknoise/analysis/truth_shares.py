@@ -25,15 +25,144 @@ from tracknoise.statistics.definitions import LENGTHS, POOLED, UNITS
 from tracknoise.statistics.grouping import Tables, by_condition, tables_of
 from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.enumerations import Axis, Population
-from tracknoise.tables.findings_schema import (
-    EVERYTHING,
-    MEASURED,
-    POSE_DISAGREEMENT,
-    TRACKER_DIFFERENCES,
-    TRIANGULATED_NOISE,
-    TWO_TRUTHS,
+from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, EVERYTHING, INTERVAL_COLUMNS, MEASURED
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, OF_VIEW, Rows, RunTable, Value, one_number, same
+from tracknoise.tables.schema import (
+    BETWEEN_TRACKERS,
+    FITTED_MEASURE,
+    FITTED_NOISE,
+    ORIGIN,
+    POSE_DIFFERENCES,
+    TRIMMING,
+    TRUTH_DIFFERENCES,
+    TRUTH_QUANTITY,
+    VIEW,
+    check,
 )
-from tracknoise.tables.schema import BETWEEN_TRACKERS, FITTED_NOISE, ORIGIN, POSE_DIFFERENCES, TRUTH_DIFFERENCES, check
+from tracknoise.tables.schema import POOLED as CONDITIONS
+
+
+def _second_truth() -> Rows:
+    values = [
+        Value(f"truth_difference_{statistic}", "value", {}, {"statistic": statistic}, ESTIMATED_OF_N)
+        for statistic in ("mean", "second")
+    ]
+    keys = {**OF_CONDITION, **same("trimming", "coordinate"), "part": "quantity", "at": "age"}
+    return Rows(Topic.second_truth, keys, values)
+
+
+TWO_TRUTHS = RunTable(
+    "two_truths",
+    {
+        **CONDITIONS,
+        "quantity": TRUTH_QUANTITY,
+        "trimming": TRIMMING,
+        "age": pl.UInt32,
+        "statistic": pl.String,
+        "coordinate": pl.String,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+    },
+    _second_truth(),
+)
+"""How far the true positions by two truths are apart, by age, and the errors of trackers by each of them.
+
+The statistics are `mean` (px; u, v) and `second`, the second moment about zero (px^2; u, v, uv). All quantities have
+the same observations: those visible by the first truth whose true position the second knows too. The disagreement is
+zero at age 0. Its second moment is the sum of the second moments of the errors of both truths if these are independent.
+The table has no rows unless the experiment has a second truth.
+"""
+
+POSE_DISAGREEMENT = RunTable(
+    "pose_disagreement",
+    {
+        "dataset": pl.String,
+        **VIEW,
+        "lag": pl.UInt32,
+        "quantity": pl.String,
+        "unit": pl.String,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+    },
+    one_number(
+        Topic.pose_disagreement,
+        "pose_disagreement",
+        "value",
+        {"dataset": "dataset", **OF_VIEW, "at": "lag", "of": "quantity"},
+        ESTIMATED_OF_N | {"unit": "unit"},
+    ),
+)
+"""Root mean square difference per axis between the relative poses of two truths, by lag in frames.
+
+The quantity is `rotation` (degrees) or `translation` (metres), n the number of pairs of frames. The table has no rows
+unless the experiment has a second truth.
+"""
+
+TRIANGULATED_NOISE = RunTable(
+    "triangulated_noise",
+    {
+        **CONDITIONS,
+        "measure": FITTED_MEASURE,
+        "trimming": TRIMMING,
+        "length_low": pl.Int64,
+        "length_high": pl.Int64,
+        "coordinate": pl.String,
+        "n": pl.Int64,
+        "sigma_px": pl.Float64,
+        **INTERVAL_COLUMNS,
+    },
+    one_number(
+        Topic.fitted_noise,
+        "fitted_noise",
+        "sigma_px",
+        {
+            **OF_CONDITION,
+            **same("trimming", "coordinate"),
+            "part": "measure",
+            "at_low": "length_low",
+            "at_high": "length_high",
+        },
+        ESTIMATED_OF_N,
+    ),
+)
+"""Noise of tracks whose true positions are triangulated: standard deviation of one coordinate of a position, px.
+
+The measure `triangulated` is from errors about the fitted points, with 2 N - 3 degrees of freedom for a track of N
+observations. `epipolar` is from distances to the epipolar line of the first observation, which tracks of two
+observations have as well; its coordinate is `both`. length_low and length_high bound the number of observations of the
+tracks; both are null for all lengths together, and length_high for the longest class. n counts observations. White
+noise in every position is measured without bias. Errors along the epipolar line are not seen. The table has no rows for
+other kinds of truth.
+"""
+
+TRACKER_DIFFERENCES = RunTable(
+    "tracker_differences",
+    {
+        **CONDITIONS,
+        "other": pl.String,
+        "statistic": pl.String,
+        "age": pl.Int64,
+        "coordinate": pl.String,
+        "unit": pl.String,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+        "established": pl.Boolean,
+    },
+    one_number(
+        Topic.tracker_differences,
+        "tracker_difference",
+        "value",
+        {**OF_CONDITION, "against": "other", "of": "statistic", "at": "age", "coordinate": "coordinate"},
+        ESTIMATED_OF_N | {"unit": "unit", "verdict": "established"},
+    ),
+)
+"""Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.
+
+statistic is `mean` (px) or `central`, the covariance of the differences (px^2): u and v are variances. An error of the
+truth cancels in the difference. established states whether a mean differs from 0 at the level of the row, with
+Bonferroni's correction for all ages and both coordinates of the two trackers; it is null for covariances.
+"""
 
 NO_KEY_FRAMES: Mapping[str, int] = {}
 

@@ -44,9 +44,62 @@ from tracknoise.statistics.grouping import (
 )
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
-from tracknoise.tables.findings_schema import CURVES, ZERO_MEAN
-from tracknoise.tables.schema import MOMENTS, check, empty
+from tracknoise.tables.findings_schema import CURVES
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import COUNTED, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
+from tracknoise.tables.schema import MOMENTS, TRIMMING, VERDICT, check, empty
+from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import scenes_counted
+
+_BIAS_TESTS = (
+    *("hotelling_p", "hotelling_p_adjusted"),
+    *("sign_flip_p", "sign_flip_p_adjusted", "sign_flip_p_family", "iid_p"),
+)
+
+
+def _bias() -> Rows:
+    of_mean = {name: bounds_of(f"mean_{name}", "_px") for name in "uv"}
+    values = [
+        Value("bias", "effect_px", carried={**COUNTED, **same("verdict", "why"), **bounds_of("effect", "_px")}),
+        *(
+            Value("bias_component", f"mean_{name}_px", {"coordinate": name}, carried=COUNTED | of_mean[name])
+            for name in "uv"
+        ),
+        Value("bias_share", "share_of_second"),
+        *(Value("p_value", name, {"part": name}) for name in _BIAS_TESTS),
+    ]
+    keys = {**OF_CONDITION, **same("trimming", "axis", "at")}
+    return Rows(Topic.bias, keys, values)
+
+
+ZERO_MEAN = RunTable(
+    "zero_mean",
+    {
+        **CONDITIONS,
+        "trimming": TRIMMING,
+        "axis": pl.String,
+        "at": pl.Int64,
+        "n": pl.Int64,
+        "n_scenes": pl.Int32,
+        **dict.fromkeys(("mean_u_px", "mean_u_low_px", "mean_u_high_px"), pl.Float64),
+        **dict.fromkeys(("mean_v_px", "mean_v_low_px", "mean_v_high_px"), pl.Float64),
+        **dict.fromkeys(("effect_px", "effect_low_px", "effect_high_px", "share_of_second"), pl.Float64),
+        **dict.fromkeys(_BIAS_TESTS, pl.Float64),
+        "verdict": VERDICT,
+        "why": pl.String,
+        "level": pl.Float64,
+    },
+    _bias(),
+)
+"""Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
+
+effect_px is the length of the mean, share_of_second its square over the trace of the second moment about zero. Bounds
+are for one age alone, u and v together: effect_low_px is above 0 exactly where sign_flip_p is at most 1 - level. They
+and level are null where there is no test, and in the row of all ages. Adjusted p-values are over the ages of a
+condition: Hotelling's by Holm, that of the sign flips by the largest statistic of each flip. sign_flip_p_family is over
+all ages of all conditions of the dataset, and the verdict is about it. iid_p is the p-value of a test that assumes
+independent features. The verdict `yes` means that the mean differs from zero, `undecided` that it may or may not.
+"""
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,13 @@ import polars as pl
 
 from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
-from tracknoise.tables.findings_schema import AUDIT, FINDINGS, INTERVALS, OUTLIERS, RUN_TABLES, SUMMARY
+from tracknoise.tables.findings_schema import AUDIT, FINDINGS, INTERVALS, OUTLIERS, SUMMARY
 from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
+from tracknoise.topics.catalogue import RUN_TABLES
 
 if TYPE_CHECKING:
     from tracknoise.api.sigma_to_set import SigmaToSet

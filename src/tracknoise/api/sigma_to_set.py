@@ -8,10 +8,9 @@ import polars as pl
 from tracknoise.estimators.advice import Advice, Gate, innovations_of
 from tracknoise.estimators.exports import Estimator, estimator, estimator_name, right_for
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.run_models import run_models
+from tracknoise.estimators.run_models import ADVICE, run_models
 from tracknoise.exceptions import SettingsError
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.findings_schema import ADVICE
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import html_card
 from tracknoise.words import number, pixels, px

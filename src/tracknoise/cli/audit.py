@@ -16,7 +16,8 @@ from tracknoise.cli.shared_options import (
     write_json,
 )
 from tracknoise.cli.terminal import WIDTH, Terminal
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, POSE_LAW, RIGID_SHARE, TRUST
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, TRUST
+from tracknoise.truth_faults.pose_accuracy import POSE_LAW, RIGID_SHARE
 
 if TYPE_CHECKING:
     import polars as pl

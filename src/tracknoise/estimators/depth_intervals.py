@@ -46,8 +46,44 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of, quantile, share_below
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import DEPTH_INTERVALS
+from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity
 from tracknoise.tables.schema import NOISE_SUMS, NOISE_TRACKS, TRIMMING, WINDOW_NOISE, Schema, check, empty
+from tracknoise.tables.schema import POOLED as CONDITIONS
+
+
+def _depths() -> Rows:
+    names: dict[str, tuple[str, Constants]] = {
+        **{f"coverage_{level}": ("depth_coverage", {"of": f"{level} %"}) for level in (50, 90, 95, 99)},
+        "overconfidence": ("depth_overconfidence", {}),
+        "error_ratio": ("depth_error_ratio", {}),
+        "depth_error": ("depth_error", {}),
+    }
+    values = by_quantity(names, ESTIMATED_OF_N, axis="window", of=None)
+    keys = {**OF_CONDITION, "trimming": "trimming", "at": "window", "part": "covariance", "part_low": "sigma_px"}
+    return Rows(Topic.depths, keys, values)
+
+
+DEPTH_INTERVALS = RunTable(
+    "depth_intervals",
+    {
+        **CONDITIONS,
+        "trimming": TRIMMING,
+        "window": pl.UInt32,
+        "covariance": pl.String,
+        "quantity": pl.String,
+        "sigma_px": pl.Float64,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+    },
+    _depths(),
+)
+"""What estimators would claim of the depths of points of other scenes: see `tracknoise.estimators.depth_intervals`.
+
+covariance says which noise is assumed, and sigma_px how large it is if it is one number. n counts windows. No quantity
+has a unit.
+"""
 
 Array = NDArray[np.float64]
 

@@ -64,10 +64,52 @@ from tracknoise.inference.jackknife import student_interval
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, by_number, scheme
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.enumerations import Lookup, Product
-from tracknoise.tables.findings_schema import NOISE_LOOKUP
-from tracknoise.tables.schema import check, empty
+from tracknoise.tables.findings_schema import INTERVAL_COLUMNS, LOOKUP
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import ESTIMATED, Rows, RunTable, Value, bounds_of
+from tracknoise.tables.schema import PRODUCT, check, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
+
+
+def _lookup() -> Rows:
+    gain = ESTIMATED | {"n": "n", "verdict": "established", "why": "why"}
+    values = [
+        Value("noise_gain", "gain_nats", carried=gain),
+        *(
+            Value("noise_spread", f"factor{table}", {"at_low": place}, carried=bounds_of(f"factor{table}"))
+            for place, table in enumerate(("", "_against"))
+        ),
+    ]
+    keys = {"dataset": "dataset", "of": "product", "part": "lookup", "against": "against"}
+    return Rows(Topic.lookup, keys, values)
+
+
+NOISE_LOOKUP = RunTable(
+    "noise_lookup",
+    {
+        "dataset": pl.String,
+        "product": PRODUCT,
+        "lookup": LOOKUP,
+        "against": LOOKUP,
+        "n": pl.Int64,
+        "gain_nats": pl.Float64,
+        **INTERVAL_COLUMNS,
+        "established": pl.Boolean,
+        **{f"factor{table}{bound}": pl.Float64 for table in ("", "_against") for bound in ("", "_low", "_high")},
+        "why": pl.String,
+    },
+    _lookup(),
+)
+"""How much better a table of covariances predicts scenes that were left out (`tracknoise.estimators.lookup_table`).
+
+product is `error`, the error about the first position, or `change`, what it changes from one observation to the next.
+Both are second moments about zero, without the outliers that `NOISE_OUTLIERS` counts. gain_nats is the gain of the
+table `lookup` over the table `against`, nat per error, with low and high as its bounds. established states whether the
+gain is above 0 at the level of the row; it is null without an interval, and why says what is missing. factor is by how
+much the second moment of a scene typically differs from the table `lookup`, as a ratio, factor_against from the other
+one. n counts errors.
+"""
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,53 @@ from tracknoise.estimators.training import RunTruth, TrainingTables, all_trainin
 from tracknoise.exceptions import DataError, SettingsError, StoreError
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.processes import ONE_THREAD, process_pool
-from tracknoise.tables.findings_schema import ADVICE
 from tracknoise.tables.identity import identifiers
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import OF_CONDITION, Constants, Rows, RunTable, by_quantity, same
+from tracknoise.tables.schema import POOLED
 from tracknoise.tables.store import RunFolder
+
+
+def _advice() -> Rows:
+    names: dict[str, tuple[str, Constants]] = {
+        "sigma": ("sigma_to_set", {}),
+        "state_sigma": ("state_sigma_to_set", {}),
+        "knee": ("knee_to_set", {}),
+        "track_gate": ("gate_to_set", {"against": "track"}),
+        "observation_gate": ("gate_to_set", {"against": "observation"}),
+        "innovations": ("sigma_of_innovations", {}),
+        "gated_nees": ("nees_with_gate", {}),
+    }
+    values = by_quantity(names, same("low", "high", "level", "n_scenes", "why"), axis="window", against=None)
+    packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
+    keys = {**OF_CONDITION, "at": "window"}
+    return Rows(Topic.advice, keys, values, packed=packed)
+
+
+ADVICE = RunTable(
+    "advice",
+    {
+        **POOLED,
+        **dict.fromkeys(("estimator", "landmark", "purpose", "kernel"), pl.String),
+        "window": pl.UInt32,
+        "quantity": pl.String,
+        "value": pl.Float64,
+        "low": pl.Float64,
+        "high": pl.Float64,
+        "why": pl.String,
+        "level": pl.Float64,
+        "n_scenes": pl.Int32,
+    },
+    _advice(),
+)
+"""What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
+
+estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma, state_sigma (of
+features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
+are factors on chi-square quantiles at .95. gated_nees is the NEES of the newest pose with sigma and the gate of tracks,
+where it was tried. why says why windows are simulated; it is null where they are not. level is
+that of the interval; it is null without one. n_scenes is how many scenes the model was fitted to.
+"""
 
 _RECORD, _FOLDER = "noise/models.json", "statistics/"
 

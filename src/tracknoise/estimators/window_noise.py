@@ -32,8 +32,48 @@ from tracknoise.inference.units import SceneGroups, Units, scheme
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, Tables, TablesByCondition, by_condition
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, quantile, share_below
-from tracknoise.tables.findings_schema import WINDOW_SIGMAS
-from tracknoise.tables.schema import WINDOW_BLOCKS, WINDOW_NOISE, check
+from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity
+from tracknoise.tables.schema import POOLED as CONDITIONS
+from tracknoise.tables.schema import TRIMMING, WINDOW_BLOCKS, WINDOW_NOISE, check
+
+
+def _windows() -> Rows:
+    names: dict[str, tuple[str, Constants]] = {
+        "residual_sigma": ("residual_sigma", {}),
+        "residual_sigma_u": ("residual_sigma_of_coordinate", {"coordinate": "u"}),
+        "residual_sigma_v": ("residual_sigma_of_coordinate", {"coordinate": "v"}),
+        "residual_core": ("residual_core", {}),
+        "consistent_sigma": ("sigma", {}),
+        "overconfidence": ("overconfidence", {}),
+        "core_overconfidence": ("core_overconfidence", {}),
+        "z_root_mean_square": ("z_root_mean_square", {}),
+        **{f"gate_{level}": ("gate_factor", {"part": f"{level} %"}) for level in (95, 99)},
+        **{f"coverage_{level}": ("window_coverage", {"part": f"{level} %"}) for level in (50, 90, 95, 99)},
+        "depth_share": ("depth_share", {}),
+    }
+    values = by_quantity(names, ESTIMATED_OF_N, axis="window", coordinate=None, part=None)
+    keys = {**OF_CONDITION, "trimming": "trimming", "at": "window"}
+    return Rows(Topic.windows, keys, values)
+
+
+WINDOW_SIGMAS = RunTable(
+    "window_sigmas",
+    {
+        **CONDITIONS,
+        "trimming": TRIMMING,
+        "window": pl.UInt32,
+        "quantity": pl.String,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+    },
+    _windows(),
+)
+"""The noise to give to an estimator, by length of its windows: see `tracknoise.estimators.window_noise`.
+
+Sigmas, residual_core and z_root_mean_square are in px, all others have no unit. n counts windows.
+"""
 
 _POINT = ["trimming", "window"]
 _SUMS = ("n", "n_depth", "squares_u", "freedom_u", "squares_v", "freedom_v", "squares_z")

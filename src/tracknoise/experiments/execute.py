@@ -38,10 +38,10 @@ from tracknoise.sequences.views import PartOfSequence
 from tracknoise.statistics.joining import OF_THE_WHOLE, Part, join, rows_of
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.statistics.trimming import trim
-from tracknoise.tables.findings_schema import RUN_TABLES
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
+from tracknoise.topics.catalogue import RUN_TABLES
 
 
 class Listener(Protocol):

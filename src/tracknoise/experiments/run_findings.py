@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.analysis.condition_units import Sampling, groups_of_scenes
 from tracknoise.analysis.factor_values import option_factors
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.estimators.run_models import RunModels, advice_table, fitted_models
+from tracknoise.estimators.run_models import ADVICE, RunModels, advice_table, fitted_models
 from tracknoise.estimators.training import RunTruth
 from tracknoise.experiments.local_workers import beside
 from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
@@ -18,23 +18,14 @@ from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import dropped_above
-from tracknoise.tables.findings_schema import (
-    ADVICE,
-    AUDIT,
-    AUDIT_CURVES,
-    FINDINGS,
-    FINDINGS_TABLES,
-    TRIMS,
-    TRUST,
-    by_table,
-)
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FINDINGS, TRIMS, TRUST
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.run_table import RunTable
 from tracknoise.tables.schema import VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, RunFolder
 from tracknoise.tables.trust import TruthVerdict
-from tracknoise.topics.catalogue import TOPICS
+from tracknoise.topics.catalogue import FINDINGS_TABLES, TOPICS, by_table
 from tracknoise.topics.headline import ReportedConditions
 from tracknoise.topics.headlines import basis_of, findings_json, headline_table
 from tracknoise.topics.topic import NO_ROWS, Analysis, make_tables

@@ -12,7 +12,7 @@ from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.experiments.wrong_tracks import largest, wrong_in_run
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FLOOR, POSE_SHARE, SUMMARY
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FLOOR, SUMMARY
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.run_table import RunTable
 from tracknoise.tables.schema import RIGID, VIEW, empty
@@ -20,7 +20,7 @@ from tracknoise.tables.store import RunFolder
 from tracknoise.truth_faults.assessment import MOST, ErrorSize, TruthEvidence, assess, refutes
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
-from tracknoise.truth_faults.pose_accuracy import scene_shares
+from tracknoise.truth_faults.pose_accuracy import POSE_SHARE, scene_shares
 
 
 def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dict[str, pl.DataFrame]:

@@ -10,9 +10,9 @@ from typing import Any
 import polars as pl
 
 from tracknoise import words
-from tracknoise.analysis.factors import ROLES
+from tracknoise.analysis.factors import DEPENDENCE, ROLES
 from tracknoise.statistics.yardstick import FACTORS
-from tracknoise.tables.findings_schema import DEPENDENCE, EFFECTS
+from tracknoise.tables.findings_schema import EFFECTS
 from tracknoise.tables.schema import CONDITION, VERDICT, Schema
 
 STATISTICS: Mapping[str, str] = {role: name for role, name in words.STATISTICS.items() if role != "core"}

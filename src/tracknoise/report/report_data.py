@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import polars as pl
 
 from tracknoise.report import paper, style
 from tracknoise.tables.identity import identifiers
+from tracknoise.tables.result_rows import run_results
+from tracknoise.tables.store import FINDINGS_JSON, RunFolder
 from tracknoise.text import absolute_paths, without_folders
+from tracknoise.topics.catalogue import RUN_TABLES
 from tracknoise.topics.run_data import RunData
 
 _FIXED = ("by-lighting",)
@@ -18,6 +21,24 @@ _FIXED = ("by-lighting",)
 @dataclass(frozen=True)
 class ReportData(RunData):
     """What figures, tables and sentences of a report are made of."""
+
+    @classmethod
+    def of(cls, run: RunFolder) -> "Self":
+        """Read a run folder.
+
+        Raises
+        ------
+        StoreError, SchemaError
+            If there is no run, or one of its files is missing or damaged.
+        """
+        tables = {name: run.statistics(table) for name, table in RUN_TABLES.items()}
+        run.document(FINDINGS_JSON)  # the same findings for other programs, which must not be damaged either
+        return cls(run, run.manifest(), run.settings(), tables)
+
+    @cached_property
+    def results(self) -> pl.DataFrame:
+        """The table of results, which is made of the tables."""
+        return run_results(self.run, RUN_TABLES.values())
 
     def shown(self, settings: Any) -> Any:
         """Settings, or a text about data, without the folders of the machine (`tracknoise.text.without_folders`)."""

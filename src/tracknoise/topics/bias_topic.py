@@ -6,10 +6,10 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.analysis.zero_mean import verdict_at, zero_mean
+from tracknoise.analysis.zero_mean import ZERO_MEAN, verdict_at, zero_mean
 from tracknoise.inference.estimates import Estimate
 from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
-from tracknoise.tables.findings_schema import CURVES, ZERO_MEAN
+from tracknoise.tables.findings_schema import CURVES
 from tracknoise.topics.answer_summary import Measure, Number
 from tracknoise.topics.headline import (
     Headline,

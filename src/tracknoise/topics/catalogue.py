@@ -1,5 +1,12 @@
-"""All topics, the most important first."""
+"""All topics, the most important first, and all tables of a run."""
 
+from collections.abc import Mapping
+
+import polars as pl
+
+from tracknoise.estimators.run_models import ADVICE
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FINDINGS, STATISTICS_TABLES, TRUST
+from tracknoise.tables.run_table import RunTable
 from tracknoise.topics.bias_topic import BIAS
 from tracknoise.topics.covariance_topic import COVARIANCES
 from tracknoise.topics.depth_topic import DEPTHS
@@ -12,7 +19,7 @@ from tracknoise.topics.ratio_topic import RATIOS_OF_SUMS
 from tracknoise.topics.scene_topic import COPIED_SCENES, FEW_SCENES, GROUPED_SCENES
 from tracknoise.topics.shape_topic import SHAPE
 from tracknoise.topics.size_topic import SIZE, SURVIVORSHIP
-from tracknoise.topics.topic import Topic
+from tracknoise.topics.topic import Analysis, Topic
 from tracknoise.topics.track_topics import LIFETIMES_OF_TRACKS, OUTLIERS_OF_TRACKERS
 from tracknoise.topics.trimming_topic import TRIMMING_MATTERS
 from tracknoise.topics.truth_topic import (
@@ -51,3 +58,21 @@ TOPICS: tuple[Topic, ...] = (
     LIFETIMES_OF_TRACKS,
     NUMBERS,
 )
+
+ANALYSES: tuple[Analysis, ...] = tuple(analysis for topic in TOPICS for analysis in topic.analyses)
+FINDINGS_TABLES = (
+    *(table for analysis in ANALYSES for table in analysis.tables),
+    ADVICE,
+    AUDIT,
+    AUDIT_CURVES,
+    TRUST,
+    FINDINGS,
+)
+"""Tables of a run that are made of others. They are empty where these analyses were not made."""
+RUN_TABLES = {table.name: table for table in (*STATISTICS_TABLES, *FINDINGS_TABLES)}
+"""Tables of the whole run by their names: a file each."""
+
+
+def by_table(tables: Mapping[str, pl.DataFrame]) -> dict[RunTable, pl.DataFrame]:
+    """Tables of a run by what they are, not by name."""
+    return {RUN_TABLES[name]: table for name, table in tables.items()}

@@ -5,13 +5,13 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.covariance_verdicts import ALIKE, LEAST_GAIN, allowing_for_truth, worst_shape
+from tracknoise.analysis.covariance_verdicts import ALIKE, LEAST_GAIN, OWN_COVARIANCES, allowing_for_truth, worst_shape
 from tracknoise.analysis.covariance_verdicts import own_covariances as own_covariance_table
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import Trust, Verdict
-from tracknoise.tables.findings_schema import OWN_COVARIANCES, TRUST
+from tracknoise.tables.findings_schema import TRUST
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.topics.run_data import RunData

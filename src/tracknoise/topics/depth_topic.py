@@ -3,10 +3,9 @@
 import polars as pl
 
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.estimators.depth_intervals import depth_intervals
+from tracknoise.estimators.depth_intervals import DEPTH_INTERVALS, depth_intervals
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.tables.findings_schema import DEPTH_INTERVALS
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.topic import Analysis, Topic

@@ -5,10 +5,16 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.places_found import image_cells, speed_errors, surrounding_errors
+from tracknoise.analysis.places_found import (
+    IMAGE_CELLS,
+    SPEED_ERRORS,
+    SURROUNDING_ERRORS,
+    image_cells,
+    speed_errors,
+    surrounding_errors,
+)
 from tracknoise.inference.estimates import Estimate
 from tracknoise.tables.enumerations import EdgeSide, Surrounding
-from tracknoise.tables.findings_schema import IMAGE_CELLS, SPEED_ERRORS, SURROUNDING_ERRORS
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.topics.measures import short
 from tracknoise.topics.topic import NO_ROWS, Topic, pooled

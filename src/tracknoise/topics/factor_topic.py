@@ -9,14 +9,14 @@ import numpy as np
 import polars as pl
 
 from tracknoise.analysis.factor_values import DISAGREE
-from tracknoise.analysis.factors import ROLES, dependence
-from tracknoise.analysis.ranking import LEAST_TRACKERS, ranking
+from tracknoise.analysis.factors import DEPENDENCE, ROLES, dependence
+from tracknoise.analysis.ranking import LEAST_TRACKERS, RANKS, ranking
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import FACTORS
 from tracknoise.tables.enumerations import Verdict
-from tracknoise.tables.findings_schema import CURVES, DEPENDENCE, EFFECTS, RANKS
+from tracknoise.tables.findings_schema import CURVES, EFFECTS
 from tracknoise.tables.schema import empty
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.answer_summary import Answer, Judgement, Measure

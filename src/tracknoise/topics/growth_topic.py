@@ -7,13 +7,13 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.analysis.time_structure import LONG_LIVED, lagged, time_structure
+from tracknoise.analysis.time_structure import LONG_LIVED, TIME_STRUCTURE, lagged, time_structure
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.changes import change_curves
 from tracknoise.statistics.curves import ASPECT_COLUMNS, aspect_curves
 from tracknoise.statistics.grouping import in_chunks
 from tracknoise.tables.enumerations import Axis, Behaviour, Trimming, Verdict
-from tracknoise.tables.findings_schema import ASPECT_CURVES, CHANGES, TIME_STRUCTURE
+from tracknoise.tables.findings_schema import ASPECT_CURVES, CHANGES
 from tracknoise.tables.schema import INCREMENTS
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker

@@ -6,9 +6,9 @@ import polars as pl
 
 from tracknoise.analysis.curve_intervals import interval_table
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.analysis.seed_spread import Repeat, seed_spread, widened
+from tracknoise.analysis.seed_spread import SEED_SPREAD, Repeat, seed_spread, widened
 from tracknoise.statistics.lifetimes import horizons
-from tracknoise.tables.findings_schema import INTERVALS, LIFETIMES, SEED_SPREAD
+from tracknoise.tables.findings_schema import INTERVALS, LIFETIMES
 from tracknoise.topics.topic import Analysis, Topic
 
 

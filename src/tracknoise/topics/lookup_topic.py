@@ -6,10 +6,9 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.estimators.lookup_table import USED, noise_lookup
+from tracknoise.estimators.lookup_table import NOISE_LOOKUP, USED, noise_lookup
 from tracknoise.inference.estimates import Estimate
 from tracknoise.tables.enumerations import Lookup, Product
-from tracknoise.tables.findings_schema import NOISE_LOOKUP
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables
 from tracknoise.topics.sentences import because
 from tracknoise.topics.topic import Analysis, Topic

@@ -5,11 +5,15 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.ratio_intervals import point_tracking_metrics, ratio_intervals
+from tracknoise.analysis.ratio_intervals import (
+    POINT_TRACKING_METRICS,
+    RATIO_VALUES,
+    point_tracking_metrics,
+    ratio_intervals,
+)
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.tables.findings_schema import POINT_TRACKING_METRICS, RATIO_VALUES
 from tracknoise.tables.quantities import QUANTITIES, RATIOS
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.topics.measures import first

@@ -11,11 +11,10 @@ from tracknoise.statistics.definitions import dropped_above, lightings_in_order
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS, with_floor
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
-from tracknoise.tables.findings_schema import CURVES, RUN_TABLES
+from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.manifest import Manifest, SequenceEntry
-from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.schema import VIEW
-from tracknoise.tables.store import FINDINGS_JSON, RunFolder
+from tracknoise.tables.store import RunFolder
 from tracknoise.topics.bands import AGE, BOUNDS, FRAME, Axis, with_bounds
 from tracknoise.words import view_text
 
@@ -49,24 +48,6 @@ class RunData:
     def with_tables(self, **tables: pl.DataFrame) -> Self:
         """The same data with other tables in place of some of the run."""
         return replace(self, tables={**self.tables, **tables})
-
-    @classmethod
-    def of(cls, run: RunFolder) -> "Self":
-        """Read a run folder.
-
-        Raises
-        ------
-        StoreError, SchemaError
-            If there is no run, or one of its files is missing or damaged.
-        """
-        tables = {name: run.statistics(table) for name, table in RUN_TABLES.items()}
-        run.document(FINDINGS_JSON)  # the same findings for other programs, which must not be damaged either
-        return cls(run, run.manifest(), run.settings(), tables)
-
-    @cached_property
-    def results(self) -> pl.DataFrame:
-        """The table of results, which is made of the tables."""
-        return run_results(self.run, RUN_TABLES.values())
 
     @property
     def name(self) -> str:

@@ -5,12 +5,11 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.gaussianity import gaussianity
+from tracknoise.analysis.gaussianity import GAUSSIANITY, RADII, gaussianity
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import Resampled
 from tracknoise.tables.enumerations import Axis, Shape, Verdict
-from tracknoise.tables.findings_schema import GAUSSIANITY, RADII
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.topics.measures import Subject, answer, card_number, first, with_interval

@@ -6,8 +6,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.lifetime_intervals import incidence_table
-from tracknoise.tables.findings_schema import INCIDENCE
+from tracknoise.analysis.lifetime_intervals import INCIDENCE, incidence_table
 from tracknoise.text import counted
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best

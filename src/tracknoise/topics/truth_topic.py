@@ -4,6 +4,10 @@ import polars as pl
 
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.analysis.truth_shares import (
+    POSE_DISAGREEMENT,
+    TRACKER_DIFFERENCES,
+    TRIANGULATED_NOISE,
+    TWO_TRUTHS,
     fitted_noise_table,
     pose_disagreement_table,
     tracker_differences,
@@ -14,15 +18,6 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.grouping import by_condition
 from tracknoise.statistics.prepared import POPULATIONS
 from tracknoise.tables.enumerations import Axis, FittedMeasure, FittedTo, Trimming, Trust
-from tracknoise.tables.findings_schema import (
-    POSE_DISAGREEMENT,
-    POSE_LAW,
-    POSE_SHARE,
-    RIGID_SHARE,
-    TRACKER_DIFFERENCES,
-    TRIANGULATED_NOISE,
-    TWO_TRUTHS,
-)
 from tracknoise.tables.schema import RIGID
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.answer_summary import Answer, Judgement, Measure
@@ -44,7 +39,7 @@ from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import each_axis
 from tracknoise.topics.topic import ABOUT_TRACKS, NO_ROWS, Analysis, Basis, Topic, pooled
 from tracknoise.topics.withheld import excessive_floor
-from tracknoise.truth_faults.pose_accuracy import pose_law, pose_share, rigid_share
+from tracknoise.truth_faults.pose_accuracy import POSE_LAW, POSE_SHARE, RIGID_SHARE, pose_law, pose_share, rigid_share
 from tracknoise.words import SELF_REFERENTIAL, count, format_estimate, percent, place
 
 _LEAST_SHARE = 0.1

@@ -10,11 +10,10 @@ import polars as pl
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.exports import PURPOSES, estimator
 from tracknoise.estimators.model import Purpose
-from tracknoise.estimators.window_noise import window_sigmas
+from tracknoise.estimators.window_noise import WINDOW_SIGMAS, window_sigmas
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.findings_schema import WINDOW_SIGMAS
 from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.topics.measures import reported_conditions, short

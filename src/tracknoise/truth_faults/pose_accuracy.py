@@ -30,8 +30,93 @@ from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.intervals import Method, pooled
 from tracknoise.statistics.definitions import POOLED, REFERENCE_AGE
 from tracknoise.statistics.grouping import Tables, by_condition
-from tracknoise.tables.findings_schema import POSE_LAW, POSE_SHARE, RIGID_SHARE
-from tracknoise.tables.schema import POSE_GROWTH, RIGID, VIEW, check, empty
+from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
+from tracknoise.tables.quantities import Topic
+from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, OF_VIEW, Rows, RunTable, Value, one_number
+from tracknoise.tables.schema import FITTED_TO, POSE_GROWTH, RIGID, VIEW, check, empty
+from tracknoise.tables.schema import POOLED as CONDITIONS
+
+
+def _shared_motion() -> Rows:
+    values = [
+        Value("shared_motion", "share", carried=ESTIMATED_OF_N),
+        Value("shared_motion_moment", "second_px2", {"against": "measured"}),
+        Value("shared_motion_moment", "left_px2", {"against": "left"}),
+    ]
+    keys = {**OF_CONDITION, "part": "fitted_to", "at": "age", "coordinate": "coordinate"}
+    return Rows(Topic.shared_motion, keys, values)
+
+
+RIGID_SHARE = RunTable(
+    "rigid_share",
+    {
+        **CONDITIONS,
+        "fitted_to": FITTED_TO,
+        "age": pl.Int64,
+        "coordinate": pl.String,
+        "n": pl.Int64,
+        "second_px2": pl.Float64,
+        "left_px2": pl.Float64,
+        "share": pl.Float64,
+        **INTERVAL_COLUMNS,
+    },
+    _shared_motion(),
+)
+"""Share of the second moment of the errors that one small pose error per frame explains, by age.
+
+The pose errors are fitted to other tracks: to the other half of the tracks of the same tracker (`own`), or of all other
+trackers (`others`), where n counts only errors for which these know it. second_px2 is the second moment about zero of n
+errors, left_px2 what a correction of the poses leaves of it. share does not contain the noise of the fit, which
+left_px2 does. coordinate is u, v or both.
+"""
+
+POSE_SHARE = RunTable(
+    "pose_share",
+    {
+        **CONDITIONS,
+        "fitted_to": FITTED_TO,
+        "n": pl.Int64,
+        "share": pl.Float64,
+        **INTERVAL_COLUMNS,
+    },
+    one_number(
+        Topic.pose_share,
+        "pose_share",
+        "share",
+        {**OF_CONDITION, "part": "fitted_to"},
+        ESTIMATED_OF_N,
+    ),
+)
+"""The same share of both coordinates and of all steps up to the reference age together, without outliers: (pose.share).
+
+n counts errors, outliers too. low and high hold whatever the share is of errors for which nothing is predicted.
+"""
+
+POSE_LAW = RunTable(
+    "pose_law",
+    {
+        "dataset": pl.String,
+        **VIEW,
+        "motion": pl.String,
+        "law": pl.String,
+        "unit": pl.String,
+        "n": pl.Int64,
+        **ESTIMATE_COLUMNS,
+    },
+    one_number(
+        Topic.pose_errors,
+        "pose_error",
+        "value",
+        {"dataset": "dataset", **OF_VIEW, "part": "motion", "of": "law"},
+        ESTIMATED_OF_N | {"unit": "unit"},
+    ),
+)
+"""Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
+
+motion is `rotation` or `translation`. The part `white` is the standard deviation of one coordinate of a single pose,
+`random walk` that of its change from one frame to the next. Both are what the tracks see as a motion of the camera,
+whatever its cause.
+"""
 
 _SUMS = ["n", "error_uu", "error_vv", "left_uu", "left_vv", "rigid_uu", "rigid_vv"]
 _POINT = ["fitted_to", "age"]

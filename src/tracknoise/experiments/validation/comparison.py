@@ -13,9 +13,9 @@ from tracknoise.experiments.validation.known_worlds import UNKNOWN, Script
 from tracknoise.experiments.validation.reference import Trim
 from tracknoise.statistics.changes import change_curves
 from tracknoise.statistics.curves import aspect_curves
-from tracknoise.tables.findings_schema import RUN_TABLES
 from tracknoise.tables.schema import Schema
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import RUN_TABLES
 
 TOLERANCE = 1e-6
 """Largest difference from an exact value, relative to the larger of it and 1. Rounding stays below 1e-9."""

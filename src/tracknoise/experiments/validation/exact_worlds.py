@@ -44,9 +44,9 @@ from tracknoise.sequences.sequence import Scan, TruthKind
 from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.sequences.views import view
 from tracknoise.tables.enumerations import Axis, Population, TrimAmong
-from tracknoise.tables.findings_schema import by_table
 from tracknoise.tables.identity import Direction, SequenceId
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import by_table
 from tracknoise.trackers.imported import Imported
 from tracknoise.trackers.tracker import TrackerSettings
 

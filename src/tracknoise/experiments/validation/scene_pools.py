@@ -35,6 +35,10 @@ from numpy.typing import NDArray
 from scipy.special import polygamma, psi, stdtrit
 from scipy.stats import binom, kstwo, norm
 
+from tracknoise.analysis.factors import DEPENDENCE
+from tracknoise.analysis.gaussianity import GAUSSIANITY
+from tracknoise.analysis.time_structure import TIME_STRUCTURE
+from tracknoise.analysis.zero_mean import ZERO_MEAN
 from tracknoise.experiments.measure import measure
 from tracknoise.experiments.settings import DatasetSettings, Experiment, StatisticsSettings, TrackerChoice
 from tracknoise.experiments.task import write_measurement, write_settings
@@ -54,7 +58,7 @@ from tracknoise.inference.conventions import LEVEL
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.sequences.views import turned
 from tracknoise.tables.enumerations import Behaviour, Shape, Verdict
-from tracknoise.tables.findings_schema import DEPENDENCE, GAUSSIANITY, INTERVALS, TIME_STRUCTURE, ZERO_MEAN
+from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder
 

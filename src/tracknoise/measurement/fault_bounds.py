@@ -76,7 +76,7 @@ class FaultBounds:
             if known is None or told - _CONTRADICTS * sigma > known:
                 bounds[figure] = float(np.hypot(told, _BOUND * sigma))
                 squares[0] += np.nan_to_num(left * bounds[figure]) ** 2
-            squares[1] += np.nan_to_num(left * bounds.get(figure, known)) ** 2
+            squares[1] += np.nan_to_num(left * (bounds.get(figure, known) or 0.0)) ** 2
         found: dict[str, Any] = dict(bounds)
         accuracy = TruthAccuracy(**found, source="reference tracks", kind=AccuracyKind.measured)
         return cls(shares, accuracy, *(rms(one) for one in np.sqrt(squares)))

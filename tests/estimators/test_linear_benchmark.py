@@ -12,6 +12,8 @@ from tracknoise.estimators.linear_window import (
     Outcome,
     TrackGates,
     consistent_sigma,
+    determines_poses,
+    influences,
     linear_tracks,
     outcome,
     scalar_variances,
@@ -216,3 +218,12 @@ def test_errors_of_simulated_tracks_have_the_covariance_that_is_stated() -> None
     drawn = np.stack(rows, axis=1).reshape(n, 8)
     stated = noise.covariance(magnification[None], reference=Reference.BIRTH)[0]
     assert np.allclose(np.cov(drawn.T), stated, atol=0.01)
+
+
+def test_influences_are_known_of_windows_whose_poses_are_hardly_determined():
+    poses = trajectory(Motion.FORWARD, 4)
+    poses[:, :3, 3] *= 0.01
+    window = [linear_tracks(CAMERA, poses, tracks) for tracks in simulated_tracks(poses, n_tracks=4, seed=11)]
+    assert determines_poses(window)
+    found = influences(window, scalar_variances(window, 1.0, first=10.0))
+    assert all(np.isfinite(found[purpose]).all() for purpose in Purpose)

@@ -9,6 +9,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
 from tracknoise.tables.quantities import QUANTITIES, ComparedBy, Topic
+from tracknoise.tables.quantities import RATIOS as NAMES_OF_RATIOS
 from tracknoise.tables.run_table import ESTIMATED, ESTIMATED_OF_N, OF_CONDITION, Rows, RunTable, Value, one_number, same
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, RATIOS, TRIMMING
 from tracknoise.tables.schema import POOLED as CONDITIONS

@@ -292,8 +292,8 @@ def influences(window: Sequence[LinearTracks], assumed: Assumed) -> dict[Purpose
     size = window[0].by_pose.shape[2]
     pairs = list(zip(window, whitened, strict=True))
     by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
-    # upper triangular root of what is claimed; a sum of squares would lose poses that are hardly known. Its last
-    # columns are those of the newest pose over the root of its own block
+    # An upper triangular root of what is claimed. Squares would lose poses that are hardly known. Its last columns are
+    # those of the newest pose over the root of its own block.
     root = np.linalg.inv(np.linalg.qr(np.concatenate([rows.reshape(-1, size) for rows in by_pose]), mode="r"))
     roots = {Purpose.ALL_POSES: root, Purpose.NEWEST_POSE: root[:, -_NEWEST:]}
     found = {purpose: np.zeros((len(COMPONENTS), 2, 2)) for purpose in Purpose}

@@ -2,7 +2,7 @@
 
 - Standard streams that are closed, that lead to a full disk, or whose reader has gone.
 - How processes of Python that this program starts begin: what they import, and what becomes of what they print.
-- Memory that is freed and not needed again soon.
+- Memory that is freed and not needed again soon, and cores that may be used.
 - The signals that end a program, what they raise and end, and how to make them wait while a process is started.
 """
 
@@ -54,6 +54,15 @@ def require_memory() -> None:
             f"virtual memory is limited to {most / _GIB:.1f} GiB, expected at least {_LEAST_MEMORY_GIB} GiB "
             "(`ulimit -v unlimited`)"
         )
+
+
+def usable_cores() -> int:
+    """Number of cores that this process may use, at least 1: as ``taskset``, a cpuset or SLURM limits it."""
+    if sys.version_info >= (3, 13):
+        return os.process_cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def error_of_stdout() -> OSError | None:

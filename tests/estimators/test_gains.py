@@ -1,12 +1,13 @@
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.noise.cells import noise_table_sentences
+from benchmarks.noise.noise_table import NoiseTable
 from tests.estimators.models import TRUSTED
 
-from tracknoise.estimators.lookup_table import NoiseTable, noise_lookup, scene_sums
+from tracknoise.estimators.lookup_table import noise_lookup, scene_sums
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups
 from tracknoise.phrases.lookup_topic import lookup_sentences
-from tracknoise.report.noise_cells import noise_table_sentences
 from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.findings_schema import NOISE_LOOKUP
 from tracknoise.tables.schema import NOISE_SUMS

@@ -16,7 +16,7 @@ import benchmarks
 from benchmarks.harness import ONE_THREAD, Row
 
 _TOOLS = {
-    *("__main__", "harness", "made_up", "same_tables"),
+    *("__main__", "harness", "made_up", "program", "same_tables"),
     *("gtsam_judge", "msckf", "planted_windows"),
     *("filter_trial", "gazebo_truth", "linear_table", "paper_claims", "proof", "proof_halves", "proof_resampled"),
     *("window_sigmas", "window_table"),

@@ -41,6 +41,8 @@ from benchmarks.msckf import (
     run_filter,
     with_readings,
 )
+from benchmarks.noise.arms import PlantedNoise
+from benchmarks.noise.windows import recorded_camera
 from tracknoise.estimators.advice import GOOD, Gate
 from tracknoise.estimators.linear_window import (
     CAMERA,
@@ -53,9 +55,8 @@ from tracknoise.estimators.linear_window import (
 )
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.proof_windows import recorded_camera, recorded_poses
-from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.exceptions import SettingsError
+from tracknoise.experiments.measured_poses import recorded_poses
 from tracknoise.geometry.cameras import Camera
 from tracknoise.inference.track_noise import TrackNoise
 from tracknoise.tables.schema import FAILURES

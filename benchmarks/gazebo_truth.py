@@ -12,11 +12,11 @@ from pathlib import Path
 
 import polars as pl
 
-from tracknoise.experiments.effects_study import Effect, Options, Study, merged, run_study
+from benchmarks.effects.files import markdown
+from benchmarks.effects.schema import EffectStatistic, Size
+from benchmarks.effects.study import Effect, Options, Study, merged, run_study
 from tracknoise.experiments.load import load_experiment
 from tracknoise.report.cells import Cells
-from tracknoise.report.effect_files import markdown
-from tracknoise.tables.findings_schema import EffectStatistic, Size
 from tracknoise.words import DASH
 
 AGES = (5, 20)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.estimators.bundle import Assumption, Start
+from benchmarks.noise.bundle import Assumption, Start
+from benchmarks.noise.windows import Problem, TrackGroup, between
+from tracknoise.estimators.kernels import NEWEST, normalised
 from tracknoise.estimators.linear_window import Gauge
-from tracknoise.estimators.proof_windows import Problem, TrackGroup
-from tracknoise.estimators.trial import NEWEST, normalised
 from tracknoise.exceptions import SettingsError, missing_extra
 from tracknoise.geometry.cameras import Camera
 
@@ -33,7 +33,7 @@ def newest_pose_by_gtsam(
     found = _optimised(gtsam, graph, _gauge_factors(gtsam, problem, gauge), values)
     pose = np.asarray(found.atPose3(_pose_key(gtsam, len(true) - 1)).matrix())
     covariance = _covariance(gtsam, graph.linearize(found), problem, pose)
-    error = gauge.between(np.concatenate([true[:-1], pose[None]]), true)[-NEWEST:]
+    error = between(gauge, np.concatenate([true[:-1], pose[None]]), true)[-NEWEST:]
     return pose, covariance, normalised(error, covariance)
 
 

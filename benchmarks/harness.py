@@ -48,7 +48,7 @@ def program(*arguments: object) -> None:
 
 def write_scene(folder: Path, *, frames: int, width: int, height: int) -> None:
     """Write a simulated scene with images, depth and poses in the layout `folder`."""
-    size = ["--width", width, "--height", height]
+    size = ["--option", f"width={width}", "--option", f"height={height}"]
     program("simulate", "--out", folder, "--motion", "sideways", "--frames", frames, *size, "--quiet")
 
 

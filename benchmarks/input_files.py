@@ -57,5 +57,5 @@ def _rows(reader: str, root: Path) -> list[Row]:
             size,
         ),
         Row(f"inputs: comparing before a resume, {reader}", 100 * comparing_ms / measuring_ms, "% of measuring"),
-        Row(f"inputs: the same with --verify, {reader}", 100 * reading_ms / measuring_ms, "% of measuring"),
+        Row(f"inputs: the same with verify = true, {reader}", 100 * reading_ms / measuring_ms, "% of measuring"),
     ]

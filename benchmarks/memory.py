@@ -80,7 +80,15 @@ def _stage(size: tuple[int, int]) -> list[Row]:
     width, height = size
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        options = ["--width", width, "--height", height, "--image-format", "bmp", "--quiet"]
+        options = [
+            "--option",
+            f"width={width}",
+            "--option",
+            f"height={height}",
+            "--option",
+            "image_format=bmp",
+            "--quiet",
+        ]
         program("simulate", "--layout", "dtu", "--out", folder / "data", *options)
         (folder / "x.toml").write_text(STAGE)
         measured = in_new_process("benchmarks.memory", "stage", folder)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from benchmarks.noise.arms import PlantedNoise
 from benchmarks.planted_windows import noisy
 from tracknoise.estimators.linear_window import PointTracks, of_full_rank, simulated_tracks
-from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.projection import cross_matrices
 from tracknoise.inference.track_noise import TrackNoise

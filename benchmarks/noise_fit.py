@@ -1,7 +1,7 @@
 """How long noise models of a run of sixty scenes take: python -m benchmarks noise_fit.
 
 A few simulated scenes are measured by the whole program. Their tables are then written again under other names until
-there are sixty scenes, and models of all trackers and speeds are fitted by the program.
+there are sixty scenes, and models of all trackers and speeds are fitted.
 """
 
 import sys
@@ -12,6 +12,8 @@ from pathlib import Path
 import polars as pl
 
 from benchmarks.harness import Row, elapsed_ms, program
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.training import conditions
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.store import RunFolder
 
@@ -50,8 +52,12 @@ def _rows(frames: int, width: int, height: int) -> list[Row]:
         (folder / "x.toml").write_text(EXPERIMENT.format(frames=frames, width=width, height=height))
         program("run", folder / "x.toml", "--out", folder / "few", "--no-report", "--quiet")
         replicate_scenes(RunFolder(folder / "few"), RunFolder(folder / "many"), SCENES)
-        fit = elapsed_ms(lambda: program("noise", "fit", folder / "many", "-o", folder / "models")) / 1e3
-        models = len(list((folder / "models").glob("*.json")))
+        wanted = conditions(RunFolder(folder / "many"))
+        fit = (
+            elapsed_ms(lambda: [NoiseModel.fit(folder / "many", tracker=one, speed=speed) for one, speed in wanted])
+            / 1e3
+        )
+        models = len(wanted)
     size = f"{SCENES} scenes of {frames} frames of {width}x{height}"
     return [Row("noise fit: one model", fit / models, "s", size), Row(f"noise fit: {models} models", fit, "s", size)]
 

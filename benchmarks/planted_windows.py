@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.noise.arms import TEXTURE, Beliefs, PlantedNoise
+from benchmarks.noise.windows import Problem, TrackGroup, errors_of, images, magnification_of
 from tracknoise.estimators.linear_window import (
     CAMERA,
     Motion,
@@ -17,8 +19,6 @@ from tracknoise.estimators.linear_window import (
     simulated_tracks,
     trajectory,
 )
-from tracknoise.estimators.proof_windows import Problem, TrackGroup, errors_of, images, magnification_of
-from tracknoise.estimators.trial import TEXTURE, Beliefs, PlantedNoise
 
 
 def with_permuted_covariates(problems: Sequence[Problem], *, seed: int = 0) -> list[Problem]:

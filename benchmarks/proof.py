@@ -18,6 +18,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import polars as pl
 
+from benchmarks.noise.arms import ALL_ARMS, Beliefs, PlantedNoise, try_arms, whole_tracks
+from benchmarks.noise.learning import learn
+from benchmarks.noise.proof import sentence, summarise
+from benchmarks.noise.windows import Problem
 from benchmarks.planted_windows import (
     simulated_problem,
     with_drift_reversed,
@@ -25,11 +29,7 @@ from benchmarks.planted_windows import (
     with_permuted_covariates,
     with_permuted_errors,
 )
-from tracknoise.estimators.learning import learn
 from tracknoise.estimators.linear_window import Motion, Outcome, PointTracks, linear_tracks, outcome, scalar_variances
-from tracknoise.estimators.proof import sentence, summarise
-from tracknoise.estimators.proof_windows import Problem
-from tracknoise.estimators.trial import ALL_ARMS, Beliefs, PlantedNoise, try_arms, whole_tracks
 from tracknoise.inference.track_noise import TrackNoise
 
 _NOISE = TrackNoise.isotropic

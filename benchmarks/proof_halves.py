@@ -15,13 +15,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import polars as pl
 
+from benchmarks.noise.arms import REFERENCE, try_arms
+from benchmarks.noise.learning import learn
+from benchmarks.noise.proof import summarise, with_advice
+from benchmarks.noise.windows import Cut, Problem, recorded_problems, scenes_of
 from benchmarks.proof import table
-from tracknoise.estimators.learning import learn
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.proof import summarise, with_advice
-from tracknoise.estimators.proof_windows import Cut, Problem, recorded_problems, scenes_of
 from tracknoise.estimators.training import training_tables
-from tracknoise.estimators.trial import REFERENCE, try_arms
 from tracknoise.tables.store import RunFolder
 
 _CAUCHY = "8d"

@@ -4,7 +4,7 @@
 
 Each track of a window keeps its frames and its errors, with their tails and correlations, and gets another point, seen
 from a simulated trajectory. So what an estimator gains does not come from how errors and geometry of the run belong
-together. Windows of training scenes and of the others are those of `tracknoise prove`.
+together. Windows of training scenes and of the others are those of `benchmarks.noise.prove`.
 """
 
 import argparse
@@ -17,12 +17,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.proof import table
-from tracknoise.estimators.learning import learn
-from tracknoise.estimators.linear_window import CAMERA, Motion, PointTracks, drawn_sight, trajectory
-from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.proof import RUN_ARMS, sentence, summarise, windows_for
-from tracknoise.estimators.proof_windows import (
+from benchmarks.noise.arms import try_arms
+from benchmarks.noise.learning import learn
+from benchmarks.noise.proof import RUN_ARMS, sentence, summarise, windows_for
+from benchmarks.noise.windows import (
     Problem,
     TrackGroup,
     divided,
@@ -31,7 +29,9 @@ from tracknoise.estimators.proof_windows import (
     scenes_of,
     with_joined_scenes,
 )
-from tracknoise.estimators.trial import try_arms
+from benchmarks.proof import table
+from tracknoise.estimators.linear_window import CAMERA, Motion, PointTracks, drawn_sight, trajectory
+from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.geometry.pose import transform
 from tracknoise.tables.store import RunFolder
 

@@ -37,7 +37,19 @@ DATA = Path(os.environ.get("TRACKNOISE_DATA", "../shared/data"))
 RUNS = ("demo", "sevenscenes", "kitti", "dtu")
 SENTENCES = ("text", "topic", "figure", "why")
 """Columns for readers: sentences, and the section of the report that they belong to."""
-STAGE = ["simulate", "--layout", "dtu", "--scenes", "2", "--width", "400", "--height", "300", "--image-format", "bmp"]
+STAGE = [
+    "simulate",
+    "--layout",
+    "dtu",
+    "--scenes",
+    "2",
+    "--option",
+    "width=400",
+    "--option",
+    "height=300",
+    "--option",
+    "image_format=bmp",
+]
 
 
 def record(out: Path) -> None:

@@ -138,3 +138,8 @@ def without_figure_files() -> Iterator[None]:
         patch.setattr(page, "FAMILIES", [family for family in page.FAMILIES if family.id == "feature-counts"])
         patch.setattr(page, "write_report", partial(page.write_report, figure_formats=()))
         yield
+
+
+def of_reader(*named: str) -> list[str]:
+    """Options of a reader, such as ``width=64``, on a command line."""
+    return [part for one in named for part in ("--option", one)]

@@ -6,7 +6,7 @@ import os
 
 from tracknoise.cli.app import main
 
-SCENE = ["--motion", "sideways", "--frames", "5", "--width", "96", "--height", "72", "--quiet"]
+SCENE = ["--motion", "sideways", "--frames", "5", "--option", "width=96", "--option", "height=72", "--quiet"]
 """Options of a simulated scene that is measured at once."""
 
 

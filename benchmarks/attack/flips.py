@@ -29,6 +29,7 @@ from pathlib import Path
 from benchmarks.attack.command import SCENE, call, memory_folder
 from tracknoise.cli.run_summary import summary_text
 from tracknoise.exceptions import TracknoiseError
+from tracknoise.processes import usable_cores
 from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder
 
@@ -119,7 +120,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.attack flips", description=__doc__)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--workers", type=int, default=usable_cores())
     parser.add_argument("--keep", type=Path, help="folder for the list of all outcomes, as flips.jsonl")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(dir=memory_folder()) as folder:
@@ -249,7 +250,7 @@ def _keep(folder: Path, found: list[tuple[Flip, list[Outcome]]]) -> None:
 
 def _findings(*options: str) -> Callable[[Path], str]:
     def read(run: Path) -> str:
-        return _shown(["findings", str(run), *options])
+        return _shown(["report", str(run), "--text", *options])
 
     return read
 

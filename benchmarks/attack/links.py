@@ -39,8 +39,8 @@ COMMANDS = (
     ("run", "{folder}/x.toml", "--out", "{run}", "-w", "1", "--no-report", "--quiet"),
     ("run", "{folder}/x.toml", "--out", "{run}", "-w", "1", "--no-report", "--quiet", "--fresh"),
     ("report", "{run}"),
-    ("findings", "{run}"),
-    ("audit", "{run}"),
+    ("report", "{run}", "--text"),
+    ("check", "{run}"),
 )
 
 

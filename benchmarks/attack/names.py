@@ -138,7 +138,7 @@ def run_of(place: Path, labels: list[str], scenes: list[str]) -> Iterator[str]:
     out = place / "run"
     commands = [
         ["run", str(place / "x.toml"), "--out", str(out), "--workers", "1", "--no-report"],
-        ["findings", str(out)],
+        ["report", str(out), "--text"],
     ]
     for command in commands:
         status, shown, said = call(command)

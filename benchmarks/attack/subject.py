@@ -225,7 +225,17 @@ def _manifest(run: Path) -> dict[str, dict[str, object]]:
 
 def _write_data(folder: Path) -> None:
     """Scenes that are measured in a moment: copies of one simulated motion."""
-    options = ["--motion", "sideways", "--frames", str(FRAMES), "--width", "320", "--height", "240", "--quiet"]
+    options = [
+        "--motion",
+        "sideways",
+        "--frames",
+        str(FRAMES),
+        "--option",
+        "width=320",
+        "--option",
+        "height=240",
+        "--quiet",
+    ]
     scene = folder / "data" / "scene-0"
     subprocess.run([*PROGRAM, "simulate", "--out", scene, *options], check=True, stdout=subprocess.DEVNULL)
     for number in range(1, SCENES):

@@ -17,7 +17,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.experiments.effects_study import SharedTracker, SharedWorld, simulated_reader
+from benchmarks.effects.study import SharedTracker, SharedWorld, simulated_reader
 from tracknoise.experiments.geometry_tables import audit_samples, cameras_table, poses_table
 from tracknoise.experiments.measure import measure_together
 from tracknoise.inference.units import NO_GROUPS

@@ -1,4 +1,4 @@
-"""Which planted faults ``tracknoise selfcheck`` notices.
+"""Which planted faults ``python -m benchmarks.selfcheck`` notices.
 
     python -m benchmarks.validity.planted_faults [--only WORD] [--seed N] [--scenes N] [--jobs N]
 
@@ -22,7 +22,7 @@ from pathlib import Path
 import tracknoise
 
 SOURCE = Path(tracknoise.__file__).parent
-RUN = "from tracknoise.cli.app import main; main()"
+ROOT = Path(__file__).parents[2]
 FAILED = 2
 
 
@@ -274,8 +274,8 @@ def plant(chosen: Fault, folder: Path) -> bool:
 def run_selfcheck(path: Path, options: list[str]) -> tuple[int, str, float]:
     """Exit status, output, and seconds of the self-test of the package in a folder."""
     started = time.monotonic()
-    command = [sys.executable, "-c", RUN, "selfcheck", "--quiet", *options]
-    environment = {**os.environ, "PYTHONPATH": str(path)}
+    command = [sys.executable, "-m", "benchmarks.selfcheck", *options]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(path), str(ROOT)])}
     done = subprocess.run(command, env=environment, cwd=path, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr, time.monotonic() - started
 

@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 
 import tracknoise as tn
+from benchmarks.selfcheck.known_worlds import Script, Scripted, in_memory, plain_scene
+from benchmarks.selfcheck.scene_pools import scene_name
 from benchmarks.validity.planted import AGES, FRAMES, WORLDS, Scenes, World, draw
 from tracknoise.experiments.measure import measure
 from tracknoise.experiments.run_findings import compute_findings
 from tracknoise.experiments.run_statistics import compute_statistics
 from tracknoise.experiments.settings import DatasetSettings, Experiment, StatisticsSettings, TrackerChoice
 from tracknoise.experiments.task import write_measurement, write_settings
-from tracknoise.experiments.validation.known_worlds import Script, Scripted, in_memory, plain_scene
-from tracknoise.experiments.validation.scene_pools import scene_name
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.store import RunFolder
 

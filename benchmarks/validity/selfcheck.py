@@ -1,9 +1,9 @@
-"""How often ``tracknoise selfcheck`` fails by chance, and how far its numbers are from their limits.
+"""How often ``python -m benchmarks.selfcheck`` fails by chance, and how far its numbers are from their limits.
 
     python -m benchmarks.validity.selfcheck [--seeds N] [--first N] [--scenes N] [--workers N]
 
 One self-test per seed. The exact part does not depend on chance. Each limit of the others is exceeded with a
-probability of at most 1 / 10000 (`tracknoise.experiments.validation.scene_pools.ALARM`).
+probability of at most 1 / 10000 (`benchmarks.selfcheck.scene_pools.ALARM`).
 """
 
 import argparse
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import polars as pl
 
-from tracknoise.experiments.validation.self_test import judge, self_test
+from benchmarks.selfcheck.self_test import judge, self_test
 
 
 def checks_of(seed: int, scenes: int, workers: int) -> pl.DataFrame:

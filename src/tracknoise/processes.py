@@ -50,6 +50,15 @@ def require_memory() -> None:
         )
 
 
+def usable_cores() -> int:
+    """Number of cores that this process may use, at least 1: as ``taskset``, a cpuset or SLURM limits it."""
+    if sys.version_info >= (3, 13):
+        return os.process_cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def error_of_stdout() -> OSError | None:
     """Why something could not be written to stdout since `prepare`. None if its reader has gone: that has read enough.
 

@@ -1,9 +1,8 @@
 import polars as pl
 import pytest
+from benchmarks.effects.schema import CLEAN, EFFECT_VALUES
+from benchmarks.effects.study import paired_changes
 from scipy import stats
-
-from tracknoise.experiments.effects_study import paired_changes
-from tracknoise.tables.findings_schema import CLEAN, EFFECT_VALUES
 
 
 def table(values: dict[tuple[str, str], float | None], statistic: str = "core") -> pl.DataFrame:

@@ -29,22 +29,25 @@ def seven(tmp_path_factory):
 
 
 def test_the_answer_fits_into_twelve_lines_however_many_trackers_there_are(seven, capsys):
-    print_results(Terminal(), seven, report=False, table=False, failed=["one failed"], limits=["Quick.", "Wide."])
+    print_results(Terminal(), seven, report=False, failed=["one failed"], limits=["Quick.", "Wide."])
     out, err = capsys.readouterr()
     lines = [*out.splitlines(), *err.splitlines()]
     assert len(lines) <= MOST_LINES
     assert max(map(len, lines)) <= 110
     assert TRACKERS[0] in lines[0]
-    (more,) = (line for line in lines if line.endswith("more: --table"))
+    (more,) = (line for line in lines if " more: tracknoise report " in line)
     assert int(more.split()[0]) == len(TRACKERS) - sum(TRACKERS[place] in out.split(more)[0] for place in range(7))
     assert "Truth: limited." in out
-    assert err.splitlines() == ["The numbers of every tracker and speed: --table", "one failed"]
+    assert err.splitlines() == [
+        f"The numbers of every tracker and speed: tracknoise report {seven.path} --all",
+        "one failed",
+    ]
 
 
 @pytest.mark.parametrize("verdict", [verdict for verdict in Trust if verdict is not Trust.not_assessed])
 def test_the_verdict_on_the_truth_comes_before_numbers_that_it_forbids(seven, monkeypatch, capsys, verdict):
     monkeypatch.setattr(TruthVerdict, "of", lambda trust: TruthVerdict(verdict, "A reason.", "Mend it."))
-    print_results(Terminal(), seven, report=False, table=False)
+    print_results(Terminal(), seven, report=False)
     lines = capsys.readouterr().out.splitlines()
     first = verdict in (Trust.not_trusted, Trust.unknown)
     assert lines[0 if first else -1] == f"Truth: {verdict}. A reason. Next: Mend it."
@@ -67,13 +70,13 @@ def test_tables_name_every_tracker_and_hold_what_the_answer_leaves_out(seven, ca
 
 
 def test_findings_are_ten_sentences_unless_all_are_asked_for(tracknoise, seven):
-    code, out, _ = tracknoise("findings", str(seven.path))
+    code, out, _ = tracknoise("report", str(seven.path), "--text")
     assert code == 0
     *lines, more = out.splitlines()
     assert 4 <= len(sentences_of(" ".join(line[4:] for line in lines))) <= 10
     assert TRACKERS[0] in lines[0]
     assert "--all" in more
-    _, every, _ = tracknoise("findings", str(seven.path), "--all")
+    _, every, _ = tracknoise("report", str(seven.path), "--all")
     assert len(every) > 2 * len(out)
 
 

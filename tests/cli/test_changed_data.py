@@ -99,10 +99,12 @@ def test_a_repaired_scene_and_a_corrected_file_do_not_mix_old_and_new(start, sce
     assert run_folder.sequence_table("moments", "seq-02@default").drop("scene").equals(moments(tmp_path).drop("scene"))
 
 
-def test_content_is_compared_on_request(start, measured_scene):
+def test_content_is_compared_on_request(start, measured_scene, tmp_path):
     image = measured_scene / "frame-000003.color.png"
     content, status = image.read_bytes(), image.stat()
     image.write_bytes(content[:-20] + b"\0" + content[-19:])
     os.utime(image, ns=(status.st_atime_ns, status.st_mtime_ns))
     assert "resuming: 1 of 1 sequence already measured" in start()[1]
-    assert f"measured again: {image} changed" in start("--verify")[1]
+    settings = tmp_path / "x.toml"
+    settings.write_text(f"verify = true\n{settings.read_text()}")
+    assert f"measured again: {image} changed" in start()[1]

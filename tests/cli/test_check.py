@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.lean import of_reader
 from tests.writers import euroc, kitti_odometry
 
 from tracknoise.experiments.load import load_experiment
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.truth_faults import clock_check
 
-SMALL = ["--motion", "arvr", "--frames", "16", "--width", "200", "--height", "150", "--supersampling", "1", "--quiet"]
+SMALL = ["--motion", "arvr", "--frames", "16", *of_reader("width=200", "height=150", "supersampling=1"), "--quiet"]
 
 
 @pytest.fixture
@@ -67,9 +68,7 @@ def test_one_image_is_not_usable(tracknoise, tmp_path):
 def test_inverted_poses_are_not_usable_and_all_outputs_say_why(tracknoise, recording, tmp_path):
     wrong = inverted(recording, tmp_path)
     page, document = tmp_path / "check.html", tmp_path / "check.json"
-    code, out, _ = tracknoise(
-        "check", "folder", str(wrong), "--html", str(page), "--json-file", str(document), "--quiet"
-    )
+    code, out, _ = tracknoise("check", "folder", str(wrong), "-o", str(page), "-o", str(document), "--quiet")
     assert code == 4
     assert out.startswith("Truth: not trusted. ")
     found = json.loads(document.read_text())
@@ -100,7 +99,7 @@ def test_the_table_has_what_decided_the_verdict(tracknoise, recording, tmp_path)
         _, truth, items = table_of(tracknoise, folder)
         deciding = [one for one in items.values() if one["text"] in truth["text"]]
         assert severities[truth["verdict"]] in {one["severity"] for one in deciding}
-        assert "audit` prints" not in truth["step"], "a check prints no corrections"
+        assert "check RUN` prints" not in truth["step"], "a check prints no corrections"
 
 
 @pytest.mark.usefixtures("without_clock")
@@ -121,7 +120,7 @@ def test_without_depth_the_verdict_says_how_well_poses_fit_the_images(tracknoise
 
 @pytest.mark.usefixtures("without_clock")
 def test_json_is_all_that_is_printed(tracknoise, recording, tmp_path):
-    code, out, err = tracknoise("check", str(recording), "--json", "--json-file", str(tmp_path / "x.json"))
+    code, out, err = tracknoise("check", str(recording), "--json", "--out", str(tmp_path / "x.json"))
     assert (code, err) == (0, f"reader: folder\nwritten: {tmp_path / 'x.json'}\n")
     assert json.loads(out)["verdict"] in ("trusted", "limited")
     assert (tmp_path / "x.json").read_text() == out
@@ -266,19 +265,26 @@ def test_init_replaces_no_file_unless_it_is_told_to(tracknoise, recording, tmp_p
 @pytest.mark.usefixtures("without_clock")
 def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, recording, tmp_path):
     document = tmp_path / "check.json"
-    tracknoise("check", str(recording), "--json-file", str(document), "--quiet")
+    tracknoise("check", str(recording), "--out", str(document), "--quiet")
     tracknoise("init", str(recording), "--out", str(tmp_path / "x.toml"), "--quiet")
     run = ["run", str(tmp_path / "x.toml"), "--out", str(tmp_path / "run"), "--workers", "1", "--quiet", "--no-report"]
     run += ["--trackers", "lucas-kanade"]
-    code, out, _ = tracknoise(*run, "--check", str(document))
+    settings = (tmp_path / "x.toml").read_text()
+    (tmp_path / "x.toml").write_text(f'check = "check.json"\n{settings}')
+    code, out, _ = tracknoise(*run)
     verdict = json.loads(document.read_text())["verdict"]
     assert code == 0
     assert f"`tracknoise check` said {verdict}" in " ".join(out.split())
     assert "Truth: " in out
+    assert tracknoise(*run)[1] == out
     document.unlink()
-    assert tracknoise(*run)[1] == out  # the run keeps it
-    code, _, err = tracknoise(*run, "--check", str(document))
+    code, _, err = tracknoise(*run)
     assert (code, "check.json" in err) == (1, True)
+    (tmp_path / "x.toml").write_text(settings)
+    code, out, err = tracknoise(*(word for word in run if word != "--quiet"))
+    assert code == 0
+    assert "resuming: 1 of 1 sequence already measured" in err
+    assert "`tracknoise check` said" not in out
 
 
 def spoilt(recording, folder):
@@ -294,7 +300,7 @@ def spoilt(recording, folder):
 @pytest.mark.usefixtures("without_clock")
 def test_the_stated_poses_have_a_verdict_of_their_own_and_refined_ones_are_written(tracknoise, recording, tmp_path):
     wrong, page, written = spoilt(recording, tmp_path / "data"), tmp_path / "check.html", tmp_path / "walk.txt"
-    arguments = ["check", str(wrong), "--html", str(page), "--write-trajectory", str(tmp_path / "{scene}.txt")]
+    arguments = ["check", str(wrong), "-o", str(page), "-o", str(tmp_path / "{scene}.txt")]
     _, out, err = tracknoise(*arguments)
     text = " ".join(out.split())
     assert text.count("The stated poses would add") == 1
@@ -315,13 +321,13 @@ def test_the_stated_poses_have_a_verdict_of_their_own_and_refined_ones_are_writt
 def test_a_trajectory_replaces_no_other_file_and_several_scenes_need_several_files(tracknoise, recording, tmp_path):
     other = tmp_path / "notes.txt"
     other.write_text("0 0 0 0 0 0 0 1\n")
-    code, out, err = tracknoise("check", str(recording), "--write-trajectory", str(other))
+    code, out, err = tracknoise("check", str(recording), "--out", str(other))
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert "found a file of another kind, expected a new file or an earlier trajectory" in err
     for name in ("one", "two"):
         shutil.copytree(recording / "walk", tmp_path / "several" / name)
-    code, out, err = tracknoise("check", str(tmp_path / "several"), "--write-trajectory", str(tmp_path / "x.txt"))
+    code, out, err = tracknoise("check", str(tmp_path / "several"), "--out", str(tmp_path / "x.txt"))
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert "one file for 2 sequences, expected {scene} or {lighting} in its name" in err
-    code, _, err = tracknoise("check", str(recording), "--write-trajectory", str(tmp_path / "{place}.txt"))
+    code, _, err = tracknoise("check", str(recording), "--out", str(tmp_path / "{place}.txt"))
     assert (code, "{place} is not a placeholder" in err) == (1, True)

@@ -8,31 +8,74 @@ from pathlib import Path
 
 import pytest
 import typer
-from tests.lean import without_figure_files
+from tests.lean import of_reader, without_figure_files
 
 from tracknoise.api.finished_run import open_run
 from tracknoise.cli.app import main
 from tracknoise.cli.commands import app
+from tracknoise.experiments.execute import Outcome
 from tracknoise.experiments.load import preset_names
 from tracknoise.sequences.reader_registry import READERS
 from tracknoise.trackers import tracker_registry
 
 EXAMPLES = {
+    **{name: f"Example: tracknoise {name}" for name in ("demo", "trackers")},
     **{
-        name: f"tracknoise {name}" for name in ("run", "report", "findings", "demo", "simulate", "datasets", "trackers")
+        name: f"Examples: tracknoise {name}"
+        for name in ("init", "check", "run", "report", "compare", "export", "tournament", "simulate", "datasets")
     },
-    "effects": "Examples: tracknoise effects --scenes 4",
-    "noise export": "--to openvins",
     "replicate": "tracknoise replicate --data /data",
-    "selfcheck": "Example: tracknoise selfcheck",
 }
+MOST_OPTIONS = 90
+"""Of all commands together, with those of the program itself."""
+
+
+def test_there_are_twelve_commands_with_few_options():
+    program = typer.main.get_command(app)
+    assert set(EXAMPLES) == set(program.commands)
+    assert len(EXAMPLES) == 12
+    every = [parameter for command in (program, *program.commands.values()) for parameter in command.params]
+    assert 1 + sum(one.param_type_name == "option" for one in every) <= MOST_OPTIONS, "with --help"
 
 
 @pytest.mark.parametrize(("command", "example"), EXAMPLES.items())
-def test_every_command_has_help_with_an_example(tracknoise, command, example):
-    code, out, _ = tracknoise(*command.split(), "--help")
+def test_every_command_has_help_with_an_example_and_without_types(tracknoise, command, example):
+    code, out, _ = tracknoise(command, "--help")
     assert code == 0
     assert example in " ".join(out.replace("│", " ").split())
+    assert "<" not in out
+
+
+def test_every_option_has_one_clear_line():
+    texts = {
+        (name, option): parameter.help
+        for name, command in commands()
+        for option, parameter in options(command).items()
+        if option.startswith("--")
+    }
+    assert [key for key, said in texts.items() if not said or len(said) > 110 or not said.endswith(".")] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "instead"),
+    [
+        ("audit runs/x", "`tracknoise check RUN`"),
+        ("findings runs/x --all", "`tracknoise report RUN --text`"),
+        ("noise", "`tracknoise export RUN --to NAME`"),
+        ("noise fit runs/x -o models", "`tracknoise export RUN --to text --model FILE`"),
+        ("noise show m.json", "`tracknoise export MODEL --to text`"),
+        ("noise export m.json --to openvins", "`tracknoise export MODEL --to NAME`"),
+        ("noise check m.json --on runs/x", "`python -m benchmarks.noise.check` in the repository"),
+        ("noise table runs/x", "`python -m benchmarks.noise.table` in the repository"),
+        ("prove runs/x m.json", "`python -m benchmarks.noise.prove` in the repository"),
+        ("effects --scenes 2", "`tracknoise run effects`"),
+        ("selfcheck", "`python -m benchmarks.selfcheck` in the repository"),
+    ],
+)
+def test_an_old_name_is_one_line_that_names_the_new_one(tracknoise, words, instead):
+    code, out, err = tracknoise(*words.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.endswith(f"is no command any more; expected {instead}\n")
 
 
 def test_the_help_of_run_names_the_presets(tracknoise):
@@ -52,19 +95,13 @@ def test_results_that_cannot_be_written_are_one_line(arguments, buffered):
     assert ended.returncode == 1
 
 
-def commands(group=None, name=()):
-    """Every command by the words that call it."""
-    group = typer.main.get_command(app) if group is None else group
-    for word, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from commands(command, (*name, word))
-        else:
-            yield (*name, word), command
+def commands():
+    """Every command with its name."""
+    return typer.main.get_command(app).commands.items()
 
 
 def test_every_command_can_be_quiet():
-    missing = [" ".join(name) for name, command in commands() if "--quiet" not in options(command)]
-    assert missing == []
+    assert [name for name, command in commands() if "--quiet" not in options(command)] == []
 
 
 def options(command):
@@ -72,22 +109,19 @@ def options(command):
 
 
 def test_json_is_a_flag_in_every_command_that_has_it():
-    found = {" ".join(name): options(command) for name, command in commands() if "--json" in options(command)}
-    assert set(found) == {"check", "compare", "findings", "audit", "noise table"}
+    found = {name: options(command) for name, command in commands() if "--json" in options(command)}
+    assert set(found) == {"check", "compare", "report"}
     for parameters in found.values():
         assert parameters["--json"].is_flag
-        assert not parameters["--json-file"].is_flag
         assert parameters["--json"].help == "Print the result as one JSON document, and nothing else."
 
 
 @pytest.mark.parametrize("written", [("--json", "new.json"), ("--json=new.json",), ("--json", "out/report")])
-@pytest.mark.parametrize(
-    "command", [("check", "."), ("compare", "a", "b"), ("findings", "a"), ("audit", "a"), ("noise", "table", "a")]
-)
+@pytest.mark.parametrize("command", [("check", "."), ("compare", "a", "b"), ("report", "a")])
 def test_a_file_after_json_is_told_its_option(tracknoise, tmp_path, monkeypatch, command, written):
     monkeypatch.chdir(tmp_path)
     name = written[-1].removeprefix("--json=")
-    message = f"--json {name}: --json prints to standard output, expected --json-file {name}"
+    message = f"--json {name}: --json prints to standard output, expected --json > {name}"
     assert tracknoise(*command, *written) == (1, "", f"tracknoise: error: {message}\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -95,10 +129,10 @@ def test_a_file_after_json_is_told_its_option(tracknoise, tmp_path, monkeypatch,
 @pytest.mark.parametrize(
     ("command", "place"),
     [
-        (("compare", "a", "b", "--html", ""), "--html"),
-        (("audit", "a", "--json-file="), "--json-file"),
+        (("compare", "a", "b", "--out", ""), "--out"),
+        (("check", "a", "--out="), "--out"),
         (("run", "x.toml", "-o", ""), "-o"),
-        (("findings", ""), "findings"),
+        (("report", ""), "report"),
     ],
 )
 def test_an_empty_value_is_one_line(tracknoise, command, place):
@@ -110,10 +144,10 @@ def test_a_recording_that_is_a_file_may_follow_json(tracknoise, tmp_path):
     (tmp_path / "x.bag").write_bytes(b"")
     code, _, err = tracknoise("check", "--json", str(tmp_path / "x.bag"))
     assert code in (1, 4)
-    assert "--json-file" not in err
+    assert "--json >" not in err
 
 
-@pytest.mark.parametrize(("words", "last", "found"), [("find", 1, "findings"), ("noise ex", 2, "export")])
+@pytest.mark.parametrize(("words", "last", "found"), [("exp", 1, "export"), ("export --al", 2, "--allow")])
 def test_the_shell_can_complete_commands(words, last, found):
     environment = {
         "COMP_WORDS": f"tracknoise {words}",
@@ -184,14 +218,6 @@ def test_datasets_lists_the_options_and_sequences_of_a_reader_that_needs_no_data
     ]
 
 
-def test_datasets_lists_the_sequences_of_the_data_and_no_options(tracknoise, tmp_path):
-    for scene in ("b", "a"):
-        (tmp_path / scene / "images").mkdir(parents=True)
-        (tmp_path / scene / "poses.txt").touch()
-    code, out, _ = tracknoise("datasets", "folder", "--data", str(tmp_path))
-    assert (code, out) == (0, "a  default\nb  default\n")
-
-
 def test_trackers_lists_the_trackers(tracknoise):
     code, out, _ = tracknoise("trackers")
     assert code == 0
@@ -224,7 +250,7 @@ def test_a_presets_settings_are_shown_with_their_sources(tracknoise):
 
 def test_simulate_writes_what_the_folder_reader_measures(tracknoise, tmp_path):
     out = tmp_path / "data" / "forward"
-    small = ["--frames", "4", "--width", "160", "--height", "120", "--supersampling", "1", "--quiet"]
+    small = ["--frames", "4", *of_reader("width=160", "height=120", "supersampling=1"), "--quiet"]
     code, printed, _ = tracknoise("simulate", "--motion", "forward", "--out", str(out), *small)
     assert code == 0
     assert "4 frames" in printed
@@ -262,7 +288,10 @@ def test_frames_speeds_and_trackers_are_chosen_on_the_command_line(tracknoise, t
     [
         (["run", "x.toml", "--speeed", "3"], "--speeed"),
         (["run", "x.toml", "--workers", "0"], "--workers"),
-        (["simulate", "--out", "x", "--frames", "few"], "--frames"),
+        (["run", "x.toml", "--workers", "many"], "--workers many: expected a whole number from 1"),
+        (["simulate", "--out", "x", "--frames", "few"], "--frames few: expected a whole number from 1"),
+        (["report", "x", "--text", "--figures"], "--figures: found a report that is printed"),
+        (["run", "demo", "--option", "wrlds=2"], "wrlds"),
         (["run", "demo", "--frames", "few"], "--frames few: expected a number from 2, or FIRST:LAST"),
         (["run", "demo", "--frames", "1"], "--frames 1: expected at least 2"),
         (["run", "demo", "--frames", "9:3"], "frames = [9, 3], expected first, last and step"),
@@ -288,9 +317,9 @@ def test_a_bare_command_shows_its_help(tracknoise, arguments):
     assert err == ""
 
 
-@pytest.mark.parametrize("command", ["report", "findings"])
+@pytest.mark.parametrize("command", [("report",), ("report", "--text"), ("check",)])
 def test_a_folder_that_is_no_run_is_one_line(tracknoise, tmp_path, command):
-    code, _, err = tracknoise(command, str(tmp_path / "nowhere"))
+    code, _, err = tracknoise(*command, str(tmp_path / "nowhere"))
     assert (code, err.count("\n")) == (1, 1)
     assert "nowhere" in err
 
@@ -298,6 +327,33 @@ def test_a_folder_that_is_no_run_is_one_line(tracknoise, tmp_path, command):
 def test_debug_shows_the_traceback(tmp_path):
     with pytest.raises(Exception, match="nowhere"):
         main(["report", str(tmp_path / "nowhere"), "--debug"])
+
+
+@pytest.mark.parametrize(("workers", "meant"), [("3", (3, None)), ("tls://10.0.0.5:8786", (1, "tls://10.0.0.5:8786"))])
+def test_workers_are_a_number_or_those_of_a_scheduler(tracknoise, tmp_path, monkeypatch, workers, meant):
+    found = []
+
+    def remember(experiment, run, *, workers, scheduler, **others):
+        found.append((workers, scheduler))
+        return Outcome([], {})
+
+    monkeypatch.setattr("tracknoise.experiments.execute.execute", remember)
+    monkeypatch.setattr("tracknoise.cli.shared_options.usable_cores", lambda: 1)
+    tracknoise("run", "demo", "--out", str(tmp_path / "run"), "--workers", workers)
+    assert found == [meant]
+
+
+def test_options_of_the_reader_can_be_given_and_their_paths_start_here(tracknoise, tmp_path, monkeypatch):
+    found = []
+
+    def remember(experiment, *arguments, **others):
+        found.append(experiment.dataset.options)
+        return Outcome([], {})
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tracknoise.experiments.execute.execute", remember)
+    tracknoise("run", "gazebo-arvr", *of_reader("models=gazebo", "worlds=2"), "--out", "run")
+    assert (found[0]["models"], found[0]["worlds"]) == (str(tmp_path / "gazebo"), 2)
 
 
 def test_an_interrupted_run_says_how_to_resume(tracknoise, tmp_path, monkeypatch):

@@ -114,14 +114,13 @@ def test_a_run_that_measured_less_does_not_pass_and_one_that_measured_more_does(
 
 def test_a_gate_that_fails_is_the_status_and_all_files_are_written(tracknoise, make, gate, tmp_path):
     """And the document is all that is printed, where it is asked for."""
-    paths = {name: tmp_path / "out" / f"compare.{name}" for name in ("html", "markdown", "json")}
-    flags = {"json": "--json-file"}
-    options = [part for name, path in paths.items() for part in (flags.get(name, f"--{name}"), str(path))]
+    paths = {name: tmp_path / "out" / f"compare.{name}" for name in ("html", "md", "json")}
+    options = [part for path in paths.values() for part in ("--out", str(path))]
     arguments = ("compare", make("base"), make("worse", **WORSE), "--gate", gate(), "--json")
     status, out, _ = tracknoise(*arguments, *options)
     assert status == 3
     assert "<h1>compare-worse compared with compare-base</h1>" in paths["html"].read_text()
-    assert "**The gate fails: something is worse than its tolerance.**" in paths["markdown"].read_text()
+    assert "**The gate fails: something is worse than its tolerance.**" in paths["md"].read_text()
     assert json.loads(out) == json.loads(paths["json"].read_text())
     assert json.loads(out)["gate"]["outcome"] == "worse"
 
@@ -137,8 +136,14 @@ def test_trackers_are_named_by_a_pair(tracknoise, make):
     [
         (["base"], "found one run to compare, expected at least two"),
         (["base", "nothing"], "nothing"),
-        (["base", "base", "--margin", "0"], "margin is 0.0, expected a number above 0"),
-        (["base", "base", "--ages", "all"], "'all' is not one of"),
+        (
+            ["base", "base", "-o", "a.pdf"],
+            "found a name that ends in '.pdf', expected .html, .json or .md",
+        ),
+        (
+            ["base", "base", "-o", "a.md", "-o", "b.md"],
+            "found a second .md file, expected one of each kind",
+        ),
         (["base", "base", "--trackers", "lk", "sift"], "unknown tracker of"),
         (["base", "base", "--gate", "none.toml"], "none.toml: cannot be read"),
     ],

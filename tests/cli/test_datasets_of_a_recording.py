@@ -1,8 +1,9 @@
 """`tracknoise datasets PATH`: what a recording holds, in a few numbers."""
 
 import pytest
+from tests.lean import of_reader
 
-SMALL = ["--motion", "arvr", "--frames", "6", "--width", "96", "--height", "64", "--supersampling", "1", "--quiet"]
+SMALL = ["--motion", "arvr", "--frames", "6", *of_reader("width=96", "height=64", "supersampling=1"), "--quiet"]
 
 
 @pytest.fixture

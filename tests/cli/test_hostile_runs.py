@@ -15,9 +15,9 @@ from tracknoise.tables.files import digest
 from tracknoise.tables.store import RunFolder
 
 COMMANDS = (
-    ("findings", "{run}"),
-    ("findings", "{run}", "--json"),
-    ("audit", "{run}"),
+    ("report", "{run}", "--text"),
+    ("report", "{run}", "--json"),
+    ("check", "{run}"),
     ("compare", "{whole}", "{run}"),
     ("report", "{run}"),
 )

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.lean import without_figure_files
+from benchmarks.noise import prove
+from tests.lean import of_reader, without_figure_files
 from tests.writers.track_files import WRITERS, Observed
 
 import tracknoise as tn
@@ -28,7 +29,7 @@ def run(tmp_path_factory) -> str:
     """A run with the same tracks in several formats, each a tracker of its own; the report has no files of figures."""
     root = tmp_path_factory.mktemp("imported")
     recording = root / "sim" / SCENE
-    size = ("--frames", str(N_FRAMES), "--width", "240", "--height", "180", "--supersampling", "1")
+    size = ("--frames", str(N_FRAMES), *of_reader("width=240", "height=180", "supersampling=1"))
     assert called("simulate", "--motion", SCENE, *size, "--out", str(recording)) == 0
     native = tn.LucasKanade(min_features=150, max_features=200)
     observed = tn.measure(tn.open_sequence("folder", root / "sim", scene=SCENE), native).observations
@@ -54,14 +55,13 @@ def test_the_report_has_tracks_whose_end_is_not_recorded(run):
 
 
 def test_what_follows_a_run_works_without_causes_of_ends(run, tracknoise, tmp_path):
-    status, out, _ = tracknoise("audit", run)
+    status, out, _ = tracknoise("check", run)
     assert status == (0 if out.startswith(("Truth: trusted", "Truth: limited")) else 4)
-    assert tracknoise("findings", run)[0] == 0
+    assert tracknoise("report", run, "--text")[0] == 0
     status, out, _ = tracknoise("compare", run, run, "--trackers", "table.csv", "colmap.db")
     assert status == 0
     assert "colmap.db against table.csv" in out
-    status, *_ = tracknoise("noise", "fit", run, "--tracker", "colmap.db", "--accept-truth", "-o", str(tmp_path))
-    assert status == 0
-    (model,) = tmp_path.glob("*.noise.json")
-    status, _, err = tracknoise("prove", run, str(model), "--window", "6", "--accept-truth")
-    assert status == 0, err
+    model = tmp_path / "lk.noise.json"
+    allowed = ("--tracker", "colmap.db", "--allow", "untrusted")
+    assert tracknoise("export", run, "--to", "text", *allowed, "--model", str(model))[0] == 0
+    assert prove.main([run, str(model), "--window", "6", "--allow", "untrusted"]) == 0

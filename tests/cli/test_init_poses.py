@@ -103,6 +103,9 @@ def test_frames_of_a_video_have_its_times_and_the_poses_of_a_trajectory(tracknoi
     assert "already exists, expected a new or empty folder" in err
 
 
+POSED = ["shots", "--camera", "cam.json", "--trajectory", "kitti.txt"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -111,8 +114,14 @@ def test_frames_of_a_video_have_its_times_and_the_poses_of_a_trajectory(tracknoi
         (["broken.mp4"], "a video without intrinsics, expected --camera FILE"),
         (["broken.mp4", "--camera", "cam.json", "--trajectory", "kitti.txt"], "a file that OpenCV cannot read"),
         (["shots", "--camera", "cam.json", "--trajectory", "cam.json"], "a first row of"),
-        (["shots", "--camera", "cam.json", "--trajectory", "kitti.txt", "--trajectory-of", "imu"], "camera or body"),
-        (["shots", "--camera", "cam.json", "--trajectory", "kitti.txt", "--trajectory-of", "body"], "on the body"),
+        (
+            ["shots", "--camera", "cam.json", "--trajectory", "kitti.txt", "--option", "trajectory_of=imu"],
+            "camera or body",
+        ),
+        (
+            ["shots", "--camera", "cam.json", "--trajectory", "kitti.txt", "--option", "trajectory_of=body"],
+            "on the body",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_one_line(tracknoise, files, monkeypatch, arguments, message):

@@ -69,12 +69,12 @@ def run(stereo, tmp_path_factory):
 
 
 def test_an_audit_of_stereo_depth_says_that_its_kind_was_not_tried(run, tracknoise) -> None:
-    status, text, stderr = tracknoise("audit", str(run))
+    status, text, stderr = tracknoise("check", str(run))
     assert (status, stderr) == (4 if text.startswith(("Truth: not trusted", "Truth: unknown")) else 0, "")
     assert NOT_TRIED.format("stereo matching of two cameras") in " ".join(text.split())
     assert "along the ray" not in text
     assert "depth_along_ray" not in text
-    document = json.loads(tracknoise("audit", str(run), "--json")[1])
+    document = json.loads(tracknoise("check", str(run), "--json")[1])
     about = [row for row in document["audit"] if row["parameter"] == "ray_depth"]
     assert [row["verdict"] for row in about] == ["not_tried"]
     assert "depth_along_ray" not in (document["corrections"] or "")
@@ -90,7 +90,7 @@ def test_a_run_that_does_not_say_what_is_known_is_audited_as_before(run, trackno
     folder.write_manifest(manifest)
     settings = run / "experiment.toml"
     assert tracknoise("run", str(settings), "--out", str(run), "--no-report", "--workers", "1")[0] == 0
-    text = tracknoise("audit", str(run))[1]
+    text = tracknoise("check", str(run))[1]
     assert "Depth is the distance along the ray" in text
     assert "depth_along_ray = true" in text
 

@@ -62,7 +62,7 @@ def test_messages_that_cannot_be_written_do_not_stop_a_run(shell, tmp_path):
 
 @pytest.mark.parametrize("redirected", ["2>/dev/full", "2>&1 >/dev/null | true"])
 def test_an_error_that_cannot_be_written_is_the_status_alone(redirected, shell):
-    assert shell("findings ../none", redirected) == (1, "", "")
+    assert shell("report ../none --text", redirected) == (1, "", "")
 
 
 @pytest.mark.usefixtures("shell")
@@ -101,7 +101,7 @@ def test_results_that_have_no_stream_are_one_line(shell, tmp_path):
 def test_a_reader_that_has_gone_has_read_enough(shell):
     assert shell("trackers", "| true") == (0, "", "")
     assert shell("--help", "| true") == (0, "", "")
-    assert shell("findings ../none", "| true")[0] == 1
+    assert shell("report ../none --text", "| true")[0] == 1
 
 
 def test_files_do_not_get_the_numbers_of_closed_streams(tmp_path):

@@ -13,7 +13,9 @@ def folder(tmp_path, monkeypatch):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)
         path.write_text('{\n "format": "tracknoise.noise/2"')
-    os.mkfifo(tmp_path / "pipe")
+    os.mkfifo(tmp_path / "pipe.html")
+    (tmp_path / "rec.md").mkdir()
+    (tmp_path / "other.md").write_text("1 2 3")
     (tmp_path / "hard.md").hardlink_to("g.toml")
     return tmp_path
 
@@ -24,21 +26,17 @@ COMPARE = "compare run run "
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        ("audit run --json-file run/manifest.json", "--json-file run/manifest.json: found a place in the run {}/run"),
-        ("findings run --json-file run/report/new.json", "found a place in the run {}/run, expected one outside of it"),
-        (COMPARE + "--html run/manifest.json", "found a place in the run"),
-        (COMPARE + "--gate g.toml --markdown g.toml", "--markdown g.toml: found an input of this command"),
-        (COMPARE + "--gate g.toml --markdown hard.md", "--markdown hard.md: found an input of this command"),
-        (COMPARE + "--html a.html --markdown ./a.html", "--markdown a.html: found the file of --html too"),
-        (COMPARE + "--html rec", "--html rec: found a folder, expected a file to write"),
-        (COMPARE + "--html pipe", "--html pipe: found no regular file, expected a file to write"),
-        (COMPARE + "--json-file g.toml", "--json-file g.toml: found a file of another kind, expected a new file or"),
-        (COMPARE + "--json-file m.noise.json", "found a file of another kind, expected a new file or an earlier JSON"),
-        (COMPARE + "--markdown rec/poses.txt", "found a file of another kind, expected a new file or earlier Markdown"),
-        ("noise table run --json-file t/noise-table.json -o t", "--out t/noise-table.json: found the file of --json-f"),
-        ("noise check m.noise.json --on run --figure run/a.svg", "--figure run/a.svg: found a place in the run"),
-        ("prove run m.noise.json --out m.noise.json", "--out m.noise.json: found an input of this command"),
-        ("report run --rerun run/manifest.json", "--rerun run/manifest.json: found a place in the run"),
+        ("check run -o run/manifest.json", "--out run/manifest.json: found a place in the run {}/run"),
+        ("check run -o run/report/new.json", "found a place in the run {}/run, expected one outside of it"),
+        (COMPARE + "-o run/a.html", "found a place in the run"),
+        (COMPARE + "--gate g.toml -o hard.md", "--out hard.md: found an input of this command"),
+        (COMPARE + "-o a.html -o ./a.html", "--out a.html: found a second .html file, expected one of each kind"),
+        (COMPARE + "-o rec.md", "--out rec.md: found a folder, expected a file to write"),
+        (COMPARE + "-o pipe.html", "--out pipe.html: found no regular file, expected a file to write"),
+        (COMPARE + "-o m.noise.json", "found a file of another kind, expected a new file or an earlier JSON"),
+        (COMPARE + "-o other.md", "found a file of another kind, expected a new file or earlier Markdown"),
+        ("export run --to text --model run/a.noise.json", "--model run/a.noise.json: found a place in the run"),
+        ("export run --to csv --tracks g.toml --model g.toml", "--model g.toml: found an input of this command"),
     ],
 )
 def test_what_is_needed_is_not_replaced(command, message, folder, tracknoise):
@@ -50,19 +48,18 @@ def test_what_is_needed_is_not_replaced(command, message, folder, tracknoise):
 
 
 @pytest.mark.parametrize(
-    ("option", "name", "text"),
+    ("name", "text"),
     [
-        ("--json-file", "a.json", '{\n "format": 1,'),
-        ("--json-file", "a.json", '{\n "format": "tracknoise.noise-table/1",'),
-        ("--html", "a.html", "<!doctype html>\n<p>"),
-        ("--markdown", "a", "## b compared with a"),
-        ("--markdown", "empty", ""),
-        ("--html", "rec/new.html", None),
+        ("a.json", '{\n "format": 1,'),
+        ("a.html", "<!doctype html>\n<p>"),
+        ("a.md", "## b compared with a"),
+        ("empty.md", ""),
+        ("rec/new.html", None),
     ],
 )
-def test_an_earlier_output_is_replaced(option, name, text, folder):
+def test_an_earlier_output_is_replaced(name, text, folder):
     from tracknoise.cli.output_files import require_outputs
 
     if text is not None:
         (folder / name).write_text(text)
-    require_outputs([(option, folder / name)], inputs=[folder / "rec", None])
+    require_outputs([("--out", folder / name)], inputs=[folder / "rec", None], are_reports=True)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.lean import of_reader
 
 from tracknoise.sequences.reader_registry import make_reader, open_sequence
 
@@ -17,7 +18,7 @@ def simulate(tracknoise, tmp_path):
 
 
 def test_several_scenes_go_into_folders_of_their_own(simulate):
-    small = ["--frames", "2", "--width", "64", "--height", "48", "--supersampling", "1"]
+    small = ["--frames", "2", *of_reader("width=64", "height=48", "supersampling=1")]
     code, printed, err, out = simulate("--scenes", "2", "--motion", "forward", *small)
     assert (code, err) == (0, "")
     assert "wrote 4 frames" in printed
@@ -25,7 +26,7 @@ def test_several_scenes_go_into_folders_of_their_own(simulate):
 
 
 def test_the_light_stage_is_what_the_dtu_reader_reads(simulate):
-    code, printed, err, out = simulate("--layout", "dtu", "--width", "64", "--height", "48", "--image-format", "bmp")
+    code, printed, err, out = simulate("--layout", "dtu", *of_reader("width=64", "height=48", "image_format=bmp"))
     assert (code, err) == (0, "")
     assert "wrote 1 scene to" in printed
     sequence = open_sequence("dtu", out, lighting="LR9")
@@ -34,13 +35,13 @@ def test_the_light_stage_is_what_the_dtu_reader_reads(simulate):
 
 
 def test_a_drive_is_what_the_kitti_reader_reads(simulate):
-    small = ["--frames", "12", "--width", "128", "--height", "48", "--supersampling", "1"]
+    small = ["--frames", "12", *of_reader("width=128", "height=48", "supersampling=1")]
     code, _, err, out = simulate("--layout", "kitti", *small)
     assert (code, err) == (0, "")
     assert len(open_sequence("kitti", out)) == 12
 
 
-SMALL = ["--layout", "euroc", "--width", "64", "--height", "48", "--supersampling", "1", "--seed", "5"]
+SMALL = ["--layout", "euroc", *of_reader("width=64", "height=48", "supersampling=1", "seed=5")]
 
 
 def table(folder, sensor):
@@ -50,7 +51,7 @@ def table(folder, sensor):
 
 
 def test_a_recording_with_inertial_readings_is_what_the_euroc_reader_reads(simulate):
-    code, printed, err, out = simulate(*SMALL, "--motion", "arvr", "--frames", "5", "--noise", "0")
+    code, printed, err, out = simulate(*SMALL, "--motion", "arvr", "--frames", "5", "--option", "noise_sigma=0")
     assert (code, err) == (0, "")
     assert "wrote 5 frames" in printed
     written = open_sequence("euroc", out)
@@ -86,7 +87,7 @@ def test_readings_and_truth_are_200_hz_and_of_the_same_motion(simulate):
 def test_the_seed_decides_the_readings(simulate):
     first, again, other = (
         table(simulate(*SMALL, *seed, "--frames", "2", out=name)[3], "imu0")[1]
-        for name, seed in (("a", ()), ("b", ()), ("c", ("--seed", "6")))
+        for name, seed in (("a", ()), ("b", ()), ("c", ("--option", "seed=6")))
     )
     np.testing.assert_array_equal(first, again)
     assert not np.isclose(first, other).any()
@@ -103,11 +104,15 @@ def test_one_frame_has_no_inertial_readings(simulate):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--layout", "dtu", "--motion", "forward"], "layout dtu has no --motion; it has --noise, --shadows, --seed"),
-        (["--layout", "dtu", "--world-file", "x"], "layout dtu has no --world-file; it has"),
-        (["--image-format", "bmp"], "layout folder has no --image-format; it has"),
-        (["--layout", "dtu", "--image-format", "jpg"], "--image-format: found 'jpg', expected one of png, bmp"),
-        (["--layout", "dtu", "--width", "65"], "--width, --height: found an odd number, expected even numbers"),
+        (["--layout", "dtu", "--motion", "forward"], "layout dtu has no --motion; it has noise_sigma, shadows, seed"),
+        (["--layout", "dtu", "--option", "world_file=x"], "unknown option of layout dtu 'world_file'"),
+        (["--option", "image_format=bmp"], "reader 'simulated': image_format: unknown setting"),
+        (
+            ["--layout", "dtu", "--option", "image_format=jpg"],
+            "--option image_format: found 'jpg'",
+        ),
+        (["--layout", "dtu", "--option", "width=65"], "--option width, height: found an odd number"),
+        (["--layout", "dtu", "--option", "width=wide"], "--option width: found 'wide', expected a value such as 1600"),
         (["--motion", "flying"], "unknown motion 'flying'"),
     ],
 )

@@ -128,16 +128,16 @@ def test_right_tracks_are_not_accused(run_of):
 
 def test_no_number_and_no_correction_is_given_with_wrong_tracks(run_of, tracknoise):
     _, out = run_of(swapped)
-    status, told, _ = tracknoise("audit", out)
+    status, told, _ = tracknoise("check", out)
     assert status == 4
     assert "correct this" not in told
-    document = json.loads(tracknoise("audit", out, "--json")[1])
+    document = json.loads(tracknoise("check", out, "--json")[1])
     assert (document["corrections"], document["accuracy"], document["audit"]) == (None, None, [])
-    _, told, _ = tracknoise("findings", out, "--all")
+    _, told, _ = tracknoise("report", out, "--all")
     assert told.count("columns are swapped") == 1
     assert " px" not in told
-    for accepted in ([], ["--accept-truth"]):
-        status, _, told = tracknoise("noise", "fit", out, "-o", f"{out}-models", *accepted)
+    for accepted in ([], ["--allow", "untrusted"]):
+        status, _, told = tracknoise("export", out, "--to", "text", *accepted)
         assert status != 0
         assert "do not follow the images" in told
     run = tn.open_run(out)

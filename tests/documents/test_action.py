@@ -36,11 +36,12 @@ min_features = 2
 """
 GATE = 'ages = "mean"\ntrackers = ["front-end"]\n[tolerances]\ncore = 0.25\nlifetime = 0.25\n'
 QUICK = """
-import os, sys
+import sys
 from unittest.mock import patch
+from tracknoise import processes
 from tracknoise.cli.app import main
 
-os.cpu_count = lambda: 1
+processes.usable_cores = lambda: 1
 if sys.argv[1] == "run":
     from tracknoise.experiments import execute
 

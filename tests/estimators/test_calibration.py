@@ -5,15 +5,16 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from benchmarks.noise import check
+from benchmarks.noise.calibration import check_model, check_own
+from benchmarks.noise.cells import calibration_sentences
+from benchmarks.noise.reliability import reliability
 
 import tracknoise as tn
-from tracknoise.estimators.calibration import check_model, check_own
 from tracknoise.estimators.model import Interval
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.units import Resampled
 from tracknoise.report.figure_files import specification
-from tracknoise.report.figures.noise_models import reliability
-from tracknoise.report.noise_cells import calibration_sentences
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import RunFolder
 
@@ -184,17 +185,42 @@ def test_the_figure_shows_the_classes_and_where_they_agree(planted_run: Path, gr
 
 @pytest.mark.parametrize(("kind", "begins"), [("svg", b"<svg"), ("png", b"\x89PNG")])
 def test_the_command_writes_the_figure(
-    planted_run: Path, model: tn.NoiseModel, tmp_path: Path, tracknoise, kind: str, begins: bytes
+    planted_run: Path, model: tn.NoiseModel, tmp_path: Path, capsys, kind: str, begins: bytes
 ) -> None:
     model.write(tmp_path / "model.json")
     drawn = tmp_path / "plots" / f"reliability.{kind}"
-    code, out, _ = tracknoise("noise", "check", tmp_path / "model.json", "--on", planted_run, "--figure", drawn)
-    assert code == 0
-    assert f"written: {drawn}" in out
+    assert check.main([str(tmp_path / "model.json"), "--on", str(planted_run), "--figure", str(drawn)]) == 0
+    assert f"written: {drawn}" in capsys.readouterr().out
     assert drawn.read_bytes().startswith(begins)
 
 
-def test_a_figure_of_another_kind_is_refused(planted_run: Path, tmp_path: Path, tracknoise) -> None:
-    command = ("noise", "check", tmp_path / "model.json", "--on", planted_run, "--figure", tmp_path / "plot.gif")
-    code, _, error = tracknoise(*command)
-    assert (code, "ends in '.gif', expected .svg or .png" in error) == (1, True)
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("plot.gif", "ends in '.gif', expected .svg or .png"), ("run/plot.svg", "found a place in the run")],
+)
+def test_a_figure_of_another_kind_or_in_a_run_is_refused(
+    planted_run: Path, tmp_path: Path, capsys, name: str, message: str
+) -> None:
+    figure = planted_run / "plot.svg" if name.startswith("run") else tmp_path / name
+    assert check.main([str(tmp_path / "model.json"), "--on", str(planted_run), "--figure", str(figure)]) == 1
+    assert message in capsys.readouterr().err
+
+
+def test_what_is_checked_is_a_model_or_covariances_of_a_front_end(
+    planted_run: Path, model, tmp_path: Path, capsys
+) -> None:
+    def error(*arguments: object) -> str:
+        assert check.main([*map(str, arguments), "--on", str(planted_run)]) == 1
+        return capsys.readouterr().err
+
+    assert "no such file" in error(tmp_path / "none.json")
+    assert "found no column quality_cov_uu of oracle" in error("--own", "cov", "--tracker", "oracle")
+    assert "no MODEL, expected a noise model, or --own NAME" in error()
+    for option in (("--tracker", "oracle"), ("--speed", "2")):
+        said = f"{option[0]}: found a noise model, which has its own, expected the option with --own alone"
+        assert said in error(tmp_path / "none.json", *option)
+    model.write(tmp_path / "model.json")
+    assert check.main([str(tmp_path / "model.json"), "--on", str(planted_run)]) == 0
+    out = capsys.readouterr().out
+    assert "agrees with the covariance" in out
+    assert "was fitted to 8 of these scenes" in " ".join(out.split())

@@ -4,12 +4,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from benchmarks.noise.arms import PlantedNoise
+from benchmarks.noise.windows import Problem, divided, scenes_of, with_joined_scenes
 from benchmarks.planted_windows import simulated_problem
 from tests.estimators.models import TRAINING
 
 from tracknoise.estimators.linear_window import Motion
-from tracknoise.estimators.proof_windows import Problem, divided, scenes_of, with_joined_scenes
-from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.exceptions import SettingsError
 
 FITTED = replace(TRAINING, dataset="places", scenes=())

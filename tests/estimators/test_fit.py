@@ -11,7 +11,6 @@ from tests.estimators.exports.models import lucas_kanade
 from tests.estimators.models import TEXTURE, made
 
 import tracknoise as tn
-from tracknoise.cli.noise import _stems
 from tracknoise.cli.terminal import WIDTH
 from tracknoise.estimators.cpp_header import cpp_header
 from tracknoise.estimators.equivalents import LENGTHS
@@ -127,84 +126,80 @@ def test_runs_of_earlier_versions_say_what_is_missing(planted_run: Path, tmp_pat
 
 
 def test_commands(planted_run: Path, tmp_path: Path, tracknoise) -> None:
-    code, out, _ = tracknoise("noise", "fit", planted_run, "--speed", "1", "-o", tmp_path)
-    assert code == 0
+    file = tmp_path / "oracle.noise.json"
+    code, out, told = tracknoise("export", planted_run, "--to", "text", "--model", file)
+    assert (code, told) == (0, f"written: {file}\n")
     assert "Noise of oracle at speed 1." in out
     assert "each frame (W)" in out
     assert "the interval of its variance reaches 0" in out
-    file = tmp_path / "oracle@1.noise.json"
-    code, shown, _ = tracknoise("noise", "show", file)
-    assert code == 0
-    assert shown.strip() in out
-    assert max(map(len, shown.splitlines())) <= WIDTH
+    code, shown, _ = tracknoise("export", file, "--to", "text")
+    assert (code, shown) == (0, out)
     assert "gate .80  gate .95  gate .99" in shown
-    code, out, _ = tracknoise("noise", "check", file, "--on", planted_run)
-    assert code == 0
-    assert "agrees with the covariance" in out
-    assert "was fitted to 8 of these scenes" in out
+    prose, _ = shown.split("\n\n", 1)
+    assert max(map(len, prose.splitlines())) <= WIDTH
+    _, of_run, _ = tracknoise("export", planted_run, "--to", "openvins")
+    _, of_model, _ = tracknoise("export", file, "--to", "openvins")
+    assert of_run.replace("oracle@1.noise.json", file.name) == of_model
+    code, header, _ = tracknoise("export", planted_run, "--to", "cpp")
+    assert (code, header.rstrip()) == (0, cpp_header(tn.NoiseModel.read(file)).rstrip())
 
 
 def test_a_model_of_other_scenes_is_not_replaced_unless_that_is_asked_for(
     planted_run: Path, tmp_path: Path, tracknoise
 ) -> None:
-    other, command = lucas_kanade(), ("noise", "fit", planted_run, "--speed", "1", "-o", tmp_path)
-    other.write(tmp_path / "oracle@1.noise.json")
+    file = tmp_path / "oracle.noise.json"
+    other, command = lucas_kanade(), ("export", planted_run, "--to", "text", "--model", file)
+    other.write(file)
     code, _, error = tracknoise(*command)
     assert code == 1
     assert "found a model that was fitted to other data (" in error
-    assert "expected another folder, or --force" in error
-    assert tn.NoiseModel.read(tmp_path / "oracle@1.noise.json").sha256 == other.sha256
+    assert "expected another file, or --force" in error
+    assert tn.NoiseModel.read(file).sha256 == other.sha256
     for further in (["--force"], []):  # again: of the same scenes
         assert tracknoise(*command, *further)[0] == 0
-        assert tn.NoiseModel.read(tmp_path / "oracle@1.noise.json").training.tracker == "oracle"
+        assert tn.NoiseModel.read(file).training.tracker == "oracle"
 
 
-def test_a_speed_without_a_model_does_not_stop_the_others(
-    planted_run: Path, tmp_path: Path, tracknoise, monkeypatch: pytest.MonkeyPatch
+def test_a_model_that_the_run_did_not_fit_is_fitted_now_and_its_failure_is_said(
+    planted_run: Path, tracknoise, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fit = tn.NoiseModel.fit
+    def with_few_errors(run: Path, **options: object) -> tn.NoiseModel:
+        raise SettingsError("found too few errors")
 
-    def with_few_errors_at_speed_2(run: Path, **options: object) -> tn.NoiseModel:
-        if options["speed"] == 2:
-            raise SettingsError("found too few errors")
-        return fit(run, **options)
-
-    monkeypatch.setattr(tn.NoiseModel, "fit", with_few_errors_at_speed_2)
-    code, out, error = tracknoise("noise", "fit", planted_run, "-o", tmp_path)
+    monkeypatch.setattr(tn.NoiseModel, "fit", with_few_errors)
+    code, _, error = tracknoise("export", planted_run, "--to", "text")
+    assert code == 0
+    assert error == "", "that of the lowest speed is there"
+    code, _, error = tracknoise("export", planted_run, "--to", "text", "--speed", "2")
     anew = "oracle at speed 2: fitted now, because the models of the run are those of speed 1\n"
-    assert (code, error) == (0, f"{anew}tracknoise: warning: oracle at speed 2 has no model: found too few errors\n")
-    assert "Noise of oracle at speed 1." in out
-    assert [path.name for path in tmp_path.iterdir()] == ["oracle@1.noise.json"]
-    code, _, error = tracknoise("noise", "fit", planted_run, "--speed", "2", "-o", tmp_path)
-    assert (code, error.splitlines()[-1]) == (1, "tracknoise: error: found too few errors")
+    assert (code, error) == (1, f"{anew}tracknoise: error: found too few errors\n")
 
 
-def test_names_of_trackers_stay_in_the_folder_and_in_the_comment() -> None:
-    assert _stems([("lucas-kanade", 1), ("LK (8 px)", 2), ("../a/b", 1), ("a-b", 1), ("/a/b", 1)]) == {
-        "lucas-kanade": "lucas-kanade",
-        "LK (8 px)": "LK (8 px)",
-        "a-b": "a-b",
-        "../a/b": "a-b-1",
-        "/a/b": "a-b-2",
-    }
+def test_names_of_trackers_stay_in_the_comment() -> None:
     model = made(0.1)
     named = replace(model, training=replace(model.training, tracker="lk\nint x = 1; //\\"))
     assert cpp_header(named).startswith("// Noise of lk_int x = 1; //_ at speed 1, by tracknoise. Model ")
 
 
+def test_the_text_and_the_header_of_another_model_are_not_replaced(
+    planted_run: Path, tmp_path: Path, tracknoise
+) -> None:
+    other = tmp_path / "other.noise.json"
+    lucas_kanade().write(other)
+    for form, name in (("text", "noise.txt"), ("cpp", "noise.hpp")):
+        assert tracknoise("export", planted_run, "--to", form, "-o", tmp_path)[0] == 0
+        assert tracknoise("export", planted_run, "--to", form, "-o", tmp_path)[0] == 0
+        code, _, error = tracknoise("export", other, "--to", form, "-o", tmp_path)
+        assert (code, f"found {name} of another model" in error) == (1, True)
+
+
 def test_commands_refuse_what_they_cannot_do(planted_run: Path, tmp_path: Path, tracknoise) -> None:
-    code, _, error = tracknoise("noise", "fit", planted_run, "--tracker", "lk")
+    code, _, error = tracknoise("export", planted_run, "--to", "text", "--tracker", "lk")
     assert (code, "unknown tracker 'lk'" in error) == (1, True)
-    code, _, error = tracknoise("noise", "fit", planted_run, "--speed", "7")
+    code, _, error = tracknoise("export", planted_run, "--to", "text", "--speed", "7")
     assert (code, "expected one of 1, 2" in error) == (1, True)
-    code, _, error = tracknoise("noise", "check", tmp_path / "none.json", "--on", planted_run)
+    code, _, error = tracknoise("export", tmp_path / "none.json", "--to", "text")
     assert (code, "no such file" in error) == (1, True)
-    code, _, error = tracknoise("noise", "check", "--on", planted_run, "--own", "cov", "--tracker", "oracle")
-    assert (code, "found no column quality_cov_uu of oracle" in error) == (1, True)
-    for option in (("--tracker", "oracle"), ("--speed", "2")):
-        code, out, error = tracknoise("noise", "check", tmp_path / "none.json", "--on", planted_run, *option)
-        assert (code, out) == (1, "")
-        assert f"{option[0]}: found a noise model, which has its own, expected the option with --own alone" in error
 
 
 def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.NoiseModel) -> None:
@@ -244,6 +239,6 @@ def test_windows_that_no_recording_is_long_enough_for_are_said_to_be_simulated(m
 
 
 def test_an_estimator_without_one_sigma_is_said_to_take_the_components(model: tn.NoiseModel) -> None:
-    with pytest.raises(SettingsError, match=r"ROVIO takes no single sigma, .* noise export MODEL --to rovio`"):
+    with pytest.raises(SettingsError, match=r"ROVIO takes no single sigma, .* export MODEL --to rovio`"):
         model.advise("rovio")
-    assert model_sentences(model, "rovio")[1] == "ROVIO takes the components, which `tracknoise noise export` writes."
+    assert model_sentences(model, "rovio")[1] == "ROVIO takes the components, which `tracknoise export` writes."

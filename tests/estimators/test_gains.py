@@ -1,11 +1,12 @@
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.noise.cells import noise_table_sentences
+from benchmarks.noise.noise_table import NoiseTable
 from tests.estimators.models import TRUSTED
 
-from tracknoise.estimators.lookup_table import NOISE_LOOKUP, NoiseTable, noise_lookup, scene_sums
+from tracknoise.estimators.lookup_table import NOISE_LOOKUP, noise_lookup, scene_sums
 from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups
-from tracknoise.report.noise_cells import noise_table_sentences
 from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.schema import NOISE_SUMS
 from tracknoise.topics.lookup_topic import lookup_sentences

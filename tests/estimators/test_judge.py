@@ -6,11 +6,13 @@ import pytest
 pytest.importorskip("gtsam", reason="needs the extra tracknoise[proof]")
 
 from benchmarks.gtsam_judge import newest_pose_by_gtsam
+from benchmarks.noise.arms import PlantedNoise, one_sigma, perturbed, whole_tracks
+from benchmarks.noise.bundle import Assumption, adjust
+from benchmarks.noise.windows import between
 from benchmarks.planted_windows import simulated_problem
 
-from tracknoise.estimators.bundle import Assumption, adjust
+from tracknoise.estimators.kernels import NEWEST, normalised
 from tracknoise.estimators.linear_window import Motion
-from tracknoise.estimators.trial import NEWEST, PlantedNoise, normalised, one_sigma, perturbed, whole_tracks
 from tracknoise.inference.track_noise import TrackNoise
 
 NOISE = TrackNoise.isotropic(first=0.2, white=0.1, walk=0.08)
@@ -24,7 +26,7 @@ def test_gtsam_agrees(motion: Motion, arm: str) -> None:
     start = perturbed(problem)
     own = adjust(problem, start, Assumption(covariances))
     pose, covariance, nees = newest_pose_by_gtsam(problem, start, Assumption(covariances))
-    error = problem.gauge.between(own.poses, problem.world_from_camera)[-NEWEST:]
+    error = between(problem.gauge, own.poses, problem.world_from_camera)[-NEWEST:]
     assert np.allclose(own.poses[-1], pose, atol=1e-8)
     assert np.allclose(own.claimed[-NEWEST:, -NEWEST:], covariance, rtol=1e-6, atol=1e-12)
     assert normalised(error, own.claimed[-NEWEST:, -NEWEST:]) == pytest.approx(nees, rel=1e-6)

@@ -6,8 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.estimators.bundle import Loss, LossKind, expected_nees
 from tracknoise.estimators.kernels import KNEES, LENGTH, drawn_windows, tried_kernels
+from tracknoise.estimators.losses import Loss, LossKind, expected_nees
 from tracknoise.estimators.model import Equivalent, Interval, Kernel, Landmark, Purpose
 from tracknoise.estimators.training import windows
 from tracknoise.inference.units import NO_GROUPS

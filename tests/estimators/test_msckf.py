@@ -5,9 +5,9 @@ import polars as pl
 import pytest
 from benchmarks.filter_trial import ended_tracks
 from benchmarks.msckf import CLONES, Assumed, EndedTracks, Filtered, planted_problem, run_filter, triangulated
+from benchmarks.noise.arms import PlantedNoise
 
 from tracknoise.estimators.linear_window import CAMERA, Motion, trajectory
-from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.inference.track_noise import TrackNoise
 
 WHITE = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3))

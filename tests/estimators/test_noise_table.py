@@ -4,9 +4,10 @@ import json
 import numpy as np
 import polars as pl
 import pytest
+from benchmarks.noise import table as program
+from benchmarks.noise.noise_table import NoiseTable, noise_table, noise_table_csv, noise_table_json
 
 from tracknoise.estimators.fit import fit_bias
-from tracknoise.estimators.lookup_table import NoiseTable, noise_table, noise_table_csv, noise_table_json
 from tracknoise.estimators.model import BiasKind, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
@@ -109,19 +110,21 @@ def test_json_holds_rows_reasons_and_gains(table):
     assert len(document["gains"]) == table.gains.height
 
 
-def test_the_command_prints_the_answer_first_and_writes_both_files(tracknoise, planted_run, tmp_path):
-    code, out, err = tracknoise("noise", "table", planted_run, "-o", tmp_path)
+def test_the_command_prints_the_answer_first_and_writes_both_files(capsys, planted_run, tmp_path):
+    code = program.main([str(planted_run), "--out", str(tmp_path)])
+    out, err = capsys.readouterr()
     assert (code, err) == (0, "")
     assert out.startswith("No gain is established of separate noise by speed and motion over one for all")
     assert "Noise in px" in out
     assert "sideways" in out
     assert {path.name for path in tmp_path.iterdir()} == {"noise-table.csv", "noise-table.json"}
-    code, out, err = tracknoise("noise", "table", planted_run, "--json", "--speed", 1)
-    assert {row["speed"] for row in json.loads(out)["rows"]} == {1}
+    assert program.main([str(planted_run), "--out", str(tmp_path), "--speed", "1"]) == 0
+    assert {row["speed"] for row in json.loads((tmp_path / "noise-table.json").read_text())["rows"]} == {1}
 
 
-def test_a_run_without_sums_is_an_error_of_one_line(tracknoise, tmp_path):
-    code, out, err = tracknoise("noise", "table", tmp_path)
+def test_a_run_without_sums_is_an_error_of_one_line(capsys, tmp_path):
+    code = program.main([str(tmp_path)])
+    out, err = capsys.readouterr()
     assert code != 0
     assert out == ""
     assert err.count("\n") == 1

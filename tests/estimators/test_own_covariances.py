@@ -6,6 +6,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from benchmarks.noise import check
 from polars.testing import assert_frame_equal
 from tests.estimators.conftest import TEXT, Silent
 
@@ -73,9 +74,9 @@ def test_one_finding_says_so(claimed: RunFolder) -> None:
     assert "multiply by" in found[0]["brief"]
 
 
-def test_the_check_of_the_same_columns_agrees(claimed: RunFolder, tracknoise) -> None:
-    code, out, _ = tracknoise("noise", "check", "--own", "cov", "--tracker", "imported", "--on", claimed.path)
-    assert code == 0
+def test_the_check_of_the_same_columns_agrees(claimed: RunFolder, capsys) -> None:
+    assert check.main(["--own", "cov", "--tracker", "imported", "--on", str(claimed.path)]) == 0
+    out = capsys.readouterr().out
     (line,) = (line for line in out.splitlines() if line.startswith("NEES"))
     rows = run_results(claimed, RUN_TABLES.values()).filter(
         pl.col("at").is_null(), quantity="covariance_nees", trimming="untrimmed"

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import polars as pl
 import pytest
+from benchmarks.noise.calibration import check_model
 from polars.testing import assert_frame_equal
 from tests.lean import measured_by_command, without_findings
 
-from tracknoise.estimators.calibration import check_model
 from tracknoise.estimators.fit import fitted_fields
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.training import all_training_tables, chosen_conditions

@@ -6,24 +6,8 @@ from functools import cache
 import numpy as np
 import polars as pl
 import pytest
-from benchmarks.planted_windows import (
-    simulated_problem,
-    with_drift_reversed,
-    with_noise_of,
-    with_permuted_covariates,
-    with_permuted_errors,
-)
-from scipy import stats
-
-from tracknoise.estimators import learning
-from tracknoise.estimators.bundle import Assumption, Loss, LossKind, adjust, expected_nees, gate_ratios
-from tracknoise.estimators.learning import learn, mean_drift, sample_of_windows, student_of_errors
-from tracknoise.estimators.linear_window import Motion
-from tracknoise.estimators.model import log_factor
-from tracknoise.estimators.proof import Verdict, sentence, summarise, verdict
-from tracknoise.estimators.proof_windows import Problem, errors_of
-from tracknoise.estimators.track_likelihood import TrackLaw
-from tracknoise.estimators.trial import (
+from benchmarks.noise import learning
+from benchmarks.noise.arms import (
     ARMS,
     GATED,
     TEXTURE,
@@ -35,6 +19,23 @@ from tracknoise.estimators.trial import (
     try_arms,
     whole_tracks,
 )
+from benchmarks.noise.bundle import Assumption, adjust, gate_ratios
+from benchmarks.noise.learning import learn, mean_drift, sample_of_windows, student_of_errors
+from benchmarks.noise.proof import Verdict, sentence, summarise, verdict
+from benchmarks.noise.windows import Problem, errors_of
+from benchmarks.planted_windows import (
+    simulated_problem,
+    with_drift_reversed,
+    with_noise_of,
+    with_permuted_covariates,
+    with_permuted_errors,
+)
+from scipy import stats
+
+from tracknoise.estimators.linear_window import Motion
+from tracknoise.estimators.losses import Loss, LossKind, expected_nees
+from tracknoise.estimators.model import log_factor
+from tracknoise.estimators.track_likelihood import TrackLaw
 from tracknoise.inference.track_noise import TrackNoise
 
 WHITE = PlantedNoise(noise=TrackNoise.isotropic(first=0.3, white=0.3))

@@ -4,12 +4,12 @@ from functools import cache
 
 import polars as pl
 import pytest
+from benchmarks.noise.arms import PlantedNoise
+from benchmarks.noise.proof import learn_sigmas, triangulate
+from benchmarks.noise.windows import Problem
 from benchmarks.planted_windows import simulated_problem
 
 from tracknoise.estimators.linear_window import Motion
-from tracknoise.estimators.proof import learn_sigmas, triangulate
-from tracknoise.estimators.proof_windows import Problem
-from tracknoise.estimators.trial import PlantedNoise
 from tracknoise.inference.track_noise import TrackNoise
 
 WHITE, WALK = TrackNoise.isotropic(first=0.3, white=0.3), TrackNoise.isotropic(walk=0.1)

@@ -1,8 +1,8 @@
 import pytest
+from benchmarks.effects.schema import Size
+from benchmarks.effects.study import Effect, Study, base_options, catalogue, chosen_effects, merged
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.experiments.effects_study import Effect, Study, base_options, catalogue, chosen_effects, merged
-from tracknoise.tables.findings_schema import Size
 
 
 @pytest.mark.parametrize("effect", catalogue(), ids=lambda effect: effect.name)

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 from tests.experiments.test_execute import Silent
-from tests.lean import measured_only
+from tests.lean import measured_only, of_reader
 
 from tracknoise.exceptions import StoreError
 from tracknoise.experiments.execute import execute
@@ -19,7 +19,7 @@ def recording(made_once):
     def write(folder):
         from tracknoise.cli.app import main
 
-        size = ["--width", "160", "--height", "120", "--supersampling", "1"]
+        size = [*of_reader("width=160", "height=120", "supersampling=1")]
         with pytest.raises(SystemExit):
             main(["simulate", "--out", str(folder / "walk"), "--motion", "arvr", "--frames", "4", *size, "--quiet"])
 

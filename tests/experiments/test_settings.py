@@ -42,6 +42,14 @@ def test_resolved_settings_read_back_as_the_same_experiment():
     assert parse_experiment(experiment.to_toml(), place="again").digest() == experiment.digest()
 
 
+@pytest.mark.parametrize("text", ["verify = true\n", 'check = "mine.check.json"\n'])
+def test_digest_ignores_what_no_number_depends_on(text):
+    one, other = (parse_experiment(before + MINIMAL, place="") for before in ("", text))
+    assert one != other
+    assert one.digest() == other.digest()
+    assert one.with_findings_of(other) == other
+
+
 def test_digest_ignores_where_the_data_lie_and_nothing_else():
     one, other = (parse_experiment(MINIMAL, place="").with_root(root) for root in (None, Path("/data")))
     assert one.digest() == other.digest()
@@ -155,7 +163,7 @@ def test_every_other_preset_asks_for_its_data(name):
 
 
 def test_the_presets_are_the_demo_the_papers_four_experiments_and_the_tournament():
-    assert preset_names() == ["demo", "dtu", "gazebo-arvr", "gazebo-linear", "kitti", "tournament"]
+    assert preset_names() == ["demo", "dtu", "effects", "gazebo-arvr", "gazebo-linear", "kitti", "tournament"]
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-
-import tracknoise
-from tracknoise.exceptions import SettingsError, StoreError
-from tracknoise.experiments.effects_study import (
+from benchmarks.effects.schema import CLEAN, EFFECT_CHANGES, Size
+from benchmarks.effects.study import (
     SharedTracker,
     Study,
     base_options,
@@ -17,7 +15,9 @@ from tracknoise.experiments.effects_study import (
     merged,
     run_study,
 )
-from tracknoise.tables.findings_schema import CLEAN, EFFECT_CHANGES, Size
+
+import tracknoise
+from tracknoise.exceptions import SettingsError, StoreError
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import check
 from tracknoise.trackers.lucas_kanade import LucasKanade

@@ -1,14 +1,14 @@
-"""Table and figure of `tracknoise effects`."""
+"""Table and figure of `python -m benchmarks.effects`."""
 
 from pathlib import Path
 
 import altair as alt
 import polars as pl
 import pytest
+from benchmarks.effects.files import effect_cells, effect_sizes, markdown, write_effects
+from benchmarks.effects.schema import EFFECT_CHANGES, EFFECT_UNITS, EffectStatistic, Size
 
-from tracknoise.report.effect_files import effect_cells, effect_sizes, markdown, write_effects
 from tracknoise.report.figure_files import specification
-from tracknoise.tables.findings_schema import EFFECT_CHANGES, EFFECT_UNITS, EffectStatistic, Size
 
 
 @pytest.fixture

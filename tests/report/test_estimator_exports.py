@@ -39,7 +39,7 @@ def test_files_are_those_of_the_command_line(
 ) -> None:
     monkeypatch.chdir(fitted_run.path)
     with pytest.raises(SystemExit) as exit_:
-        main(["noise", "export", "statistics/noise/oracle@1.noise.json", "--to", "openvins", "-o", str(tmp_path)])
+        main(["export", "statistics/noise/oracle@1.noise.json", "--to", "openvins", "-o", str(tmp_path)])
     assert exit_.value.code == 0
     written = {path.name: path.read_text() for path in tmp_path.iterdir()}
     assert written == {**dict(content["openvins"]["files"]), "openvins.txt": content["openvins"]["text"]}

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.estimators.calibration import fitted_curve
+from tracknoise.estimators.fitted_curve import fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import RunModels, _fits, fitted_models, run_models
 from tracknoise.estimators.training import RunTruth, all_training_tables

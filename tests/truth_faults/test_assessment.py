@@ -166,7 +166,7 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     large = verdict(audit=audit(named=(0.4, 0.3, 0.5)))
     assert large.verdict == Trust.not_trusted
     assert large.text.startswith("The focal length is 10.0")
-    assert "corrections that `tracknoise audit` prints" in large.step
+    assert "corrections that `tracknoise check RUN` prints" in large.step
     small = verdict(audit=audit(named=(0.04, 0.02, 0.06)))
     assert small.verdict == Trust.limited
     assert "The focal length is 10.0" in small.text
@@ -534,7 +534,7 @@ def test_a_check_has_one_tracker_and_prints_no_corrections() -> None:
     faulty = {"audit": audit(named=(0.4, 0.3, 0.5))}
     of_run, of_check = verdict(**faulty), verdict(**faulty, is_check=True)
     assert of_run.text == of_check.text
-    assert "corrections that `tracknoise audit` prints" in of_run.step
+    assert "corrections that `tracknoise check RUN` prints" in of_run.step
     assert "several trackers (`tracknoise run`)" in of_check.step
     assert "corrections that" not in of_check.step
 

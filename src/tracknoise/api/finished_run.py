@@ -332,14 +332,14 @@ class Run:
         return findings_about(found.sort("rank"), run_results(self._folder, RUN_TABLES.values()), tracker)
 
     def sigma(self, estimator: str, *, window: int | None = None) -> "dict[str, SigmaToSet]":
-        """Say what to set in an estimator: the same numbers as its findings and ``noise show --for``.
+        """Say what to set in an estimator: the same numbers as its findings and ``export --to text``.
 
         For example ``run.sigma("openvins")["lucas-kanade"].sigma_px``.
 
         Parameters
         ----------
         estimator
-            Its name or an alias, or a kind: see ``tracknoise noise export --list``.
+            Its name or an alias, or a kind: see ``tracknoise export``.
         window
             Length of its window, frames; by default that of the experiment if it names this estimator, else as shipped.
 

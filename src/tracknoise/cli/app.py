@@ -1,7 +1,7 @@
 """The ``tracknoise`` command: how it ends, by itself, with an error or by a signal.
 
-Exit status: 0 success, 1 user error, 2 some scenes failed, 4 of ``tracknoise check`` and ``tracknoise audit`` (the
-truth is not trusted, or this is unknown), 3 and 4 of ``tracknoise compare --gate`` (worse, undecided), 128 + N ended by
+Exit status: 0 success, 1 user error, 2 some scenes failed, 4 of ``tracknoise check`` (the truth is not
+trusted, or this is unknown), 3 and 4 of ``tracknoise compare --gate`` (worse, undecided), 128 + N ended by
 signal N (130 for Ctrl-C). Results go to stdout, everything else to stderr.
 """
 
@@ -19,6 +19,7 @@ from types import FrameType, TracebackType
 from typing import Self
 
 from tracknoise import processes
+from tracknoise.cli.moved import STATUS, moved
 from tracknoise.cli.terminal import Terminal, finish_results
 from tracknoise.exceptions import TracknoiseError, with_type
 
@@ -116,9 +117,13 @@ def main(arguments: list[str] | None = None) -> None:
         try:
             try:
                 processes.require_memory()
-                command = _loaded(terminal, arguments)
-                with _parsing():
-                    status = command()
+                if sentence := moved(sys.argv[1:] if arguments is None else arguments):
+                    terminal.error(sentence)
+                    status = STATUS
+                else:
+                    command = _loaded(terminal, arguments)
+                    with _parsing():
+                        status = command()
                 if status == _INTERRUPTED:
                     raise KeyboardInterrupt
             except BaseException as error:  # a panic of Polars is no Exception

@@ -1,4 +1,4 @@
-"""``tracknoise check``: whether the truth of a recording can be trusted, and what is wrong with it."""
+"""``tracknoise check``: whether the truth of a recording or a run can be trusted, and what is wrong with it."""
 
 import textwrap
 from collections.abc import Mapping
@@ -7,19 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.recording_arguments import (
-    OptionOption,
-    RecordingArgument,
-    TrajectoryOfOption,
-    TrajectoryOption,
-)
+from tracknoise.cli.recording_arguments import OptionOption, TrajectoryOption
 from tracknoise.cli.shared_options import (
     UNUSABLE,
     DebugOption,
-    JsonFileOption,
     JsonOption,
     QuietOption,
-    write_json,
+    files_by_ending,
+    print_json,
+    text,
+    whole,
+    write_files,
 )
 from tracknoise.cli.terminal import WIDTH, Terminal, wrapped
 
@@ -28,73 +26,116 @@ if TYPE_CHECKING:
     from tracknoise.tables.identity import SequenceId
     from tracknoise.truth_faults.check_report import CheckReport, Item
 
+_PAGE, _DOCUMENT, _POSES = ".html", ".json", ".txt"
+_MOST_SEQUENCES = 3
+
 
 def check(
     context: typer.Context,
-    recording: RecordingArgument,
+    recording: Annotated[
+        list[str],
+        typer.Argument(metavar="[READER] PATH", help="Recording, whose format may come first, or folder of a run."),
+    ],
     option: OptionOption = None,
     trajectory: TrajectoryOption = None,
-    trajectory_of: TrajectoryOfOption = "camera",
-    scenes: Annotated[int, typer.Option("--scenes", min=1, help="Read the images of this many sequences.")] = 3,
-    html: Annotated[Path | None, typer.Option("--html", help="Write a page with pictures to this file.")] = None,
-    write_trajectory: Annotated[
-        str | None,
-        typer.Option(
-            "--write-trajectory",
-            metavar="FILE",
-            help="Write the refined poses of all frames in the format of TUM; {scene} in the name for several scenes.",
-        ),
+    scenes: Annotated[
+        int | None, whole("--scenes", help=f"Read the images of this many sequences (default: {_MOST_SEQUENCES}).")
+    ] = None,
+    out: Annotated[
+        list[Path] | None,
+        text("--out", "-o", metavar="FILE", help="Page (.html), JSON (.json) or refined poses (.txt); repeatable."),
     ] = None,
     as_json: JsonOption = False,
-    json_file: JsonFileOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Check whether the truth of a recording can be trusted: poses, clock, depth and intrinsics against its images.
 
     Names the usual mistakes: inverted poses, quaternion order, axes, units, intrinsics of another resolution, poses off
-    by frames. Exit status 0 if the truth is trusted or limited, 4 if it is not trusted or this is unknown.
+    by frames. Of a run: what is wrong with its truth, what to add to the experiment file, and the numbers behind it.
+    Exit status 0 if the truth is trusted or limited, 4 if it is not trusted or this is unknown.
 
-    Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 --html check.html`,
-    `tracknoise check /data/euroc --option depth=stereo`, `tracknoise check /data/mine --write-trajectory refined.txt`
+    Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 -o check.html`,
+    `tracknoise check /data/euroc --option depth=stereo`, `tracknoise check /data/mine -o refined.txt`,
+    `tracknoise check runs/7scenes`
     """
+    from tracknoise.cli.output_files import is_run
+
+    if len(recording) == 1 and is_run(Path(recording[0])):
+        given = {"--option": option, "--trajectory": trajectory, "--scenes": scenes}
+        return _of_run(context.obj, Path(recording[0]), out, [name for name in given if given[name]], as_json=as_json)
+    return _of_recording(
+        context.obj, recording, option, trajectory, out, most=scenes or _MOST_SEQUENCES, as_json=as_json
+    )
+
+
+def _of_run(terminal: Terminal, run: Path, out: list[Path] | None, others: list[str], *, as_json: bool) -> int:
+    """Print what is wrong with the truth of a run. `others`: options that a recording alone has."""
+    from tracknoise.cli.output_files import require_outputs
+    from tracknoise.cli.run_audit import audit_json, print_audit, read_audit
+    from tracknoise.exceptions import SettingsError
+
+    if others:
+        raise SettingsError(f"{run}: found a run with {others[0]}, expected the option with a recording alone")
+    files = files_by_ending(out, [_DOCUMENT])
+    require_outputs([("--out", path) for path in files.values()], inputs=[run], are_reports=True)
+    found = read_audit(run)
+    if as_json:
+        print_json(terminal, audit_json(found))
+    write_files({path: lambda: audit_json(found) for path in files.values()}, terminal.say)
+    if not as_json:
+        print_audit(terminal, found)
+    return 0 if found.verdict.is_usable else UNUSABLE
+
+
+def _of_recording(
+    terminal: Terminal,
+    recording: list[str],
+    option: list[str] | None,
+    trajectory: str | None,
+    out: list[Path] | None,
+    *,
+    most: int,
+    as_json: bool,
+) -> int:
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
-    from tracknoise.tables.files import write_atomically
     from tracknoise.truth_faults.check_recording import Pictures, check_reader
 
-    opened = open_recording(recording, option, trajectory=trajectory, trajectory_of=trajectory_of)
-    trajectories = {} if write_trajectory is None else _trajectories(opened, write_trajectory, most=scenes)
-    outputs = [("--html", html), ("--json-file", json_file), *(("--write-trajectory", one) for one in trajectories)]
-    require_outputs(outputs, inputs=[opened.path])
-    context.obj.say(f"reader: {opened.reader.name}")
+    files = files_by_ending(out, [_PAGE, _DOCUMENT, _POSES])
+    opened = open_recording(recording, option, trajectory=trajectory)
+    trajectories = _trajectories(opened, files.pop(_POSES), most=most) if _POSES in files else {}
+    outputs = [("--out", path) for path in (*files.values(), *trajectories)]
+    require_outputs(outputs, inputs=[opened.path], are_reports=True)
+    terminal.say(f"reader: {opened.reader.name}")
     pictures = Pictures()
     source = str(opened.path or opened.reader.name)
-    seen = pictures.take if html else None
-    report = check_reader(opened.reader, source, most=scenes, seen=seen, change=opened.view)
-    write_json(context.obj, report.to_json(), as_json=as_json, file=json_file)
-    if html is not None:
-        write_atomically(html, pictures.page(report).encode())
+    seen = pictures.take if _PAGE in files else None
+    report = check_reader(opened.reader, source, most=most, seen=seen, change=opened.view)
+    if as_json:
+        print_json(terminal, report.to_json())
+    makers = {_PAGE: lambda: pictures.page(report), _DOCUMENT: report.to_json}
+    write_files({path: makers[ending] for ending, path in files.items()}, terminal.say)
     if not as_json:
-        _print(context.obj, report)
-        context.obj.say("a first answer in about a minute: tracknoise init RECORDING, then tracknoise run FILE --quick")
+        _print(terminal, report)
+        terminal.say("a first answer in about a minute: tracknoise init RECORDING, then tracknoise run FILE --quick")
     for path, name in trajectories.items():
-        _write_trajectory(context.obj, opened, name, path)
+        _write_trajectory(terminal, opened, name, path)
     return 0 if report.truth.is_usable else UNUSABLE
 
 
-def _trajectories(opened: "Recording", template: str, *, most: int) -> dict[Path, "SequenceId"]:
+def _trajectories(opened: "Recording", template: Path, *, most: int) -> dict[Path, "SequenceId"]:
     """The file of each sequence that is checked."""
     from tracknoise.exceptions import SettingsError
 
     names = opened.reader.sequences()[:most]
     try:
-        files = {name.expand(template, speed=1): name for name in names}
+        files = {name.expand(str(template), speed=1): name for name in names}
     except ValueError as error:
-        raise SettingsError(f"--write-trajectory {template}: {error}") from error
+        raise SettingsError(f"--out {template}: {error}") from error
     if len(files) < len(names):
         found = f"one file for {len(names)} sequences"
-        raise SettingsError(f"--write-trajectory {template}: {found}, expected {{scene}} or {{lighting}} in its name")
+        raise SettingsError(f"--out {template}: {found}, expected {{scene}} or {{lighting}} in its name")
     return files
 
 
@@ -139,7 +180,7 @@ def _say_item(terminal: Terminal, item: "Item") -> None:
     _say(terminal, f"  {item.severity:<7}  {item.topic}: {item.text}", " " * 11, item.severity)
 
 
-def _say(terminal: Terminal, text: str, indent: str, status: str) -> None:
+def _say(terminal: Terminal, said: str, indent: str, status: str) -> None:
     """Print a text whose first `status` has its colour."""
-    lines = textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.fill(said, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
     terminal.result(lines, coloured=status, colour=_COLOURS[status])

@@ -20,7 +20,6 @@ def datasets(
         list[str] | None,
         typer.Argument(metavar="[READER] [PATH]", help="A reader whose options to show, a recording to show, or both."),
     ] = None,
-    data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of data whose sequences to list.")] = None,
     option: OptionOption = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
@@ -30,7 +29,7 @@ def datasets(
     Of a recording: frames, poses, size, rate and depth of each sequence, and the options of its reader.
 
     Examples: `tracknoise datasets kitti`, `tracknoise datasets /data/my-recording`,
-    `tracknoise datasets sevenscenes --data /data/7scenes`
+    `tracknoise datasets sevenscenes /data/7scenes`
     """
     from tracknoise.sequences.reader_registry import READERS
 
@@ -38,9 +37,9 @@ def datasets(
     if not words:
         context.obj.result(listing(READERS.descriptions()))
         return 0
-    if data is None and (len(words) > 1 or _is_path(words[0])):
+    if len(words) > 1 or _is_path(words[0]):
         return _show_recording(context.obj, words, option)
-    _show_reader(context.obj, words[0], data)
+    _show_reader(context.obj, words[0])
     return 0
 
 
@@ -51,16 +50,15 @@ def _is_path(word: str) -> bool:
     return word not in READERS and (Path(word).exists() or len(Path(word).parts) > 1)
 
 
-def _show_reader(terminal: Terminal, reader: str, data: Path | None) -> None:
-    """The options of a reader, or the sequences of its data."""
+def _show_reader(terminal: Terminal, reader: str) -> None:
+    """The options of a reader, and its sequences where it needs no data."""
     from tracknoise.sequences.reader_registry import READERS, make_reader
 
-    if data is None:
-        terminal.result(_options(reader))
-        if READERS.load(reader).needs_root:
-            return
-        terminal.result("")
-    for item in make_reader(reader, data).sequences():
+    terminal.result(_options(reader))
+    if READERS.load(reader).needs_root:
+        return
+    terminal.result("")
+    for item in make_reader(reader).sequences():
         rotation = f"  rotated {item.rotation}" if item.rotation else ""
         terminal.result(f"{item.scene}  {item.lighting}{rotation}")
 

@@ -5,16 +5,14 @@ from typing import Annotated
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, QuietOption, TableOption, WorkersOption, processes
+from tracknoise.cli.shared_options import DebugOption, QuietOption, processes, text
 
 
 def demo(
     context: typer.Context,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Run folder; an earlier run is replaced.")] = Path(
+    out: Annotated[Path, text("--out", "-o", metavar="FOLDER", help="Run folder; an earlier run is replaced.")] = Path(
         "runs/demo"
     ),
-    workers: WorkersOption = None,
-    table: TableOption = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -30,5 +28,5 @@ def demo(
 
     experiment, run = load_experiment("demo"), RunFolder(out)
     with RunProgress(context.obj) as shown:
-        outcome = execute(experiment, run, listener=shown, workers=processes(workers), fresh=True, debug=debug)
-    return print_outcome(context.obj, out, outcome, report=True, table=table)
+        outcome = execute(experiment, run, listener=shown, workers=processes(None), fresh=True, debug=debug)
+    return print_outcome(context.obj, out, outcome, report=True)

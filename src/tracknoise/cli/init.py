@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tracknoise.cli.recording_arguments import (
-    OptionOption,
-    RecordingArgument,
-    TrajectoryOfOption,
-    TrajectoryOption,
-)
-from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.recording_arguments import OptionOption, RecordingArgument, TrajectoryOption
+from tracknoise.cli.shared_options import DebugOption, QuietOption, flag, text
 
 if TYPE_CHECKING:
     from tracknoise.cli.recording_arguments import Recording
@@ -22,19 +17,14 @@ if TYPE_CHECKING:
 def init(
     context: typer.Context,
     recording: RecordingArgument,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="File to write (default: NAME.toml).")] = None,
+    out: Annotated[Path | None, text("--out", "-o", metavar="FILE", help="File to write (default: NAME.toml).")] = None,
     option: OptionOption = None,
     trajectory: TrajectoryOption = None,
-    trajectory_of: TrajectoryOfOption = "camera",
     camera: Annotated[
         Path | None,
-        typer.Option(
-            "--camera",
-            metavar="FILE",
-            help="Intrinsics of the images. Without poses, these are reconstructed from the images (extra sfm).",
-        ),
+        text("--camera", metavar="FILE", help="Intrinsics of the images; missing poses are reconstructed (extra sfm)."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+    force: Annotated[bool, flag("--force", help="Replace the file if it exists.")] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -60,11 +50,11 @@ def init(
     require_outputs([("--out", file)], inputs=[path])
     if is_video(path):
         recording = ["folder", _frames(path, file, camera, trajectory is None, context.obj.say)]
-    opened = open_recording(recording, option, trajectory=trajectory, trajectory_of=trajectory_of, camera=camera)
+    opened = open_recording(recording, option, trajectory=trajectory, camera=camera)
     if trajectory is None and camera is not None:
         opened = _with_poses(opened, file, context.obj.say, force=force)
     try:
-        text = experiment_template(
+        written = experiment_template(
             opened.reader,
             opened.path,
             opened.options,
@@ -77,7 +67,7 @@ def init(
             other = "poses of another program: --trajectory FILE, or poses from the images: --camera FILE"
             raise DataError(error.place, error.found, f"{error.expected}; {other}") from error
         raise
-    write_atomically(file, text.encode())
+    write_atomically(file, written.encode())
     for line in _about_poses(opened):
         context.obj.result(line)
     context.obj.result(

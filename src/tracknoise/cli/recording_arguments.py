@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tracknoise.cli.shared_options import text
+
 if TYPE_CHECKING:
     from tracknoise.sequences.sequence import Reader
     from tracknoise.sequences.sequence import Sequence as Images
@@ -18,26 +20,15 @@ RecordingArgument = Annotated[
 ]
 OptionOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--option",
-        metavar="NAME=VALUE",
-        help="Option of the reader, or depth=stereo: depth from a second camera. Can be repeated.",
-    ),
+    text("--option", metavar="NAME=VALUE", help="Option of the reader, depth=stereo, trajectory_of=body; repeatable."),
 ]
 TrajectoryOption = Annotated[
     str | None,
-    typer.Option(
-        "--trajectory",
-        metavar="FILE",
-        help="Poses in place of the recording's, which may be missing: of a SLAM, VIO or structure from motion (TUM, "
-        "EuRoC, KITTI, a folder of COLMAP).",
-    ),
-]
-TrajectoryOfOption = Annotated[
-    str, typer.Option("--trajectory-of", metavar="camera|body", help="What the poses of --trajectory are poses of.")
+    text("--trajectory", metavar="FILE", help="Poses in place of the recording's: TUM, EuRoC, KITTI or COLMAP."),
 ]
 _DEPTH, _DEPTHS = "depth", ("recorded", "stereo")
-"""The option that is none of the reader: the key of the section `truth` of an experiment."""
+_TRAJECTORY_OF = "trajectory_of"
+"""Options that are none of the reader: keys of the sections `truth` and `dataset` of an experiment."""
 _CAMERA_FILE = "camera_file"
 
 
@@ -97,7 +88,6 @@ def open_recording(
     options: Sequence[str] | None,
     *,
     trajectory: str | None = None,
-    trajectory_of: str = "camera",
     camera: Path | None = None,
 ) -> Recording:
     """The recording that arguments and options name; `camera`: file of the intrinsics, the reader's `camera_file`."""
@@ -107,13 +97,14 @@ def open_recording(
     from tracknoise.sequences.reader_registry import READERS, make_reader
     from tracknoise.sequences.timed_poses import PosesOf
 
-    if trajectory_of not in list(PosesOf):
-        raise SettingsError(f"--trajectory-of {trajectory_of}: expected {' or '.join(PosesOf)}")
-    of = PosesOf(trajectory_of)
     name, path = named_recording(words, images_alone=trajectory is not None or camera is not None)
     given = options_of(options)
     asked = not _is_of_reader(name, _DEPTH) and _DEPTH in given
     stereo = asked and _is_stereo(given.pop(_DEPTH))
+    trajectory_of = given.pop(_TRAJECTORY_OF, PosesOf.camera)
+    if trajectory_of not in list(PosesOf):
+        raise SettingsError(f"--option {_TRAJECTORY_OF}={trajectory_of}: expected {' or '.join(PosesOf)}")
+    of = PosesOf(str(trajectory_of))
     if camera is not None:
         if not _is_of_reader(name, _CAMERA_FILE):
             with_file = [one for one in READERS.names() if _is_of_reader(one, _CAMERA_FILE)]

@@ -11,12 +11,12 @@ from tracknoise.cli.shared_options import (
     DebugOption,
     FramesOption,
     FreshOption,
-    ModelsOption,
     QuietOption,
     ScenesOption,
     WorkersOption,
     parse_frames,
     processes,
+    text,
 )
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import TracknoiseError
@@ -36,12 +36,19 @@ def replicate(
     context: typer.Context,
     data: Annotated[
         list[Path] | None,
-        typer.Option("--data", "-d", help="Folder that is, or contains, DTU Point Features or KITTI; repeatable."),
+        text(
+            "--data",
+            "-d",
+            metavar="FOLDER",
+            help="Folder that is, or contains, DTU Point Features or KITTI; repeatable.",
+        ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the runs.")] = Path("runs/replication"),
+    out: Annotated[Path, text("--out", "-o", metavar="FOLDER", help="Folder for the runs.")] = Path("runs/replication"),
     scenes: ScenesOption = None,
     frames: FramesOption = None,
-    models: ModelsOption = None,
+    models: Annotated[
+        Path | None, text("--models", metavar="FOLDER", help="Gazebo models, for the simulated worlds.")
+    ] = None,
     workers: WorkersOption = None,
     fresh: FreshOption = False,
     quiet: QuietOption = False,

@@ -5,26 +5,27 @@ from typing import Annotated
 
 import typer
 
+from tracknoise.cli.recording_arguments import options_of
 from tracknoise.cli.shared_options import (
+    DataOption,
     DebugOption,
     FramesOption,
     FreshOption,
-    ModelsOption,
     QuietOption,
+    RunFolderOption,
     ScenesOption,
-    SchedulerOption,
-    SpeedsOption,
-    TableOption,
     TrackersOption,
-    WorkersOption,
+    flag,
     parse_frames,
     parse_names,
+    parse_whole,
     processes,
+    text,
 )
 from tracknoise.cli.terminal import write_result
 from tracknoise.sequences.frame_range import parse_numbers
 
-_PRESETS = "demo, dtu, gazebo-arvr, gazebo-linear, kitti, tournament"
+_PRESETS = "demo, dtu, effects, gazebo-arvr, gazebo-linear, kitti, tournament"
 
 
 def _print_schema(asked: bool) -> None:
@@ -37,31 +38,34 @@ def _print_schema(asked: bool) -> None:
 
 def run(
     context: typer.Context,
-    experiment: Annotated[str, typer.Argument(help=f"An experiment file (TOML) or a preset: {_PRESETS}.")],
-    data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder (default: runs/NAME).")] = None,
+    experiment: Annotated[
+        str, typer.Argument(metavar="EXPERIMENT", help=f"An experiment file (TOML) or a preset: {_PRESETS}.")
+    ],
+    data: DataOption = None,
+    out: RunFolderOption = None,
     scenes: ScenesOption = None,
     frames: FramesOption = None,
-    speeds: SpeedsOption = None,
+    speeds: Annotated[
+        str | None, text("--speeds", metavar="NUMBERS", help="Speeds, separated by commas: 1,2,4.")
+    ] = None,
     trackers: TrackersOption = None,
-    models: ModelsOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    fresh: FreshOption = False,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Compare images and depth maps by content with those that were measured.")
-    ] = False,
-    check: Annotated[
-        Path | None,
-        typer.Option(
-            "--check", help="What `tracknoise check --json-file` wrote: the run says what it changed in that verdict."
+    option: Annotated[
+        list[str] | None, text("--option", metavar="NAME=VALUE", help="Option of the reader; repeatable.")
+    ] = None,
+    workers: Annotated[
+        str | None,
+        text(
+            "--workers",
+            "-w",
+            metavar="N|ADDRESS",
+            help="Worker processes (default: one per core), or a Dask scheduler, tls://HOST:8786 (extra: cluster).",
         ),
     ] = None,
+    fresh: FreshOption = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report.")
+        bool, flag("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report.")
     ] = False,
-    report: Annotated[bool, typer.Option(help="Write the report.")] = True,
-    table: TableOption = False,
+    report: Annotated[bool, flag("--report/--no-report", help="Write the report.")] = True,
     schema: Annotated[
         bool,
         typer.Option(
@@ -84,11 +88,10 @@ def run(
     from tracknoise.experiments.load import load_experiment
     from tracknoise.experiments.plan import plan
     from tracknoise.tables.store import RunFolder
-    from tracknoise.truth_faults.check_change import CHECK_JSON, read_check
 
     context.obj.resumes(fresh=fresh)
-    checked = None if check is None else read_check(check)
-    options = {} if models is None else {"models": str(models.resolve())}
+    scheduler = workers if workers is not None and ":" in workers else None
+    count = None if workers is None or scheduler else parse_whole("--workers", workers)
     loaded = load_experiment(
         experiment,
         root=data,
@@ -96,23 +99,19 @@ def run(
         frames=parse_frames(frames),
         speeds=None if speeds is None else parse_numbers("--speeds", speeds, ",", "whole numbers such as 1,2,4"),
         trackers=None if trackers is None else parse_names(trackers),
-        options=options,
+        options=options_of(option),
     )
     if quick:
         loaded = loaded.quick(len({task.sequence.scene for task in plan(loaded)}))
     out = out or Path("runs") / loaded.name
-    folder = RunFolder(out)
     with RunProgress(context.obj) as shown:
         outcome = execute(
             loaded,
-            folder,
+            RunFolder(out),
             listener=shown,
-            workers=processes(workers),
+            workers=processes(count),
             scheduler=scheduler,
             fresh=fresh,
-            verify=verify,
             debug=debug,
         )
-    if checked is not None and outcome.measured:
-        folder.write_statistics({}, documents={CHECK_JSON: checked})
-    return print_outcome(context.obj, out, outcome, report=report and not quick, table=table, quick=quick)
+    return print_outcome(context.obj, out, outcome, report=report and not quick, quick=quick)

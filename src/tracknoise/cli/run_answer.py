@@ -43,7 +43,7 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
         shown = _fitting(told, room - 1)
     shown = max(shown, min(1, len(told)))
     left = len(told) - shown
-    to_use = [*_flat(told[:shown]), *([f"{left} more: --table"] if left else [])]
+    to_use = [*_flat(told[:shown]), *([f"{left} more: tracknoise report {data.run.path} --all"] if left else [])]
     answered = [*to_use, *better[max(0, len(to_use) - room) :]]
     return _in_order(data, answered, trust)
 

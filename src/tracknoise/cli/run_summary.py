@@ -62,7 +62,7 @@ def print_outcome(
     outcome: "Outcome",
     *,
     report: bool,
-    table: bool,
+    table: bool = False,
     quick: bool = False,
     ranked: bool = False,
 ) -> int:
@@ -101,7 +101,7 @@ def print_results(
     *,
     report: bool,
     figures: bool = False,
-    table: bool,
+    table: bool = False,
     ranked: bool = False,
     failed: Sequence[str] = (),
     limits: Sequence[str] = (),
@@ -113,14 +113,15 @@ def print_results(
     if table:
         terminal.result(summary_text(run))
     else:
-        others = [*failed, *limits, *(["report"] if report else []), _HINT]
+        hint = f"The numbers of every tracker and speed: tracknoise report {run.path} --all"
+        others = [*failed, *limits, *(["report"] if report else []), hint]
         data = ReportData.of(run)
         ranks = ranking_table(data) if ranked else None
         if ranks is not None:
             show(terminal.result, ranks)
         terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), to_set=ranks is None)))
         if not TruthVerdict.of(data["trust"]).are_tracks_wrong:
-            terminal.say(_HINT)
+            terminal.say(hint)
     for line in failed:
         terminal.say(line)
     if limits:
@@ -146,9 +147,6 @@ def _quick_limits(run: RunFolder) -> str:
         f"Quick: {measured} of {of_all}. Tracks end after {longest} frames, and intervals are wide. "
         "Without --quick: all frames and speeds, and the report."
     )
-
-
-_HINT = "The numbers of every tracker and speed: --table"
 
 
 def summary_text(run: RunFolder) -> str:

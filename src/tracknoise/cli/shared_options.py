@@ -1,7 +1,7 @@
-"""Options that several commands share, so that they have the same name and help everywhere."""
+"""Options that several commands share, so that they have the same name and help everywhere, and how help shows them."""
 
-import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,24 +10,17 @@ import typer
 
 from tracknoise.cli.terminal import Terminal
 from tracknoise.exceptions import SettingsError
+from tracknoise.processes import usable_cores
 from tracknoise.sequences.frame_range import frames_of
 
 if TYPE_CHECKING:
     from tracknoise.tables.trust import TruthVerdict
 
 UNUSABLE = 4
-"""Exit status of `check` and `audit` where the truth is not trusted, or this is unknown."""
-_JSON, _JSON_FILE = "--json", "--json-file"
-
-
-def _remember_debug(context: typer.Context, value: bool) -> bool:
-    context.obj.debug = value
-    return value
-
-
-AcceptTruthOption = Annotated[
-    bool, typer.Option("--accept-truth", help="Use numbers although the truth is not trusted, or this is unknown.")
-]
+"""Exit status of `check` where the truth is not trusted, or this is unknown."""
+_JSON = "--json"
+UNTRUSTED = "untrusted"
+"""What `export --allow` is given for numbers from a truth that is not trusted, or of which this is unknown."""
 
 
 def require_truth(truth: "TruthVerdict", whose: str, *, accepted: bool) -> None:
@@ -41,13 +34,13 @@ def require_truth(truth: "TruthVerdict", whose: str, *, accepted: bool) -> None:
     if truth.are_tracks_wrong:
         raise SettingsError(f"{whose}: {truth.sentence} Expected tracks that follow the images")
     if not (truth.is_usable or accepted):
-        expected = "Expected a trusted or limited truth, or --accept-truth to use the numbers"
+        expected = f"Expected a trusted or limited truth, or --allow {UNTRUSTED} to use the numbers"
         raise SettingsError(f"{whose}: {truth.sentence} {expected}")
 
 
 def processes(workers: int | None) -> int:
-    """Number of worker processes: as requested, otherwise one per core."""
-    return workers or os.cpu_count() or 1
+    """Number of worker processes: as requested, otherwise one per core that may be used."""
+    return workers or usable_cores()
 
 
 def parse_frames(text: str | None) -> int | list[int] | None:
@@ -58,6 +51,51 @@ def parse_frames(text: str | None) -> int | list[int] | None:
 def parse_names(text: str) -> list[str]:
     """Names separated by commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def parse_whole(option: str, given: str, least: int = 1) -> int:
+    """A whole number that an option was given.
+
+    Raises
+    ------
+    SettingsError
+        If it is another text, or a smaller number.
+    """
+    if not given.isdecimal() or int(given) < least:
+        raise SettingsError(f"{option} {given}: expected a whole number from {least}")
+    return int(given)
+
+
+def _parse_number(option: str, given: str) -> float:
+    try:
+        return float(given)
+    except ValueError as error:
+        raise SettingsError(f"{option} {given}: expected a number") from error
+
+
+def flag(*names: str, help: str) -> Any:
+    """An option without a value."""
+    return typer.Option(*names, help=help)
+
+
+def whole(*names: str, help: str, least: int = 1) -> Any:
+    """An option whose value is a whole number."""
+    return typer.Option(*names, help=help, metavar="N", parser=partial(parse_whole, names[0], least=least))
+
+
+def number(*names: str, help: str) -> Any:
+    """An option whose value is a number."""
+    return typer.Option(*names, help=help, metavar="NUMBER", parser=partial(_parse_number, names[0]))
+
+
+def text(*names: str, metavar: str, help: str) -> Any:
+    """An option whose value is a name, a path or another text."""
+    return typer.Option(*names, help=help, metavar=metavar)
+
+
+def _remember_debug(context: typer.Context, value: bool) -> bool:
+    context.obj.debug = value
+    return value
 
 
 def _remember_quiet(context: typer.Context, value: bool) -> bool:
@@ -71,55 +109,57 @@ DebugOption = Annotated[
 QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print results and errors only.", callback=_remember_quiet, is_eager=True)
 ]
-WorkersOption = Annotated[
-    int | None, typer.Option("--workers", "-w", min=1, help="Worker processes (default: one per core).")
-]
-ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Maximum number of scenes, sorted by name.")]
+WorkersOption = Annotated[int | None, whole("--workers", "-w", help="Worker processes (default: one per core).")]
+DataOption = Annotated[Path | None, text("--data", "-d", metavar="FOLDER", help="Folder of the data.")]
+RunFolderOption = Annotated[Path | None, text("--out", "-o", metavar="FOLDER", help="Run folder (default: runs/NAME).")]
+ScenesOption = Annotated[int | None, whole("--scenes", help="Maximum number of scenes, sorted by name.")]
 FramesOption = Annotated[
     str | None,
-    typer.Option(
+    text(
         "--frames",
         metavar="N|FIRST:LAST[:STEP]",
-        help="Maximum number of frames per scene, or which frames, counted from 0, the last included.",
+        help="First frames of each scene, or a range from 0 on.",
     ),
 ]
-SpeedsOption = Annotated[str | None, typer.Option("--speeds", help="Speeds, separated by commas: 1,2,4.")]
 TrackersOption = Annotated[
-    str | None,
-    typer.Option("--trackers", help="Trackers by name or kind, separated by commas: lucas-kanade,correspondence."),
+    str | None, text("--trackers", metavar="NAMES", help="Trackers by name or kind, separated by commas.")
 ]
-ModelsOption = Annotated[
-    Path | None, typer.Option("--models", help="Folder of Gazebo models, for simulated worlds that use them.")
-]
-SchedulerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        help="Use the workers of the Dask scheduler at this address: tls://HOST:8786, or tcp:// in a trusted network "
-        "(extra: cluster).",
-    ),
-]
-TableOption = Annotated[
-    bool, typer.Option("--table", help="Print the numbers of every tracker and speed in place of the answer.")
-]
-FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the run in this folder and start a new one.")]
-JsonOption = Annotated[bool, typer.Option(_JSON, help="Print the result as one JSON document, and nothing else.")]
-JsonFileOption = Annotated[
-    Path | None, typer.Option(_JSON_FILE, metavar="PATH", help="Write the same JSON document to this file.")
-]
+FreshOption = Annotated[bool, flag("--fresh", help="Delete the run in this folder and start a new one.")]
+JsonOption = Annotated[bool, flag(_JSON, help="Print the result as one JSON document, and nothing else.")]
 
 
-class JsonCommand(typer.core.TyperCommand):
-    """A command whose ``--json`` is a flag: a file after it is refused, with the option that takes one."""
+class _PlainHelp:
+    """Help shows the values of options as they are named here, and no types."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """All parameters, with the option for help."""
+        found: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for parameter in found:
+            shown = None if parameter.param_type_name == "argument" else parameter.metavar
+            parameter.display_type_rich = partial(_shown, shown or "")
+        return found
+
+
+def _shown(value: str, ctx: Any) -> str:
+    return value
+
+
+class Command(_PlainHelp, typer.core.TyperCommand):
+    """A command. Its ``--json``, if it has one, is a flag: a file after it is refused."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse arguments."""
-        for option, following in pairwise([*args, "-"]):
-            if option.startswith(f"{_JSON}="):
-                _refuse_file(option.partition("=")[2])
-            if option == _JSON and _is_new_file(following):
-                _refuse_file(following)
+        if any(_JSON in parameter.opts for parameter in self.params):
+            for option, following in pairwise([*args, "-"]):
+                if option.startswith(f"{_JSON}="):
+                    _refuse_file(option.partition("=")[2])
+                if option == _JSON and _is_new_file(following):
+                    _refuse_file(following)
         return super().parse_args(ctx, args)
+
+
+class Commands(_PlainHelp, typer.core.TyperGroup):
+    """All commands."""
 
 
 def require_values(arguments: Iterable[str]) -> None:
@@ -147,15 +187,38 @@ def _is_new_file(word: str) -> bool:
 
 
 def _refuse_file(word: str) -> None:
-    raise SettingsError(f"{_JSON} {word}: {_JSON} prints to standard output, expected {_JSON_FILE} {word}")
+    raise SettingsError(f"{_JSON} {word}: {_JSON} prints to standard output, expected {_JSON} > {word}")
 
 
-def write_json(terminal: Terminal, document: str, *, as_json: bool, file: Path | None) -> None:
-    """Print a JSON document if it is asked for, and write it to a file if one is given."""
+def files_by_ending(paths: Sequence[Path] | None, known: Iterable[str]) -> dict[str, Path]:
+    """The files of ``--out``, each by the ending of its name, which decides what is written.
+
+    Raises
+    ------
+    SettingsError
+        If a name has another ending, or two have the same.
+    """
+    endings, found = tuple(known), dict[str, Path]()
+    for path in paths or ():
+        ending = path.suffix.lower()
+        if ending not in endings:
+            kinds = f"{', '.join(endings[:-1])} or {endings[-1]}" if len(endings) > 1 else endings[0]
+            raise SettingsError(f"--out {path}: found a name that ends in {ending!r}, expected {kinds}")
+        if ending in found:
+            raise SettingsError(f"--out {path}: found a second {ending} file, expected one of each kind")
+        found[ending] = path
+    return found
+
+
+def write_files(files: Mapping[Path, Callable[[], str]], say: Callable[[str], None]) -> None:
+    """Write texts to files, and say where they are."""
     from tracknoise.tables.files import write_atomically
 
-    if as_json:
-        terminal.result(document.rstrip())
-    if file is not None:
-        write_atomically(file, f"{document.rstrip()}\n".encode())
-        terminal.say(f"written: {file.resolve()}")
+    for path, make in files.items():
+        write_atomically(path, f"{make().rstrip()}\n".encode())
+        say(f"written: {path.resolve()}")
+
+
+def print_json(terminal: Terminal, document: str) -> None:
+    """Print a JSON document."""
+    terminal.result(document.rstrip())

@@ -1,5 +1,6 @@
 """``tracknoise simulate``: render simulated sequences to files, in the layout of a dataset."""
 
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -7,14 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tracknoise.cli.shared_options import DebugOption, QuietOption
+from tracknoise.cli.recording_arguments import options_of
+from tracknoise.cli.shared_options import DebugOption, QuietOption, text, whole
 from tracknoise.cli.terminal import Terminal
-from tracknoise.exceptions import SettingsError
+from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.text import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from tracknoise.sequences.sequence import Reader
     from tracknoise.tables.identity import SequenceId
 
@@ -30,49 +30,39 @@ class Layout(StrEnum):
     kitti = "kitti"
 
 
-_ANY: dict[str, Any] = {"noise": 2.0, "shadows": False, "seed": 0}
-_MOVING = {
-    **_ANY,
-    "frames": 60,
-    "supersampling": 2,
-    "world": None,
-    "models": None,
-    "world_file": None,
-    "lighting": None,
+_MOVING: Mapping[Layout, Mapping[str, Any]] = {
+    Layout.folder: {"motions": ["sideways"]},
+    Layout.euroc: {"motions": ["arvr"], "width": 752, "height": 480, "hfov_deg": 78.8, "imaging": {"rate_hz": 20.0}},
+    Layout.kitti: {"motions": ["forward"], "width": 1242, "height": 375, "hfov_deg": 81.5},
 }
-_DEFAULTS: dict[Layout, dict[str, Any]] = {
-    Layout.folder: {**_MOVING, "motion": "sideways", "width": 800, "height": 600, "hfov": 60.0},
-    Layout.euroc: {**_MOVING, "motion": "arvr", "width": 752, "height": 480, "hfov": 78.8},
-    Layout.kitti: {**_MOVING, "motion": "forward", "width": 1242, "height": 375, "hfov": 81.5},
-    Layout.dtu: {**_ANY, "width": 1600, "height": 1200, "supersampling": 1, "image_format": "png"},
+"""Options of the reader ``simulated`` that are not its defaults, for the layouts of a moving camera."""
+_STAGE: Mapping[str, Any] = {
+    "noise_sigma": 2.0,
+    "shadows": False,
+    "seed": 0,
+    "width": 1600,
+    "height": 1200,
+    "supersampling": 1,
+    "image_format": "png",
 }
-"""Options of each layout, with their defaults."""
-
-_EUROC_RATE_HZ = 20.0
-"""Frames per second of EuRoC's cameras."""
+"""Options of the light stage, with their defaults."""
 
 
 def simulate(
     context: typer.Context,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; must be new or empty.")],
-    layout: Annotated[Layout, typer.Option(help="Layout of the files; see docs/.")] = Layout.folder,
-    scenes: Annotated[int, typer.Option(min=1, help="Number of scenes; each has its own world.")] = 1,
-    motion: Annotated[str | None, typer.Option(help="Camera motion: sideways, forward, ... Not for dtu.")] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames (default: 60). Not for dtu (49).")] = None,
-    width: Annotated[int | None, typer.Option(min=16, help="Image width, px (default: as in the dataset).")] = None,
-    height: Annotated[int | None, typer.Option(min=16, help="Image height, px (default: as in the dataset).")] = None,
-    hfov: Annotated[float | None, typer.Option(help="Horizontal field of view, degrees. Not for dtu.")] = None,
-    supersampling: Annotated[int | None, typer.Option(min=1, help="Samples per pixel along each axis.")] = None,
-    noise: Annotated[
-        float | None, typer.Option(min=0, max=10_000, help="Sigma of the sensor noise, grey levels (default: 2).")
+    out: Annotated[Path, text("--out", "-o", metavar="FOLDER", help="Output folder; must be new or empty.")],
+    layout: Annotated[
+        Layout, text("--layout", metavar="|".join(Layout), help="Layout of the files; see docs/formats.md.")
+    ] = Layout.folder,
+    scenes: Annotated[int | None, whole("--scenes", help="Scenes, each with its own world (default: 1).")] = None,
+    motion: Annotated[
+        str | None, text("--motion", metavar="NAME", help="Camera motion: sideways, forward, ... Not for dtu.")
     ] = None,
-    shadows: Annotated[bool | None, typer.Option("--shadows", help="Render shadows (slower).")] = None,
-    lighting: Annotated[str | None, typer.Option(help="Name of a lighting. Not for dtu, which has its own.")] = None,
-    world: Annotated[str | None, typer.Option(help="Kind of world, see docs/simulation.md. Not for dtu.")] = None,
-    models: Annotated[Path | None, typer.Option(help="Folder of Gazebo models to use. Not for dtu.")] = None,
-    world_file: Annotated[Path | None, typer.Option(help="Gazebo world file to use. Not for dtu.")] = None,
-    image_format: Annotated[str | None, typer.Option(help="png or bmp (larger files, faster). Only for dtu.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Random seed of worlds, paths and noise.")] = None,
+    frames: Annotated[int | None, whole("--frames", help="Number of frames (default: 60). Not for dtu (49).")] = None,
+    option: Annotated[
+        list[str] | None,
+        text("--option", metavar="NAME=VALUE", help="Option of the reader simulated, such as width=640; repeatable."),
+    ] = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -82,81 +72,76 @@ def simulate(
     noise, poses, velocities and biases, for filters. `dtu`: a light stage with 19 LEDs and a scan. `kitti`: a drive
     with a lidar. See docs/data.md, docs/formats.md and docs/paper.md.
 
+    Options are those of `tracknoise datasets simulated`. Layout dtu has noise_sigma, shadows, seed, width, height,
+    supersampling and image_format (png or bmp).
+
     Examples: `tracknoise simulate --motion forward --frames 100 --out data/forward`,
-    `tracknoise simulate --layout euroc --world objects --motion linear --frames 300 --out data/flight`
+    `tracknoise simulate --layout euroc --option world=objects --motion linear --frames 300 --out data/flight`
     """
-    options = _options(layout, context.params)
+    options = options_of(option)
     if layout is Layout.dtu:
-        written = _write_stages(context.obj, out, scenes, options)
+        for name, given in {"--motion": motion, "--frames": frames}.items():
+            if given is not None:
+                raise SettingsError(f"layout {layout} has no {name}; it has {', '.join(_STAGE)}")
+        written = _write_stages(context.obj, out, scenes or 1, options)
     else:
-        written = _write_sequences(context.obj, layout, out, scenes, options)
+        named = {"motions": None if motion is None else [motion], "worlds": scenes, "frames": frames}
+        options = {**_MOVING[layout], **options, **{name: one for name, one in named.items() if one is not None}}
+        written = _write_sequences(context.obj, layout, out, options)
     context.obj.result(f"wrote {written} to {out}")
     return 0
 
 
-def _options(layout: Layout, given: dict[str, Any]) -> dict[str, Any]:
-    """Options of a layout: as given by the user, otherwise the default."""
-    options = dict(_DEFAULTS[layout])
-    of_any = set().union(*_DEFAULTS.values())
-    for name, value in given.items():
-        if name in of_any and value is not None:
-            if name not in options:
-                raise SettingsError(f"layout {layout} has no {_flag(name)}; it has {', '.join(map(_flag, options))}")
-            options[name] = value
-    return options
-
-
-def _flag(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
-
-
-def _write_stages(terminal: Terminal, out: Path, scenes: int, options: dict[str, Any]) -> str:
+def _write_stages(terminal: Terminal, out: Path, scenes: int, given: Mapping[str, object]) -> str:
     """Write scenes on the light stage. Returns their number as text."""
     from tracknoise.cli.progress import frame_progress
     from tracknoise.paper.dtu_writer import IMAGE_FORMATS, write_dtu
     from tracknoise.paper.light_stage import LightStage
 
+    options = dict(_STAGE)
+    for name, value in given.items():
+        if name not in _STAGE:
+            raise UnknownNameError(f"option of layout {Layout.dtu}", name, _STAGE)
+        if type(value) is not type(_STAGE[name]) and not (type(value) is int and type(_STAGE[name]) is float):
+            raise SettingsError(f"--option {name}: found {value!r}, expected a value such as {_STAGE[name]!r}")
+        options[name] = value
     image_format = options.pop("image_format")
     if image_format not in IMAGE_FORMATS:
-        raise SettingsError(f"--image-format: found {image_format!r}, expected one of {', '.join(IMAGE_FORMATS)}")
+        raise SettingsError(f"--option image_format: found {image_format!r}, expected {' or '.join(IMAGE_FORMATS)}")
     if options["width"] % 2 or options["height"] % 2:
         raise SettingsError(
-            "--width, --height: found an odd number, expected even numbers, because readers halve the image size"
+            "--option width, height: found an odd number, expected even numbers, because readers halve the image size"
         )
-    stage = partial(LightStage, noise_sigma=options.pop("noise"), **options)
     with frame_progress(terminal, "rendering the light stage") as progress:
-        write_dtu(out, scenes=scenes, stage=stage, image_format=image_format, progress=progress)
+        write_dtu(
+            out, scenes=scenes, stage=partial(LightStage, **options), image_format=image_format, progress=progress
+        )
     return counted(scenes, "scene")
 
 
-def _write_sequences(terminal: Terminal, layout: Layout, out: Path, scenes: int, options: dict[str, Any]) -> str:
+def _write_sequences(terminal: Terminal, layout: Layout, out: Path, options: Mapping[str, object]) -> str:
     """Write sequences of a moving camera. Returns the number of frames as text."""
     from tracknoise.cli.progress import frame_progress
     from tracknoise.sequences.reader_registry import make_reader
+    from tracknoise.sequences.simulated import Simulated
 
-    motion, lighting = options.pop("motion"), options.pop("lighting")
-    options |= {"motions": [motion], "worlds": scenes}
-    options |= {"noise_sigma": options.pop("noise"), "hfov_deg": options.pop("hfov")}
-    if layout is Layout.euroc:
-        options["imaging"] = {"rate_hz": _EUROC_RATE_HZ}
-    if lighting is not None:
-        options["lightings"] = [lighting]
-    reader = make_reader("simulated", None, {name: value for name, value in options.items() if value is not None})
+    reader = make_reader("simulated", None, options)
+    assert isinstance(reader, Simulated), "the reader of this name"
     names = reader.sequences()
-    with frame_progress(terminal, f"rendering {motion}") as progress:
+    with frame_progress(terminal, f"rendering {', '.join(reader.motions)}") as progress:
         if layout is Layout.kitti:
             from tracknoise.sequences.kitti_writer import write_kitti
 
-            write_kitti(map(reader.open, names), out, seed=options["seed"], progress=progress)
+            write_kitti(map(reader.open, names), out, seed=reader.seed, progress=progress)
         elif layout is Layout.euroc:
             from tracknoise.sequences.euroc_writer import write_euroc
 
-            _write_folders(partial(write_euroc, seed=options["seed"]), reader, names, out, progress)
+            _write_folders(partial(write_euroc, seed=reader.seed), reader, names, out, progress)
         else:
             from tracknoise.sequences.folder import write_folder
 
             _write_folders(write_folder, reader, names, out, progress)
-    return counted(options["frames"] * len(names), "frame")
+    return counted(reader.frames * len(names), "frame")
 
 
 def _write_folders(

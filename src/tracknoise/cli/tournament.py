@@ -6,14 +6,13 @@ from typing import Annotated
 import typer
 
 from tracknoise.cli.shared_options import (
+    DataOption,
     DebugOption,
-    FramesOption,
     FreshOption,
     QuietOption,
-    ScenesOption,
+    RunFolderOption,
     TrackersOption,
     WorkersOption,
-    parse_frames,
     parse_names,
     processes,
 )
@@ -22,12 +21,11 @@ from tracknoise.cli.shared_options import (
 def tournament(
     context: typer.Context,
     experiment: Annotated[
-        str, typer.Argument(help="An experiment file (TOML) with your data and trackers, or a preset.")
+        str,
+        typer.Argument(metavar="EXPERIMENT", help="An experiment file (TOML) with your trackers, or a preset."),
     ] = "tournament",
-    data: Annotated[Path | None, typer.Option("--data", "-d", help="Folder of the data.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Run folder (default: runs/NAME).")] = None,
-    scenes: ScenesOption = None,
-    frames: FramesOption = None,
+    data: DataOption = None,
+    out: RunFolderOption = None,
     trackers: TrackersOption = None,
     workers: WorkersOption = None,
     fresh: FreshOption = False,
@@ -53,9 +51,7 @@ def tournament(
     context.obj.resumes(fresh=fresh)
     own = load_experiment(experiment, root=data)
     named = entrants(own) if trackers is None else parse_names(trackers)
-    loaded = load_experiment(
-        experiment, root=data, scenes=scenes, frames=parse_frames(frames), speeds=[min(own.speeds)], trackers=named
-    )
+    loaded = load_experiment(experiment, root=data, speeds=[min(own.speeds)], trackers=named)
     out = out or Path("runs") / (loaded.name if loaded.name == "tournament" else f"{loaded.name}-tournament")
     run = RunFolder(out)
     with RunProgress(context.obj) as shown:
@@ -66,4 +62,4 @@ def tournament(
             write_costs(run, step_costs(loaded, run.manifest().sequences))
         except TracknoiseError as error:
             context.obj.say(f"note: no times of steps: {error}")
-    return print_outcome(context.obj, out, outcome, report=True, table=False, ranked=True)
+    return print_outcome(context.obj, out, outcome, report=True, ranked=True)

@@ -10,7 +10,7 @@ from tracknoise.cli.terminal import listing
 
 def trackers(
     context: typer.Context,
-    kind: Annotated[str | None, typer.Argument(help="Tracker whose settings to show.")] = None,
+    kind: Annotated[str | None, typer.Argument(metavar="TRACKER", help="Tracker whose settings to show.")] = None,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:

@@ -33,8 +33,8 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from tracknoise.checks import require_whole
-from tracknoise.estimators.bundle import Loss, expected_nees
-from tracknoise.estimators.bundle import LossKind as BundleLoss
+from tracknoise.estimators.losses import Loss, expected_nees
+from tracknoise.estimators.losses import LossKind as BundleLoss
 from tracknoise.estimators.model import (
     Bias,
     CameraOfModel,

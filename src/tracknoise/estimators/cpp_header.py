@@ -10,7 +10,7 @@ from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.inference.track_noise import COMPONENTS, NAMES
 
 _HEAD = """\
-// Noise of {tracker} at speed {speed:g}, by tracknoise. Model {sha256}.
+// Noise of {tracker} at speed {speed:g}, by tracknoise. Model sha256 {sha256}.
 // Errors in px at {width} x {height}, focal length {focal}. Ages and the walk are per frame of the recording.
 #pragma once
 #include <algorithm>

@@ -168,7 +168,7 @@ def _scale(model: ExportedModel, target: Target, caveats: list[str]) -> float:
     if known is None:
         raise SettingsError(
             f"focal length is {target.focal_px:g} px, expected none: the model does not know that of its recordings; "
-            "`--allow-focal lens` to use its px as they are"
+            "`--allow lens` to use its px as they are"
         )
     ratio = target.focal_px / known
     if target.focal_change is None:
@@ -186,8 +186,8 @@ def _require_same_focal(ratio: float, focal: float, known: float) -> None:
     if abs(ratio - 1.0) > TOLERANCE:
         raise SettingsError(
             f"focal length is {focal:g} px, expected that of the model, {known:g} px, to {100 * TOLERANCE:g} %; "
-            "`--allow-focal resampled` if the images are the same in another size, "
-            "`--allow-focal lens` to use its px as they are"
+            "`--allow resampled` if the images are the same in another size, "
+            "`--allow lens` to use its px as they are"
         )
 
 
@@ -215,7 +215,7 @@ def _thinning(model: ExportedModel, target: Target, caveats: list[str]) -> int:
         raise SettingsError(
             f"rate is {target.rate_hz:g} Hz, expected that of the model, {seen:g} Hz, to {100 * TOLERANCE:g} %; "
             f"{_unlikely_rate(model)}"
-            "`--allow-rate thinned` if features are tracked in every frame and the estimator uses every n-th; "
+            "`--allow thinned` if features are tracked in every frame and the estimator uses every n-th; "
             "if the rate of the model is wrong, correct the times of its recordings and measure them again"
         )
     return _every(ratio, seen, target.rate_hz, caveats)
@@ -244,7 +244,7 @@ def _unchecked(target: Target, caveats: list[str]) -> int:
     if target.rate_change is not RateChange.UNCHECKED:
         raise SettingsError(
             f"rate is {target.rate_hz:g} Hz, expected none: the model does not know the rate of its recordings; "
-            "`--allow-rate unchecked` if that is the one"
+            "`--allow unchecked` if that is the one"
         )
     caveats.append(f"The model does not know the rate of its recordings. It is taken to be {target.rate_hz:g} Hz.")
     return 1

@@ -277,7 +277,7 @@ class Estimator:
         wanted = purpose or self.purpose
         if wanted is None:
             name = next(name for name, about in estimators().items() if about.title == self.title)
-            instead = f"`tracknoise noise export MODEL --to {name}`, which writes the components"
+            instead = f"`tracknoise export MODEL --to {name}`, which writes the components"
             raise SettingsError(f"{self.title} takes no single sigma, expected {instead}")
         of_purpose = partial(advise, model, landmark=self.landmark, purpose=wanted, kernel=self.kernel, knee=self.knee)
         found = of_purpose(window=self.window if window is None else window, gates=self.gates)
@@ -373,10 +373,11 @@ _TRACK = "track_covariance."
 
 def is_of(text: str, sha256: str) -> bool:
     """Whether a file that an export wrote, with its `header`, is of the model of this checksum."""
-    return _hash_text(sha256) in text
+    return hash_text(sha256) in text
 
 
-def _hash_text(sha256: str) -> str:
+def hash_text(sha256: str) -> str:
+    """The beginning of the checksum of a model, as exports name it."""
     return f"sha256 {sha256[:_DIGITS_OF_HASH]}"
 
 
@@ -385,7 +386,7 @@ def header(noise: Noise, source: str, sha256: str) -> str:
     training = noise.model.training
     parts = [
         f"tracknoise {version('tracknoise')}",
-        f"{source} {_hash_text(sha256)}",
+        f"{source} {hash_text(sha256)}",
         f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
         *([] if "rate" not in noise.about.needs else [f"{noise.model.camera.rate_hz:.6g} frames per second"]),
         makes_right(noise),

@@ -21,11 +21,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import units_of
-from tracknoise.estimators import bundle
+from tracknoise.estimators import losses
 from tracknoise.estimators.linear_window import LinearTracks, determines_poses
 from tracknoise.estimators.model import Equivalent, Interval, Kernel, LossKind
 from tracknoise.estimators.training import Windows
-from tracknoise.estimators.trial import NEWEST, normalised
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.estimates import EstimateArray
 from tracknoise.inference.intervals import Method, column_means, pooled
@@ -37,6 +36,8 @@ KNEES = (3.0, 1.0, 0.3)
 """Knees that are tried, over the sigma of innovations. Each starts where the one before ended."""
 LENGTH = 11
 """Frames of a window."""
+NEWEST = 5
+"""Coordinates of the newest pose: three of its rotation, then two of its position."""
 _MOST_SCENES, _PER_SCENE = 12, 6
 _ENOUGH = 24
 """Windows with drawn errors: few scenes have more of each."""
@@ -185,7 +186,7 @@ def _compared(window: Sequence[LinearTracks], errors: Sequence[Array], knees: Se
     for kind in LossKind:
         residuals = list(errors)
         for knee in knees:
-            loss = bundle.Loss(bundle.LossKind(kind), knee)
+            loss = losses.Loss(losses.LossKind(kind), knee)
             for _ in range(_ROUNDS):
                 weights = [loss.weights(own.reshape(-1, own.shape[2])).reshape(own.shape) for own in residuals]
                 residuals, error, claimed = weighted_step(window, errors, weights)
@@ -195,6 +196,11 @@ def _compared(window: Sequence[LinearTracks], errors: Sequence[Array], knees: Se
             every = [normalised(*both) for both in zip(error, claimed, strict=True)]
             found.append(np.stack([newest, every, _log_errors(error) - _log_errors(plain)], axis=1))
     return np.stack(found, axis=1)
+
+
+def normalised(error: Array, covariance: Array) -> float:
+    """Normalised error squared over its degrees of freedom. Shapes: error (n,), covariance (n, n)."""
+    return float(error @ np.linalg.solve(covariance, error) / len(error))
 
 
 def _log_errors(error: Array) -> Array:

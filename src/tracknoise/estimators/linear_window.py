@@ -92,20 +92,6 @@ class Gauge:
         """(..., p) float64: derivatives by the coordinates to be found, from those by all, (..., 6 frames)."""
         return np.concatenate([by_pose[..., 6:-3], by_pose[..., -3:] @ self.across], axis=-1)
 
-    def moved(self, world_from_camera: NDArray[np.float64], coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(frames, 4, 4) float64: poses moved by their coordinates (p,)."""
-        moves = np.concatenate([np.zeros(6), coordinates[:-2], self.across @ coordinates[-2:]]).reshape(-1, 6)
-        poses = world_from_camera.copy()
-        poses[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(moves[:, :3]).as_matrix()
-        poses[:, :3, 3] += moves[:, 3:]
-        return poses
-
-    def between(self, estimated: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(p,) float64: coordinates that move true poses (frames, 4, 4) to estimated ones."""
-        turned = np.swapaxes(true[:, :3, :3], 1, 2) @ estimated[:, :3, :3]
-        moves = np.hstack([Rotation.from_matrix(turned).as_rotvec(), estimated[:, :3, 3] - true[:, :3, 3]])
-        return self.free(moves.ravel())
-
 
 def linear_tracks(
     camera: CameraModel, world_from_camera: NDArray[np.float64], tracks: PointTracks, gauge: Gauge | None = None

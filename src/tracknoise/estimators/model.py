@@ -360,10 +360,6 @@ class Training:
         """Refuse counts and a speed that no run has."""
         require_bounds(self)
 
-    def scenes_of(self, dataset: str) -> frozenset[str]:
-        """Names of those of its scenes that are of a data set. Others have scenes of the same names."""
-        return frozenset(self.scenes if dataset in self.dataset.split(", ") else ())
-
 
 class BiasKind(StrEnum):
     """What is known of the mean error."""

@@ -61,7 +61,7 @@ _EARLIER = ("tracknoise.noise/1",)
 """Formats whose documents lack fields that may be missing."""
 _GONE = "depth"
 """A purpose of equivalents in earlier formats. Depths are those of the table `window_sigmas` of a run."""
-_KEY = "format"
+_KEY, _EXPECTED = "format", "a noise model, as `tracknoise export --model` writes it"
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 """What a class of documents sets as its ``__pydantic_config__``: unknown keys are refused."""
 _Model = TypeVar("_Model")
@@ -102,7 +102,7 @@ def _fields(path: Path, text: str) -> dict[str, object]:
         document = json.loads(text)
         json.dumps(document, ensure_ascii=False).encode()  # half of a pair of surrogates is no text
     except (ValueError, RecursionError) as error:  # thousands of brackets
-        raise DataError(path, f"is not JSON ({error})", "a noise model, as `tracknoise noise fit` writes it") from error
+        raise DataError(path, f"is not JSON ({error})", _EXPECTED) from error
     if not isinstance(document, dict) or document.get(_KEY) not in (FORMAT, *_EARLIER):
         found = document.get(_KEY) if isinstance(document, dict) else None
         raise DataError(path, f"format is {found!r}", f"{FORMAT!r}")

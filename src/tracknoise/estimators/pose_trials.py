@@ -23,12 +23,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import units_of
-from tracknoise.estimators import bundle
+from tracknoise.estimators import losses
 from tracknoise.estimators.advice import LEVEL, POSE_SHARE, chi_square, rms_about_first, track_gate, usual_knee
-from tracknoise.estimators.kernels import DrawnWindow, weighted_step
+from tracknoise.estimators.kernels import NEWEST, DrawnWindow, normalised, weighted_step
 from tracknoise.estimators.linear_window import without
 from tracknoise.estimators.model import Equivalent, Interval, KnownPoints, LossKind, Tails, TriedGate
-from tracknoise.estimators.trial import NEWEST, normalised
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.inference.track_noise import TrackNoise
@@ -69,7 +68,7 @@ def _gated(one: DrawnWindow, sigma: float, factor: float, random: np.random.Gene
     """NEES of the newest pose from tracks that pass, NaN where they do not determine it, and from all; share passed."""
     errors, passed = [own[None] for own in one.errors], []
     for tracks, own in zip(one.tracks, one.errors, strict=True):
-        span, freedom = np.linalg.qr(tracks.by_point)[0], own.shape[1] - bundle.OF_POINT
+        span, freedom = np.linalg.qr(tracks.by_point)[0], own.shape[1] - losses.OF_POINT
         predicted = random.standard_normal(own.shape)
         seen = math.sqrt(1.0 - POSE_SHARE) * own / sigma + math.sqrt(POSE_SHARE) * predicted
         squares = np.square(without(seen[:, :, None], span)).sum(axis=(1, 2))
@@ -141,7 +140,7 @@ def _known_points(
         if some.height < _LEAST_ERRORS or knee_px <= 0.0:
             continue
         for kernel in (None, *LossKind):
-            loss = bundle.PLAIN if kernel is None else bundle.Loss(bundle.LossKind(kernel), knee_px)
+            loss = losses.PLAIN if kernel is None else losses.Loss(losses.LossKind(kernel), knee_px)
             rows = [
                 {"dataset": own["dataset"][0], "scene": scene, "n": 1.0, "square": _square(own, loss)}
                 for (scene,), own in some.group_by("scene", maintain_order=True)
@@ -153,7 +152,7 @@ def _known_points(
                 )
 
 
-def _square(errors: pl.DataFrame, loss: bundle.Loss) -> float:
+def _square(errors: pl.DataFrame, loss: losses.Loss) -> float:
     """(known.sigma) of one scene, px^2."""
     r, share = errors["r"].to_numpy(), errors["stands_for"].to_numpy().astype(np.float64)
     weight, slope = _weight(loss, r), (_weight(loss, r + _STEP_PX) - _weight(loss, r - _STEP_PX)) / (2.0 * _STEP_PX)
@@ -163,7 +162,7 @@ def _square(errors: pl.DataFrame, loss: bundle.Loss) -> float:
     return mean[0] * mean[1] / 2.0 / mean[2] ** 2
 
 
-def _weight(loss: bundle.Loss, r: Array) -> Array:
+def _weight(loss: losses.Loss, r: Array) -> Array:
     """Of residuals of these lengths."""
     return loss.weights(np.stack([r, np.zeros_like(r)], axis=1))[:, 0]
 

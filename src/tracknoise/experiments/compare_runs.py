@@ -28,7 +28,7 @@ from tracknoise.checks import path_of, require, require_within
 from tracknoise.estimators.window_noise import scene_quantities
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.resume import LIBRARIES
-from tracknoise.experiments.settings import dotted
+from tracknoise.experiments.settings import OF_NO_RESULT, dotted
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.units import MIN_SCENES
@@ -104,7 +104,7 @@ def differing(first: OpenedRun, second: OpenedRun) -> tuple[tuple[str, str, str]
         (name, _shown(a.get(name)), _shown(b.get(name)))
         for a, b in (settings, versions)
         for name in dict.fromkeys([*a, *b])
-        if a.get(name) != b.get(name)
+        if a.get(name) != b.get(name) and name not in OF_NO_RESULT
     )
 
 
@@ -600,8 +600,8 @@ def compare(
     *others: str | Path,
     trackers: tuple[str, str] | None = None,
     gate: Gate | None = None,
-    margin: float = MARGIN,
-    level: float = LEVEL,
+    margin: float | None = None,
+    level: float | None = None,
     ages: ComparedAges | str = ComparedAges.every,
 ) -> Comparison:
     """Compare runs on the same scenes with the first of them, paired by scene.
@@ -617,9 +617,10 @@ def compare(
         Tolerances for changes for the worse.
     margin
         Largest relative change that counts as no difference: 0.1 for ratios of 1.1, for mean errors 10 % of the core,
-        and for shares 0.02.
+        and for shares 0.02. Default: that of the findings of the first run.
     level
         Probability that an interval contains the true change; any false claim has a probability of at most 1 - level.
+        Default: that of the findings of the first run.
     ages
         Whether verdicts are about every single age and their mean (``every``), or about the mean alone (``mean``).
 
@@ -640,6 +641,9 @@ def compare(
     _require(others, margin, level, ages)
     _require_choices(trackers, gate)
     known, *compared = _opened([path_of("run", path) for path in (first, *others)])
+    stated = known.settings.get("findings", {})
+    margin = stated.get("margin", MARGIN) if margin is None else margin
+    level = stated.get("level", LEVEL) if level is None else level
     found = [questions(known, run, trackers) for run in compared]
     asked = [one for part in found for one in part.asked]
     sides = tuple(
@@ -663,11 +667,13 @@ def _unwanted_poses(run: OpenedRun, gate: Gate) -> Iterator[str]:
         yield f"poses of {_some(other)} in {run.name} are {sequences[other[0]].leading_poses}, not {gate.poses}"
 
 
-def _require(others: Sequence[object], margin: float, level: float, ages: str) -> None:
+def _require(others: Sequence[object], margin: float | None, level: float | None, ages: str) -> None:
     if not others:
         raise SettingsError("found one run to compare, expected at least two")
-    require_within("margin", margin, {"gt": 0})
-    require_within("level", level, {"ge": _LEVELS[0], "le": _LEVELS[1]})
+    if margin is not None:
+        require_within("margin", margin, {"gt": 0})
+    if level is not None:
+        require_within("level", level, {"ge": _LEVELS[0], "le": _LEVELS[1]})
     require(ages in list(ComparedAges), "ages", ages, f"one of {', '.join(ComparedAges)}")
 
 

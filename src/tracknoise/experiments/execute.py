@@ -42,6 +42,7 @@ from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
 from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.truth_faults.check_change import CHECK_JSON, read_check
 
 
 class Listener(Protocol):
@@ -89,7 +90,6 @@ def execute(
     scheduler: str | None = None,
     retries: int = RETRIES,
     fresh: bool = False,
-    verify: bool = False,
     debug: bool = False,
 ) -> Outcome:
     """Measure the sequences of an experiment that are not measured yet, then compute the statistics of all.
@@ -113,9 +113,6 @@ def execute(
         Maximum number of retries per batch.
     fresh
         Delete the run that the folder holds, once the new experiment has been checked.
-    verify
-        Compare the contents of all files that measured sequences were read from, not only size and time of
-        modification of images and depth maps.
     debug
         Raise the first failure instead of recording it.
 
@@ -126,17 +123,23 @@ def execute(
         scheduler cannot be reached. Sequences measured before that are kept.
     """
     experiment = resolve(experiment)
+    checked = None if experiment.check is None else read_check(experiment.check)
     tasks = plan(experiment)
     with hold(run) as claim, claim.explained():
         manifest, changed = begin(experiment, run, fresh=fresh, remark=listener.remark)
         manifest.excluded_scenes = excluded_scenes(experiment)
-        todo = due(tasks, run, manifest, verify=verify, remark=listener.remark)
+        todo = due(tasks, run, manifest, verify=experiment.verify, remark=listener.remark)
         forget_outdated(todo, run, manifest, experiment)
         listener.planned([task.key for task in todo], len(tasks) - len(todo))
         together = batches(todo)
         shown = claim if scheduler else replace(claim, patience_s=0.0)  # this machine sees the folder as it is
         job = Job(
-            RunFolder(run.path.absolute()), shown, manifest.versions, debug, one_thread=len(together) > 1, verify=verify
+            RunFolder(run.path.absolute()),
+            shown,
+            manifest.versions,
+            debug,
+            one_thread=len(together) > 1,
+            verify=experiment.verify,
         )
 
         def retrying(batch: Batch, cause: str) -> None:
@@ -160,6 +163,8 @@ def execute(
             if outdated:  # earlier results stay in the folder until the new ones can be written
                 run.discard_documents()
             compute_findings(run, experiment, statistics, workers=workers)
+            if checked is not None:
+                run.write_statistics({}, documents={CHECK_JSON: checked})
         else:
             run.discard_results()
     return Outcome(sorted(manifest.sequences), dict(manifest.failures))

@@ -36,7 +36,8 @@ def with_paths_from(folder: Path, experiment: Experiment) -> Experiment:
         for choice in experiment.trackers
     ]
     truth = experiment.truth.model_copy(update={"second": _second(folder, experiment)})
-    return experiment.model_copy(update={"dataset": moved, "trackers": trackers, "truth": truth})
+    check = None if experiment.check is None else absolute(folder, experiment.check)
+    return experiment.model_copy(update={"dataset": moved, "trackers": trackers, "truth": truth, "check": check})
 
 
 def _second(folder: Path, experiment: Experiment) -> SecondTruthSettings | None:
@@ -169,7 +170,7 @@ def load_experiment(
     trackers
         Names of trackers in the file, or kinds of others, which get their default options.
     options
-        Options of the reader, instead of what the file says.
+        Options of the reader, instead of what the file says. Paths among them start from the current folder.
 
     Raises
     ------
@@ -192,7 +193,7 @@ def load_experiment(
         experiment = _with_frames(experiment, frames).with_limits(scenes=scenes, frames=None)
         experiment = experiment if speeds is None else experiment.with_speeds(speeds)
         experiment = experiment if trackers is None else experiment.with_trackers(_kinds(experiment, trackers))
-        for option, value in (options or {}).items():
+        for option, value in _absolute(Path(), READERS, experiment.dataset.reader, dict(options or {})).items():
             experiment = experiment.with_option(option, value)
         return resolve(experiment if root is None else experiment.with_root(absolute(Path(), root)))
     except TracknoiseError as error:

@@ -3,8 +3,10 @@
 from collections.abc import Iterable
 
 import numpy as np
+import polars as pl
+from numpy.typing import NDArray
 
-from tracknoise.estimators.proof_windows import recorded_poses
+from tracknoise.geometry.pose import from_quaternion
 from tracknoise.measurement.adjusted_depths import depth_corrections
 from tracknoise.measurement.refined_poses import RefinedPoses
 from tracknoise.sequences.corrected import corrected
@@ -36,3 +38,14 @@ def with_measured_poses(sequence: Sequence, pieces: Iterable[Piece]) -> Sequence
         return sequence
     with_depths = corrected(sequence, depth_corrections(fit.corrections))
     return RefinedPoses.of(with_depths, poses, joins_depths=fit.joins_depths)
+
+
+def recorded_poses(table: pl.DataFrame) -> NDArray[np.float64]:
+    """(frames, 4, 4) float64, world_from_camera, from the table `poses` of a sequence: NaN where a frame has none."""
+    table = table.sort("frame")
+    known = table["qw"].is_not_null().to_numpy()
+    rows = table.filter(pl.col("qw").is_not_null())
+    poses = np.full((table.height, 4, 4), np.nan)
+    xyzw = rows.select("qx", "qy", "qz", "qw").to_numpy()
+    poses[known] = from_quaternion(rows.select("x_m", "y_m", "z_m").to_numpy(), xyzw)
+    return poses

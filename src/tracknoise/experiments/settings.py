@@ -349,12 +349,14 @@ class EstimatorSettings(_Section):
     """The estimator that findings say what to set in. It can be changed without measuring again."""
 
     name: Annotated[str, AfterValidator(_estimator)] = "filter"
-    """Its name, see `tracknoise noise export --list`; or a kind of estimators: `filter` with a gate, `sliding_window`
+    """Its name, see `tracknoise export`; or a kind of estimators: `filter` with a gate, `sliding_window`
     with a robust loss, `mapping`, or `pnp` from known points."""
     window: Annotated[int, Field(ge=2)] | None = None
     """Length of its window, processed frames. Default: as shipped."""
 
 
+OF_NO_RESULT = ("verify", "check")
+"""Settings that no number of a run depends on."""
 QUICK_CLIPS, QUICK_FRAMES = 5, 60
 """Clips that are measured for a quick answer, and their frames."""
 
@@ -386,6 +388,12 @@ class Experiment(_Section):
     parts."""
     clips: Annotated[int, Field(ge=1)] | None = None
     """Measure this many parts only, spread evenly over each sequence. Default: all of it."""
+    verify: bool = False
+    """When a run resumes, compare images and depth maps by content with those that were measured, not only by size and
+    time of modification."""
+    check: Annotated[Path | None, Field(strict=False)] = None
+    """What `tracknoise check -o FILE.json` wrote, relative to the experiment file: the run says what it changed in that
+    verdict. It can be changed without measuring again."""
     truth: TruthSettings = TruthSettings()
     statistics: StatisticsSettings = StatisticsSettings()
     findings: FindingsSettings = FindingsSettings()
@@ -455,8 +463,8 @@ class Experiment(_Section):
         return few.model_copy(update=changes)
 
     def with_findings_of(self, other: "Experiment") -> "Experiment":
-        """Return a copy with the settings of another experiment that change findings only."""
-        return self.model_copy(update={"findings": other.findings, "estimator": other.estimator})
+        """Return a copy with the settings of another experiment that change no measurement."""
+        return self.model_copy(update={name: getattr(other, name) for name in ("findings", "estimator", *OF_NO_RESULT)})
 
     def with_groups(self, groups: dict[str, list[str]] | None) -> "Experiment":
         """Return a copy with other groups of scenes; None for those that the reader knows."""
@@ -478,8 +486,9 @@ class Experiment(_Section):
         return tomlkit.dumps(self.model_dump(mode="json", exclude_none=True))
 
     def digest(self) -> str:
-        """Hexadecimal SHA-256 of all settings except the folder of the data, which may move."""
-        return hashlib.sha256(self.with_root(None).to_toml().encode()).hexdigest()
+        """Hexadecimal SHA-256 of all settings that a measurement depends on. The folder of the data may move."""
+        settings = self.with_root(None).model_dump(mode="json", exclude_none=True, exclude=set(OF_NO_RESULT))
+        return hashlib.sha256(tomlkit.dumps(settings).encode()).hexdigest()
 
 
 def parse_experiment(text: str, *, place: str) -> Experiment:

@@ -84,8 +84,10 @@ def _named_again(reader: Reader, path: Path | None, options: Mapping[str, object
     )
     for key, value in options.items():
         words += ["--option", f"{key}={value}" if isinstance(value, str) else _entry(key, value).replace(" = ", "=", 1)]
-    for key, value in poses.items():
-        words += [f"--{key.replace('_', '-')}", value]
+    if "trajectory" in poses:
+        words += ["--trajectory", poses["trajectory"]]
+    if "trajectory_of" in poses:
+        words += ["--option", f"trajectory_of={poses['trajectory_of']}"]
     return shlex.join(words)
 
 

@@ -16,8 +16,8 @@ from tracknoise.report.answer import limit_text, number_of
 from tracknoise.text import browser_json
 
 _OPTIONS = {
-    "focal length": "--focal FOCAL_PX --allow-focal lens",
-    "rate": "--rate HZ --allow-rate unchecked",
+    "focal length": "--focal FOCAL_PX --allow lens",
+    "rate": "--rate HZ --allow unchecked",
     "observations": "--tracks RUN",
 }
 """Options of the command line for what a model does not know."""
@@ -115,7 +115,7 @@ def _export(model: NoiseModel, name: str, path: str, window: int | None) -> dict
         found = export(model, name, target=Target(window=window), source=path.rpartition("/")[2])
     except SettingsError as error:
         unknown = _unknown(model, estimators()[name].needs)
-        command = " ".join([f"tracknoise noise export {path} --to {name}", *(_OPTIONS[need] for need in unknown)])
+        command = " ".join([f"tracknoise export {path} --to {name}", *(_OPTIONS[need] for need in unknown)])
         return {"why": str(error), **({"command": command} if unknown else {})}
     patch = [] if found.patch is None else [(f"{name}.patch", found.patch)]
     return {"files": [*found.files.items(), *patch], "text": found.text}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -164,7 +164,13 @@ class SimulatedSequence:
         return moved
 
     def _noise(self, stream: Stream, index: int) -> np.random.Generator:
-        return generator(self.settings.seed, stream, f"{self.id.scene} {self.id.lighting}", index)
+        return generator(self.settings.seed, stream, f"{self.id.scene} {self._lighting}", index)
+
+    @property
+    def _lighting(self) -> str:
+        """Its lighting: that of the settings, because its name may be that of an effect."""
+        (lighting,) = self.settings.lightings
+        return lighting
 
     def _sensor(self, stream: Stream) -> Sensor:
         """The sensor with the fixed pattern of a stream: that of one camera in all scenes."""
@@ -186,7 +192,23 @@ class SimulatedSequence:
     @property
     def _optics(self) -> Optics:
         quality = Quality(self.settings.supersampling, self.settings.shadows)
-        return Optics(self.camera, LIGHTINGS[self.id.lighting], quality)
+        return Optics(self.camera, LIGHTINGS[self._lighting], quality)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """A way to take the images of every scene.
+
+    Parameters
+    ----------
+    name
+        Of the effect. It is the lighting of its sequences.
+    imaging
+        How images are taken.
+    """
+
+    name: str
+    imaging: Imaging = NO_EFFECTS
 
 
 _DEFAULT_WORLD = "plaza"
@@ -238,6 +260,9 @@ class Simulated:
         Of worlds, paths, noise and faults.
     imaging
         Shutter, exposure, gain, fixed pattern and compression: see docs/simulation.md. The truth stays exact.
+    effects
+        Ways to take images, in place of `imaging`: each scene is seen in every one, so that they are a factor of the
+        experiment. They need a single lighting.
     faults
         What is wrong with the stated poses, camera and depth: see docs/simulation.md. Images stay as they are.
 
@@ -273,6 +298,7 @@ class Simulated:
     lightings: tuple[str, ...] = (DEFAULT_LIGHTING,)
     seed: Annotated[int, Ge(0)] = 0
     imaging: Imaging = NO_EFFECTS
+    effects: tuple[Effect, ...] = ()
     faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
@@ -283,8 +309,23 @@ class Simulated:
         require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
         require_finite("yaw_deg", self.yaw_deg)
         self._require_that_world_and_motions_fit()
-        timed = self.imaging.readout_s or self.imaging.exposure_s
+        self._require_effects()
+        timed = any(one.readout_s or one.exposure_s for one in self._ways.values())
         require(self.frames > 1 or not timed, "frames", self.frames, "at least 2, with a readout_s or exposure_s")
+
+    def _require_effects(self) -> None:
+        if not self.effects:
+            return
+        names = [one.name for one in self.effects]
+        require(len({*names}) == len(names), "effects", names, "different names")
+        require(all(names), "effects", names, "names that are not empty")
+        if self.imaging != NO_EFFECTS or len(self.lightings) > 1:
+            raise ValueError("effects exclude imaging, and several lightings")
+
+    @property
+    def _ways(self) -> dict[str, Imaging]:
+        """How images of each sequence of a scene are taken, by its lighting."""
+        return {one.name: one.imaging for one in self.effects} or dict.fromkeys(self.lightings, self.imaging)
 
     def _require_lens(self) -> None:
         if self.lens not in COEFFICIENTS:
@@ -339,7 +380,7 @@ class Simulated:
             SequenceId(self.name, f"{motion}-{world:02d}", lighting)
             for motion in self.motions
             for world in range(self.worlds)
-            for lighting in self.lightings
+            for lighting in self._ways
         )
 
     def open(self, sequence: SequenceId) -> Sequence:
@@ -375,7 +416,9 @@ class Simulated:
         poses = motion(self.frames, generator(self.seed, Stream.path, sequence.scene))
         if self.world_file is not None:
             poses = self._world_from_motion() @ poses
-        opened = SimulatedSequence(sequence, self.camera, poses, self, world)
+        lighting = self.lightings[0] if self.effects else sequence.lighting
+        settings = replace(self, effects=(), lightings=(lighting,), imaging=self._ways[sequence.lighting])
+        opened = SimulatedSequence(sequence, self.camera, poses, settings, world)
         return with_faults(opened, self.faults, seed=self.seed)
 
     def _require_listed(self, sequence: SequenceId) -> None:

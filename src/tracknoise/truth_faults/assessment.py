@@ -628,7 +628,7 @@ def _corrected(evidence: TruthEvidence, faults: _Named) -> str:
         return f"{_CONFIRM}{', and what corrects it' if any(undone) else '; no setting undoes this'}."
     if not any(undone):
         return "No setting undoes this: use other poses, and measure again."
-    block = "Apply the corrections that `tracknoise audit` prints, and measure again"
+    block = "Apply the corrections that `tracknoise check RUN` prints, and measure again"
     if not all(undone):
         return f"{block}. No setting undoes the rest: use other poses for it."
     return f"{block}. Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."
@@ -654,7 +654,7 @@ _TOO_FEW = "Too few tracks have a true position to tell."
 _CORRECT_DATA = "Correct the data, and measure again."
 _CONFIRM = (
     "Measure it with several trackers (`tracknoise run`): errors of the one of a check can look like this. "
-    "`tracknoise audit` says whether they agree"
+    "`tracknoise check RUN` says whether they agree"
 )
 _FITTED = "True positions are fitted to the tracks, so that errors of the poses cannot be separated from theirs."
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."

@@ -60,7 +60,7 @@ def read_check(path: Path) -> str:
     Raises
     ------
     DataError
-        If the file is missing, or is none of `tracknoise check --json-file`.
+        If the file is missing, or is none of `tracknoise check -o FILE.json`.
     """
     document = read_json_object(path, _EXPECTED)
     try:
@@ -70,7 +70,7 @@ def read_check(path: Path) -> str:
     return json.dumps(document, indent=1, ensure_ascii=False)
 
 
-_EXPECTED = "what `tracknoise check --json-file` writes"
+_EXPECTED = "what `tracknoise check -o FILE.json` writes"
 
 
 def truth_change(run: RunFolder, trust: pl.DataFrame) -> str | None:

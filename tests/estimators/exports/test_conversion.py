@@ -49,7 +49,7 @@ def test_the_same_camera_changes_nothing():
         (Target(focal_px=0.1, focal_change=FocalChange.RESAMPLED), "which makes images of 0.164 x 0.105 px"),
         (Target(focal_px=1e300, focal_change=FocalChange.RESAMPLED), "expected a number from 1e-06 to 1e+06"),
         (Target(focal_px=470.0), "expected that of the model, 458.6 px, to 2 %"),
-        (Target(focal_px=229.3), "`--allow-focal resampled`"),
+        (Target(focal_px=229.3), "`--allow resampled`"),
         (Target(rate_hz=0.0), "rate is 0 Hz, expected a number from 1e-06 to 1e+06"),
         (Target(rate_hz=float("nan")), "rate is nan Hz"),
         (Target(rate_hz=10.0), "rate is 10 Hz, expected that of the model, 20 Hz, to 2 %"),

@@ -1,6 +1,7 @@
 from pathlib import Path
 
-from tracknoise.estimators.export_page import markdown
+from benchmarks.documents.exports import markdown
+
 from tracknoise.estimators.exports import estimators, refused
 
 PAGE = Path(__file__).parents[3] / "docs" / "estimators" / "exports.md"

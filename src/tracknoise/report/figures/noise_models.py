@@ -1,7 +1,6 @@
-"""Noise models over what they were fitted to, and how well their predictions hold.
+"""Noise models over what they were fitted to, and what they claim of depths.
 
 - The noise models of a run over the errors that they were fitted to.
-- Predicted and measured standard deviations of errors, by class of what was predicted.
 - The noise to give to an estimator, by the length of its windows.
 - How many claimed intervals of depths hold the true depth, by what noise is assumed.
 - Whether covariances that trackers predict are right: coverage, and NEES by age.
@@ -14,22 +13,20 @@ import altair as alt
 import polars as pl
 
 from tracknoise.analysis.condition_units import groups_of_run
-from tracknoise.estimators.calibration import Calibration, fitted_curve
+from tracknoise.estimators.fitted_curve import fitted_curve
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
-from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.track_noise import COMPONENTS
 from tracknoise.report import style
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, curves, layered
 from tracknoise.report.report_data import ReportData
-from tracknoise.text import significant
 from tracknoise.topics.bands import AGE, describe_bounds, describe_intervals
 from tracknoise.topics.covariance_topic import covariance_message, covariance_sentence, own_covariances
 from tracknoise.topics.depth_topic import LEVELS, depth_shares
 from tracknoise.topics.window_topic import estimator_sentence, sigma_message
-from tracknoise.words import SPACE, interval_text, number, sentence_case
+from tracknoise.words import SPACE, number, sentence_case
 
 _LOOKS: dict[str, Any] = {"height": 230, "point": 20, "clip": False}
 """Of panels of curves."""
@@ -111,83 +108,6 @@ def _model_fit_panel(tracker: str, curve: pl.DataFrame) -> Panel:
     band = marks.band(columns, "line", _MODEL_FIT_COLOURS, "u", x, y)
     chart = layered(*band, measured, line).properties(width=395, height=210, title=alt.Title(tracker))
     return Panel(chart, (marks.shown("line", _MODEL_FIT_COLOURS),), layer=len(band))
-
-
-_SIZE = 320
-_SHOWS = (
-    "Errors in {n_classes} classes of predicted variance. A point compares the standard "
-    "deviation of one coordinate that was predicted with the one that was measured. {bounds}The line is where the two "
-    "are equal."
-)
-_LOOK_FOR = "Above the line, errors are larger than predicted. The mean distance from it is the ENCE, {ence}."
-
-
-def reliability(found: Calibration, *, title: str) -> Figure:
-    """The reliability plot of predicted covariances.
-
-    Parameters
-    ----------
-    found
-        The comparison with errors.
-    title
-        Of the plot.
-    """
-    table = pl.DataFrame(
-        [(one.predicted_px, one.measured_px, one.low_px, one.high_px, one.n) for one in found.reliability],
-        schema=dict.fromkeys(("predicted", "measured", "low", "high"), pl.Float64) | {"n": pl.Int64},
-        orient="row",
-    )
-    ends = pl.concat([table[name] for name in ("predicted", "measured", "low", "high")])
-    chart = layered(_diagonal(ends), *_bars(table, ends), _points(table, ends))
-    panel = Panel(chart.properties(width=_SIZE, height=_SIZE, title=alt.Title(title)))
-    return Figure(
-        id="reliability",
-        title=title,
-        shows=_SHOWS.format(n_classes=table.height, bounds=_intervals(found)),
-        look_for=_LOOK_FOR.format(ence=significant(found.ence, 3)),
-        spec=arranged([panel], columns=1),
-    )
-
-
-def _intervals(found: Calibration) -> str:
-    """What the bars are; empty where there are none."""
-    if found.resampled is None or all(one.low_px is None for one in found.reliability):
-        return ""
-    return f"Bars are {interval_text(LEVEL, found.resampled, [found.n_scenes])}. "
-
-
-def _axes(ends: pl.Series, y: str) -> tuple[alt.X, alt.Y]:
-    scale = alt.Scale(domain=marks.domain(ends), nice=False)
-    return (
-        alt.X("predicted:Q", title="predicted standard deviation (px)", scale=scale),
-        alt.Y(f"{y}:Q", title="measured standard deviation (px)", scale=scale),
-    )
-
-
-def _diagonal(ends: pl.Series) -> alt.Chart:
-    low, high = marks.domain(ends)
-    line = pl.DataFrame({"predicted": [low, high], "measured": [low, high]})
-    x, y = _axes(ends, "measured")
-    chart: alt.Chart = alt.Chart(marks.rows(line)).mark_line(color=style.QUIET, strokeWidth=1).encode(x=x, y=y)
-    return chart
-
-
-def _bars(table: pl.DataFrame, ends: pl.Series) -> list[alt.Chart]:
-    """A bar between the bounds of each class; empty without any."""
-    known = table.drop_nulls(["low", "high"])
-    if known.is_empty():
-        return []
-    bar = alt.Chart(marks.rows(known)).mark_rule(color=style.PALETTE[0], strokeWidth=1.2)
-    x, y = _axes(ends, "low")
-    return [bar.encode(x=x, y=y, y2=alt.Y2("high:Q"))]
-
-
-def _points(table: pl.DataFrame, ends: pl.Series) -> alt.Chart:
-    point = alt.Chart(marks.rows(table)).mark_point(filled=True, size=45, color=style.PALETTE[0], opacity=1.0)
-    tips = [alt.Tooltip("predicted:Q"), alt.Tooltip("measured:Q"), alt.Tooltip("n:Q", title="errors")]
-    x, y = _axes(ends, "measured")
-    chart: alt.Chart = point.encode(x=x, y=y, tooltip=tips)
-    return chart
 
 
 _WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE = "window-sigmas", "Noise for the depths of points, by length of the window"

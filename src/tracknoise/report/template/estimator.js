@@ -86,7 +86,7 @@ async function showExport(form) {
   try {
     unpacked ??= await unpack();
   } catch (error) {
-    place.replaceChildren(written("p", `The exports could not be read: ${error.message}. Use tracknoise noise export.`, "absent"));
+    place.replaceChildren(written("p", `The exports could not be read: ${error.message}. Use tracknoise export.`, "absent"));
     return;
   }
   const found = unpacked[form.tracker.value][form.estimator.value];

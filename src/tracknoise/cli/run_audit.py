@@ -1,0 +1,92 @@
+"""What is wrong with the stated truth of a run, as sentences and tables, or as JSON."""
+
+import json
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from tracknoise.cli.terminal import WIDTH, Terminal
+from tracknoise.cli.text_table import show
+from tracknoise.exceptions import StoreError
+from tracknoise.report.truth_section import cause_cells, curve_cells, parameter_cells
+from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, TRUST
+from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
+from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml, recorded_step
+from tracknoise.truth_faults.pose_accuracy import POSE_LAW, RIGID_SHARE, accuracy_toml
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Audit:
+    """What a run found out about its truth.
+
+    Attributes
+    ----------
+    verdict
+        Whether the truth can be trusted.
+    trust, found, curves
+        Tables ``trust``, ``audit`` and ``audit_curves`` of the run.
+    corrections, accuracy
+        What to add to the experiment file; None for nothing.
+    """
+
+    verdict: TruthVerdict
+    trust: pl.DataFrame
+    found: pl.DataFrame
+    curves: pl.DataFrame
+    corrections: str | None
+    accuracy: str | None
+
+
+def read_audit(run: Path) -> Audit:
+    """The audit of a finished run.
+
+    Raises
+    ------
+    StoreError
+        If there is none, or a table is damaged.
+    """
+    folder = RunFolder(run)
+    found, curves = folder.statistics(AUDIT), folder.statistics(AUDIT_CURVES)
+    trust = folder.statistics(TRUST)
+    verdict = TruthVerdict.of(trust)
+    if found.is_empty() and not verdict.are_tracks_wrong:
+        raise StoreError(f"{run}: holds no audit, expected that of a finished run; `tracknoise run` makes it")
+    settings = folder.settings()
+    corrections = corrections_toml(found, settings)
+    accuracy = accuracy_toml(folder.statistics(POSE_LAW), folder.statistics(RIGID_SHARE), recorded_step(settings))
+    return Audit(verdict, trust, found, curves, corrections, accuracy)
+
+
+def audit_json(audit: Audit) -> str:
+    """The whole audit as one JSON document."""
+    document = {
+        "format": 2,
+        "truth": audit.trust.to_dicts(),
+        "sentences": audit_sentences(audit.found),
+        "corrections": audit.corrections,
+        "accuracy": audit.accuracy,
+        "audit": audit.found.to_dicts(),
+        "audit_curves": audit.curves.to_dicts(),
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+
+
+def print_audit(terminal: Terminal, audit: Audit) -> None:
+    """Print the verdict, what to add to the experiment file, and the numbers behind it."""
+    texts = filter(None, [audit.verdict.sentence, audit.verdict.stated])
+    terminal.result("\n".join([*(textwrap.fill(one, WIDTH) for one in texts), ""]))
+    for sentence in audit_sentences(audit.found, every=True):
+        terminal.result(textwrap.fill(sentence, WIDTH))
+    if audit.corrections:
+        how = "put this block into the experiment file, in place of one that it has, and run it again"
+        terminal.result(f"\nTo correct this, {how}:\n\n{audit.corrections}")
+    if audit.accuracy:
+        agreed = "The trackers agree on errors of the poses. To include them in the truth floor, add:"
+        terminal.result(f"\n{agreed}\n\n{audit.accuracy}")
+    for cells in (cause_cells(audit.trust), parameter_cells(audit.found), curve_cells(audit.curves)):
+        if cells.rows:
+            terminal.result("")
+            show(terminal.result, cells)

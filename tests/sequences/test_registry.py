@@ -1,8 +1,10 @@
 import pytest
 
 from tracknoise.exceptions import SettingsError, UnknownNameError
-from tracknoise.sequences.reader_registry import READERS, make_reader, open_sequence, select
+from tracknoise.sequences.reader_registry import READERS, make_reader, open_sequence, open_together, select
 from tracknoise.sequences.sevenscenes import SevenScenes
+from tracknoise.sequences.simulated import Simulated
+from tracknoise.sequences.views import View
 from tracknoise.tables.identity import SequenceId
 
 
@@ -68,3 +70,34 @@ def test_open_sequence_takes_names_and_paths(tmp_path, write_sevenscenes):
         write_sevenscenes(tmp_path / scene, frames=1)
     assert open_sequence("sevenscenes", str(tmp_path)).id.scene == "a"
     assert open_sequence("sevenscenes", tmp_path, scene="b").id.scene == "b"
+
+
+class Foreign(View):
+    """A sequence of another package."""
+
+    _helper = None
+
+    @property
+    def group(self):
+        return "a place"
+
+
+class Misspelt(Foreign):
+    @property
+    def shuter(self):
+        return None
+
+
+def test_a_fact_that_nothing_reads_is_refused_with_the_known_ones():
+    def opened(kind):
+        class Reader(Simulated):
+            def open(self, sequence):
+                return kind(Simulated.open(self, sequence))
+
+        reader = Reader(motions=("forward",), frames=2, width=64, height=48)
+        return open_together(reader, reader.sequences())
+
+    assert len(opened(Foreign)) == 1
+    expected = "^unknown fact of Misspelt 'shuter' .did you mean 'shutter'..; known: body, camera_at, .*, z_depth_from$"
+    with pytest.raises(UnknownNameError, match=expected):
+        opened(Misspelt)

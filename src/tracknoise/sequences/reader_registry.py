@@ -7,7 +7,7 @@ from pathlib import Path
 from tracknoise.checks import path_of
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.plugins import Plugins, plugin_defaults
-from tracknoise.sequences.sequence import Reader, Sequence, SharingReader
+from tracknoise.sequences.sequence import Reader, Sequence, SharingReader, with_known_facts
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.tables.identity import SequenceId
 
@@ -82,9 +82,9 @@ def open_together(reader: Reader, sequences: list[SequenceId]) -> list[Sequence]
     TracknoiseError
         As `Reader.open`.
     """
-    if isinstance(reader, SharingReader):
-        return reader.open_together(sequences)
-    return [reader.open(sequence) for sequence in sequences]
+    shares = isinstance(reader, SharingReader)
+    opened = reader.open_together(sequences) if shares else map(reader.open, sequences)
+    return [with_known_facts(sequence) for sequence in opened]
 
 
 def open_sequence(
@@ -120,7 +120,7 @@ def open_sequence(
     if isinstance(frames, int):
         options, frames = {**options, "frames": frames}, None
     made = make_reader(reader, None if root is None else path_of("root", root), options)
-    return chosen_frames(made.open(select(made, scene, lighting)), frames)
+    return chosen_frames(with_known_facts(made.open(select(made, scene, lighting))), frames)
 
 
 def open_sequences(reader: str, root: str | Path | None = None, **options: object) -> Iterator[Sequence]:
@@ -147,4 +147,4 @@ def open_sequences(reader: str, root: str | Path | None = None, **options: objec
     """
     made = make_reader(reader, None if root is None else path_of("root", root), options)
     for sequence in made.sequences():
-        yield made.open(sequence)
+        yield with_known_facts(made.open(sequence))

@@ -4,12 +4,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import ClassVar, Protocol, TypeAlias, runtime_checkable
+from types import MappingProxyType
+from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.exceptions import DataError
+from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign_files import is_folder, is_regular_file
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy, TruthAccuracy
 from tracknoise.geometry.cameras import CameraModel
@@ -17,6 +18,8 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.tables.identity import SequenceId
+
+_PACKAGE = __name__.partition(".")[0]
 
 
 class TruthKind(StrEnum):
@@ -200,117 +203,110 @@ OPENGL_AXES: Axes = (1, -2, -3)
 NED_AXES: Axes = (3, 1, 2)
 
 
-class FurtherFacts(Protocol):
-    """What a `Sequence` may state besides. Any of these may be missing; the functions below read them."""
+class FurtherFacts:
+    """What a `Sequence` may state besides, and what counts where it does not; the functions below read it.
 
-    def camera_at(self, index: int) -> CameraModel:
-        """Intrinsics of one frame, where they change from frame to frame, such as those of a camera with autofocus."""
-        ...
+    Sequences of plug-ins with another public name are refused: one that is misspelt would state nothing. Names of
+    helpers begin with an underscore.
+    """
 
-    @property
-    def time_unit_stated(self) -> bool:
-        """Whether somebody stated that the times are seconds: without that, rates from 1 to 1,000 Hz are accepted."""
-        ...
+    camera_at: Callable[[int], CameraModel] | None = None
+    """Intrinsics of one frame, where they change from frame to frame, such as those of a camera with autofocus."""
+    time_unit_stated: bool = False
+    """Whether somebody stated that the times are seconds: without that, rates from 1 to 1,000 Hz are accepted."""
+    clock_start_ns: int | None = None
+    """Time 0 by the clock of the recording, ns; None where times are those of this clock."""
+    group: str | None = None
+    """Name of what this scene and others that are not independent have in common: a place, or a recording."""
+    caveats: tuple[str, ...] = ()
+    """Which of the notes users should know before they measure."""
+    shutter: RollingShutter | None = None
+    """How its images are read out, which needs timestamps; None where all rows are exposed at the frame's time."""
+    path: PosePath | None = None
+    """Poses over time, on the clock of the timestamps, such as those of frames left out; None without others.
 
-    @property
-    def group(self) -> str | None:
-        """Name of what this scene and others that are not independent have in common: a place, or a recording."""
-        ...
+    At the time of a frame it has the pose of the frame.
+    """
+    truth_accuracy: TruthAccuracy | None = None
+    """More than the accuracy of single poses and depths, such as the growth of the relative error of its poses."""
+    pose_halves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    """Poses (n, 4, 4) by two disjoint halves of what its poses are from: how they differ shows their error."""
+    joins_depths: bool = False
+    """Whether depths of features are to be joined from the maps of neighbouring frames."""
+    fault_shares: Mapping[str, float] = MappingProxyType({})
+    """Share of what a fault moves that its poses do not absorb, by the figure of `TruthAccuracy`."""
+    fault_bounds: TruthAccuracy = TruthAccuracy()
+    """How large faults may be by the tracks that its poses are from, where these say more than what is stated."""
+    files: Iterable[Path] = ()
+    """All files on which its images, poses, cameras and depths depend.
 
-    @property
-    def caveats(self) -> tuple[str, ...]:
-        """Which of the notes users should know before they measure."""
-        ...
+    Without this, the files count that Python opens while it is measured. Compiled code, such as ``cv2.imread``,
+    opens files without Python.
+    """
+    second: SecondCamera | None = None
+    """A second camera, from which `tracknoise.sequences.stereo` computes depth."""
+    body: Body | None = None
+    """What the camera is mounted on, if the recording states where: other poses may be those of it."""
+    recorded_axes: Axes = IMAGE_AXES
+    """Axes of the camera in recorded poses, which the reader turned into those of the image."""
+    z_depth_from: str | None = None
+    """What this program computed the depths of all frames from, along z; None where it read them, or has none.
 
-    @property
-    def shutter(self) -> RollingShutter | None:
-        """How its images are read out, which needs timestamps; None where all rows are exposed at the frame's time."""
-        ...
+    What a format states of its files is no such knowledge: whatever wrote them may have followed another convention.
+    """
 
-    @property
-    def path(self) -> PosePath | None:
-        """Poses over time, on the clock of the timestamps, such as those of frames left out; None without others.
 
-        At the time of a frame it has the pose of the frame.
-        """
-        ...
+class _Facts(FurtherFacts):
+    """Those of a sequence, each read when it is asked for."""
 
-    @property
-    def truth_accuracy(self) -> TruthAccuracy | None:
-        """More than the accuracy of single poses and depths, such as the growth of the relative error of its poses."""
-        ...
+    def __init__(self, sequence: Sequence) -> None:
+        self._sequence = sequence
 
-    @property
-    def pose_halves(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Poses (n, 4, 4) by two disjoint halves of what its poses are from: how they differ shows their error."""
-        ...
+    def __getattribute__(self, name: str) -> Any:
+        sequence = object.__getattribute__(self, "_sequence")
+        return getattr(sequence, name, getattr(FurtherFacts, name))
 
-    @property
-    def fault_shares(self) -> Mapping[str, float]:
-        """Share of what a fault moves that its poses do not absorb, by the figure of `TruthAccuracy`."""
-        ...
 
-    @property
-    def fault_bounds(self) -> TruthAccuracy:
-        """How large faults may be by the tracks that its poses are from, where these say more than what is stated."""
-        ...
+_facts: Callable[[Sequence], FurtherFacts] = _Facts
 
-    @property
-    def files(self) -> Iterable[Path]:
-        """All files on which its images, poses, cameras and depths depend.
 
-        Without this, the files count that Python opens while it is measured. Compiled code, such as ``cv2.imread``,
-        opens files without Python.
-        """
-        ...
+def with_known_facts(sequence: Sequence) -> Sequence:
+    """A sequence that a reader opened, if all its public names are those of this package.
 
-    @property
-    def second(self) -> SecondCamera | None:
-        """A second camera, from which `tracknoise.sequences.stereo` computes depth."""
-        ...
-
-    @property
-    def body(self) -> Body | None:
-        """What the camera is mounted on, if the recording states where: other poses may be those of it."""
-        ...
-
-    @property
-    def recorded_axes(self) -> Axes:
-        """Axes of the camera in recorded poses, which the reader turned into those of the image."""
-        ...
-
-    @property
-    def z_depth_from(self) -> str | None:
-        """What this program computed the depths of all frames from, along z; None where it read them, or has none.
-
-        What a format states of its files is no such knowledge: whatever wrote them may have followed another
-        convention.
-        """
-        ...
+    Raises
+    ------
+    UnknownNameError
+        If another one is there, which may be a misspelt one of `FurtherFacts`.
+    """
+    kind = type(sequence)
+    bases = [base for base in kind.__mro__ if base.__module__.partition(".")[0] == _PACKAGE]
+    known = {name for base in (Sequence, Surface, FurtherFacts, *bases) for name in dir(base)}
+    for name in dir(sequence) if kind not in bases else ():
+        if not name.startswith("_") and name not in known:
+            facts = [fact for fact in vars(FurtherFacts) if not fact.startswith("_")]
+            raise UnknownNameError(f"fact of {kind.__name__}", name, facts)
+    return sequence
 
 
 def camera_at(sequence: Sequence, index: int) -> CameraModel:
     """Intrinsics of one frame of a sequence; those of `Sequence.camera` if they do not change."""
-    changing: Callable[[int], CameraModel] | None = getattr(sequence, "camera_at", None)
+    changing = _facts(sequence).camera_at
     return sequence.camera if changing is None else changing(index)
 
 
 def group_of(sequence: Sequence) -> str | None:
     """Name of the group of a sequence's scene; None where it is independent of all others, or nothing is known."""
-    group: str | None = getattr(sequence, "group", None)
-    return group
+    return _facts(sequence).group
 
 
 def caveats_of(sequence: Sequence) -> tuple[str, ...]:
     """Notes of a sequence that are caveats; empty where nothing is known."""
-    caveats: tuple[str, ...] = getattr(sequence, "caveats", ())
-    return caveats
+    return _facts(sequence).caveats
 
 
 def shutter_of(sequence: Sequence) -> RollingShutter | None:
     """The rolling shutter of a sequence; None where all rows of an image are exposed together."""
-    shutter: RollingShutter | None = getattr(sequence, "shutter", None)
-    return shutter
+    return _facts(sequence).shutter
 
 
 def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
@@ -321,20 +317,17 @@ def times_of(sequence: Sequence) -> NDArray[np.float64] | None:
 
 def has_stated_times(sequence: Sequence) -> bool:
     """Whether the unit of a sequence's times is stated, and no assumption that an unlikely rate makes doubtful."""
-    stated: bool = getattr(sequence, "time_unit_stated", False)
-    return stated
+    return _facts(sequence).time_unit_stated
 
 
 def clock_start_of(sequence: Sequence) -> int | None:
     """Time 0 of a sequence by the clock of its recording, ns; None where its times are those of this clock."""
-    start: int | None = getattr(sequence, "clock_start_ns", None)
-    return start
+    return _facts(sequence).clock_start_ns
 
 
 def path_of(sequence: Sequence) -> PosePath | None:
     """Poses of a sequence over time: its own, or those of its frames; None without two frames with timestamps."""
-    own: PosePath | None = getattr(sequence, "path", None)
-    times = times_of(sequence)
+    own, times = _facts(sequence).path, times_of(sequence)
     if own is not None or times is None or len(times) < 2:
         return own
     return PosePath(times, sequence.world_from_camera)
@@ -342,8 +335,7 @@ def path_of(sequence: Sequence) -> PosePath | None:
 
 def stated_accuracy(sequence: Sequence) -> TruthAccuracy | None:
     """What a sequence states besides the accuracy of single poses and depths; None where nothing is known."""
-    stated: TruthAccuracy | None = getattr(sequence, "truth_accuracy", None)
-    return stated
+    return _facts(sequence).truth_accuracy
 
 
 def accuracy_of(sequence: Sequence) -> TruthAccuracy:
@@ -360,55 +352,47 @@ def best_truth(sequence: Sequence) -> str:
 
 def halves_of(sequence: Sequence) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Poses by two halves of what the poses of a sequence are from; None where there are none."""
-    halves: tuple[NDArray[np.float64], NDArray[np.float64]] | None = getattr(sequence, "pose_halves", None)
-    return halves
+    return _facts(sequence).pose_halves
 
 
 def joins_depths(sequence: Sequence) -> bool:
     """Whether depths of features are to be joined from the maps of neighbouring frames."""
-    joined: bool = getattr(sequence, "joins_depths", False)
-    return joined
+    return _facts(sequence).joins_depths
 
 
 def fault_shares_of(sequence: Sequence) -> Mapping[str, float]:
     """Shares of what faults move that the poses of a sequence do not absorb; none of stated poses."""
-    shares: Mapping[str, float] = getattr(sequence, "fault_shares", {})
-    return shares
+    return _facts(sequence).fault_shares
 
 
 def fault_bounds_of(sequence: Sequence) -> TruthAccuracy:
     """How large faults may be by the tracks that the poses of a sequence are from."""
-    bounds: TruthAccuracy = getattr(sequence, "fault_bounds", TruthAccuracy())
-    return bounds
+    return _facts(sequence).fault_bounds
 
 
 def files_of(sequence: Sequence) -> tuple[Path, ...]:
     """The files that a sequence states; none where it states nothing."""
-    return tuple(map(Path, getattr(sequence, "files", ())))
+    return tuple(map(Path, _facts(sequence).files))
 
 
 def second_of(sequence: Sequence) -> SecondCamera | None:
     """The second camera of a sequence; None where there is none."""
-    second: SecondCamera | None = getattr(sequence, "second", None)
-    return second
+    return _facts(sequence).second
 
 
 def body_of(sequence: Sequence) -> Body | None:
     """What the camera of a sequence is mounted on; None where nothing is stated."""
-    body: Body | None = getattr(sequence, "body", None)
-    return body
+    return _facts(sequence).body
 
 
 def recorded_axes(sequence: Sequence) -> Axes:
     """Axes of the camera that the reader of a sequence expects in its poses; those of the image if it states none."""
-    axes: Axes = getattr(sequence, "recorded_axes", IMAGE_AXES)
-    return axes
+    return _facts(sequence).recorded_axes
 
 
 def z_depth_from(sequence: Sequence) -> str | None:
     """What depths that are along z by construction were computed from; None where their kind is only stated."""
-    known: str | None = getattr(sequence, "z_depth_from", None)
-    return known
+    return _facts(sequence).z_depth_from
 
 
 class Reader(Protocol):

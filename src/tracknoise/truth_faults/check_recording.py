@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.likely_times import require_likely_times
-from tracknoise.sequences.sequence import Reader, Sequence
+from tracknoise.sequences.sequence import Reader, Sequence, with_known_facts
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import readable
 from tracknoise.tables.trust import TruthVerdict, ranges
@@ -166,7 +166,7 @@ def check_reader(
     reports, opened = [], []
     for place, name in enumerate(listed):
         try:
-            sequence = change(reader.open(name))
+            sequence = change(with_known_facts(reader.open(name)))
         except DataError as error:
             unreadable = _unreadable(error)
             refused = TruthVerdict(Trust.not_trusted, unreadable.text, "Correct the data, and check it again.")

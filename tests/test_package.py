@@ -1,7 +1,10 @@
 """The package's public face: quick to import, complete, and typed."""
 
+import ast
+import inspect
 import subprocess
 import sys
+from pathlib import Path
 
 import tracknoise
 
@@ -9,6 +12,21 @@ import tracknoise
 def test_every_public_name_can_be_loaded():
     for name in tracknoise.__all__:
         assert getattr(tracknoise, name).__name__ == name
+
+
+def test_editors_and_type_checkers_see_every_public_name():
+    stub = ast.parse(Path(tracknoise.__file__).with_suffix(".pyi").read_text())
+    shown = {name.name: node.module for node in stub.body if isinstance(node, ast.ImportFrom) for name in node.names}
+    assert sorted(shown) == sorted(tracknoise.__all__)
+    for name, module in shown.items():
+        assert getattr(sys.modules[module], name) is getattr(tracknoise, name)
+
+
+def test_the_signature_of_measure_can_be_read():
+    signature = str(inspect.signature(tracknoise.measure))
+    assert "trackers: 'Trackers'" in signature
+    assert "corrections: 'Corrections' = Corrections()" in signature
+    assert repr(tracknoise.Corrections(k1=0.1)) == "Corrections(k1=0.1)"
 
 
 def test_importing_loads_nothing_heavy():

@@ -12,6 +12,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import PurePath
 from typing import Any
 
@@ -78,6 +79,14 @@ MOST_SHOWN = 10
 def one_line(kind: str, name: str, facts: Mapping[str, object]) -> str:
     """What an object shows of itself in one line: ``<Sequence tum/desk: frames: 20; ...>``."""
     return printable(f"<{kind} {name}: {'; '.join(f'{key}: {value}' for key, value in facts.items())}>")
+
+
+def constructed(settings: Any) -> str:
+    """What makes a dataclass: its name, and its fields that are not as by default."""
+    values = {field.name: getattr(settings, field.name) for field in fields(settings)}
+    usual = {field.name: field.default for field in fields(settings)}
+    changed = (f"{name}={value!r}" for name, value in values.items() if value != usual[name])
+    return f"{type(settings).__name__}({', '.join(changed)})"
 
 
 def html_card(title: str, facts: Mapping[str, object]) -> str:

@@ -4,6 +4,8 @@
 - Metrics of point trackers of a measurement, for comparison with results that are stated in them.
 """
 
+from __future__ import annotations  # signatures name types such as `Trackers` instead of listing what they are made of
+
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field, replace
@@ -375,7 +377,7 @@ def require_measurement(found: object) -> None:
     require(isinstance(found, Measurement), "measurement", found, "what tracknoise.measure returns")
 
 
-def tap_metrics(measurement: "Measurement") -> pl.DataFrame:
+def tap_metrics(measurement: Measurement) -> pl.DataFrame:
     """Metrics of TAP-Vid and expected feature age of every tracker and speed of a measured sequence.
 
     Parameters

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.text import constructed
+
 
 @dataclass(frozen=True, slots=True)
 class PoseAccuracy:
@@ -155,6 +157,9 @@ class TruthAccuracy:
             for name, value in self.figures(names).items():
                 if not isfinite(value) or value < 0.0:
                     raise ValueError(f"{name} = {value}, expected a finite number of at least 0")
+
+    def __repr__(self) -> str:
+        return constructed(self)
 
     @classmethod
     def of(cls, pose: PoseAccuracy | None, depth: DepthAccuracy | None, *, source: str) -> "TruthAccuracy":

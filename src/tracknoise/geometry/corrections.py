@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import Positive, require, require_bounds
 from tracknoise.geometry.shutter import RollingShutter
+from tracknoise.text import constructed
 
 Triple = tuple[float, float, float]
 
@@ -86,6 +87,9 @@ class Corrections:
         RollingShutter(self.readout_s)
         both = self.clock_offset_s != 0.0 and self.clock_offset_frames != 0.0
         require(not both, "clock_offset_frames", self.clock_offset_frames, "0 beside clock_offset_s")
+
+    def __repr__(self) -> str:
+        return constructed(self)
 
     @property
     def are_neutral(self) -> bool:

@@ -82,9 +82,9 @@ def open_together(reader: Reader, sequences: list[SequenceId]) -> list[Sequence]
     TracknoiseError
         As `Reader.open`.
     """
-    shares = isinstance(reader, SharingReader)
-    opened = reader.open_together(sequences) if shares else map(reader.open, sequences)
-    return [with_known_facts(sequence) for sequence in opened]
+    if isinstance(reader, SharingReader):
+        return [*map(with_known_facts, reader.open_together(sequences))]
+    return [with_known_facts(reader.open(sequence)) for sequence in sequences]
 
 
 def open_sequence(

@@ -1,0 +1,32 @@
+from tracknoise.api.analyse import analyse as analyse
+from tracknoise.api.finished_run import Run as Run
+from tracknoise.api.finished_run import open_run as open_run
+from tracknoise.estimators.noise_model import NoiseModel as NoiseModel
+from tracknoise.exceptions import TracknoiseError as TracknoiseError
+from tracknoise.experiments.compare_runs import compare as compare
+from tracknoise.experiments.measure import Measurement as Measurement
+from tracknoise.experiments.measure import measure as measure
+from tracknoise.experiments.measure import tap_metrics as tap_metrics
+from tracknoise.geometry.accuracy import TruthAccuracy as TruthAccuracy
+from tracknoise.geometry.corrections import Corrections as Corrections
+from tracknoise.sequences.arrays import Sequence as Sequence
+from tracknoise.sequences.reader_registry import open_sequence as open_sequence
+from tracknoise.sequences.reader_registry import open_sequences as open_sequences
+from tracknoise.statistics.curves import curves as curves
+from tracknoise.statistics.lifetimes import lifetimes as lifetimes
+from tracknoise.statistics.summarise import summarise_sequence as summarise_sequence
+from tracknoise.statistics.summary import summary as summary
+from tracknoise.statistics.track_counts import outlier_ratios as outlier_ratios
+from tracknoise.trackers.aligned_patches import AlignedPatches as AlignedPatches
+from tracknoise.trackers.correspondence import Correspondence as Correspondence
+from tracknoise.trackers.dense_flow import DenseFlow as DenseFlow
+from tracknoise.trackers.detection import Detection as Detection
+from tracknoise.trackers.function import Function as Function
+from tracknoise.trackers.imported import Imported as Imported
+from tracknoise.trackers.lucas_kanade import LucasKanade as LucasKanade
+from tracknoise.trackers.oracle import Oracle as Oracle
+from tracknoise.trackers.preprocessing import Preprocessing as Preprocessing
+from tracknoise.trackers.rejection import Rejection as Rejection
+from tracknoise.truth.accuracies import AccuracyRule as AccuracyRule
+
+__version__: str

@@ -1,9 +1,5 @@
 """Range checks of settings, whose messages name the field, and which of pydantic's complaints is reported.
 
-- Which of the problems that pydantic finds in settings is reported.
-
-Range checks of settings, whose message names the field; `tracknoise.plugins` turns it into a `SettingsError`.
-
 Bounds of numbers are part of the types of the fields (`Positive`, ``Annotated[int, Ge(1)]``). From there they reach the
 JSON schema too.
 """

@@ -1,12 +1,6 @@
 """Files that somebody else wrote: bounds that hold before a file is read or decoded, and errors in one line.
 
-- Contents of foreign files. Only regular files of bounded size are read: no folders, pipes or devices.
-- One line for whatever a parser of a foreign file raises.
-- Objects in JSON files.
-- Numbers in text files.
-- XML files of bounded size and depth.
-- The order of names of files that people number.
-- Sizes of images from the headers of their files, so that a small file cannot become a huge image.
+Only regular files are read: no folders, pipes or devices.
 """
 
 import errno

@@ -1,10 +1,4 @@
-"""Processes: how children of this program start and end, which signals end a program, and its standard streams.
-
-- Standard streams that are closed, that lead to a full disk, or whose reader has gone.
-- How processes of Python that this program starts begin: what they import, and what becomes of what they print.
-- Memory that is freed and not needed again soon.
-- The signals that end a program, what they raise and end, and how to make them wait while a process is started.
-"""
+"""Processes: how children of this program start and end, which signals end a program, and its standard streams."""
 
 import errno
 import io

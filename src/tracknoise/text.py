@@ -1,10 +1,4 @@
-"""Text from outside: control characters in names are made visible, and TOML that a user wrote is read within bounds.
-
-- Text that can be shown: names from files and folders may contain control characters.
-- TOML that a user wrote, within bounds: some short texts take minutes to read.
-- What an object shows of itself: in one line, and as a small table of a notebook.
-- JSON for browsers, and settings without the folders of a machine.
-"""
+"""Text from outside and for outside: printable names, TOML read within bounds, and what objects show of themselves."""
 
 import html
 import json

@@ -1,9 +1,4 @@
-"""Words and numbers in text: quantities, estimates with their intervals, and effects of factors.
-
-- Words and numbers in text, the same in findings and in the report.
-- Estimates as text: ``0.410 px (0.380 to 0.450)``.
-- Factor effects as text: ``13 times (9.0 to 19)``, and sentences that name the levels and which one is better.
-"""
+"""Words and numbers in text, the same in findings and in the report: ``0.410 px (0.380 to 0.450)``, ``13 times``."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence

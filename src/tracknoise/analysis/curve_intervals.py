@@ -1,24 +1,15 @@
-"""Intervals of every curve and number of a run.
-
-Intervals of the robust scale of errors: the geometric mean over scenes of each scene's own core.
-
-A core comes from a median, which does not add up over scenes or blocks. Its logarithm is what is averaged over scenes.
-With too few scenes, the logarithms of the cores of blocks are resampled within each scene. The width of the interval is
-then theirs, and its centre is the geometric mean of the cores of the scenes.
-
-Intervals of the changes of errors from one frame that the tracker saw to the next.
-
-Their moments by age are those of errors, with an aspect of their own; (autocorrelation) by lag is that of
-`tracknoise.statistics.changes`. Its intervals are made on Fisher's scale, on which a correlation has no
-limits.
-
-Confidence intervals of every point of every curve, and of lifetimes, survival and outlier ratio.
+"""Confidence intervals of every point of every curve of a run, and of lifetimes, survival and outlier ratio.
 
 Scenes, or groups of them, are left out in turn, or resampled. If there are too few, blocks of tracks within them are
 used (`tracknoise.analysis.condition_units`). Intervals of `blocks` cover other tracks in the same scenes, but not other
 scenes. The default kind is `student` (`tracknoise.inference.jackknife`). It contains the true value at least as
 often as either kind of bootstrap (`tracknoise.inference.bootstrap`), with any number of scenes that was tried.
 The advantage is largest with few scenes.
+
+A core comes from a median, which does not add up over scenes or blocks. Its logarithm is what is averaged over scenes:
+the robust scale is the geometric mean of the cores of the scenes. With too few scenes, the logarithms of the cores of
+blocks are resampled within each scene, for the width of the interval alone. Intervals of (autocorrelation) are made on
+Fisher's scale, on which a correlation has no limits.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

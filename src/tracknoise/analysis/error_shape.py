@@ -1,9 +1,5 @@
 """The shape of errors: skewness, kurtosis, tails, ties, and what other densities gain on held-out scenes.
 
-The module computes Mardia's skewness and kurtosis of pairs, and how far out errors lie. It puts errors of several ages,
-and of several scenes, in common units. It finds errors that are equal to one another. Last, it measures how much better
-Student's t, or a mixture, predicts errors than a Gaussian does.
-
 Skewness and kurtosis
 ---------------------
 

@@ -1,8 +1,6 @@
 """What factors are compared by: which conditions are their levels, and what single scenes measured in each.
 
-A cell is one factor with all others held, and its levels are conditions. The module finds the cells. Then it computes,
-as arrays, the values of single scenes in each condition, and the differences between levels in what scenes counted:
-outlier ratios and lifetimes. Last, it finds the options of trackers that are factors.
+A cell is one factor with all others held, and its levels are conditions.
 
 At each age (or frame) and coordinate, a scene has the mean of its errors (px), and the logarithms of their mean
 absolute value, their second moment about zero and their core (scene value). A value that rests on fewer features than

@@ -1,7 +1,4 @@
-"""Whether changes between runs pass a gate of tolerances.
-
-The module first gives the verdicts of a comparison: worse, better, no difference or undecided, for all statistics
-together. Then it applies a gate: tolerances for changes for the worse, and whether two runs are within them.
+"""The verdicts of a comparison of runs, and whether changes for the worse pass a gate of tolerances.
 
 Statistics form families, each with the whole level: sizes (core, second moment and sigma for depths), ends of tracks
 (lifetime and outlier ratio), and the others.

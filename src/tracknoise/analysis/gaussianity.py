@@ -1,10 +1,9 @@
 """Whether errors are Gaussian: by condition, in bands of ages, with intervals and a verdict.
 
-The shape of errors: a verdict from effect sizes, all of them in nats per error.
-
-An effect size is what an estimator loses by assuming Gaussian errors, so one margin applies to all. All are of errors
-in units of their own scene (`tracknoise.analysis.error_shape`). The verdict is the first of these that is true for the
-bounds of the intervals (shape):
+With a million errors every test rejects. The verdict is from effect sizes, in nats per error: what an estimator loses
+by assuming Gaussian errors, so that one margin applies to all. All are of errors in units of their own scene
+(`tracknoise.analysis.error_shape`). The verdict is the first of these that is true for the bounds of the intervals
+(shape):
 
 1. undecided: there are no intervals.
 2. contaminated: the mixture's gain lies above the margin and above Student's gain.
@@ -24,9 +23,6 @@ Scenes are pooled, and errors that are larger in one scene than in another make 
 The gains are therefore also measured with each error in units of its own scene (`tracknoise.analysis.error_shape`).
 The verdict is about these. What the different scales of scenes add is stated beside them, because the remedies differ:
 a sigma that adapts to the scene, or a robust kernel.
-
-With a million errors every test rejects. The result is therefore how far from Gaussian errors are
-(`tracknoise.analysis.gaussianity`).
 """
 
 import math

@@ -1,10 +1,5 @@
 """Models of how errors grow with age, their fits, and whether they agree with curves and changes.
 
-The module puts the curves and changes of all units of a condition in units of the scale of their scenes. It fits two
-models to the second moment: a constant part with a random walk and a drift, and growth towards a limit. From a fitted
-model it predicts the autocorrelations of changes. Last, it tests whether the model agrees with the curve and with these
-autocorrelations.
-
 Scales of scenes
 ----------------
 

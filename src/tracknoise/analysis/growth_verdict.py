@@ -1,8 +1,5 @@
 """How errors behave over time: a verdict, its reason, and whether long-lived tracks differ.
 
-The module first tests whether tracks that live long have other errors at the same age than all tracks. Then it decides
-whether errors grow, and how, with the reason in words.
-
 Tracks that live long
 ---------------------
 

@@ -1,17 +1,13 @@
 """Bounds of lifetimes, survival, outlier ratio, and the shares of tracks that end by each cause.
 
-Bounds of lifetimes, survival and outlier ratio of one condition.
-
 The lifetime that a share of the tracks exceeds is where the survival curve reaches that share. Its bounds are where the
 bounds of the survival curve reach it (Brookmeyer and Crowley 1982). Lifetimes are whole frames, and so are these
 quantiles and their bounds. Such intervals contain the true value more often than their level says. A restricted mean
 has its interval on the logit scale of its share of the horizon.
 
-Competing risks: the share of tracks that have ended by each cause, with bounds.
-
-The estimate is that of Aalen and Johansen (1978). A track that ends at lifetime L by one cause can no longer end by
-another. Kaplan-Meier curves of single causes ignore this, and add up to more than all tracks. Which tracks are at risk
-is stated in `tracknoise.inference.survival`.
+The share of tracks that have ended by each cause is that of Aalen and Johansen (1978). A track that ends at lifetime L
+by one cause can no longer end by another. Kaplan-Meier curves of single causes ignore this, and add up to more than all
+tracks. Which tracks are at risk is stated in `tracknoise.inference.survival`.
 
 Source: O. Aalen, S. Johansen, Scandinavian Journal of Statistics 5 (1978).
 """

@@ -1,9 +1,4 @@
-"""The values of statistics in two runs, paired by scene.
-
-- Values of one statistic in two runs, paired by scene: arrays only.
-- Numbers of two runs that every scene has on its own, paired by scene, from tables of the numbers.
-- Errors of two runs, paired by scene: core, second moment, bias, tails and growth of one condition.
-"""
+"""The values of statistics in two runs, paired by scene."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

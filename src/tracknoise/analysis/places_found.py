@@ -1,9 +1,5 @@
 """Errors by place, with intervals: cells of the image, speeds of the image, and surroundings.
 
-The module adds up the errors of classes of features, beside those of all classes together. From these and other sums it
-computes, with intervals, the mean error and spread in each cell of the image, the mean error along and across the image
-motion by how fast the image moves, and the errors of each class of features by what surrounds them.
-
 The statistics by surroundings use the number n of features in a class, the sum s of their errors and the sum q of the
 squares, and N, S and Q in all classes together:
 

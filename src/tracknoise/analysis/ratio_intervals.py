@@ -1,8 +1,4 @@
-"""Ratios and means with intervals over scenes.
-
-- Ratios of two sums over features: see `tracknoise.statistics.ratios`.
-- Metrics of TAP-Vid and expected feature age, averaged over sequences.
-"""
+"""Ratios of two sums over features, and metrics of point trackers, with intervals over scenes."""
 
 import polars as pl
 

@@ -1,9 +1,5 @@
 """What changed between two runs: paired values, tests, and the rows of the result.
 
-The module states the statistics by which two runs are compared: what is estimated, in which unit, and which way is
-better. Then it tests, on arrays only, whether a statistic grew or fell by more than a margin, and whether the size of a
-mean error did. Last come the rows of the result.
-
 All statistics are differences within scenes, averaged over scenes of equal weight. Scales, shares of events, lifetimes
 and counts are compared as ratios: geometric means over scenes.
 

@@ -1,10 +1,5 @@
 """What errors of the truth can explain: its floor, its audit, two truths, differences between trackers, and fits.
 
-The module finds moments by their distance from where errors are zero by construction. It decides whether faults of the
-truth that an audit found, or the truth floor, explain an error. Then it computes, with intervals, how far two truths of
-the same images disagree, the mean and covariance of the differences between two trackers, (between), and the noise of
-tracks with triangulated truth, (noise.triangulated) and (noise.epipolar).
-
 `AUDIT_CURVES` has errors by age as measured, and with all faults corrected, in units that took no part in the fit. A
 mean error, or the growth of a second moment, is covered by the audit if the corrections take off at least half of it:
 the claim that it is the tracker's then rests on what is stated wrongly. (audit.cover)

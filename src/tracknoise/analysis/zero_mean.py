@@ -9,11 +9,9 @@ larger than the largest that flips of the same scenes lead to in any condition, 
 
 An age that is chosen beforehand has a verdict of its own (`verdict_at`), and bounds that agree with it.
 
-Confidence regions of the mean error at one age, u and v together, that agree with the test of a zero mean there.
-
-Scene means x_i (or what stands for them where scenes have groups, `tracknoise.inference.sign_flips`) have the mean m,
-the sum s, the matrix Q = sum x_i x_i' about zero, and W about m. With q = s' Q^-1 s / n and q / (1 - q) = n m' W^-1 m,
-the region is
+The confidence region of the mean error at one age, u and v together, agrees with the test there. Scene means x_i (or
+what stands for them where scenes have groups, `tracknoise.inference.sign_flips`) have the mean m, the sum s, the matrix
+Q = sum x_i x_i' about zero, and W about m. With q = s' Q^-1 s / n and q / (1 - q) = n m' W^-1 m, the region is
 
     n (x - m)' W^-1 (x - m) <= q_c / (1 - q_c)                                                             (region)
 

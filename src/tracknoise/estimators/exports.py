@@ -1,10 +1,6 @@
 """The noise of a model in the syntax of estimators: what templates can name, and what is said about an export.
 
-- What an export returns, and what it is asked for.
-- What exports use of a noise model.
-- What the templates of estimators can name: numbers of a noise model, for one estimator.
-- The estimators that noise can be exported to. Each is a file in the folder `estimators`.
-- What is said about an export: its first line, its caveats and its text.
+Each estimator that noise can be exported to is a file in the folder `estimators`.
 """
 
 import math

@@ -1,8 +1,5 @@
 """The fit of a noise model to the scenes of a run: bias, shared noise, tails, and all other parts.
 
-The module fits the mean error, the share of the variance that all features of a frame have in common, and the tails.
-Then it puts all fields of a noise model together.
-
 For the mean error two forms are tried: a mean by age, and an error along the motion of the image, e = beta f, with the
 motion f of the true position since the frame before. Each is fitted to all scenes but one, in turn. It removes a share
 of the second moment of the errors of the scene that was left out:

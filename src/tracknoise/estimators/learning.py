@@ -1,9 +1,4 @@
-"""What noise assumptions learn from windows of training scenes.
-
-- From windows of training scenes, and a noise model if there is one, to what the arms need to know.
-- The noise of tracks, by the likelihood of their errors about their first observations in the window
-  (`tracknoise.estimators.track_likelihood`).
-"""
+"""What noise assumptions learn from windows of training scenes, and from a noise model if there is one."""
 
 from collections.abc import Sequence
 from dataclasses import replace

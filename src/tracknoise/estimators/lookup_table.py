@@ -1,8 +1,6 @@
 """Tables of noise by tracker, speed and motion, and how well they predict scenes that were left out.
 
-The module adds up products of errors by scene, condition and age, as arrays. From these it computes how much better a
-table of covariances predicts scenes that were left out than one covariance for all. Then it makes the table of noise,
-and writes it as CSV and as JSON. The motion of a scene is its group.
+The motion of a scene is its group.
 
 Gains
 -----

@@ -1,9 +1,5 @@
 """What is known of the noise of one tracker at one speed, as an estimator needs it.
 
-The module says how values of a noise model that JSON does not know are written in it, and what the parts of a model
-are. Then it applies two of these parts: factors on the covariances of white noise and walk, by what is known at run
-time, and the correction of the mean error.
-
 The error of an observation about the first position of its track, at age k >= 1, is modelled as
 
     e_k = M_k a + w_k + sum_{1 <= i <= k} (M_k / M_i) q_i + k d                          (noise_model.error)

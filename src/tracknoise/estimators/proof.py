@@ -1,18 +1,14 @@
 """The proof of a noise model on a run: what an estimator gains from it on scenes that it was not fitted to.
 
-The cheap proof: how far triangulated points err, and how far their claimed uncertainty says they may.
+In the cheap proof, each track is triangulated with the true poses, to first order, by least squares that are weighted
+with a covariance. Four covariances are compared: 1 px; the sigma for which residuals look right; the sigma for which
+distances are as certain as claimed; and that of whole tracks. The two sigmas are learned from training scenes.
 
-Each track is triangulated with the true poses, to first order, by least squares that are weighted with a covariance.
-Four covariances are compared: 1 px; the sigma for which residuals look right; the sigma for which distances are as
-certain as claimed; and that of whole tracks. The two sigmas are learned from training scenes.
-
-What a trial says about each noise assumption, with intervals over scenes, and the decision.
-
-Errors are compared window by window with those of one sigma that was tuned for the newest pose: the ratio is the
-geometric mean over windows (proof.ratio). An assumption helps if the whole 95 % interval of its ratio is below 0.98. It
-makes no difference if the interval lies within 0.98 to 1.02, and it hurts if all of it is above 1.02. Otherwise the
-trial does not decide. An assumption is more consistent if |log NEES| of the newest pose is smaller, and the interval of
-the change excludes 0.
+In a trial, errors are compared window by window with those of one sigma that was tuned for the newest pose: the ratio
+is the geometric mean over windows (proof.ratio). An assumption helps if the whole 95 % interval of its ratio is below
+0.98. It makes no difference if the interval lies within 0.98 to 1.02, and it hurts if all of it is above 1.02.
+Otherwise the trial does not decide. An assumption is more consistent if |log NEES| of the newest pose is smaller, and
+the interval of the change excludes 0.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,10 +1,4 @@
-"""The tables and windows of a run that a noise model is fitted to.
-
-- The view of a run that noise is of.
-- The camera of the recordings that a model is fitted to, and where they do not have one in common.
-- The tables of a run that a noise model is fitted to, of one tracker at one speed in one view of each scene.
-- Windows of the recordings that a model is fitted to, as linear algebra: their motions, depths and track lengths.
-"""
+"""What a noise model is fitted to: tables of one tracker and speed in one view of each scene, and windows of them."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

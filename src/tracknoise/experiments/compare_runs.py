@@ -1,10 +1,6 @@
 """Compare runs with the first of them, paired by scene, and read the gate that the comparison has to pass.
 
-- Whether two runs can be compared: the same data, truth and libraries, whatever their trackers are.
-- Which trackers and conditions of two runs are compared with each other.
-- What a comparison reads of one run: errors, ends, counts and numbers of single scenes, by condition.
-- The questions about two runs: the paired values of every statistic of the conditions that both have.
-- Read a gate: a TOML file of tolerances by statistic.
+Runs can be compared if they have the same data, truth and libraries, whatever their trackers are.
 """
 
 from collections import Counter

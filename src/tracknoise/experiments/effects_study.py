@@ -1,11 +1,6 @@
 """Effects of cameras and of faults of the truth on what is measured, each alone at three sizes.
 
-- The effects that are measured, and their sizes.
-- A tracker that several sequences share: where these have shown the same images, it tracks them once.
-- A world that several sequences render frame by frame: what the last one rendered is used again.
-- Measure one scene with every effect at one size. Sequences advance together, so that images are rendered once.
-- What effects change, relative to the same scenes without them: means over scenes, with intervals.
-- Measure all scenes of a study of effects into a folder. An interrupted study resumes.
+Sequences of a scene advance together, so that images are rendered and tracked once. An interrupted study resumes.
 """
 
 import io

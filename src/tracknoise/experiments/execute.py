@@ -1,8 +1,4 @@
-"""Run an experiment: measure its sequences and compute its findings, or compute them again with another trimming.
-
-- Run an experiment: measure its sequences, in this process or in several, then compute the statistics.
-- A run with another trimming, from the observations that a run keeps: no image is read and no tracker runs.
-"""
+"""Run an experiment: measure its sequences and compute its findings, or compute these again with another trimming."""
 
 import warnings
 from collections.abc import Iterator

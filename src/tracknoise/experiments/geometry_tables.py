@@ -1,8 +1,4 @@
-"""Tables of a sequence that need its poses and cameras beside its observations.
-
-- Poses and cameras of a sequence as arrays.
-- What the audit of the truth needs of a sequence: the camera of each frame, and a few observations.
-"""
+"""Tables of a sequence that need its poses and cameras beside its observations, such as what the audit needs of it."""
 
 from typing import get_args
 

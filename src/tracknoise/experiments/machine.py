@@ -1,15 +1,9 @@
 """The machine that measures: threads of BLAS, machine code of libraries, and memory.
 
-Number of threads that BLAS uses.
-
 With several threads BLAS adds up in another order, so that results would depend on the number of cores.
-
-Kernels: the machine code that numerical libraries chose for the processor.
 
 Libraries bring several versions of their inner loops, and choose one by the instructions that the processor has. They
 round differently, so that numbers of two kinds of machine differ in their last digits.
-
-Memory of freed arrays, which is used again rather than returned to the system.
 
 Findings make many arrays of about a megabyte that live for one operation. glibc returns such memory at once, and the
 system has to clear each page again for the next array. This takes a sixth of the CPU time of findings. Once a larger

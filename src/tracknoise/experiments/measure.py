@@ -1,8 +1,4 @@
-"""Measure sequences: tables of observations and tracks, trimmed, their moments, and metrics of point trackers.
-
-- Arguments of `tracknoise.measure`, checked: a wrong one ends in a line that says what to write.
-- Metrics of point trackers of a measurement, for comparison with results that are stated in them.
-"""
+"""Measure sequences: tables of observations and tracks, trimmed, their moments, and metrics of point trackers."""
 
 from __future__ import annotations  # signatures name types such as `Trackers` instead of listing what they are made of
 

@@ -1,9 +1,5 @@
 """Findings of a run from its statistics: intervals, tests, verdicts, and sentences.
 
-- Inputs of the findings: the part of the tables of all sequences that they need.
-
-Conditions of so few scenes, or groups of them, that blocks of tracks are resampled within each scene.
-
 A scene counts where it has what is pooled. One whose images show no features has frames only, and a tracker may be
 missing in some scenes of a view.
 """

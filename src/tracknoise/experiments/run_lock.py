@@ -1,6 +1,4 @@
-"""Who may write into a run folder, and its manifest while it is measured.
-
-The lock of a run folder: only one start at a time may write into it.
+"""The lock of a run folder, into which one start at a time may write, and its manifest while it is measured.
 
 The package `filelock` (4.2) gives less: it does not say who holds a lock; its file stays, while here a file tells other
 hosts that a run goes on; it refuses network file systems whose `flock` is ENOLCK or EOPNOTSUPP; and it does not notice

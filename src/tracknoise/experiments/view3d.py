@@ -1,6 +1,4 @@
-"""One sequence of a run in space: images, tracks with their errors, true points and the path of the camera.
-
-Write a recording for the viewer Rerun: images, tracks coloured by error, true points and the path of the camera.
+"""One sequence of a run for the viewer Rerun: images, tracks with their errors, true points and path of the camera.
 
 The package `rerun` is imported when a recording is written, because it is an extra.
 """

@@ -2,8 +2,7 @@
 
 The bootstrap is of sums that add up over independent units, and works on arrays only. Whatever is computed from sums
 over scenes (means, second moments, ratios, survival) is computed again from sums in which each scene counts as often as
-it was drawn. That is one matrix product, whatever the number of draws. Besides, the module makes pseudo-random numbers
-from numbers, for choices that depend on nothing else.
+it was drawn. That is one matrix product, whatever the number of draws.
 
 Bootstrap percentiles are too narrow for few units, by a factor of sqrt((n - 1) / n) in the standard error and by a
 Gaussian's tail in place of Student's. Both are put right by asking for wider percentiles (Hesterberg 2015, "What

@@ -1,9 +1,5 @@
 """The jackknife: Student's and lognormal intervals, and standard deviations, from estimates without each unit.
 
-The first intervals are those of a mean over units whose values are lognormal, or of shares whose logits are Gaussian.
-The others are Student's intervals from the jackknife, on a scale on which a statistic has no limits. Scales and shares
-use both. All work on arrays only.
-
 Lognormal values
 ----------------
 

@@ -1,9 +1,5 @@
 """Differences that are paired by scene: means, and tests of whether they exceed a margin.
 
-The module takes differences between every two levels, averages them over scenes that may come in groups, and tests
-whether they exceed a margin, one at a time and the best of many. Last, it says how many more scenes would settle a
-question. All of it works on arrays only.
-
 Means over scenes
 -----------------
 

@@ -1,8 +1,5 @@
 """Tests of a zero mean whose sampling unit is the scene: what chance alone gives when signs are flipped.
 
-The module first draws what chance does to the means of scenes if the true mean is zero. Then it tests the means, on
-arrays only. The sampling unit is the scene, not the feature.
-
 Chance
 ------
 

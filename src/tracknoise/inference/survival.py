@@ -1,7 +1,5 @@
 """Survival with censored lives: the Kaplan-Meier estimate, areas under it, and restricted means.
 
-The Kaplan-Meier estimate of survival: the only place where it is computed.
-
 An end at L is an event at L. A track that was alive in the last frame of its sequence with lifetime L was never looked
 for again, so that it is not at risk at L. `docs/statistics.md` derives this.
 """

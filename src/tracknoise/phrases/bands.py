@@ -1,8 +1,4 @@
-"""What curves run along, and the bands of their intervals.
-
-- What curves run along, and its words: the age of a feature, or the frames around the key frame of a scan.
-- Intervals of curves: joined to the values of the curves, rotated with them, and described in words.
-"""
+"""What curves run along (ages, or frames around the key frame of a scan), and the bands of their intervals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

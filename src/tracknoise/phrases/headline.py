@@ -1,8 +1,4 @@
-"""What a headline is, and which conditions of a run headlines are about.
-
-- What a headline is, and how the parts about several trackers make one.
-- Which conditions of a run headlines are about, and their numbers with intervals.
-"""
+"""What a headline is, which conditions of a run headlines are about, and their numbers with intervals."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,14 +1,6 @@
 """Cameras from the files of calibration programs: see docs/data.md.
 
-- What a calibration file says about one camera.
-- How programs call the lens models, and what tracknoise calls them.
-- The rolling shutter of a camera: a key that any camera file of keys and values may have.
-- YAML files from unknown sources: of bounded size, depth and number of values, without objects.
-- The XML of OpenCV's FileStorage, as the same keys and values that its YAML has.
-- tracknoise's own camera file: one key for each number, in JSON or YAML. See docs/data.md.
-- Cameras as OpenCV's FileStorage and ROS's camera_info describe them: a 3x3 matrix and a list of coefficients.
-- Cameras as Kalibr and the ASL layout of EuRoC and TUM-VI describe them: ``intrinsics`` and a 4x4 matrix.
-- Any camera file: what kind it is follows from its contents.
+What kind a file is follows from its contents. YAML is of bounded size, depth and number of values, without objects.
 """
 
 import math

@@ -1,11 +1,7 @@
 """Simulated sequences in the layout of KITTI raw data: the car, its lidar, and the files.
 
-- Where a Velodyne HDL-64E looks: 64 rings of points, for simulated scans.
-- Simulated sequences in the layout of KITTI raw data with depth completion, for the reader `kitti`.
-
-The car of simulated drives: how its sensors are mounted, and the calibration files that say so.
-
-Mounted much as on the real car. No transform is the identity, so that a missing or inverted one is noticed.
+Simulated scans have the 64 rings of a Velodyne HDL-64E. Sensors are mounted much as on the real car. No transform is
+the identity, so that a missing or inverted one is noticed.
 """
 
 from collections import deque

@@ -1,9 +1,4 @@
-"""Messages of bags: images and depth maps, cameras, transforms, and which topics hold them.
-
-- The camera that a CameraInfo message describes.
-- Which topics of a bag hold the images, the depths, the intrinsics and the poses.
-- Transforms between frames in a bag: those of a topic of poses, and those of tf.
-"""
+"""Messages of bags: images and depth maps, cameras, transforms, and which topics hold them."""
 
 import re
 import struct

@@ -1,9 +1,6 @@
 """The reader of recordings in the format of the TUM RGB-D benchmark (Sturm et al., IROS 2012): see docs/formats.md.
 
-- Lists of image files with their times: ``rgb.txt``, ``depth.txt``, or a list of pairs.
-- The camera of a recording: from a file, or known for its name; and how it lies to what the poses are poses of.
-
-Published facts of recordings in this format: cameras, places, and what their poses are poses of.
+The cameras of published recordings, and what their poses are poses of, are known:
 
 TUM RGB-D: the benchmark's page on file formats, cameras of ROS calibrations; freiburg3 is published undistorted.
 ICL-NUIM: the data set's page; its images come from a renderer whose y axis points up, so fy is negative.

@@ -8,10 +8,6 @@ track that are l steps apart:
 It is about zero, not about the mean, so that a steady drift shows as positive correlation. It is between -1 and 1 for
 any data. Errors that are independent from frame to frame give about -1/2 at lag 1 and 0 beyond (a little less than -1/2
 where the first position is exact and tracks are short), those of a random walk 0 at every lag, of a steady drift 1.
-
-Increments of errors pooled over scenes: mean and covariance by age, and autocorrelation by lag.
-
-See `tracknoise.statistics.changes` for what a change is, and for (autocorrelation).
 """
 
 from collections.abc import Iterable, Iterator, Mapping

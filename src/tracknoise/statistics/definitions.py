@@ -1,10 +1,4 @@
-"""Names, units and fixed numbers of the statistics, and the order of conditions and axes.
-
-- Names, units and fixed numbers of the statistics, for all that compute, test or show them.
-- Order of lightings; the first is the reference.
-- What the table of trims says about a run.
-- Statistics of turned images in the axes of the upright image, so that the two can be compared.
-"""
+"""Names, units and fixed numbers of the statistics, and the order of conditions and axes."""
 
 import re
 from collections.abc import Collection, Iterable

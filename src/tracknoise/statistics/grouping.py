@@ -1,9 +1,6 @@
 """Rows of a table in numbered groups, so that NumPy can sum them in a fixed order, and tables by condition.
 
-Tables of all scenes, one per condition.
-
-Work on one condition then copies the rows of that condition only. Names that all rows of a condition share are stored
-once.
+Work on one condition copies the rows of that condition only. Names that all rows of a condition share are stored once.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,10 +1,6 @@
 """Moments of errors in disjoint cells of observations, which can be pooled.
 
-Joint central moments of grouped pairs of numbers, of any order, and the pooling of groups.
-
-Arrays only. A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean_y)^q), not divided by the count.
-
-Moments of du, dv by age or frame, measured from the observations of a scene.
+A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean_y)^q), not divided by the count.
 
 All other statistics of errors are computed from these tables. Scenes can therefore be pooled, resampled and added later
 without reading the observations again.

@@ -1,8 +1,7 @@
 """The observations and tracks of a sequence, checked and grouped once for all of its statistics.
 
-Blocks of tracks that were born next to each other in time, to be resampled where there are too few scenes.
-
-The tracks of a sequence and condition are numbered from 0 in the order of their birth. Block b of B holds those with
+Blocks of tracks that were born next to each other in time are resampled where there are too few scenes. The tracks of a
+sequence and condition are numbered from 0 in the order of their birth. Block b of B holds those with
 floor(track B / n_tracks) = b (block). The numbers of tracks in two blocks differ by at most one.
 """
 

@@ -1,13 +1,7 @@
 """A few single errors and tracks of each condition, for what moments do not hold.
 
-A few single errors of each condition, for what moments do not hold: tails, quantiles, likelihoods.
-
-They are chosen by a hash of track and frame. The choice therefore depends only on which observations exist, not on
-trimming or the order of rows.
-
-A few observations of each tracker at the lowest speed, for the audit of the truth.
-
-They are chosen by a hash of track and frame, so that the choice depends only on which observations exist.
+They serve tails, quantiles and likelihoods, and the audit of the truth. They are chosen by a hash of track and frame:
+the choice depends only on which observations exist, not on trimming or the order of rows.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,13 +1,11 @@
-"""Robust scale of errors: the core, which a few large errors do not change, by scene and over scenes.
-
-Robust scale of errors: the core, which a few large errors do not change, and how many errors lie far beyond it.
+"""Robust scale of errors: the core, which a few large errors do not change, and how many errors lie far beyond it.
 
 - core_u(k) = 1.4826 median |du_i|, px (core): the sigma of the Gaussian that has the same median
 - beyond_u(k) = number of errors with |du_i| > 3 core_u(k) (beyond): 0.27 % of those of a Gaussian
 
 There is no core where it would be 0: more than half of the errors are then exactly 0, and their median says nothing
 about the others. Both are of the errors of one scene at one age. Medians cannot be pooled, so that scenes are combined
-by the geometric mean of their cores (`tracknoise.statistics.scales`).
+by the geometric mean of their cores.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,8 +1,5 @@
 """Windows of tracks, as an estimator sees them, and the noise in them that no fitted point absorbs.
 
-The module fits a 3-D point to each window and adds up the residuals, and how far the depth errs. Then it samples
-tracks. Last, it adds up the errors of tracks whose true positions are fitted to them.
-
 Windows and their points
 ------------------------
 

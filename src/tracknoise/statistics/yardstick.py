@@ -1,9 +1,7 @@
 """Effects of factors by the paper's yardstick: the largest difference between levels, relative to common variation.
 
-The module states which factors are reported, and the condition at which they are compared: all other factors are held
-at their reference. It finds the age, or the length of windows, at which all trackers of a run are compared. Then it
-compares the curves of every pair of levels. The estimates are taken as they are, without intervals;
-`tracknoise.analysis` compares levels within scenes.
+All other factors are held at their reference. The estimates are taken as they are, without intervals;
+`tracknoise.analysis.factors` compares levels within scenes.
 
 For curves c_l and c_m of one statistic and coordinate:
 

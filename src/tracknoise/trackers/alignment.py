@@ -1,9 +1,6 @@
 """Inverse-compositional alignment: how a patch of one image is shifted, turned and stretched in another.
 
-- Warps: a shift, a shift and a turn, an affine map.
-- What may differ in brightness.
-- Templates: gray values of patches and their derivatives, at all levels of a pyramid.
-- Their alignment to an image, many patches at once, from coarse to fine.
+Many patches are aligned at once, from coarse to fine.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,4 @@
-"""Keypoints of an image, strongest first: how they are found, shared out over the image, and refined.
-
-- OpenCV's detectors of keypoints, each with the few thresholds that decide how many keypoints there are.
-- Keypoints of a whole image, strongest first, shared by all trackers that see the frame.
-- Keypoints of each cell of a grid, so that they are spread over the image.
-- Refinement of keypoints between pixels.
-"""
+"""Keypoints of an image, strongest first: how they are found, shared out over the image, and refined."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,10 +1,6 @@
 """From rows of observations to tracks in the frames of a sequence, with the mistakes that the rows show.
 
-- Rows of a file of tracks, before they are assigned to the frames of a sequence.
-- Positions of imported tracks as pixels of the images, and mistakes that positions show.
-- Positions of imported tracks on the normalised image plane: x/z and y/z of the ray, without distortion.
-- Times of imported observations, assigned to the frames of a sequence.
-- From rows of a file to tracks in the frames of a sequence, with the mistakes that the rows show.
+Positions are pixels, or on the normalised image plane: x/z and y/z of the ray, without distortion.
 """
 
 from collections.abc import Callable, Iterator, Mapping

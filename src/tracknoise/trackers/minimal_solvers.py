@@ -1,7 +1,7 @@
 """All relations between two images that a minimal number of matches allows.
 
-- Fundamental matrices through seven matches: the roots of a cubic.
-- Essential matrices through five matches: the roots of ten cubics in three unknowns.
+Fundamental matrices through seven matches are the roots of a cubic, essential matrices through five matches those of
+ten cubics in three unknowns.
 """
 
 from itertools import combinations_with_replacement, product

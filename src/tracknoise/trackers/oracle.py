@@ -1,7 +1,6 @@
 """The oracle: true positions plus errors of known size. It tests the measurement, not a front end.
 
-- Random vectors of the oracle: a stream for each kind of error, so that one kind does not change another.
-- How the noise of the oracle depends on conditions that a tracker knows: texture and motion.
+Each kind of error has a stream of random numbers of its own, so that one kind does not change another.
 """
 
 import math

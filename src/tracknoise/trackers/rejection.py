@@ -1,8 +1,6 @@
 """Outlier rejection: the matches of a step that do not agree with a common motion of the image.
 
-- Homographies between two images: through four matches in closed form, and refined on many.
-- Fundamental matrices between two images: through eight matches or more.
-- Essential matrices between two cameras whose intrinsics are known, and whose rotation may be.
+The motion is a homography, a fundamental matrix, or an essential matrix of cameras whose rotation may be known.
 """
 
 from collections.abc import Callable

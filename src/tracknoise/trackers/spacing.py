@@ -1,10 +1,6 @@
 """Where features may be: outside the margin, and apart from other features, by squares, circles or cells.
 
-- Squares around features, in the way of XIVO.
-- Circles around features, in the way of VINS-Mono.
-- Cells of a fine grid, in the way of OpenVINS.
-- Adaptive non-maximal suppression: how far each keypoint is from stronger ones.
-- Keypoints of a whole image, spread in these ways, for trackers that match them.
+Squares are in the way of XIVO, circles of VINS-Mono, cells of a fine grid of OpenVINS.
 """
 
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """Files of tracks that other front ends write, and how a file shows its format.
 
-The module reads:
-
 - Text files with one row of numbers per observation.
 - Tracks of event cameras: text with ``id t x y`` in each line, as the evaluation of RPG's event trackers reads it.
 - Tracks of XIVO: what its script ``pyxivo_tracker_only.py`` writes in the mode ``dumpTracker``. Each line has the time
@@ -13,8 +11,7 @@ The module reads:
 - Tracks from a COLMAP database: keypoints, chained over consecutive images by verified matches. Tables and encodings:
   https://colmap.github.io/database.html.
 
-Tracks in bags are read by `tracknoise.trackers.bag_tracks`. The last part has the formats: which there are, how a file
-shows its format, and what reads it.
+Tracks in bags are read by `tracknoise.trackers.bag_tracks`.
 """
 
 import codecs

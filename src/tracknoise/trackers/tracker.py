@@ -1,9 +1,4 @@
-"""Interfaces of trackers: settings that start a tracker, one step per frame, and checks of what a step reports.
-
-- One image, and the computations on it that several trackers share.
-- Quality: what trackers report about single observations, by name.
-- Checks of what a tracker reports about one frame.
-"""
+"""Interfaces of trackers: settings that start a tracker, one step per frame, and checks of what a step reports."""
 
 import re
 from collections.abc import Callable, Hashable, Iterator, Mapping

@@ -1,15 +1,8 @@
 """Robust fits of corrections of the truth to errors, and what they explain of what took no part.
 
-- A fit, and how it moves when scenes, or blocks of tracks, are left out.
-- Errors by age before and after corrections, on units that took no part in their fits.
-
-Robust fits of corrections of the truth to errors, beside biases of the trackers.
-
 Minimised is the negative logarithm of Student's density of the residuals r = observed - x(theta) - B beta (audit.fit):
 x is that of (audit.prediction), beta a constant and a drift per frame of each tracker, in u and in v. Each tracker and
 age has a scale of its own, which is estimated robustly.
-
-What corrections explain of clusters that took no part in their fit.
 
 A correction fitted without a cluster is applied to this cluster; the fit moves as (audit.jackknife) says. The share
 that it explains is 1 - sum min(d^2, 9) / sum min(d0^2, 9) (audit.gain): d and d0 are the lengths of residuals with and

@@ -1,9 +1,4 @@
-"""Observations that take part in an audit, and the motion of their cameras at any time.
-
-- Poses of many sequences at any time, and how they change with time.
-- Observations that take part in an audit, with what the truth states about them, as arrays.
-
-Frames of a sequence, and the other times at which its recording has poses, in the order of time.
+"""Observations that take part in an audit, as arrays, and the motion of their cameras at any time.
 
 The truth interpolates between all poses of a recording, such as those of frames that a run leaves out. (truth.shutter)
 """

@@ -1,9 +1,7 @@
 """Which faults of the truth are named: significance, agreement of trackers, and how large a fault would have to be.
 
-The module compares the corrections that single trackers see: a fault of the truth is the same for all, a tracker's own
-bias is not. It tests one parameter beside others: its significance, what it explains, and whether trackers agree on it.
-Faults are named by forward selection, in the order of what their corrections explain on held-out clusters. Last, the
-module computes how large an error would have to be to be named, and says what an audit finds about each parameter.
+A fault of the truth is the same for all trackers, a tracker's own bias is not. Faults are named by forward selection,
+in the order of what their corrections explain on held-out clusters.
 
 Tests leave out scenes where at least `LEAST_EFFECTIVE` of them determine the parameter by (audit.effective). Otherwise
 they leave out blocks of tracks within scenes: a clock offset, for example, shows only where the camera changes its

@@ -1,12 +1,5 @@
 """What an audit found: sentences, and the corrections to put into an experiment.
 
-- Faults of the truth that are usual mistakes: distances along the ray as depths, and poses of other frames.
-- Sentences about the truth: what is wrong with it, and what the correction does.
-- What an audit needs of the settings of its run, as ``experiment.toml`` has them: what it found is beside them.
-- What an audit found, from its table: sentences, and the corrections to put into an experiment.
-
-Corrections that were found under others, and these, as one.
-
 With the corrections of a run (1) and those that its audit found (2), focal lengths have the factor s1 s2. Depths
 become (a Z + b) / (c Z + d) with [a b; c d] = D2 D1 and D = [s o; q s, 1 + q o], for 1 / (1 / (s Z + o) + q). A clock
 has the drift k1 + k2 + k1 k2 and the offset o1 (1 + k2) + o2 (1 + k1). The camera is mounted as M1 M2 in the frame of

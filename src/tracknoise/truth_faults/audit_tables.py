@@ -1,7 +1,4 @@
-"""The tables of an audit, from tables of sequences.
-
-- From tables of sequences to the samples of an audit.
-"""
+"""The tables of an audit, from tables of sequences."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,9 +1,5 @@
 """What the points of a check say about the truth, in the form of the audit and of the rigid share.
 
-- Points that a check followed from one frame to another, as observations of one tracker.
-- The samples of an audit, from points with depth.
-- Sums of the rigid share, from points with depth.
-
 A point is born in the first frame of its pair and observed in the second. Its stated true position is that of the
 stated poses, cameras and depths, (audit.prediction) without a correction.
 """

@@ -1,8 +1,4 @@
-"""Check a recording: all topics of each sequence, the verdict, what the recording holds, and the page of a check.
-
-- What a recording holds, in a few numbers per sequence.
-- The check as one HTML page that needs no other file, with a picture of each sequence.
-"""
+"""Check a recording: all topics of each sequence, the verdict, what the recording holds, and the page of a check."""
 
 import base64
 from collections.abc import Callable, Iterator

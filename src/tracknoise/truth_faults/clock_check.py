@@ -1,12 +1,9 @@
 """The topic clock: whether poses and images are of the same moment.
 
-- Motion of the camera between two images, estimated from the images and, where there is depth, from depth.
-- Offset between the clocks of images and poses, from the rotation rates that images and poses show.
-
-The axes of the camera may show different offsets, by more than their noise explains. An offset of all axes together
-then depends on how the camera happened to turn. Axes that show an offset have offsets d_a and variances v_a. The
-variance b between axes is that of DerSimonian and Laird. The offset is then the mean of d_a with weights 1 / (v_a + b),
-and its variance one over their sum (axes).
+The offset is that of the rotation rates that images and poses show. The axes of the camera may show different offsets,
+by more than their noise explains. An offset of all axes together then depends on how the camera happened to turn. Axes
+that show an offset have offsets d_a and variances v_a. The variance b between axes is that of DerSimonian and Laird.
+The offset is then the mean of d_a with weights 1 / (v_a + b), and its variance one over their sum (axes).
 
 Source: R. DerSimonian, N. Laird, Controlled Clinical Trials 7 (1986).
 """

@@ -1,10 +1,5 @@
 """True positions as they would be if the stated truth were corrected, and how they change with each correction.
 
-- Cameras with corrected intrinsics: rays, projections, and how both change.
-- Where a feature is in the camera that found it, for each metre of its stated depth.
-- World points of features, from where they were found, and how they change with corrections.
-- Positions of world points in later frames at given times of their rows, and how they change with corrections.
-
 A feature is at pixel x0 of its first frame with depth Z. Its position in a later frame is
 x = pi(M^-1 T(t)^-1 T(t0) M w g(Z) pi^-1(x0)), with 1 / g(Z) = 1 / (s Z + o) + q, w = 1 - k + k / |pi^-1(x0)| for the
 kind of depth k, the intrinsics in pi, the mounting M of the camera on the sensor that the poses T belong to, and times

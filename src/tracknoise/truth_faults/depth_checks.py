@@ -1,9 +1,4 @@
-"""Topics about depth: its unit, its limits, and whether it is along the optical axis or the ray.
-
-- The topic depth: whether its unit can be metres, and how much of the image has it.
-- The topic clipped depth: whether the largest depth of a recording stands for everything farther away.
-- Whether depth is along the optical axis or along the ray, from how it changes from image to image.
-"""
+"""Topics about depth: its unit, its limits, and whether it is along the optical axis or the ray."""
 
 from collections.abc import Iterator
 from collections.abc import Sequence as ListOf

@@ -1,10 +1,4 @@
-"""What can be wrong with a stated truth, as numbers that are fitted to the errors of tracks.
-
-- Parameters whose derivatives are computed together.
-- Numbers that correct the truth.
-- Parameters in units that engineers use, beside their stated values.
-- The result of a fit.
-"""
+"""What can be wrong with a stated truth, as numbers that are fitted to the errors of tracks."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -1,12 +1,7 @@
 """What images say about a recording: motion of points, and how far it is from what the truth predicts.
 
-- Focal length and principal point of any camera model.
-- Points that were found in two images, with their depths.
-- The usual mistakes: how poses, depths or intrinsics would have to be changed if one of them was made.
-- How far points are from where poses, depths and intrinsics predict them.
-- Image motion of a camera whose intrinsics change, as one camera would have seen it.
-- Image motion of a recording, measured from its images alone, with the depth of each point.
-- What the topics about images share: image motion, poses and intrinsics of one sequence.
+Image motion is measured from images alone. That of a camera whose intrinsics change is as one camera would have seen
+it.
 """
 
 from collections.abc import Callable, Iterator

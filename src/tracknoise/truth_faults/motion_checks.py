@@ -1,9 +1,6 @@
 """Topics about image motion: focal length, usual mistakes, and whether depths and poses predict what is seen.
 
-- The topic focal length: whether another focal length would fit the image motion better.
-- The topic mistakes: whether the image motion would fit better if a usual mistake were undone.
-- Parts of the scene that move: some points fit poses and depths exactly, and the others do not fit at all.
-- The topic warping: whether depths and poses predict the image motion that is seen.
+Where parts of the scene move, some points fit poses and depths exactly, and the others do not fit at all.
 """
 
 from collections.abc import Sequence as ListOf

@@ -1,11 +1,7 @@
 """Errors of stated poses with intervals, and the accuracy of poses for the settings of an experiment.
 
-- The rigid share of the errors of every condition, (rigid.share) and (pose.share), with intervals.
-- The accuracy of poses, as tracks of unlike trackers show it, for the settings of an experiment.
-
-The law by which the error of the relative pose of two frames grows, fitted to (pose.growth) of all scenes.
-
-Pose errors that are independent from frame to frame have relative errors of the same size at every distance. Those of a
+The law by which the error of the relative pose of two frames grows is fitted to (pose.growth) of all scenes. Pose
+errors that are independent from frame to frame have relative errors of the same size at every distance. Those of a
 random walk grow with its root. Of each coordinate of the rotation and of the translation, at k frames,
 
     mean square = 2 white^2 + walk^2 k    (pose.law)

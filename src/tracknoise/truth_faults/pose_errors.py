@@ -1,9 +1,6 @@
 """The rigid share: how much of the errors is a motion of the camera that the stated poses do not have.
 
-The module makes equations of the observations of a tracker, and fits one small pose error per frame to them. From two
-fits, each to one half of the tracks, it computes how the error of the relative pose of two frames grows with their
-distance, and the rigid share. Small rigid motions (rho, phi) are vectors of six numbers, in the axes of different
-frames.
+Small rigid motions (rho, phi) are vectors of six numbers, in the axes of different frames.
 
 Observations
 ------------

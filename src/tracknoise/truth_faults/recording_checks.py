@@ -1,10 +1,4 @@
-"""Topics about the recording itself: counts, rates, jumps of poses, and whether scenes are independent.
-
-- Topics that need no image: counts and rates, timestamps, rotations, intrinsics.
-- The topic pose jumps: steps of the camera that no camera makes.
-- Scenes that are copies of another: their images are the same.
-- The topic independence: whether scenes are pieces or copies of one recording.
-"""
+"""Topics about the recording itself: counts, rates, jumps of poses, and whether scenes are independent."""
 
 from collections.abc import Iterator
 from collections.abc import Sequence as ListOf

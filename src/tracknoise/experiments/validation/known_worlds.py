@@ -1,9 +1,7 @@
 """Scenes whose true positions have a closed form, and tracks in them that are written down in advance.
 
-Scenes whose true positions have a closed form: planes, seen by a pinhole camera that moves and turns.
-
-All formulas of projection are written out here. The self-test compares them with `tracknoise.geometry` and
-`tracknoise.truth`, and uses neither.
+The scenes are planes, seen by a pinhole camera that moves and turns. All formulas of projection are written out here.
+The self-test compares them with `tracknoise.geometry` and `tracknoise.truth`, and uses neither.
 
 A pixel (u, v) has its centre at whole numbers. In the frame of the camera its ray is r = ((u - cx) / fx,
 (v - cy) / fy, 1). With the rotation R and the position t of the camera, it meets the plane a + alpha b + beta c at the
@@ -14,8 +12,6 @@ depth Z and the coordinates alpha, beta that solve
 so that Z = (a - t).n / (R r).n with the normal n = b x c. A panel is the part of a plane with 0 <= alpha, beta <= 1.
 The panel with the least depth Z > 0 is seen. The image of the world point X is u = fx x / z + cx, v = fy y / z + cy
 with (x, y, z) = R' (X - t) (image).
-
-Tracks that are written down in advance, and the tracker that reports them.
 
 A script holds what the package must find: the true position, its visibility and the age of each observation, and why
 each track ended. The tracker reports observed positions and ends alone.

@@ -1,7 +1,6 @@
 """Pools of scenes that differ in a known way, and findings about them.
 
-Each scene has its own mean error and its own scale, so that findings about a pool have known answers. The module
-measures two pools, and compares the findings about them with these answers.
+Each scene has its own mean error and its own scale, so that findings about a pool have known answers.
 
 `pool` has one tracker for each way in which errors behave. All tracks live from the first to the last frame.
 

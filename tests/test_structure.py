@@ -1,6 +1,7 @@
 """What the architecture promises about imports and about names of files."""
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -79,6 +80,39 @@ def test_a_circle_would_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(imports(), first, {second})
     monkeypatch.setitem(imports(), second, {first})
     assert find_cycle() == [first, second, first]
+
+
+def names_in(tree: ast.Module) -> set[str]:
+    """What a module defines, or imports, outside functions."""
+    names: set[str] = set()
+    for node in [*tree.body, *(inner for each in tree.body if isinstance(each, ast.ClassDef) for inner in each.body)]:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names.update(alias.asname or alias.name for alias in node.names)
+        else:
+            names.update(inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name))
+    return names
+
+
+def exists(name: str) -> bool:
+    """Whether a dotted name is a module, or what a module or a class in it defines."""
+    parts = name.split(".")
+    module = next((found for end in range(len(parts), 0, -1) if (found := ".".join(parts[:end])) in trees()), ROOT.name)
+    return set(parts[module.count(".") + 1 :]) <= names_in(trees()[module]) | set(tracknoise.__all__)
+
+
+def test_modules_that_docstrings_and_comments_name_exist() -> None:
+    rooms = "|".join(path.name for path in ROOT.iterdir() if path.is_dir())
+    cited = re.compile(rf"(?<!`)`({ROOT.name}|{rooms})((?:\.\w+)+)`(?!`)")
+    wrong = [
+        f"{path.relative_to(ROOT)}: {first}{rest}"
+        for path in ROOT.rglob("*.py")
+        for first, rest in cited.findall(path.read_text(encoding="utf-8"))
+        if not exists(f"{first}{rest}" if first == ROOT.name else f"{ROOT.name}.{first}{rest}")
+    ]
+    assert wrong == []
+    assert not exists(f"{ROOT.name}.statistics.nowhere")
 
 
 def test_no_file_name_occurs_twice() -> None:

@@ -218,7 +218,7 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
     level
         Between 0 and 1.
     resampled
-        A value of `tracknoise.tables.enumerations.Resampled`.
+        A value of `tracknoise.inference.units.Resampled`.
     n_scenes
         How many scenes each rests on.
     """

@@ -302,7 +302,7 @@ def export(
     model
         What to write.
     name
-        Of the estimator: see `estimators.estimators`.
+        Of the estimator: see `tracknoise.estimators.exports.estimators`.
     target
         Camera, rate, window and purpose. By default, those of the model and what is usual for the estimator.
     source

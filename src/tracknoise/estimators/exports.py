@@ -246,7 +246,7 @@ class Estimator:
     place: str
     landmark: Landmark  # how it uses the first observation of a track
     cannot: tuple[str, ...]  # what it cannot express: phrases
-    # files, patch: Templates of the files by name, and of a change of its source code. See `values.template_values`.
+    # files, patch: Templates of the files by name, and of a change of its source code. See `template_values`.
     files: Mapping[str, str]
     # purpose, window: What its sigma makes right by default, and the length of its window as shipped, frames. The
     # purpose is None where the components of the model are written themselves.

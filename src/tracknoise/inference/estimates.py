@@ -17,7 +17,7 @@ class Estimate:
     low: float | None = None
     high: float | None = None
     unit: str = ""  # of the value and its bounds, such as ``px``; empty where there is none
-    # how the interval was made: a value of `tracknoise.tables.enumerations.IntervalKind` or `EffectIntervalKind`
+    # how the interval was made: a value of `tracknoise.inference.conventions.IntervalKind`, or ``paired``
     kind: str | None = None
     level: float | None = None  # probability that the interval contains the true value, between 0 and 1
     id: str | None = None  # of its row of results; None where it is no such number

@@ -28,7 +28,7 @@ from tracknoise.words import (
 )
 
 RunTables: TypeAlias = Mapping[str, pl.DataFrame]
-"""RunTables of a run, by their names."""
+"""Tables of a run, by their names."""
 
 
 class Part(NamedTuple):

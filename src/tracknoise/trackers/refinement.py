@@ -87,7 +87,7 @@ class Refiner:
         """Refined positions in an image, and how far each was moved, px, NaN where it stayed.
 
         `before`, `after`: the images of the latest positions, and of the new ones; `features`: all n that are alive,
-        with their latest positions; `uv`: (n, 2) new positions, px, finite. Returns `uv` (n, 2) float64; `shift_px`
+        with their latest positions; `uv`: (n, 2) new positions, px, finite. Returns (n, 2) float64 and
         (n,) float32.
         """
         if not len(features):

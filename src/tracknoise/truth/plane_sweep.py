@@ -375,8 +375,8 @@ def _without_mean(values: Floats) -> Floats:
 class _Sums:
     """Sums over the patches of n points in f frames; NaN where a patch is not seen."""
 
-    towards: Floats  # (f, n, 7): of derivative times difference, by `_LINEAR` and `_HALVES`
-    normal: Floats  # (f, n, 10): of squared derivatives, by `_QUADRATIC` and `_HALVES`
+    towards: Floats  # (f, n, 7): of derivative times difference, by `_TOWARDS`
+    normal: Floats  # (f, n, 10): of squared derivatives, by `_NORMAL`
     slope: Floats  # (f, n): px of the patch per inverse depth
     alike: Floats  # (f, n): correlation
 

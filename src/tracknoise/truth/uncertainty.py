@@ -1,14 +1,10 @@
 """How true positions move with errors of what the truth states, and their covariance.
 
-How true positions move with errors of poses, depth, clock, shutter and focal length.
-
 A track is anchored in frame a, as a point X_a of its camera, and seen in frame f as X_f = R X_a + t. All derivatives
 are taken of the true position in f. In f = a they are zero: there the true position is the observation.
 
-Covariance of true positions, from the accuracy of poses, depths, clock, shutter and focal length.
-
-With the derivatives of `tracknoise.truth.uncertainty`, and the variances r^2 and s^2 that (accuracy.growth) gives the
-relative rotation and translation after k frames, the covariance of a true position is
+With the derivatives by poses, depth, clock, shutter and focal length, and the variances r^2 and s^2 that
+(accuracy.growth) gives the relative rotation and translation after k frames, the covariance of a true position is
 
     C = s^2 J J' + r^2 B B' + sigma_Z^2 d d' + sigma_c^2 c c' + sigma_r^2 q q' + sigma_f^2 g g'    (truth.floor)
 

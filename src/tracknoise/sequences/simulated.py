@@ -145,7 +145,7 @@ class SimulatedSequence:
         return None
 
     def cast(self, index: int, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """First surface points on the rays through pixels of one frame (truth.raycast), at the time of each row.
+        """First surface points on the rays through pixels of one frame, at the time of each row.
 
         Shapes: uv (n, 2) px; returns points_world (n, 3) m in the world frame, hit (n,). `points_world`: the camera's
         position where nothing is hit.

@@ -107,7 +107,7 @@ class Raycaster:
 def surface_points(
     raycaster: Raycaster, camera: CameraModel, world_from_camera: NDArray[np.float64], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """First surface points on the rays through pixels: exact truth (truth.raycast).
+    """First surface points on the rays through pixels: exact truth.
 
     Parameters
     ----------

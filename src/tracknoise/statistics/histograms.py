@@ -26,8 +26,8 @@ HISTOGRAM_BINS = pl.DataFrame(
 def error_histogram(tracks: pl.DataFrame) -> pl.DataFrame:
     """Histogram of the largest L2 error of every track, before trimming, of every condition.
 
-    Returns schema `ERRORS`, sorted by condition and bin: every bin of `HISTOGRAM_BINS` for every condition that has tracks.
-    A bin includes its lower bound but not its upper one.
+    Returns schema `ERRORS`, sorted by condition and bin: every bin of `HISTOGRAM_BINS` for every condition that has
+    tracks. A bin includes its lower bound but not its upper one.
     """
     (groups,) = group_runs([check(tracks, TRACKS, "tracks")], POOLED)
     measured = tracks["max_error_px"].is_not_null().to_numpy()

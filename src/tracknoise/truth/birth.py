@@ -18,7 +18,7 @@ from tracknoise.truth.visibility import DepthMapSurface, SequenceGeometry
 
 @dataclass(frozen=True, slots=True)
 class BirthDepth:
-    """Depth at birth, read at the sub-pixel position in the first frame: (truth.birth).
+    """Depth at birth, read at the sub-pixel position in the first frame.
 
     Where the sequence says so, it is joined from the maps of neighbouring frames: (depth.joined).
     """

@@ -17,7 +17,7 @@ from tracknoise.truth.visibility import Depths, SequenceGeometry
 
 @dataclass(frozen=True, slots=True)
 class RayCast:
-    """The exact surface point under each feature in its first frame: (truth.raycast)."""
+    """The exact surface point under each feature in its first frame."""
 
     kind: ClassVar[str] = TruthKind.raycast
 

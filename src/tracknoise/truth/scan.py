@@ -105,7 +105,7 @@ class ScanPoints:
 
 @dataclass(frozen=True, slots=True)
 class KeyFrameScan:
-    """The scan point next to each feature in the key frame: (truth.scan).
+    """The scan point next to each feature in the key frame.
 
     Parameters
     ----------

@@ -17,11 +17,12 @@ from scipy import stats
 
 from tracknoise.estimators import learning
 from tracknoise.estimators.bundle import Assumption, Loss, LossKind, adjust, expected_nees, gate_ratios
-from tracknoise.estimators.learning import fit_noise, learn, mean_drift, student_of_errors
+from tracknoise.estimators.learning import learn, mean_drift, sample_of_windows, student_of_errors
 from tracknoise.estimators.linear_window import Motion
 from tracknoise.estimators.model import log_factor
 from tracknoise.estimators.proof import Verdict, sentence, summarise, verdict
 from tracknoise.estimators.proof_windows import Problem, errors_of
+from tracknoise.estimators.track_likelihood import TrackLaw
 from tracknoise.estimators.trial import (
     ARMS,
     GATED,
@@ -72,7 +73,7 @@ def _sigmas(noise: TrackNoise) -> list[float]:
 
 
 def test_planted_components_come_back() -> None:
-    fitted = fit_noise(_windows(MIXED, 30, 0, n_frames=11))
+    fitted = sample_of_windows(_windows(MIXED, 30, 0, n_frames=11)).fitted(TrackLaw(), ()).noise
     assert _sigmas(fitted) == pytest.approx([0.1, 0.2, 0.1], abs=0.02)
 
 

@@ -19,7 +19,7 @@ from tracknoise.estimators.proof_windows import (
     magnification_of,
     scenes_of,
 )
-from tracknoise.estimators.track_likelihood import LEAST_NU, MOST_NU, TrackLaw
+from tracknoise.estimators.track_likelihood import LEAST_NU, MOST_NU
 from tracknoise.estimators.track_scale import ChosenLaw, Sample, choose_law, sample_of
 from tracknoise.estimators.trial import ADVISED, TUNED_ARMS, Beliefs, Gated, Knee, Law, PlantedNoise, Student, try_arms
 from tracknoise.inference.conventions import LEVEL
@@ -63,11 +63,6 @@ def sample_of_windows(problems: Sequence[Problem]) -> Sample:
         unit=np.unique(np.concatenate(unit), return_inverse=True)[1],
         noun="scenes" if len(scenes) > 1 else "windows",
     )
-
-
-def fit_noise(problems: Sequence[Problem]) -> TrackNoise:
-    """Isotropic Gaussian A, W and Q of windows."""
-    return sample_of_windows(problems).fitted(TrackLaw(), ()).noise
 
 
 def law_of(sample: Sample, chosen: ChosenLaw) -> Law:

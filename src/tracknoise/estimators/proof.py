@@ -303,7 +303,6 @@ class Proof:
     # training, tested: scenes that the arms learned from, and scenes they were tried on
     training: tuple[str, ...]
     tested: tuple[str, ...]
-    beliefs: Beliefs  # what was learned from the training scenes
 
 
 def prove(
@@ -361,7 +360,6 @@ def prove(
         sentences=(*found, _distance_sentence(distances), *parts.limits, _tried(parts, joined)),
         training=scenes_of(parts.learned_from),
         tested=scenes_of(parts.tested),
-        beliefs=beliefs,
     )
 
 

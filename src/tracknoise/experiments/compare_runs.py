@@ -106,10 +106,6 @@ def differing(first: OpenedRun, second: OpenedRun) -> tuple[tuple[str, str, str]
     )
 
 
-def _versions(run: OpenedRun) -> dict[str, str]:
-    return {f"version of {name}": found for name, found in run.manifest.versions.items()}
-
-
 def _require_settings(first: OpenedRun, second: OpenedRun) -> None:
     known, found = first.flat(), second.flat()
     for name in dict.fromkeys([*known, *found]):

@@ -115,7 +115,7 @@ def error_tracks(sequence: PreparedSequence, geometry: FrameGeometry) -> ErrorTr
     outlier, limit = _outliers(error, age, seen.condition[rows], seen.conditions.height)
     begins = np.flatnonzero(np.diff(track, prepend=-1))
     length = np.diff(np.append(begins, len(rows)))
-    magnification = _magnification(sequence, geometry, rows, begins, length)
+    magnification = np.nan_to_num(magnifications(sequence, geometry, rows, begins, length), nan=1.0)
     steps = np.diff(age, prepend=0.0) / magnification**2
     steps[begins] = 0.0
     walked = np.cumsum(steps)
@@ -137,19 +137,22 @@ def error_tracks(sequence: PreparedSequence, geometry: FrameGeometry) -> ErrorTr
     )
 
 
-def _magnification(
+def magnifications(
     sequence: PreparedSequence,
     geometry: FrameGeometry,
     rows: NDArray[np.intp],
     begins: NDArray[np.intp],
     length: NDArray[np.intp],
 ) -> NDArray[np.float64]:
-    born = rows[begins]
-    points = np.repeat(true_points(sequence, geometry, born), length, axis=0)
+    """(n,) float64: M_k of the observations `rows`; NaN where the point is not in front of both cameras.
+
+    `begins`, `length`: where each track begins in `rows`, and how many of them it has.
+    """
+    points = np.repeat(true_points(sequence, geometry, rows[begins]), length, axis=0)
     depth = geometry.to_camera(sequence.seen.frame[rows], points)[:, 2]
     first = np.repeat(depth[begins], length)
     known = (depth > 0.0) & (first > 0.0)
-    return np.where(known, first, 1.0) / np.where(known, depth, 1.0)
+    return np.where(known, first, np.nan) / np.where(known, depth, 1.0)
 
 
 def _outliers(

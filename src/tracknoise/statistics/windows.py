@@ -56,7 +56,7 @@ from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.definitions import LENGTHS, WINDOWS
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of
-from tracknoise.statistics.noise_sums import true_points
+from tracknoise.statistics.noise_sums import magnifications, true_points
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.schema import (
@@ -351,7 +351,7 @@ def noise_tracks(sequence: PreparedSequence, geometry: FrameGeometry, *, populat
         "kept": seen.kept[observed],
         "age": seen.age[observed],
         **dict(zip(("du_px", "dv_px"), seen.error_px[observed].T, strict=True)),
-        "magnification": _magnification(sequence, geometry, observed, first, taken),
+        "magnification": magnifications(sequence, geometry, observed, first, taken),
         **dict(zip(_DERIVATIVES, derivatives.T, strict=True)),
     }
     table = seen.conditions[seen.condition[observed]].hstack(pl.DataFrame(columns))
@@ -374,21 +374,6 @@ def _spread(
         places.append(own[np.arange(count) * len(own) // count])
         weights.append(np.full(count, len(own) / count))
     return np.concatenate(places), np.concatenate(weights)
-
-
-def _magnification(
-    sequence: PreparedSequence,
-    geometry: FrameGeometry,
-    rows: NDArray[np.intp],
-    first: NDArray[np.intp],
-    length: NDArray[np.intp],
-) -> NDArray[np.float64]:
-    """(n,) float64: Z_0 / Z_k; NaN where the point is not in front of both cameras."""
-    points = np.repeat(true_points(sequence, geometry, rows[first]), length, axis=0)
-    depth = geometry.to_camera(sequence.seen.frame[rows], points)[:, 2]
-    born = np.repeat(depth[first], length)
-    known = (depth > 0.0) & (born > 0.0)
-    return np.where(known, born, np.nan) / np.where(known, depth, 1.0)
 
 
 def _finite(table: pl.DataFrame) -> pl.DataFrame:

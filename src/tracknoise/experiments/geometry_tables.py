@@ -75,8 +75,7 @@ def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) ->
     found = audited_observations(prepared)
     if prepared.key_frame is not None:
         found = _anchored_at(found, sequence, prepared.observations, prepared.key_frame)
-    timed = found.with_columns(**{f"{name}time_s": _times(sequence, found[f"{name}frame"]) for name in ("birth_", "")})
-    table = timed.select(pl.col(name).cast(kind) for name, kind in AUDIT_SAMPLES.items())
+    table = found.select(pl.col(name).cast(kind) for name, kind in AUDIT_SAMPLES.items())
     return check(table, AUDIT_SAMPLES, "audit_samples")
 
 
@@ -88,14 +87,6 @@ def depth_repeats_table(sequence: Sequence, prepared: PreparedSequence) -> pl.Da
     labels = {column: [getattr(sequence.id, column)] * len(found.depth_m) for column in SEQUENCE}
     columns = {**labels, "depth_m": found.depth_m, "relative_sd": found.relative}
     return pl.DataFrame(columns, schema=dict(DEPTH_REPEATS))
-
-
-def _times(sequence: Sequence, frames: pl.Series) -> pl.Series:
-    """Times of frames, seconds; null where they are unknown."""
-    times = times_of(sequence)
-    if times is None:
-        return pl.Series([None] * len(frames), dtype=pl.Float64)
-    return pl.Series(times[frames.to_numpy().astype(np.intp)], dtype=pl.Float64)
 
 
 def _anchored_at(found: pl.DataFrame, sequence: Sequence, observations: pl.DataFrame, key_frame: int) -> pl.DataFrame:

@@ -679,7 +679,6 @@ AUDIT_SAMPLES: Schema = {
     "birth_frame": pl.UInt32,
     "frame": pl.UInt32,
     "age": pl.UInt32,
-    **dict.fromkeys(("birth_time_s", "time_s"), pl.Float64),
     **dict.fromkeys(("u_birth_px", "v_birth_px", "depth_m"), pl.Float64),
     **dict.fromkeys(("u_px", "v_px", "u_true_px", "v_true_px"), pl.Float64),
 }

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 
-FORMAT = 12
+FORMAT = 13
 _SEAL = "sha256"
 _REMEDY = "measure again with --fresh"
 

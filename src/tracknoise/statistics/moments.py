@@ -2,8 +2,8 @@
 
 A central power sum of order (p, q) is sum((x - mean_x)^p (y - mean_y)^q), not divided by the count.
 
-All other statistics of errors are computed from these tables. Scenes can therefore be pooled, resampled and added later
-without reading the observations again.
+All other statistics of errors are computed from those of du, dv by age or frame. Scenes can therefore be pooled,
+resampled and added later without reading the observations again.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,6 @@
 """How well tables of noise by tracker, speed and motion predict scenes that were left out.
 
-The module adds up products of errors by scene, condition and age, as arrays. From these it computes how much better a
-table of covariances predicts scenes that were left out than one covariance for all. The motion of a scene is its group.
+The motion of a scene is its group.
 
 Gains
 -----

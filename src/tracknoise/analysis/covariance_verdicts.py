@@ -73,6 +73,7 @@ OWN_COVARIANCES = RunTable(
         **INTERVAL_COLUMNS,
     },
     _own_covariances(),
+    title="whether trackers' own covariances are right",
 )
 """Whether covariances that a tracker predicts are right: see `tracknoise.analysis.covariance_verdicts`.
 

@@ -140,6 +140,7 @@ DEPENDENCE = RunTable(
         "why": pl.String,
     },
     _factors(),
+    title="verdicts on factors, with intervals",
 )
 """Does a factor change a statistic: one row per factor, condition that was held, and statistic.
 

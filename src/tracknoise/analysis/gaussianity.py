@@ -139,6 +139,7 @@ GAUSSIANITY = RunTable(
         "why": pl.String,
     },
     _shape(),
+    title="shape of the error distribution",
 )
 """Are errors Gaussian: one row per band of ages (or of distances from the key frame) of a condition.
 

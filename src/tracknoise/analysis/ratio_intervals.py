@@ -29,6 +29,7 @@ POINT_TRACKING_METRICS = RunTable(
         {**OF_CONDITION, "part": "raster", "of": "metric"},
         ESTIMATED,
     ),
+    title="metrics of TAP-Vid and expected feature age",
 )
 """Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.
 
@@ -51,6 +52,7 @@ RATIO_VALUES = RunTable(
         {**OF_CONDITION, **same("trimming", "axis", "at")},
         [Value(name, "value", {}, {"quantity": name}, ESTIMATED_OF_N) for name in NAMES_OF_RATIOS],
     ),
+    title="shares of features by age",
 )
 """Ratios of sums over features, by age: the quantities of `tracknoise.tables.quantities.RATIOS`, features pooled."""
 

@@ -60,6 +60,7 @@ SEED_SPREAD = RunTable(
         "widens_interval": pl.Boolean,
     },
     _seeds(),
+    title="differences between random seeds",
 )
 """How much a number differs between random seeds of the trackers, in its own unit.
 

@@ -137,6 +137,7 @@ TIME_STRUCTURE = RunTable(
         "why": pl.String,
     },
     _growth(),
+    title="error growth",
 )
 """How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
 

@@ -65,6 +65,7 @@ TWO_TRUTHS = RunTable(
         **ESTIMATE_COLUMNS,
     },
     _second_truth(),
+    title="disagreement of two truths",
 )
 """How far the true positions by two truths are apart, by age, and the errors of trackers by each of them.
 
@@ -92,6 +93,7 @@ POSE_DISAGREEMENT = RunTable(
         {"dataset": "dataset", **OF_VIEW, "at": "lag", "of": "quantity"},
         ESTIMATED_OF_N | {"unit": "unit"},
     ),
+    title="disagreement of the poses of two truths",
 )
 """Root mean square difference per axis between the relative poses of two truths, by lag in frames.
 
@@ -125,6 +127,7 @@ TRIANGULATED_NOISE = RunTable(
         },
         ESTIMATED_OF_N,
     ),
+    title="noise from triangulated truth",
 )
 """Noise of tracks whose true positions are triangulated: standard deviation of one coordinate of a position, px.
 
@@ -156,6 +159,7 @@ TRACKER_DIFFERENCES = RunTable(
         {**OF_CONDITION, "against": "other", "of": "statistic", "at": "age", "coordinate": "coordinate"},
         ESTIMATED_OF_N | {"unit": "unit", "verdict": "established"},
     ),
+    title="differences between trackers",
 )
 """Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.
 

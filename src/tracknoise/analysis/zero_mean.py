@@ -90,6 +90,7 @@ ZERO_MEAN = RunTable(
         "level": pl.Float64,
     },
     _bias(),
+    title="tests of zero mean error",
 )
 """Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
 

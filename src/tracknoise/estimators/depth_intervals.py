@@ -78,6 +78,7 @@ DEPTH_INTERVALS = RunTable(
         **ESTIMATE_COLUMNS,
     },
     _depths(),
+    title="intervals of depths, by assumed noise",
 )
 """What estimators would claim of the depths of points of other scenes: see `tracknoise.estimators.depth_intervals`.
 

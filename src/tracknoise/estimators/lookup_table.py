@@ -79,6 +79,7 @@ NOISE_LOOKUP = RunTable(
         "why": pl.String,
     },
     _lookup(),
+    title="gain of tables of noise by tracker, speed and motion",
 )
 """How much better a table of covariances predicts scenes that were left out (`tracknoise.estimators.lookup_table`).
 

@@ -55,6 +55,7 @@ ADVICE = RunTable(
         "n_scenes": pl.Int32,
     },
     _advice(),
+    title="what to set in the estimator",
 )
 """What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
 

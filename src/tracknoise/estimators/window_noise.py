@@ -69,6 +69,7 @@ WINDOW_SIGMAS = RunTable(
         **ESTIMATE_COLUMNS,
     },
     _windows(),
+    title="noise for depths, by length of window",
 )
 """The noise to give to an estimator, by length of its windows: see `tracknoise.estimators.window_noise`.
 

@@ -9,7 +9,9 @@ import polars.selectors as cs
 from tracknoise.report import factor_section
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.truth_errors import with_floor
+from tracknoise.tables.run_table import RunTable
 from tracknoise.text import printable
+from tracknoise.topics.catalogue import RUN_TABLES
 from tracknoise.words import DASH, MINUS, TIMES
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -51,24 +53,19 @@ class Export:
     kinds: tuple[str, ...] = ("csv",)
 
 
-EXPORTS: tuple[Export, ...] = (
-    Export("summary", "key numbers of every condition", lambda data: data["summary"]),
+_MADE: tuple[Export, ...] = (
     Export(
         "curves",
         "error by age or frame, with the truth floor",
         lambda data: with_floor(data["curves"].filter(~pl.col("cut")), data["floor"]),
     ),
     Export("truth-floor", "truth floor, by what causes it", lambda data: data["floor"]),
-    Export("lifetimes", "lifetimes and survival", lambda data: data["lifetimes"]),
-    Export("outliers", "outlier ratios", lambda data: data["outliers"]),
-    Export("trims", "tracks dropped by trimming", lambda data: data["trims"]),
     Export(
         "factor-effects",
         "verdicts on factors",
         lambda data: factor_section.side_by_side(data.comparison),
         ("csv", "tex"),
     ),
-    Export("effects", "effects of factors by the paper's yardstick", lambda data: data["effects"]),
     Export("findings", "findings, with the ids of their rows of results", lambda data: _findings(data)),
     Export("results", "rows of results that the findings rest on", lambda data: _cited(data)),
     Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data["intervals"])),
@@ -77,33 +74,16 @@ EXPORTS: tuple[Export, ...] = (
         "causes of track ends, for the view shown in the figures",
         lambda data: data.reference(data["incidence"]),
     ),
-    Export("two-truths", "disagreement of two truths", lambda data: data["two_truths"]),
-    Export("pose-disagreement", "disagreement of the poses of two truths", lambda data: data["pose_disagreement"]),
-    Export("seed-spread", "differences between random seeds", lambda data: data["seed_spread"]),
-    Export("triangulated-noise", "noise from triangulated truth", lambda data: data["triangulated_noise"]),
-    Export("noise-lookup", "gain of tables of noise by tracker, speed and motion", lambda data: data["noise_lookup"]),
-    Export("advice", "what to set in the estimator", lambda data: data["advice"]),
-    Export("window-sigmas", "noise for depths, by length of window", lambda data: data["window_sigmas"]),
-    Export("depth-intervals", "intervals of depths, by assumed noise", lambda data: data["depth_intervals"]),
-    Export("own-covariances", "whether trackers' own covariances are right", lambda data: data["own_covariances"]),
-    Export(
-        "point-tracking-metrics",
-        "metrics of TAP-Vid and expected feature age",
-        lambda data: data["point_tracking_metrics"],
-    ),
-    Export("ratios", "shares of features by age", lambda data: data["ratios"]),
-    Export("zero-mean", "tests of zero mean error", lambda data: data["zero_mean"]),
-    Export("gaussianity", "shape of the error distribution", lambda data: data["gaussianity"]),
-    Export("time-structure", "error growth", lambda data: data["time_structure"]),
-    Export("changes", "frame-to-frame changes of errors", lambda data: data["changes"]),
-    Export("dependence", "verdicts on factors, with intervals", lambda data: data["dependence"]),
-    Export("rigid-share", "share of errors that pose errors explain", lambda data: data["rigid_share"]),
-    Export("pose-share", "share of errors without outliers that pose errors explain", lambda data: data["pose_share"]),
-    Export("trust", "verdict on the truth, and what it can explain", lambda data: data["trust"]),
-    Export("pose-law", "growth of pose errors", lambda data: data["pose_law"]),
-    Export("tracker-differences", "differences between trackers", lambda data: data["tracker_differences"]),
-    Export("counts", "truth statuses and track ends", lambda data: data["counts"]),
 )
+"""Files that are made of tables."""
+
+
+def _as_it_is(table: RunTable) -> Export:
+    return Export(table.name.replace("_", "-"), table.title, lambda data: data[table.name])
+
+
+EXPORTS: tuple[Export, ...] = (*_MADE, *(_as_it_is(table) for table in RUN_TABLES.values() if table.title))
+"""Files of a report, among them one of each table that has a title."""
 
 
 def _findings(data: ReportData) -> pl.DataFrame:

@@ -261,6 +261,7 @@ CHANGES = RunTable(
         **dict.fromkeys(("autocorrelation_u", "autocorrelation_v"), pl.Float64),
     },
     _changes(),
+    title="frame-to-frame changes of errors",
 )
 """Changes of visible errors from frame to frame: at lag 0, their mean and covariance (px^2) by the age at their end.
 
@@ -298,6 +299,7 @@ LIFETIMES = RunTable(
         "n_scenes": pl.Int32,
     },
     _tracks(),
+    title="lifetimes and survival",
 )
 """One row per lifetime: number of tracks that ended or were censored, and the Kaplan-Meier survival beyond it.
 
@@ -331,6 +333,7 @@ OUTLIERS = RunTable(
         **dict.fromkeys(("lower_quartile", "upper_quartile", "lower_whisker", "upper_whisker"), pl.Float64),
     },
     _outliers(),
+    title="outlier ratios",
 )
 """Distribution of f1(t) / F(t-1) over frames with F(t-1) > 0; whiskers reach the last value within 1.5 IQR."""
 
@@ -344,6 +347,7 @@ TRIMS = RunTable(
         **dict.fromkeys(("n_tracks", "n_measured", "n_anchor_only", "n_dropped", "n_followed_dropped"), pl.Int64),
         "dropped_share": pl.Float64,
     },
+    title="tracks dropped by trimming",
 )
 """Trimming of each scene and condition: the threshold of the largest error, and the tracks that it dropped.
 
@@ -362,7 +366,9 @@ ERRORS = RunTable(
 )
 """Histogram of the largest errors of tracks, in logarithmic bins, before trimming. The first bin starts at 0."""
 
-COUNTS = RunTable("counts", {**POOLED, "kind": pl.String, "name": pl.String, "n": pl.Int64})
+COUNTS = RunTable(
+    "counts", {**POOLED, "kind": pl.String, "name": pl.String, "n": pl.Int64}, title="truth statuses and track ends"
+)
 """Number of observations by truth status (kind `truth`), and of tracks by end (kind `end`)."""
 
 SUMMARY = RunTable(
@@ -391,6 +397,7 @@ SUMMARY = RunTable(
         **{f"{trimming}_beyond_{axis}": pl.Float64 for trimming in TRIMMING.categories for axis in "uv"},
         **dict.fromkeys(("floor_u_px", "floor_v_px", "floor_mean_u_px", "floor_mean_v_px"), pl.Float64),
     },
+    title="key numbers of every condition",
 )
 """One row per condition: lifetimes (frames its tracker saw), outlier ratio, and errors at one age or frame.
 
@@ -436,6 +443,7 @@ EFFECTS = RunTable(
         "why": pl.String,
     },
     _largest_differences(),
+    title="effects of factors by the paper's yardstick",
 )
 """Effect of a factor on a statistic: the two levels that differ most, at which age or frame, and by how much.
 
@@ -557,6 +565,7 @@ TRUST = RunTable(
         "text": pl.String,
         "step": pl.String,
     },
+    title="verdict on the truth, and what it can explain",
 )
 """The verdict on the truth, and how much of the errors it can explain.
 

@@ -83,11 +83,13 @@ class RunTable(dict[str, pl.DataType | type[pl.DataType]]):
         Names and types, in order.
     rows
         Of results that it makes; None where it has no numbers of its own.
+    title
+        Of its file in a report; empty where it has none as it is.
     """
 
-    def __init__(self, name: str, columns: Schema, rows: Rows | None = None) -> None:
+    def __init__(self, name: str, columns: Schema, rows: Rows | None = None, *, title: str = "") -> None:
         super().__init__(columns)
-        self.name, self.rows = name, rows
+        self.name, self.rows, self.title = name, rows, title
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(self.name)

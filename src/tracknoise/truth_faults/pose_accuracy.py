@@ -61,6 +61,7 @@ RIGID_SHARE = RunTable(
         **INTERVAL_COLUMNS,
     },
     _shared_motion(),
+    title="share of errors that pose errors explain",
 )
 """Share of the second moment of the errors that one small pose error per frame explains, by age.
 
@@ -86,6 +87,7 @@ POSE_SHARE = RunTable(
         {**OF_CONDITION, "part": "fitted_to"},
         ESTIMATED_OF_N,
     ),
+    title="share of errors without outliers that pose errors explain",
 )
 """The same share of both coordinates and of all steps up to the reference age together, without outliers: (pose.share).
 
@@ -110,6 +112,7 @@ POSE_LAW = RunTable(
         {"dataset": "dataset", **OF_VIEW, "part": "motion", "of": "law"},
         ESTIMATED_OF_N | {"unit": "unit"},
     ),
+    title="growth of pose errors",
 )
 """Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
 

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from tracknoise.exceptions import SettingsError
+from tracknoise.experiments.load import load_experiment
+from tracknoise.experiments.plan import plan
+from tracknoise.experiments.run_statistics import first_lighting
 from tracknoise.sequences.reader_registry import make_reader
 
 SMALL = {"motions": ["forward"], "worlds": 1, "frames": 3, "width": 64, "height": 48, "supersampling": 1}
@@ -54,3 +57,10 @@ def test_a_sequence_with_an_effect_is_the_one_that_its_imaging_alone_gives(place
 def test_effects_that_cannot_be_are_named(options, message):
     with pytest.raises(SettingsError, match=message):
         reader(**options)
+
+
+def test_the_preset_sees_its_scenes_with_each_effect_and_first_without_any():
+    experiment = load_experiment("effects", scenes=1)
+    names = {task.sequence.lighting for task in plan(experiment)}
+    assert names == set(experiment.dataset.lightings)
+    assert first_lighting(names, experiment) == "none"

@@ -33,7 +33,7 @@ from tracknoise.measurement.adjusted_depths import READOUT, AdjustedDepths
 from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart, rms, size
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
-from tracknoise.sequences.kept_frames import KEPT_BYTES, KeptFrames
+from tracknoise.sequences.kept_frames import KEPT_BYTES, KEPT_DEPTH_BYTES, KeptFrames
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import (
@@ -135,7 +135,8 @@ class Leading:
         if only_stated:
             return cls(sequences, second, [None for _ in sequences])
         follow = None if progress is None else lambda _, total: progress(0, total)
-        sequences = [KeptFrames(one, KEPT_BYTES // len(sequences)) for one in sequences]
+        shares = KEPT_BYTES // len(sequences), KEPT_DEPTH_BYTES // len(sequences)
+        sequences = [KeptFrames(one, *shares) for one in sequences]
         kinds = [kind or best_truth(one) for one in sequences]
         found = [
             refined(one, of, rule, min(len(one), n_frames or len(one)), kept=place, progress=follow)

@@ -12,7 +12,9 @@ from tracknoise.sequences.sequence import path_of
 from tracknoise.sequences.views import View
 
 KEPT_BYTES = 64 << 20
-"""Of images, and of depth maps, that are kept."""
+"""Of images that are kept."""
+KEPT_DEPTH_BYTES = 128 << 20
+"""Of depth maps that are kept: to register one again costs more than to decode an image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +26,8 @@ class KeptFrames(View):
 
     keeps_kind_of_depth: ClassVar[bool] = True
 
-    most_bytes: int = KEPT_BYTES  # of images, and of depth maps
+    most_bytes: int = KEPT_BYTES  # of images
+    most_depth_bytes: int = KEPT_DEPTH_BYTES  # of depth maps
     _images: dict[int, NDArray[np.uint8]] = field(default_factory=dict, repr=False)
     _depths: dict[int, DepthMap | None] = field(default_factory=dict, repr=False)
     _last: dict[int, DepthMap | None] = field(default_factory=dict, repr=False)
@@ -51,6 +54,6 @@ class KeptFrames(View):
         self._last.clear()
         depth = self._last[index] = self.sequence.depth(index)
         size = 0 if depth is None else depth.depth_m.nbytes + depth.valid.nbytes
-        if (len(self._depths) + 1) * size <= self.most_bytes:
+        if (len(self._depths) + 1) * size <= self.most_depth_bytes:
             self._depths[index] = depth
         return depth

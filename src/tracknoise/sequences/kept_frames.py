@@ -13,7 +13,7 @@ from tracknoise.sequences.views import View
 
 KEPT_BYTES = 64 << 20
 """Of images that are kept."""
-KEPT_DEPTH_BYTES = 128 << 20
+KEPT_DEPTH_BYTES = 96 << 20
 """Of depth maps that are kept: to register one again costs more than to decode an image."""
 
 

@@ -43,9 +43,10 @@ def checked(made_once, recording):
         from tracknoise.cli.app import main
 
         folder.mkdir()
-        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit):
+        with pytest.MonkeyPatch.context() as patch:
             patch.setattr(clock_check, "measured_offset", lambda _: None)
-            main(["check", "--json", str(recording), "--quiet", "--out", str(folder / "check.json")])
+            with pytest.raises(SystemExit):
+                main(["check", "--json", str(recording), "--quiet", "--out", str(folder / "check.json")])
 
     return made_once("check-document", write) / "check.json"
 

@@ -25,6 +25,7 @@ from tracknoise.experiments import execute as execution
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import by_table
 
 class Silent:
     def __getattr__(self, name):

@@ -9,7 +9,7 @@ import shutil
 import signal
 import stat
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from pkgutil import resolve_name
@@ -20,6 +20,7 @@ from weakref import WeakSet
 import numpy as np
 import pytest
 from hypothesis import settings
+from numpy.typing import NDArray
 from tests import lean
 
 from tracknoise import processes
@@ -180,6 +181,35 @@ class _Pickled:
 
     def __reduce__(self) -> tuple[Callable[[str], object], tuple[str]]:
         return resolve_name, (f"{simulated.__name__}:_kept",)
+
+
+_IMAGES: dict[tuple[str, bytes, int], NDArray[np.uint8]] = {}
+_MOST_IMAGES = 400
+_SHOWING = ("contract", "sequences", "simulation")
+"""Folders whose tests are about what is rendered."""
+_render = simulated.SimulatedSequence.image
+
+
+def _shown(sequence: simulated.SimulatedSequence, index: int) -> NDArray[np.uint8]:
+    build = sequence.world._build
+    if not isinstance(build, partial) or build.func is not simulated._kept:
+        return _render(sequence, index)  # its world may depend on files
+    about = repr((build.args, sequence.settings, sequence.id, sequence.camera))
+    name = about, sequence.world_from_camera.tobytes(), index
+    if name not in _IMAGES:
+        if len(_IMAGES) == _MOST_IMAGES:
+            del _IMAGES[next(iter(_IMAGES))]
+        _IMAGES[name] = _render(sequence, index)
+    return _IMAGES[name].copy()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kept_images(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A frame of a simulated sequence is rendered once in a process, except where tests are about what is rendered."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not {*_SHOWING} & {*request.path.parts}:
+            patch.setattr(simulated.SimulatedSequence, "image", _shown)
+        yield
 
 
 _PIPES = """

@@ -20,6 +20,8 @@ from tracknoise.tables.schema import empty
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.topics.catalogue import TOPICS, by_table
 from tracknoise.topics.depth_topic import DEPTHS
+from tracknoise.topics.topic import Topic
+from tracknoise.topics.truth_topic import ERRORS_OF_POSES
 from tracknoise.truth_faults.audit_tables import tables_of
 
 
@@ -99,6 +101,14 @@ def without_depths() -> Iterator[None]:
         patch.setattr(
             run_findings, "TOPICS", [replace(topic, analyses=()) if topic is DEPTHS else topic for topic in TOPICS]
         )
+        yield
+
+
+@contextmanager
+def only_topics(*topics: Topic) -> Iterator[None]:
+    """Findings have the tables of these topics alone, and those that the verdict on the truth needs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_findings, "TOPICS", (ERRORS_OF_POSES, *topics))
         yield
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.lean import without_audit, without_depths, without_geometry
+from tests.lean import only_topics, without_audit, without_geometry
 
 import tracknoise
 from tracknoise.sequences.other_poses import OtherPoses
@@ -39,7 +39,7 @@ def measured(number: int) -> tracknoise.Measurement:
 @pytest.fixture(scope="module", autouse=True)
 def unaudited():
     """Runs have neither an audit nor tables by which errors are compared with the first poses alone."""
-    with without_audit(), without_depths(), without_geometry():
+    with without_audit(), only_topics(), without_geometry():
         yield
 
 

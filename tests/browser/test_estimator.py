@@ -9,7 +9,6 @@ from tests.browser.chromium import Page
 
 from tracknoise.estimators.run_models import run_models
 from tracknoise.report.estimator_exports import exported
-from tracknoise.report.page import write_report
 from tracknoise.tables.store import RunFolder
 
 Open = Callable[..., Page]
@@ -17,14 +16,9 @@ SHOWN = "document.getElementById('exported').dataset.shown"
 FILES = "[...document.querySelectorAll('#exported pre')].map(one => one.textContent)"
 
 
-@pytest.fixture(scope="module")
-def page_of(fitted_run: RunFolder) -> Path:
-    return write_report(fitted_run, figure_formats=())
-
-
 @pytest.fixture
-def page(page_of: Path, open_page: Open) -> Page:
-    opened = open_page(page_of)
+def page(fitted_report: Path, open_page: Open) -> Page:
+    opened = open_page(fitted_report)
     opened.wait(SHOWN)
     return opened
 

@@ -18,9 +18,6 @@ from numpy.typing import NDArray
 from tests.browser.chromium import Page
 from tests.browser.test_report import DRAWN, EVERY
 
-from tracknoise.report.page import write_report
-from tracknoise.tables.store import RunFolder
-
 GOLDEN = Path(__file__).parent / "golden"
 MADE_WITH = GOLDEN / "made-with.json"
 SIZE, HALF = (1366, 768), (683, 384)
@@ -37,12 +34,6 @@ _FONTS = """(() => {
   };
   return [getComputedStyle(document.body).fontFamily, "Helvetica, Arial, sans-serif"].map(width);
 })()"""
-
-
-@pytest.fixture(scope="module")
-def report(make_run: Callable[..., RunFolder]) -> Path:
-    run = make_run(scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
-    return write_report(run, figure_formats=())
 
 
 def machine(page: Page) -> dict[str, object]:

@@ -36,16 +36,6 @@ TOO_WIDE = """[...document.querySelectorAll('table, figure, .chart, .scroll, pre
 
 
 @pytest.fixture(scope="module")
-def run(make_run: Callable[..., RunFolder]) -> RunFolder:
-    return make_run(scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
-
-
-@pytest.fixture(scope="module")
-def report(run: RunFolder) -> Path:
-    return write_report(run, figure_formats=())
-
-
-@pytest.fixture(scope="module")
 def filmed(run: RunFolder, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the run with the images of its first frames."""
     copied = RunFolder(shutil.copytree(run.path, tmp_path_factory.mktemp("filmed") / "run"))
@@ -125,8 +115,10 @@ def test_the_answer_fits_where_most_true_positions_are_unknown(
     assert page.evaluate(BOTTOMS) <= 768
 
 
-def test_the_picture_and_its_estimator_are_chosen_on_the_first_screen(fitted_run: RunFolder, open_page: Open) -> None:
-    page = open_page(write_report(fitted_run), width=1366)
+def test_the_picture_and_its_estimator_are_chosen_on_the_first_screen(
+    fitted_run: RunFolder, fitted_report: Path, open_page: Open
+) -> None:
+    page = open_page(fitted_report, width=1366)
     cells = "[...document.querySelector('[data-set]').cells].map(one => one.textContent.trim())"
     page.wait("document.querySelector('[data-copy]').title !== ''")
     of_filter = page.evaluate(cells)

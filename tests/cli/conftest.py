@@ -4,9 +4,12 @@ import shutil
 
 import pytest
 from tests.lean import measured_by_command
+from tests.report.runs import make_run
 from tests.writers.wall import write_wall
 
 from tracknoise.cli.app import main
+
+__all__ = ["make_run"]
 
 
 @pytest.fixture
@@ -59,6 +62,12 @@ def measured_scene(_measured, tmp_path):
     shutil.copytree(_measured, tmp_path, dirs_exist_ok=True)
     (tmp_path / "moved").rename(tmp_path / "data")
     return tmp_path / "data" / "seq-01"
+
+
+@pytest.fixture(scope="session")
+def whole(make_run):
+    """The folder of a small run of made-up measurements, which no test changes."""
+    return make_run().path
 
 
 @pytest.fixture

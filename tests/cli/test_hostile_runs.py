@@ -9,7 +9,6 @@ import tomllib
 import polars as pl
 import pytest
 import tomlkit
-from tests.report.synthetic import SMALL, World, write_run
 
 from tracknoise.tables.files import digest
 from tracknoise.tables.store import RunFolder
@@ -29,11 +28,6 @@ SETTINGS = [
     ("findings", {"trimming": "some"}, "findings.trimming: input should be 'untrimmed' or 'trimmed'"),
     ("statistics", {"min_features": math.nan}, "statistics.min_features: "),
 ]
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    return write_run(tmp_path_factory.mktemp("whole") / "run", World(**SMALL)).path
 
 
 @pytest.fixture

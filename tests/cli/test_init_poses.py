@@ -27,7 +27,7 @@ def walk():
 
 @pytest.fixture
 def files(walk, tmp_path):
-    """Images alone in `tmp_path / "images"`, a camera file and trajectories in two formats."""
+    """Images alone in `tmp_path / "shots"`, a camera file and trajectories in two formats."""
     (tmp_path / "shots").mkdir()
     for index in range(FRAMES):
         assert cv2.imwrite(str(tmp_path / "shots" / f"shot{index}.png"), walk.image(index))
@@ -52,6 +52,7 @@ def opened(file):
     return open_batch(plan(load_experiment(file))[:1])[0]
 
 
+@pytest.mark.usefixtures("lean")
 def test_images_with_intrinsics_and_a_trajectory_are_measured(tracknoise, files, walk):
     arguments = [str(files / "shots"), "--camera", str(files / "cam.json"), "--trajectory", str(files / "kitti.txt")]
     code, out, _ = tracknoise("init", *arguments, "-o", str(files / "x.toml"))
@@ -65,6 +66,7 @@ def test_images_with_intrinsics_and_a_trajectory_are_measured(tracknoise, files,
     assert tracknoise(*run, "--trackers", "lucas-kanade")[0] == 0
 
 
+@pytest.mark.usefixtures("lean")
 def test_a_changed_trajectory_is_measured_again(tracknoise, files):
     arguments = [str(files / "shots"), "--camera", str(files / "cam.json"), "--trajectory", str(files / "kitti.txt")]
     tracknoise("init", *arguments, "-o", str(files / "x.toml"))

@@ -4,7 +4,6 @@ import os
 import shutil
 
 import pytest
-from tests.report.synthetic import SMALL, World, write_run
 from tests.writers.program import small_experiment
 
 from tracknoise.atomic import UNFINISHED
@@ -13,11 +12,6 @@ from tracknoise.tables.store import RunFolder
 
 LEFT = f".a.parquet.1.0{UNFINISHED}"
 """A file that a killed process left."""
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    return write_run(tmp_path_factory.mktemp("whole") / "run", World(**SMALL)).path
 
 
 @pytest.fixture(scope="module")

@@ -40,7 +40,7 @@ def test_missing_settings_are_written_again(finished, told, files):
 def test_a_damaged_manifest_is_replaced_by_a_fresh_start_alone(finished, told, files):
     experiment, run = finished(2)
     before = files(run)
-    edit(run.path / "manifest.json", '"results"', '"resultz"')
+    edit(run.path / "manifest.json", '"sequences"', '"sequencez"')
     with pytest.raises(StoreError, match=r"manifest\.json: damaged .*measure again with --fresh"):
         execute(experiment, run, listener=told())
     execute(experiment, run, listener=told(), fresh=True)

@@ -10,6 +10,7 @@ from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import FindingsSettings, parse_experiment
 from tracknoise.tables.findings_schema import FINDINGS, INTERVALS, STATISTICS_TABLES, SUMMARY
 from tracknoise.tables.store import OBSERVED, RunFolder
+from tracknoise.topics.catalogue import RUN_TABLES
 
 
 @pytest.fixture
@@ -109,7 +110,7 @@ def test_other_questions_are_answered_without_measuring_again(finished, tmp_path
     assert set(run.statistics(DEPENDENCE).filter(unit="ratio")["margin"]) == {1.5}
     assert set(run.statistics(INTERVALS).select("kind", "level").rows()) == {("percentile", 0.8)}
     for table, kinds in (("gaussianity", ["kind"]), ("time_structure", ["kind", "autocorrelation_kind"])):
-        found = run.statistics(table).drop_nulls("level")
+        found = run.statistics(RUN_TABLES[table]).drop_nulls("level")
         assert set(found["level"]) == {0.8}
         assert all(set(found[kind]) == {"percentile"} for kind in kinds)
 

@@ -25,6 +25,7 @@ from tracknoise.experiments import execute as execution
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import by_table
 
 class Silent:
     def __getattr__(self, name):
@@ -74,8 +75,11 @@ def test_killed_before_any_change_on_disk_and_started_again(
     over, scenes, step, kind, shared_file, tmp_path, told, files
 ):
     """Once without findings, which are written to one folder with the statistics, and once with all that a run has."""
-    file, whole, there = shared_file(scenes), RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "there")
+    data, file = shared_file(scenes), tmp_path / "x.toml"
+    file.write_text(data.read_text().replace('poses = "stated"', "").replace('"data"', f'"{data.parent / "data"}"'))
+    whole, there = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "there")
     experiment = load_experiment(file)
+    assert experiment.truth.poses == "refined"
     with with_findings() if kind == "found" else nullcontext(), with_models():  # as in the processes that are killed
         execute(experiment, whole, listener=told())
     if over == "another run":

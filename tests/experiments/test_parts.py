@@ -9,7 +9,7 @@ from tests.lean import measured_only
 from tracknoise.experiments.execute import execute, remake
 from tracknoise.experiments.load import load_experiment, resolve
 from tracknoise.experiments.parts import ranges_of
-from tracknoise.experiments.settings import TrackerChoice
+from tracknoise.experiments.settings import TrackerChoice, TruthSettings
 from tracknoise.statistics.lifetimes import lifetimes
 from tracknoise.statistics.summarise import summarise_sequence
 from tracknoise.tables.schema import ORIGIN
@@ -25,13 +25,14 @@ def in_parts(file, *, frames=10, **changes):
         ),
         TrackerChoice(kind="lucas-kanade"),
     ]
-    changes = {"part_frames": frames, "trackers": trackers, "speeds": [1, 2], **changes}
+    truth = TruthSettings(poses="refined")
+    changes = {"part_frames": frames, "trackers": trackers, "speeds": [1, 2], "truth": truth, **changes}
     return load_experiment(file).model_copy(update=changes)
 
 
 def quickly(file):
-    """The same with what does not matter to a test left out: one tracker at one speed."""
-    experiment = in_parts(file, speeds=[1])
+    """The same with what does not matter to a test left out: one tracker at one speed, and poses as stated."""
+    experiment = in_parts(file, speeds=[1], truth=TruthSettings(poses="stated"))
     return experiment.model_copy(update={"trackers": experiment.trackers[:1]})
 
 

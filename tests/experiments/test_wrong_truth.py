@@ -6,11 +6,12 @@ import numpy as np
 import polars as pl
 import pytest
 from benchmarks.validity.rigid import pose_noise
-from tests.lean import without_audit, without_depths
+from tests.lean import only_topics, without_audit
 from tests.truth_faults.planted import Planted, resized
 
 import tracknoise
 from tracknoise.sequences.arrays import Sequence
+from tracknoise.topics.truth_topic import DIFFERENCES
 
 FRAMES = 16
 
@@ -32,7 +33,7 @@ def runs():
     wrong = Planted(exact, poses=lambda poses: poses @ noise, intrinsics=resized(1.1))
     trackers = {"one": tracknoise.LucasKanade(), "other": tracknoise.Correspondence()}
     measure = partial(tracknoise.measure, trackers=trackers, truth="birth")
-    with without_audit(), without_depths():
+    with without_audit(), only_topics(DIFFERENCES):
         return {name: tracknoise.analyse(measure(of)) for name, of in (("exact", exact), ("wrong", wrong))}
 
 

@@ -123,6 +123,7 @@ def test_room_is_kept_for_figures_that_are_not_drawn_yet(page: Page) -> None:
     assert all(int(re.fullmatch(r"min-height: (\d+)px", style)[1]) > 100 for style in kept)
 
 
+@pytest.mark.usefixtures("one_family")
 def test_the_picture_to_share_says_what_to_set(fitted_run: RunFolder) -> None:
     index = write_report(fitted_run)
     image = cv2.imread(str(index.parent / "share.png"))

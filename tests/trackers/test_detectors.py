@@ -67,11 +67,11 @@ def test_sift_finds_a_blob_at_its_centre_without_bias(centre):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (6, 6), (7, 7), (16, 16), (40, 9)])
-@pytest.mark.parametrize(("detector", "descriptor"), PAIRS)
-def test_tiny_images_do_not_fail(shape, detector, descriptor):
+def test_tiny_images_do_not_fail(shape):
     image = np.random.default_rng(0).integers(0, 255, shape).astype(np.uint8)
-    described = describe(Frame(0, image), Detection(detector=detector), descriptor)
-    assert described.descriptors.shape == (len(described.uv), descriptor.size)
+    for detector, descriptor in PAIRS:
+        described = describe(Frame(0, image), Detection(detector=detector), descriptor)
+        assert described.descriptors.shape == (len(described.uv), descriptor.size), (detector, descriptor)
 
 
 @pytest.mark.parametrize(("detector", "descriptor"), PAIRS)

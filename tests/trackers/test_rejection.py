@@ -114,11 +114,10 @@ def test_the_fundamental_matrix_tells_what_moves_by_itself():
 
 
 @pytest.mark.parametrize("model", list(Model))
-@pytest.mark.parametrize("n", [0, 1, 2, 3, 4])
-def test_too_few_matches_have_no_outliers(model, n):
-    n = min(n, 2) if model is Model.two_point else n
-    source, target, _ = matches(n, 1.0, 1.0)
-    assert Rejection(model=model).inliers(source, target, 0).tolist() == [True] * n
+def test_too_few_matches_have_no_outliers(model):
+    for n in range(3 if model is Model.two_point else 5):
+        source, target, _ = matches(n, 1.0, 1.0)
+        assert Rejection(model=model).inliers(source, target, 0).tolist() == [True] * n
 
 
 @pytest.mark.parametrize("model", list(Model))

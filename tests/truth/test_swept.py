@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import polars as pl
 import pytest
-from tests.lean import with_models
+from tests.lean import only_topics, with_models
 
 import tracknoise
 from tracknoise.exceptions import NothingToMeasureError
@@ -198,7 +198,7 @@ def test_a_recording_without_depth_has_errors_and_a_sigma_to_set(recorded):
     by_depth = tracknoise.measure(recorded, settings)
     without = tracknoise.measure(still(recorded), settings)
     assert without.truth == "swept"
-    with with_models():
+    with with_models(), only_topics():
         runs = [tracknoise.analyse(one) for one in (by_depth, without)]
     sigmas = [run.sigma("openvins")["lucas-kanade"].sigma_px for run in runs]
     assert sigmas[1] == pytest.approx(sigmas[0], rel=0.15)

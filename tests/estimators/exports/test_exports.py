@@ -298,10 +298,10 @@ def test_the_covariance_of_an_observation_has_the_variance_of_sigma():
     assert names["R"][0, 0] > names["R"][1, 1]
 
 
-@pytest.fixture
-def exported(tmp_path):
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
     """All fragments of C++, with hostile names in their comments, as the files around them include them."""
-    folder = tmp_path / "exported"
+    folder = tmp_path_factory.mktemp("fragments") / "exported"
     folder.mkdir()
     for name in NAMES:
         found = export(lucas_kanade(), name, source=HOSTILE)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import vl_convert as vlc
 from scipy.spatial.transform import Rotation
-from tests.lean import without_audit, without_depths, without_geometry
+from tests.lean import only_topics, without_audit, without_geometry
 
 import tracknoise
 from tracknoise.report.figure_files import specification
@@ -31,7 +31,7 @@ def measured(number: int) -> tracknoise.Measurement:
 
 @pytest.fixture(scope="module")
 def made():
-    with without_audit(), without_depths(), without_geometry():
+    with without_audit(), only_topics(), without_geometry():
         run = tracknoise.analyse([measured(number) for number in range(2)], min_features=5)
     return truth_curves.two_truth_figures(ReportData.of(RunFolder(run.path)))
 

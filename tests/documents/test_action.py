@@ -44,6 +44,7 @@ from tracknoise.cli.app import main
 processes.usable_cores = lambda: 1
 if sys.argv[1] == "run":
     from tracknoise.experiments import execute
+    from tracknoise.topics.catalogue import by_table
 
     execute.compute_findings = lambda run, _, statistics, **others: run.write_statistics(by_table(statistics))
     with patch("tracknoise.cli.run_summary.print_results"):

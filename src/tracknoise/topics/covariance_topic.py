@@ -180,7 +180,7 @@ def _in_short(called: str, rows: Rows) -> str:
 def own_covariances(data: RunData) -> pl.DataFrame:
     """Rows of the reference view at the lowest speed that have enough errors, with the column `line` that names them.
 
-    Returns: columns of `tracknoise.tables.findings_schema.OWN_COVARIANCES`, and line.
+    Returns: columns of `tracknoise.analysis.covariance_verdicts.OWN_COVARIANCES`, and line.
     """
     rows = data.nominal(data["own_covariances"]).filter(trimming=data.trimming)
     judged = rows.filter(pl.col("n") >= _LEAST, pl.col("at").is_null(), quantity="nees")

@@ -74,7 +74,7 @@ LEVELS = {f"coverage_{level}": level for level in (50, 90, 95, 99)}
 def depth_shares(data: RunData) -> pl.DataFrame:
     """Shares at the lowest speed, of the longest window at which most trackers have enough tracks.
 
-    Returns: columns of `tracknoise.tables.findings_schema.DEPTH_INTERVALS`, with value, low and high in %, and at
+    Returns: columns of `tracknoise.estimators.depth_intervals.DEPTH_INTERVALS`, with value, low and high in %, and at
     (the level of the claimed interval, %).
     """
     wanted = pl.col("quantity").is_in([*LEVELS]) & (pl.col("window") <= LONGEST_WINDOW)

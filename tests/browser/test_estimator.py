@@ -70,8 +70,8 @@ def test_the_selector_works_with_the_keyboard_and_is_named(page: Page) -> None:
 
 
 @pytest.mark.parametrize("width", [400, 1366])
-def test_long_lines_fit_the_window(page_of: Path, open_page: Open, width: int) -> None:
-    page = open_page(page_of, width=width)
+def test_long_lines_fit_the_window(fitted_report: Path, open_page: Open, width: int) -> None:
+    page = open_page(fitted_report, width=width)
     page.wait(SHOWN)
     for name in ("openvins", "gtsam", "vins"):
         choose(page, name)

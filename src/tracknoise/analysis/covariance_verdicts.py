@@ -30,7 +30,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import INTERVAL_COLUMNS
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity, same
 from tracknoise.tables.schema import COVARIANCE_FRAMES, COVARIANCE_SUMS, TRIMMING, VERDICT
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -55,7 +55,7 @@ def _own_covariances() -> Rows:
     }
     values = by_quantity(names, ESTIMATED_OF_N | same("verdict"), of=None)
     keys = {**OF_CONDITION, **same("trimming", "axis", "at"), "part": "covariance"}
-    return Rows(Topic.own_covariances, keys, values)
+    return Rows(ResultTopic.own_covariances, keys, values)
 
 
 OWN_COVARIANCES = RunTable(

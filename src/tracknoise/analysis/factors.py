@@ -91,7 +91,7 @@ from tracknoise.statistics.grouping import Tables, TablesByCondition, by_conditi
 from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, OF_LEVELS, RESAMPLED
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import CONDITION, ENDS, FRAME_COUNTS, MOMENTS, SCALES, VERDICT, Schema, check, empty
 from tracknoise.words import STATISTICS, count, only
@@ -113,7 +113,7 @@ def _factors() -> Rows:
         Value("effect_horizon", "horizon"),
     ]
     keys = {**OF_CONDITION, **same("factor", "axis", "coordinate", "at"), "of": "statistic"}
-    return Rows(Topic.factors, keys, values)
+    return Rows(ResultTopic.factors, keys, values)
 
 
 DEPENDENCE = RunTable(

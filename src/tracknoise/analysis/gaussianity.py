@@ -69,7 +69,7 @@ from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import INTERVAL_KIND, RESAMPLED, SHAPE
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -103,7 +103,7 @@ def _shape() -> Rows:
         Value("errors_sampled", "n_sampled"),
     ]
     keys = {**OF_CONDITION, "trimming": "trimming", "at_low": "age_low", "at_high": "age_high"}
-    return Rows(Topic.shape, keys, values)
+    return Rows(ResultTopic.shape, keys, values)
 
 
 GAUSSIANITY = RunTable(
@@ -162,7 +162,7 @@ def _radii() -> Rows:
         "at_high": "age_high",
         "part_low": "probability",
     }
-    return Rows(Topic.radii, keys, values)
+    return Rows(ResultTopic.radii, keys, values)
 
 
 RADII = RunTable(

@@ -24,7 +24,7 @@ from tracknoise.statistics.definitions import NEAR_EDGE_PX, POOLED
 from tracknoise.statistics.grouping import Tables, by_condition, group_rows
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import (
     ESTIMATED_OF_N,
     OF_CLASS,
@@ -56,7 +56,7 @@ SURROUNDING_ERRORS = RunTable(
         **ESTIMATE_COLUMNS,
     },
     Rows(
-        Topic.surroundings,
+        ResultTopic.surroundings,
         {**OF_CONDITION, **OF_CLASS, **same("axis", "at", "coordinate"), "of": "statistic"},
         [Value("surrounding", "value", carried=ESTIMATED_OF_N | {"unit": "unit"})],
         packed={"part": ("surrounding", "class")},
@@ -87,7 +87,7 @@ def _image() -> Rows:
         ),
     ]
     keys = {**OF_CONDITION, **same("axis", "at")}
-    return Rows(Topic.image, keys, values, packed={"part": ("row", "column")})
+    return Rows(ResultTopic.image, keys, values, packed={"part": ("row", "column")})
 
 
 IMAGE_CELLS = RunTable(
@@ -126,7 +126,7 @@ SPEED_ERRORS = RunTable(
         **INTERVAL_COLUMNS,
     },
     one_number(
-        Topic.image_speeds,
+        ResultTopic.image_speeds,
         "image_speed_mean",
         "mean_px",
         {**OF_CONDITION, **OF_CLASS, **same("axis", "at", "coordinate")},

@@ -17,7 +17,7 @@ import polars as pl
 
 from tracknoise.analysis.factor_values import CORE, DISAGREE, Cell
 from tracknoise.tables.enumerations import Verdict
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import CONDITION, check, empty
 
@@ -37,7 +37,7 @@ RANKS = RunTable(
         "why": pl.String,
     },
     Rows(
-        Topic.ranks,
+        ResultTopic.ranks,
         {**OF_CONDITION, "axis": "axis", "of": "statistic"},
         [
             *(

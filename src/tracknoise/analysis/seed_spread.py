@@ -26,7 +26,7 @@ from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.statistics.grouping import Tables
 from tracknoise.statistics.lifetimes import RESTRICTED
 from tracknoise.tables.findings_schema import INTERVALS
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.tables.schema import check, empty
@@ -43,7 +43,7 @@ def _seeds() -> Rows:
         **same("population", "trimming", "weighting", "axis", "at", "coordinate"),
         "of": "statistic",
     }
-    return Rows(Topic.seeds, keys, values)
+    return Rows(ResultTopic.seeds, keys, values)
 
 
 SEED_SPREAD = RunTable(

@@ -62,7 +62,7 @@ from tracknoise.statistics.grouping import (
 from tracknoise.tables.defaults import MARGIN, MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Behaviour, Verdict, Weighting
 from tracknoise.tables.findings_schema import BEHAVIOUR, INTERVAL_KIND, RESAMPLED
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Constants, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import (
     ASPECT_BLOCKS,
@@ -113,7 +113,7 @@ def _growth() -> Rows:
         column = "autocorrelation" if lag == 1 else f"autocorrelation_{lag}"
         values.append(bounded("autocorrelation", column, {"axis": "lag", "at": lag}, kind="autocorrelation_kind"))
     keys = {**OF_CONDITION, **same("trimming", "coordinate")}
-    return Rows(Topic.growth, keys, values)
+    return Rows(ResultTopic.growth, keys, values)
 
 
 TIME_STRUCTURE = RunTable(

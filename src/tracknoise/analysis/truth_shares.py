@@ -26,7 +26,7 @@ from tracknoise.statistics.grouping import Tables, by_condition, tables_of
 from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, EVERYTHING, INTERVAL_COLUMNS, MEASURED
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, OF_VIEW, Rows, RunTable, Value, one_number, same
 from tracknoise.tables.schema import (
     BETWEEN_TRACKERS,
@@ -49,7 +49,7 @@ def _second_truth() -> Rows:
         for statistic in ("mean", "second")
     ]
     keys = {**OF_CONDITION, **same("trimming", "coordinate"), "part": "quantity", "at": "age"}
-    return Rows(Topic.second_truth, keys, values)
+    return Rows(ResultTopic.second_truth, keys, values)
 
 
 TWO_TRUTHS = RunTable(
@@ -87,7 +87,7 @@ POSE_DISAGREEMENT = RunTable(
         **ESTIMATE_COLUMNS,
     },
     one_number(
-        Topic.pose_disagreement,
+        ResultTopic.pose_disagreement,
         "pose_disagreement",
         "value",
         {"dataset": "dataset", **OF_VIEW, "at": "lag", "of": "quantity"},
@@ -115,7 +115,7 @@ TRIANGULATED_NOISE = RunTable(
         **INTERVAL_COLUMNS,
     },
     one_number(
-        Topic.fitted_noise,
+        ResultTopic.fitted_noise,
         "fitted_noise",
         "sigma_px",
         {
@@ -153,7 +153,7 @@ TRACKER_DIFFERENCES = RunTable(
         "established": pl.Boolean,
     },
     one_number(
-        Topic.tracker_differences,
+        ResultTopic.tracker_differences,
         "tracker_difference",
         "value",
         {**OF_CONDITION, "against": "other", "of": "statistic", "at": "age", "coordinate": "coordinate"},

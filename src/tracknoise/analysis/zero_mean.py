@@ -45,7 +45,7 @@ from tracknoise.statistics.grouping import (
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
 from tracknoise.tables.findings_schema import CURVES
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import COUNTED, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import MOMENTS, TRIMMING, VERDICT, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -69,7 +69,7 @@ def _bias() -> Rows:
         *(Value("p_value", name, {"part": name}) for name in _BIAS_TESTS),
     ]
     keys = {**OF_CONDITION, **same("trimming", "axis", "at")}
-    return Rows(Topic.bias, keys, values)
+    return Rows(ResultTopic.bias, keys, values)
 
 
 ZERO_MEAN = RunTable(

@@ -47,7 +47,7 @@ from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of, quantile, share_below
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity
 from tracknoise.tables.schema import NOISE_SUMS, NOISE_TRACKS, TRIMMING, WINDOW_NOISE, Schema, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -62,7 +62,7 @@ def _depths() -> Rows:
     }
     values = by_quantity(names, ESTIMATED_OF_N, axis="window", of=None)
     keys = {**OF_CONDITION, "trimming": "trimming", "at": "window", "part": "covariance", "part_low": "sigma_px"}
-    return Rows(Topic.depths, keys, values)
+    return Rows(ResultTopic.depths, keys, values)
 
 
 DEPTH_INTERVALS = RunTable(

@@ -46,7 +46,7 @@ from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, by_num
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.findings_schema import INTERVAL_COLUMNS, LOOKUP
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import ESTIMATED, Rows, RunTable, Value, bounds_of
 from tracknoise.tables.schema import PRODUCT, check, empty
 
@@ -61,7 +61,7 @@ def _lookup() -> Rows:
         ),
     ]
     keys = {"dataset": "dataset", "of": "product", "part": "lookup", "against": "against"}
-    return Rows(Topic.lookup, keys, values)
+    return Rows(ResultTopic.lookup, keys, values)
 
 
 NOISE_LOOKUP = RunTable(

@@ -18,7 +18,7 @@ from tracknoise.exceptions import DataError, SettingsError, StoreError
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.processes import ONE_THREAD, process_pool
 from tracknoise.tables.identity import identifiers
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Constants, Rows, RunTable, by_quantity, same
 from tracknoise.tables.schema import POOLED
 from tracknoise.tables.store import RunFolder
@@ -37,7 +37,7 @@ def _advice() -> Rows:
     values = by_quantity(names, same("low", "high", "level", "n_scenes", "why"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
     keys = {**OF_CONDITION, "at": "window"}
-    return Rows(Topic.advice, keys, values, packed=packed)
+    return Rows(ResultTopic.advice, keys, values, packed=packed)
 
 
 ADVICE = RunTable(

@@ -33,7 +33,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, Tables, TablesByCondition, by_condition
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, quantile, share_below
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.tables.schema import TRIMMING, WINDOW_BLOCKS, WINDOW_NOISE, check
@@ -55,7 +55,7 @@ def _windows() -> Rows:
     }
     values = by_quantity(names, ESTIMATED_OF_N, axis="window", coordinate=None, part=None)
     keys = {**OF_CONDITION, "trimming": "trimming", "at": "window"}
-    return Rows(Topic.windows, keys, values)
+    return Rows(ResultTopic.windows, keys, values)
 
 
 WINDOW_SIGMAS = RunTable(

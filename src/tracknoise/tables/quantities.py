@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Topic(StrEnum):
+class ResultTopic(StrEnum):
     """What a result is about."""
 
     errors = "errors"

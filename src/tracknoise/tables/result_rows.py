@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.tables.quantities import QUANTITIES, Topic
+from tracknoise.tables.quantities import QUANTITIES, ResultTopic
 from tracknoise.tables.results import beside_untrusted_truth, finished, ids
 from tracknoise.tables.run_table import Rows, RunTable, Value
 from tracknoise.tables.store import RunFolder
@@ -32,9 +32,9 @@ def results_of(tables: Mapping[RunTable, pl.DataFrame]) -> pl.DataFrame:
         Schema `RESULTS`.
     """
     known = [(table.rows, found) for table, found in tables.items() if table.rows is not None]
-    shared = frozenset[Topic]().union(*(rows.topics for rows, _ in known if len(rows.topics) > 1))
+    shared = frozenset[ResultTopic]().union(*(rows.topics for rows, _ in known if len(rows.topics) > 1))
     made: list[pl.DataFrame] = []
-    for topics in (shared, frozenset(Topic) - shared):  # tables that have rows in common, and all others at once
+    for topics in (shared, frozenset(ResultTopic) - shared):  # tables that have rows in common, and all others at once
         mine = ((rows, found) for rows, found in known if rows.topics & topics)
         made.append(finished(part for rows, found in mine for _, part in _parts_of(rows, found)))
     return pl.concat(made)

@@ -15,7 +15,7 @@ import polars as pl
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.units import Resampled
 from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, Shape, Verdict
-from tracknoise.tables.quantities import QUANTITIES, Topic
+from tracknoise.tables.quantities import QUANTITIES, ResultTopic
 from tracknoise.tables.schema import ASPECT, POPULATION, TRIMMING, VIEW, WEIGHTING, Schema
 
 
@@ -48,7 +48,7 @@ IDENTITY: Schema = {
     **{name: _NAME if kind == pl.String else kind for name, kind in VIEW.items()},
     "tracker": _NAME,
     "speed": pl.Int32,
-    "topic": pl.Enum(Topic),
+    "topic": pl.Enum(ResultTopic),
     "factor": _NAME,
     "of": _NAME,
     "axis": pl.Enum(_AXES),
@@ -135,15 +135,19 @@ def _typed(rows: pl.DataFrame, kinds: Schema) -> pl.DataFrame:
 
 
 _WITHOUT_TRUTH = (
-    *(Topic.tracks, Topic.causes),  # no errors
+    *(ResultTopic.tracks, ResultTopic.causes),  # no errors
     *(
-        Topic.truth_floor,
-        Topic.second_truth,
-        Topic.pose_disagreement,
-        Topic.pose_share,
-        Topic.pose_errors,
+        ResultTopic.truth_floor,
+        ResultTopic.second_truth,
+        ResultTopic.pose_disagreement,
+        ResultTopic.pose_share,
+        ResultTopic.pose_errors,
     ),  # of the truth
-    *(Topic.shared_motion, Topic.tracker_differences, Topic.seeds),  # in which it cancels, or is told apart
+    *(
+        ResultTopic.shared_motion,
+        ResultTopic.tracker_differences,
+        ResultTopic.seeds,
+    ),  # in which it cancels, or is told apart
 )
 """Topics of numbers that errors of the truth do not change."""
 

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 import polars as pl
 
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.schema import CONDITION, VIEW, Schema
 
 Columns: TypeAlias = Mapping[str, str]
@@ -41,7 +41,7 @@ class Value:
     labels: Constants = field(default_factory=dict)
     rows: Constants = field(default_factory=dict)
     carried: Columns = field(default_factory=dict)
-    topic: Topic | None = None
+    topic: ResultTopic | None = None
     always: bool = False
 
 
@@ -61,13 +61,13 @@ class Rows:
         A column of the identity, and columns of the table that it holds as text, joined by a colon.
     """
 
-    topic: Topic
+    topic: ResultTopic
     keys: Columns
     values: Sequence[Value]
     packed: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
-    def topics(self) -> frozenset[Topic]:
+    def topics(self) -> frozenset[ResultTopic]:
         """Topics of its rows."""
         return frozenset(value.topic or self.topic for value in self.values)
 
@@ -97,7 +97,7 @@ class RunTable(dict[str, pl.DataType | type[pl.DataType]]):
     @property
     def are_curves(self) -> bool:
         """Whether it holds curves of errors and nothing else."""
-        return self.rows is not None and self.rows.topics == {Topic.errors}
+        return self.rows is not None and self.rows.topics == {ResultTopic.errors}
 
 
 def same(*names: str) -> dict[str, str]:
@@ -126,6 +126,6 @@ def by_quantity(names: Mapping[str, tuple[str, Constants]], carried: Columns, **
     ]
 
 
-def one_number(topic: Topic, quantity: str, value: str, keys: Columns, carried: Columns) -> Rows:
+def one_number(topic: ResultTopic, quantity: str, value: str, keys: Columns, carried: Columns) -> Rows:
     """A table with one number in each row."""
     return Rows(topic, keys, [Value(quantity, value, carried=carried)])

@@ -31,7 +31,7 @@ from tracknoise.inference.intervals import Method, pooled
 from tracknoise.statistics.definitions import POOLED, REFERENCE_AGE
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
-from tracknoise.tables.quantities import Topic
+from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, OF_VIEW, Rows, RunTable, Value, one_number
 from tracknoise.tables.schema import FITTED_TO, POSE_GROWTH, RIGID, VIEW, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -44,7 +44,7 @@ def _shared_motion() -> Rows:
         Value("shared_motion_moment", "left_px2", {"against": "left"}),
     ]
     keys = {**OF_CONDITION, "part": "fitted_to", "at": "age", "coordinate": "coordinate"}
-    return Rows(Topic.shared_motion, keys, values)
+    return Rows(ResultTopic.shared_motion, keys, values)
 
 
 RIGID_SHARE = RunTable(
@@ -81,7 +81,7 @@ POSE_SHARE = RunTable(
         **INTERVAL_COLUMNS,
     },
     one_number(
-        Topic.pose_share,
+        ResultTopic.pose_share,
         "pose_share",
         "share",
         {**OF_CONDITION, "part": "fitted_to"},
@@ -106,7 +106,7 @@ POSE_LAW = RunTable(
         **ESTIMATE_COLUMNS,
     },
     one_number(
-        Topic.pose_errors,
+        ResultTopic.pose_errors,
         "pose_error",
         "value",
         {"dataset": "dataset", **OF_VIEW, "part": "motion", "of": "law"},

@@ -319,6 +319,24 @@ def test_frames_without_an_image_of_the_second_camera_have_no_depth(scene):
     assert made.depth(3) is not None
 
 
+def test_images_of_the_second_camera_that_are_listed_and_missing_are_left_out(scene: Path) -> None:
+    body_from_other = BODY_FROM_CAMERA.copy()
+    body_from_other[:3, 3] += BODY_FROM_CAMERA[:3, 0] * 0.11
+    write_images(scene / "mav0", "cam1", FRAMES_NS.tolist(), images(4))
+    write_sensor(scene / "mav0/cam1/sensor.yaml", (64, 48), INTRINSICS, body_from_camera=body_from_other)
+    paths = sorted((scene / "mav0/cam1/data").iterdir())
+    paths[2].unlink()
+    read = open_sequence("euroc", scene)
+    assert read.second is not None
+    assert [read.second.images(index) is None for index in range(4)] == [False, False, True, False]
+    assert "1 of 4 frames has no image of cam1, and no depth from it" in read.notes
+    for path in paths[:2] + paths[3:]:
+        path.unlink()
+    read = open_sequence("euroc", scene)
+    assert read.second is None
+    assert any(note.startswith("cam1 gives no depth: ") for note in read.notes)
+
+
 def test_depth_from_stereo_leaves_the_poses_between_images_as_they_were_recorded(scene):
     """A rolling shutter and a clock offset need them."""
     body_from_other = BODY_FROM_CAMERA.copy()

@@ -302,13 +302,18 @@ class _SomeImages:
 
 
 def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64], unit: TimeUnit | None) -> tuple[Path | None, ...]:
-    """The image of a camera at each time, to the nanosecond: cameras of a pair are triggered together."""
+    """The image of a camera at each time, to the nanosecond: cameras of a pair are triggered together.
+
+    None where the list has none, or its file is missing.
+    """
     table = read_table(files.list_of_images(camera), _IMAGE_COLUMNS, unit, _UNIT)
-    names = dict(zip(table.times_ns.tolist(), file_names(table), strict=True))
-    if names.keys().isdisjoint(times_ns.tolist()):
+    listed = dict(zip(table.times_ns.tolist(), file_names(table), strict=True))
+    paths = {time: files.image(camera, listed[time]) for time in times_ns.tolist() if time in listed}
+    there = {time: path for time, path in paths.items() if path.is_file()}
+    if not there:
         times = counted(len(times_ns), "time")
         raise DataError(table.path, f"no image at any of {times}", "images at the times of frames")
-    return tuple(files.image(camera, names[time]) if time in names else None for time in times_ns.tolist())
+    return tuple(there.get(time) for time in times_ns.tolist())
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,17 +3,18 @@
 import cv2
 import polars as pl
 import pytest
-from polars.testing import assert_frame_equal
+from polars.testing import assert_frame_equal, assert_series_equal
 from tests.lean import measured_only
 
 from tracknoise.experiments.execute import execute, remake
 from tracknoise.experiments.load import load_experiment, resolve
 from tracknoise.experiments.parts import ranges_of
-from tracknoise.experiments.settings import TrackerChoice, TruthSettings
+from tracknoise.experiments.settings import TrackerChoice, TruthSettings, ViewSettings
 from tracknoise.statistics.lifetimes import lifetimes
 from tracknoise.statistics.summarise import summarise_sequence
 from tracknoise.tables.schema import ORIGIN
 from tracknoise.tables.store import RunFolder
+from tracknoise.trackers.imported import Imported
 
 KEY = "seq-01@default"
 
@@ -306,15 +307,40 @@ def test_parts_of_another_version_are_measured_again(recording, told, tmp_path, 
     assert (10, 1) not in seen
 
 
+@pytest.fixture
+def imported(tmp_path):
+    """Nine tracks in frames 1 to 28 as they are played."""
+    rows = (f"{k},{f},{20 + k + 0.25 * f},{20 + 2 * k}\n" for k in range(9) for f in range(1, 29))
+    text = "track,frame,u,v\n" + "".join(rows)
+    for direction in ("forward", "backward"):
+        (tmp_path / f"{direction}.csv").write_text(text)
+    return [TrackerChoice(kind="imported", options={"path": str(tmp_path / "{direction}.csv")})]
+
+
 @pytest.mark.usefixtures("lean")
-def test_trackers_that_need_the_whole_sequence_get_it(recording, tmp_path, told):
-    tracks = tmp_path / "tracks.csv"
-    tracks.write_text(
-        "track,frame,u,v\n" + "".join(f"{k},{f},{20 + k},{20 + k}\n" for k in range(9) for f in range(1, 29))
-    )
-    trackers = [TrackerChoice(kind="imported", options={"path": str(tracks)})]
+@pytest.mark.parametrize("direction", ["forward", "backward"])
+def test_imported_tracks_are_read_in_each_part(recording, imported, tmp_path, told, direction):
+    views = [ViewSettings(direction=direction)]
+    poses = TruthSettings(poses="stated")
+    experiment = in_parts(recording, trackers=imported, speeds=[1, 2], views=views, truth=poses)
     run = RunFolder(tmp_path / "run")
-    outcome = execute(in_parts(recording, trackers=trackers, speeds=[1]), run, listener=told())
+    outcome = execute(experiment, run, listener=told())
+    assert not outcome.failures
+    (entry,) = run.manifest().sequences.values()
+    assert entry.parts == ((0, 10), (10, 20), (20, 30))
+    seen = run.sequence_table("observations", entry.key).filter(speed=1)
+    k, birth = (seen["v_px"] - 20) / 2, seen["frame"] - seen["age"]
+    assert_series_equal(seen["u_px"], 20 + k + 0.25 * seen["frame"], check_names=False)
+    assert set(birth) == {1, 10, 20}
+    assert sorted(set(seen["frame"])) == list(range(1, 29))
+    assert len(set(seen["track"])) == 27
+
+
+@pytest.mark.usefixtures("lean")
+def test_trackers_that_need_the_whole_sequence_get_it(recording, imported, tmp_path, told, monkeypatch):
+    monkeypatch.setattr(Imported, "begins_anywhere", False)
+    run = RunFolder(tmp_path / "run")
+    outcome = execute(in_parts(recording, trackers=imported, speeds=[1]), run, listener=told())
     assert outcome.measured == [KEY], outcome.failures
     entry = run.manifest().sequences[KEY]
     assert not entry.parts

@@ -27,7 +27,7 @@ from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import INPUTS, layout_of
 from tracknoise.tables.store import OBSERVED, RunFolder, schema_of
 from tracknoise.text import counted
-from tracknoise.trackers.tracker import needs_frames_only
+from tracknoise.trackers.tracker import begins_anywhere, needs_frames_only
 from tracknoise.words import listing
 
 _USUAL = 640 * 480
@@ -46,7 +46,7 @@ def parts_of(task: Task, sequence: Recording) -> tuple[range, ...]:
     """Frames of the parts in which a sequence is measured; none if it is measured in one piece.
 
     Sequences that are read together are measured in one piece, and so are those whose true positions are fixed in one
-    key frame, and those of trackers that need the whole sequence, such as imported tracks.
+    key frame, and those of trackers that need the whole sequence.
     """
     return () if _of_the_whole(task) else _possible_parts(task, sequence)
 
@@ -62,7 +62,8 @@ def one_piece_notes(task: Task, sequence: Recording) -> tuple[str, ...]:
 
 def _of_the_whole(task: Task) -> list[str]:
     """Trackers that need the whole sequence."""
-    return [name for name, tracker in make_trackers(task.experiment).items() if not needs_frames_only(tracker)]
+    trackers = make_trackers(task.experiment).items()
+    return [name for name, tracker in trackers if not (needs_frames_only(tracker) or begins_anywhere(tracker))]
 
 
 def _possible_parts(task: Task, sequence: Recording) -> tuple[range, ...]:

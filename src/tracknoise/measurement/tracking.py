@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
 from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, times_of
-from tracknoise.sequences.views import first_of_part, image_names_of, source_frames
+from tracknoise.sequences.views import first_of_part, image_names_of, source_frames, whole_of
 from tracknoise.trackers.gradient import dominant_gradient
 from tracknoise.trackers.tracker import (
     Frame,
@@ -20,8 +20,10 @@ from tracknoise.trackers.tracker import (
     PointTracker,
     SequenceContext,
     StatedPoints,
+    Step,
     Tracker,
     TrackerSettings,
+    begins_anywhere,
 )
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
@@ -176,27 +178,59 @@ class _Pass:
 def start_tracker(
     condition: TrackerSetup, sequence: Sequence, truth: OracleTruth | None, seed: int, n_frames: int
 ) -> Tracker:
-    """Start the tracker of a setup on a sequence; `truth` for trackers that know it."""
-    posed = RowPoses(sequence).known
-    return condition.settings.start(
+    """Start the tracker of a setup on a sequence; `truth` for trackers that know it.
+
+    On a part of a sequence, a tracker that begins anywhere is started on the whole one.
+    """
+    whole, first = whole_of(sequence) if begins_anywhere(condition.settings) else (sequence, 0)
+    posed = RowPoses(whole).known
+    tracker = condition.settings.start(
         SequenceContext(
-            sequence=sequence.id,
-            size=(sequence.camera.width, sequence.camera.height),
-            n_frames=len(sequence),
+            sequence=whole.id,
+            size=(whole.camera.width, whole.camera.height),
+            n_frames=len(whole),
             speed=condition.speed,
             seed=seed,
-            first_frame=first_of_part(sequence),
+            first_frame=first_of_part(whole),
             truth=truth,
             frames_without_pose=frozenset(np.flatnonzero(~posed).tolist()),
-            timestamps_s=times_of(sequence),
-            clock_start_ns=clock_start_of(sequence),
-            source_frames=source_frames(sequence),
-            camera_at=partial(camera_at, sequence),
-            rotation_at=(lambda index: sequence.world_from_camera[index, :3, :3]) if posed.any() else None,
+            timestamps_s=times_of(whole),
+            clock_start_ns=clock_start_of(whole),
+            source_frames=source_frames(whole),
+            camera_at=partial(camera_at, whole),
+            rotation_at=(lambda index: whole.world_from_camera[index, :3, :3]) if posed.any() else None,
             images=lambda: map(sequence.image, range(0, n_frames, condition.speed)),
-            image_names=image_names_of(sequence),
+            image_names=image_names_of(whole),
         )
     )
+    return tracker if whole is sequence else _InPart(tracker, range(first, first + len(sequence)))
+
+
+@dataclass(frozen=True, slots=True)
+class _InPart:
+    """A tracker of a whole sequence in some of its frames."""
+
+    tracker: Tracker
+    frames: range
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See `tracknoise.trackers.tracker.NotedTracker`."""
+        return self.tracker.notes if isinstance(self.tracker, NotedTracker) else ()
+
+    @property
+    def points(self) -> StatedPoints | None:
+        """See `tracknoise.trackers.tracker.PointTracker`: those in frames of the part."""
+        points = self.tracker.points if isinstance(self.tracker, PointTracker) else None
+        if points is None:
+            return None
+        own = (points.frame >= self.frames.start) & (points.frame < self.frames.stop)
+        frame = points.frame[own] - self.frames.start
+        return StatedPoints(points.point[own], frame, points.uv[own], points.visible[own])
+
+    def step(self, frame: Frame) -> Step:
+        """See `tracknoise.trackers.tracker.Tracker.step`; its first frame is that of the part."""
+        return self.tracker.step(Frame(self.frames[frame.index], frame.image))
 
 
 def _notes(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> tuple[str, ...]:

@@ -283,6 +283,23 @@ def first_of_part(sequence: Sequence) -> int:
     return first_of_part(sequence.sequence) if isinstance(sequence, View) else 0
 
 
+def whole_of(sequence: Sequence) -> tuple[Sequence, int]:
+    """The sequence of which a part is played, as it is played, and the first frame of the part in it.
+
+    Itself and 0 where all of it is. Of other views, those that change its order or its camera are kept.
+    """
+    if isinstance(sequence, PartOfSequence):
+        return sequence.sequence, sequence.frames.start
+    if not isinstance(sequence, View):
+        return sequence, 0
+    inner, first = whole_of(sequence.sequence)
+    if inner is sequence.sequence:
+        return sequence, 0
+    if isinstance(sequence, Backward):
+        first = len(inner) - first - len(sequence)
+    return (replace(sequence, sequence=inner) if isinstance(sequence, Backward | Turned) else inner), first
+
+
 def frame_step(sequence: Sequence) -> int:
     """Number of frames of the recording from one frame of a sequence to the next."""
     if not isinstance(sequence, View):

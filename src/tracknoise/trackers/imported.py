@@ -145,6 +145,7 @@ class ImportedArrays:
     kind: ClassVar[str] = "imported"
     description: ClassVar[str] = "tracks of another front end, in memory"
     reports_causes: ClassVar[bool] = False
+    begins_anywhere: ClassVar[bool] = True
 
     rows: Rows
     units: Units = Units.pixels
@@ -331,6 +332,7 @@ class Imported:
         "tracks that another front end wrote: CSV, Parquet, XIVO, event text, TAP, COLMAP, bags"
     )
     reports_causes: ClassVar[bool] = False
+    begins_anywhere: ClassVar[bool] = True
 
     path: PathTemplate
     _: KW_ONLY

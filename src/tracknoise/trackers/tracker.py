@@ -330,6 +330,15 @@ def needs_frames_only(settings: TrackerSettings) -> bool:
     return bool(getattr(settings, "needs_frames_only", False))
 
 
+def begins_anywhere(settings: TrackerSettings) -> bool:
+    """Whether a tracker that is started on a whole sequence can take its first step in any frame of it.
+
+    Settings of a tracker that has a class variable ``begins_anywhere = True``. A part of a long sequence is then what
+    it does in the frames of the part.
+    """
+    return bool(getattr(settings, "begins_anywhere", False))
+
+
 @dataclass(frozen=True, slots=True)
 class RepeatedTracker:
     """A tracker with other random seeds.
@@ -357,6 +366,11 @@ class RepeatedTracker:
     def needs_frames_only(self) -> bool:
         """As the tracker itself: see `needs_frames_only`."""
         return needs_frames_only(self.settings)
+
+    @property
+    def begins_anywhere(self) -> bool:
+        """As the tracker itself: see `begins_anywhere`."""
+        return begins_anywhere(self.settings)
 
     def start(self, context: SequenceContext) -> Tracker:
         """Start the tracker on one sequence at one speed."""

@@ -25,7 +25,7 @@ version that this was checked against.** From Python: `model.export("openvins")`
 not matter.
 
 A model from a truth that is not trusted or unknown is refused without `--allow untrusted` ([truth](../truth.md)). The
-verdict is in a comment of each file; CSV has it only where the truth is not trusted or unknown.
+verdict is in a comment of each file unless the truth is trusted.
 
 ## Which numbers are written
 

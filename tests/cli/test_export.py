@@ -2,6 +2,7 @@
 
 import polars as pl
 import pytest
+import yaml
 from tests.estimators.exports.models import detections, lucas_kanade
 
 from tracknoise.estimators.exports import estimators
@@ -35,7 +36,7 @@ def file(tmp_path):
 def test_files_are_printed(tracknoise, file):
     code, out, err = tracknoise("export", file, "--to", "openvins", "--focal", "458.6", "--rate", "20")
     assert (code, err) == (0, "")
-    assert "==> openvins_noise.yaml <==\n%YAML:1.0\n# tracknoise" in out
+    assert "==> openvins_noise.yaml <==\n# tracknoise" in out
     assert "lk.noise.json sha256" in out
     assert "up_msckf_sigma_px: 0.300" in out
     assert "==> openvins.patch <==" in out
@@ -45,7 +46,7 @@ def test_files_are_printed(tracknoise, file):
 def test_the_source_is_named_as_its_file_is(tracknoise, tmp_path):
     lucas_kanade().write(tmp_path / "lucas-kanade@1.noise.json")
     _, out, _ = tracknoise("export", str(tmp_path / "lucas-kanade@1.noise.json"), "--to", "openvins")
-    assert "; lucas-kanade@1.noise.json sha256" in out
+    assert ": lucas-kanade@1.noise.json sha256" in out
 
 
 def test_or_written(tracknoise, file, tmp_path):
@@ -150,9 +151,10 @@ def test_a_model_from_an_untrusted_truth_is_refused_and_marked_where_it_is_accep
             assert f"{verdict}" in written.read_text(), written
 
 
-def test_the_files_of_a_trusted_truth_say_so(tracknoise, file, tmp_path):
+def test_a_fragment_can_be_pasted_and_says_nothing_of_a_trusted_truth(tracknoise, file, tmp_path):
     tracknoise("export", file, "--to", "openvins", "-o", str(tmp_path / "config"))
-    first, second, *_ = (tmp_path / "config/openvins_noise.yaml").read_text().splitlines()
-    assert first == "%YAML:1.0"
-    assert second.startswith("# ")
-    assert second.endswith("Truth: trusted. No fault was found.")
+    text = (tmp_path / "config/openvins_noise.yaml").read_text()
+    comments, keys = ([line for line in text.splitlines() if line.startswith("#") is own] for own in (True, False))
+    assert max(map(len, comments)) <= 120
+    assert "Truth" not in text
+    assert list(yaml.safe_load("max_slam: 50\n" + text)) == ["max_slam", *(line.split(":")[0] for line in keys)]

@@ -75,8 +75,8 @@ def export(
 
     Without arguments, lists the estimators. `text` says what to set, and shows the components; `cpp` is a header. The
     model is the one that the run fitted, or is fitted now. A focal length or a rate that it was not measured at is
-    refused, and so is a truth that is not trusted. The verdict on the truth is in a comment of each file. See
-    docs/estimators/exports.md.
+    refused, and so is a truth that is not trusted. The verdict on the truth is in a comment of each file
+    unless it is trusted. See docs/estimators/exports.md.
 
     Examples: `tracknoise export runs/mine --to openvins --focal 458.6 --rate 20 -o config`,
     `tracknoise export runs/mine --to text --tracker lucas-kanade --model lk.noise.json`

@@ -14,6 +14,7 @@ and one of forward motion.
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -329,13 +330,13 @@ def export(
     if about.family == "data" and at.caveats:
         raise SettingsError(f"{about.title}: found another focal length or rate, expected those of the model")
     header = exports.header(noise, source, model.sha256)
-    values = {"noise": noise, "camera": camera, "header": header, "model": model, "observations": observations}
+    values = {"noise": noise, "camera": camera, "model": model, "observations": observations}
     caveats = (*camera.notes, *at.caveats, *exports.caveats(about, noise))
     return Export(
-        files={file: _filled(template, values) for file, template in about.files.items()},
+        files={file: _filled(_headed(template, header), values) for file, template in about.files.items()},
         rate_hz=camera.rate_hz,
         text=exports.text(about, header, (*caveats, *about.notes)),
-        patch=None if about.patch is None else _filled(about.patch, values),
+        patch=None if about.patch is None else _filled(_headed(about.patch, header), values),
         caveats=caveats,
     )
 
@@ -349,6 +350,21 @@ def _require_known(about: Estimator, known: Mapping[str, object]) -> None:
     for need in about.needs:
         if known[need] is None:
             raise SettingsError(f"{about.title}: no {need}, expected {expected[need]}")
+
+
+_HEADER = re.compile(r"(?m)^(.*)\{\{ header \}\}(.*)$")
+"""The line of a template that names the header, with the signs of a comment on both sides."""
+
+
+def _headed(template: str, header: Sequence[str]) -> str:
+    """A template with a comment for each line of the header, or one for all where the comment has to end."""
+
+    def lines(found: re.Match[str]) -> str:
+        before, after = found.groups()
+        parts = ["; ".join(header)] if after else header
+        return "\n".join(f"{before}{one}{after}" for one in parts)
+
+    return _HEADER.sub(lines, template)
 
 
 def _filled(template: str, values: Mapping[str, object]) -> str:

@@ -23,6 +23,7 @@ from tracknoise.estimators.advice import SHORTEST_WINDOW, Advice, ExportedModel,
 from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark, LossKind, Purpose
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.inference.track_noise import COMPONENTS, NAMES
+from tracknoise.tables.enumerations import Trust
 from tracknoise.text import significant
 
 
@@ -381,18 +382,20 @@ def hash_text(sha256: str) -> str:
     return f"sha256 {sha256[:_DIGITS_OF_HASH]}"
 
 
-def header(noise: Noise, source: str, sha256: str) -> str:
-    """Write the first line of a file: tool, model, tracker, and what is right. It can stand in a comment."""
-    training = noise.model.training
-    parts = [
-        f"tracknoise {version('tracknoise')}",
-        f"{source} {hash_text(sha256)}",
-        f"{training.tracker} at speed {training.speed:g} on {training.dataset}",
-        *([] if "rate" not in noise.about.needs else [f"{noise.model.camera.rate_hz:.6g} frames per second"]),
-        makes_right(noise),
-        noise.model.truth.caveat,
+def header(noise: Noise, source: str, sha256: str) -> tuple[str, ...]:
+    """Write the first lines of a file: tool, model, tracker, and what is right. They can stand in a comment.
+
+    The verdict on the truth is among them where its errors are in the numbers.
+    """
+    training, truth = noise.model.training, noise.model.truth
+    rate = f", {noise.model.camera.rate_hz:.6g} frames per second" if "rate" in noise.about.needs else ""
+    lines = [
+        f"tracknoise {version('tracknoise')}: {source} {hash_text(sha256)}",
+        f"{training.tracker} at speed {training.speed:g} on {training.dataset}{rate}",
+        *makes_right(noise),
+        *([] if truth.verdict is Trust.trusted else [truth.caveat]),
     ]
-    return in_comment("; ".join(parts))
+    return tuple(map(in_comment, lines))
 
 
 def in_comment(line: str) -> str:
@@ -400,8 +403,8 @@ def in_comment(line: str) -> str:
     return re.sub(r"--+", "-", re.sub(r"[^\w .,:;()/+=%@-]", "_", line))
 
 
-def makes_right(noise: Noise) -> str:
-    """Write which numbers are used, with intervals, and what they make right."""
+def makes_right(noise: Noise) -> Iterator[str]:
+    """Write which numbers are used, with intervals, and what they make right, in lines."""
     if noise.set_to is None:
         written = dict.fromkeys(_floored(noise.about, noise), f", written as {LEAST_PX:g} px")
         parts = [
@@ -409,20 +412,27 @@ def makes_right(noise: Noise) -> str:
             for one in COMPONENTS
             if _is_written(noise.about, one.name)
         ]
-        return f"components of the model: {', '.join(parts)}"
+        yield f"components of the model: {', '.join(parts)}"
+        return
     is_bound = not noise.model.truth.is_usable
-    bound = "; errors of the truth are in it: the tracker alone has less" if is_bound else ""
-    return f"{in_words(noise.advice, is_bound=is_bound)}{bound}"
+    yield from _lines(noise.advice, is_bound=is_bound)
+    if is_bound:
+        yield "errors of the truth are in it: the tracker alone has less"
 
 
 def in_words(advice: Advice, *, is_bound: bool = False) -> str:
     """Write what to set, and what it makes right, in one line. `is_bound`: whether sigma is at most this."""
+    numbers, right, *state = _lines(advice, is_bound=is_bound)
+    return "; ".join([f"{numbers}: {right}", *state])
+
+
+def _lines(advice: Advice, *, is_bound: bool) -> Iterator[str]:
+    """What to set, what it makes right, and what to set for features in the state where that is something else."""
     most = "at most " if is_bound else ""
-    found = f"{_numbers(advice, most)}: right for {right_for(advice)}, in {_windows(advice)}"
-    if advice.state is None:
-        return found
-    state = _numbers(advice.state, most)
-    return f"{found}; features in the state: {state}, in {_windows(advice.state)}"
+    yield _numbers(advice, most)
+    yield f"right for {right_for(advice)}, in {_windows(advice)}"
+    if advice.state is not None:
+        yield f"features in the state: {_numbers(advice.state, most)}, in {_windows(advice.state)}"
 
 
 def right_for(advice: Advice) -> str:
@@ -455,7 +465,7 @@ def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
     return (*cannot, *about.without_effect, *_of_model(noise), *_of_floors(about, noise))
 
 
-def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
+def text(about: Estimator, first_lines: Iterable[str], sentences: Iterable[str]) -> str:
     """Write the text of an export: what it is, with its caveats."""
     parts = {
         "Unit": about.unit,
@@ -463,14 +473,15 @@ def text(about: Estimator, first_line: str, sentences: Iterable[str]) -> str:
         "First observation": LANDMARKS[about.landmark],
         "Checked against": ", ".join(about.checked_against),
     }
-    lines = [about.title, first_line, "", *(f"{name}: {value}" for name, value in parts.items() if value), ""]
+    lines = [about.title, *first_lines, "", *(f"{name}: {value}" for name, value in parts.items() if value), ""]
     return "\n".join([*lines, *(f"- {sentence}" for sentence in sentences)]) + "\n"
 
 
 def _of_model(noise: Noise) -> Iterator[str]:
     if noise.set_to is not None:
         yield from _of_advice(noise.advice)
-    yield noise.model.truth.sentence
+    if noise.model.truth.verdict is not Trust.trusted:
+        yield noise.model.truth.sentence
     yield from of_common(noise.model.common_share)
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."

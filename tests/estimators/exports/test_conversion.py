@@ -94,16 +94,16 @@ def test_a_rate_that_no_camera_has_reaches_no_file_unless_it_is_stated():
         export(model, "rovio")
     slow = export(model, "rovio", target=Target(rate_hz=0.02))
     assert slow.rate_hz == 0.02
-    assert "; 0.02 frames per second; " in slow.files["rovio_noise.info"]
+    assert ", 0.02 frames per second\n" in slow.files["rovio_noise.info"]
     assert export(model, "openvins").files  # no number of it depends on the rate
 
 
 def test_files_whose_numbers_depend_on_the_rate_state_it():
     found = export(lucas_kanade(), "rovio")
     assert found.rate_hz == 20.0
-    assert "; 20 frames per second; " in found.files["rovio_noise.info"]
+    assert ", 20 frames per second\n" in found.files["rovio_noise.info"]
     half = export(lucas_kanade(), "rovio", target=Target(rate_hz=10.0, rate_change=RateChange.THINNED))
-    assert "; 10 frames per second; " in half.files["rovio_noise.info"]
+    assert ", 10 frames per second\n" in half.files["rovio_noise.info"]
 
 
 def test_what_needs_a_rate_asks_for_it():

@@ -226,7 +226,7 @@ def test_without_tried_losses_sigma_is_that_of_least_squares():
         assert found.sigma.value == pytest.approx(sigma(purpose=Purpose(purpose), window=window))
         assert (found.knee_px, found.windows) == (pytest.approx(knee), 0)
     written = made("gtsam", model=untried)
-    assert "Cauchy loss at 0.5 sigma (not tried): right for the covariance of the newest pose" in written.text
+    assert "Cauchy loss at 0.5 sigma (not tried)\nright for the covariance of the newest pose" in written.text
     assert "The loss was not tried" in written.text
     assert "not tried" not in made("gtsam").text
 

@@ -27,18 +27,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.analysis.factors import family
+from tracknoise.analysis.paired_tests import Change, Unit, decided, is_below, is_beyond, mean_of_points, why_open
 from tracknoise.analysis.run_changes import (
     ESTIMANDS,
     Asked,
-    Change,
     Compared,
     Comparison,
     GateResult,
     GateRow,
     Row,
     Tested,
-    Unit,
-    mean_of_points,
     place_words,
 )
 from tracknoise.inference.conventions import LEVEL
@@ -48,11 +46,8 @@ from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
 from tracknoise.tables.schema import VIEW
 from tracknoise.words import condition_name
 
-SHARE_MARGIN = 0.2
-"""Margin of differences of shares, relative to that of ratios: 0.02 where ratios have 0.1."""
 UNSURE = "a larger change cannot be excluded at each age and coordinate"
 """Why an answer about several ages or coordinates is undecided."""
-_ROUNDING = 1e-12
 
 
 def verdicts(
@@ -73,7 +68,7 @@ def verdicts(
     ages
         Whether single ages are tested besides their mean.
     """
-    margins = [margin_of(one, margin) for one in asked]
+    margins = [one.estimand.unit.margin(margin, one.values.scale_px) for one in asked]
     tested = [one.tested(limit, level=level, ages=ages) for one, limit in zip(asked, margins, strict=True)]
     p_change = [None if one.found is None else one.found.p_change for one in tested]
     p_none = [None if one.found is None else one.found.p_none for one in tested]
@@ -84,22 +79,13 @@ def verdicts(
     for place, (one, tests) in enumerate(zip(asked, tested, strict=True)):
         verdict, why = _verdict(one, tests, margins[place], adjusted[place], q_none[place], level)
         numbers: dict[str, Any] = {
-            "margin": known(one.in_unit(margins[place])),
+            "margin": known(one.estimand.unit.of(margins[place])),
             "p_change": p_change[place],
             "p_adjusted": known(adjusted[place]),
             "p_none": p_none[place],
         }
         rows.append(Row(one.of, one.statistic, verdict, why, **numbers, **described(one, tests)))
     return rows
-
-
-def margin_of(asked: Asked, margin: float) -> float:
-    """Margin of a question: of logarithms for ratios, a share of the core for px; NaN where it is unknown."""
-    if asked.estimand.unit == Unit.ratio:
-        return float(np.log1p(margin))
-    if asked.estimand.unit == Unit.share:
-        return SHARE_MARGIN * margin
-    return margin * (np.nan if asked.values.scale_px is None else asked.values.scale_px)
 
 
 def described(asked: Asked, tested: Tested) -> dict[str, Any]:
@@ -109,10 +95,10 @@ def described(asked: Asked, tested: Tested) -> dict[str, Any]:
     found = _untested(asked) if tested.found is None else _tested(asked, tested.found)
     return {
         **columns,
-        "at": values.place(0) if values.change.shape[1] == 1 else None,  # a single value is not a mean over places
+        "at": values.place(0) if values.values.shape[2] == 1 else None,  # a single value is not a mean over places
         **found,
         "axis": asked.axis,
-        "horizon": values.horizon,
+        "horizon": known(values.horizon[0]),
         "n_scenes": asked.n_scenes,
         "resampled": None if tested.resampled is None else str(tested.resampled),
     }
@@ -126,10 +112,10 @@ def _tested(asked: Asked, found: Change) -> dict[str, Any]:
         columns = {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
     elif found.coordinate is not None:
         columns = {"coordinate": values.coordinate(found.coordinate)}
-    first, second = values.scarce
+    second, first = values.scarce[0]
     unbounded = {"high": None} if first and found.effect > 0 else {"low": None} if second and found.effect < 0 else {}
     return {
-        **{name: known(asked.in_unit(getattr(found, name))) for name in ("effect", "low", "high")},
+        **{name: known(asked.estimand.unit.of(getattr(found, name))) for name in ("effect", "low", "high")},
         **unbounded,
         **columns,
         "at_low": places[0],
@@ -140,23 +126,18 @@ def _tested(asked: Asked, found: Change) -> dict[str, Any]:
 
 def _untested(asked: Asked) -> dict[str, Any]:
     """Mean change where scenes are too few for a test, without an interval; of mean errors, none."""
-    change = asked.values.change
+    change = asked.values.values[:, 0]
     scenes = mean_of_points(change, np.ones(change.shape[1], dtype=np.bool_))
     there = scenes[~np.isnan(scenes)]
     if asked.values.total is not None or not len(there):
         return {"scenes": {}}
-    return {"effect": known(asked.in_unit(float(there.mean()))), "scenes": _by_scene(asked, scenes)}
+    return {"effect": known(asked.estimand.unit.of(float(there.mean()))), "scenes": _by_scene(asked, scenes)}
 
 
 def _by_scene(asked: Asked, changes: NDArray[np.float64]) -> dict[str, float]:
     """Changes in the unit of the statistic, of scenes that have one."""
     pairs = zip(asked.scenes, changes, strict=True)
-    return {name: asked.in_unit(float(change)) for name, change in pairs if not np.isnan(change)}
-
-
-def straddles(found: Change, margin: float) -> bool:
-    """Whether the interval contains the margin of either direction."""
-    return found.low <= margin <= found.high or found.low <= -margin <= found.high
+    return {name: asked.estimand.unit.of(float(change)) for name, change in pairs if not np.isnan(change)}
 
 
 def known(value: float) -> float | None:
@@ -167,15 +148,18 @@ def known(value: float) -> float | None:
 def _verdict(
     asked: Asked, tested: Tested, margin: float, adjusted: float, q_none: float, level: float
 ) -> tuple[ChangeVerdict, str | None]:
-    found, largest = tested.found, 1 - level + _ROUNDING
+    found, gap = tested.found, tested.gap
     if found is None:
-        return ChangeVerdict.undecided, tested.gap
-    if adjusted <= largest:
+        return ChangeVerdict.undecided, gap
+    is_shown = decided(found.p_none, adjusted, q_none, level, has_gap=gap is not None)
+    if is_shown:
         verdict = ChangeVerdict.worse if found.direction == asked.worse else ChangeVerdict.better
         return verdict, _contrary(asked, found, level)
-    if tested.gap is None and found.p_none <= (1 - level) / 2 + _ROUNDING and q_none <= largest:
+    if is_shown is not None:
         return ChangeVerdict.none, None
-    return ChangeVerdict.undecided, tested.gap or _open(found, margin, level)
+    contains = found.straddles(margin)
+    why = why_open(found.p_change, found.p_none, level, contains=contains, otherwise=UNSURE)
+    return ChangeVerdict.undecided, gap or why
 
 
 def _contrary(asked: Asked, found: Change, level: float) -> str | None:
@@ -186,13 +170,6 @@ def _contrary(asked: Asked, found: Change, level: float) -> str | None:
     at = asked.values.place(other.point)
     where = "elsewhere" if asked.axis is None or at is None else place_words(asked.axis, at)
     return f"the change has the opposite sign {where}"
-
-
-def _open(found: Change, margin: float, level: float) -> str:
-    """Why an answer is undecided although there are enough scenes."""
-    if found.p_change <= 1 - level or found.p_none <= (1 - level) / 2:
-        return "not significant after the correction for multiple tests"
-    return "the interval contains the margin" if straddles(found, margin) else UNSURE
 
 
 PASS, WORSE, UNDECIDED = "pass", "worse", "undecided"
@@ -281,11 +258,11 @@ def _answer(gate: Gate, asked: Asked, tested: Tested, beyond: float) -> tuple[st
     found = tested.found
     if found is None:
         return UNDECIDED, tested.gap
-    if beyond <= 1 - gate.level + _ROUNDING:
+    if is_beyond(beyond, gate.level):
         return WORSE, None
-    if tested.gap is None and found.sides[asked.worse].p_within <= (1 - gate.level) / 2 + _ROUNDING:
+    if tested.gap is None and is_below(found.sides[asked.worse].p_within, gate.level):
         return PASS, None
-    contains = straddles(found, _margin(gate, asked))
+    contains = found.straddles(_margin(gate, asked))
     return UNDECIDED, tested.gap or ("the interval contains the tolerance" if contains else UNSURE)
 
 

@@ -12,18 +12,20 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.condition_units import groups_of_scenes
-from tracknoise.analysis.factor_values import lifetime_differences, outlier_differences, scene_values
 from tracknoise.analysis.gate import Gate, judge, verdicts
-from tracknoise.analysis.paired_values import (
-    NUMBERS,
-    PairedValues,
-    RunErrors,
-    error_values,
-    number_values,
-    of_differences,
-)
-from tracknoise.analysis.run_changes import ESTIMANDS, OF_ERRORS, Asked, Compared, Comparison, RunSide, Unit
+from tracknoise.analysis.paired_tests import Unit
+from tracknoise.analysis.run_changes import ESTIMANDS, OF_ERRORS, Asked, Compared, Comparison, RunSide
 from tracknoise.analysis.run_inputs import read_kind_tables
+from tracknoise.analysis.scene_values import (
+    NUMBERS,
+    SIGNED,
+    RunErrors,
+    RunValues,
+    differences_by_kind,
+    differences_of,
+    number_differences,
+    run_errors,
+)
 from tracknoise.checks import path_of, require, require_within
 from tracknoise.estimators.window_noise import scene_quantities
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
@@ -31,6 +33,7 @@ from tracknoise.experiments.resume import LIBRARIES
 from tracknoise.experiments.settings import OF_NO_RESULT, dotted
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.inference.conventions import LEVEL
+from tracknoise.inference.paired_differences import Differences
 from tracknoise.inference.units import MIN_SCENES
 from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.sequence import TRIANGULATED
@@ -285,54 +288,37 @@ _TAP = {
 
 @dataclass(frozen=True, slots=True)
 class RunTables:
-    """Tables of one run."""
+    """What one run measured of the sequences that both runs have."""
 
-    errors: RunErrors  # errors of single scenes
-    by_kind: Mapping[str, RunErrors]  # the same by each kind of reference tracks alone
-    # ends, frames: `ENDS` and `FRAME_COUNTS`, by condition
-    ends: TablesByCondition
-    frames: TablesByCondition
+    values: RunValues
     numbers: Mapping[str, TablesByCondition]  # tables of `NUMBERS`, by statistic and condition
 
 
 def read_run(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[str]]) -> RunTables:
     """Read the sequences that both runs have. `scenes`: names of their scenes, sorted, by dataset."""
-    population = run.settings["truth"]["population"]
-    errors = {"population": population, "trimming": Trimming.untrimmed}
-    frames = _read(run.folder, "frames", keys)
-    every = {
-        name: _read(run.folder, name, keys, lambda table: _chosen(table, errors)) for name in ("moments", "scales")
-    }
-    alone = read_kind_tables(run.folder, keys, every, KINDS, lambda table: _chosen(table, errors))
-    return RunTables(
-        _errors(run, every, scenes, errors),
-        {kind: _errors(run, tables, scenes, errors) for kind, tables in alone.items()},
-        _read(run.folder, "ends", keys),
-        frames,
-        {
-            "feature_count": {key: _feature_counts(table) for key, table in frames.items()},
-            **_windows(run.folder, keys),
-            **_point_tracking(run.folder, keys),
-            **_ratios(run.folder, keys),
-        },
-    )
-
-
-def _chosen(table: pl.DataFrame, errors: Mapping[str, str]) -> pl.DataFrame:
-    return table.filter(pl.col("n") > 0, **errors)
-
-
-def _errors(
-    run: OpenedRun,
-    tables: Mapping[str, TablesByCondition],
-    scenes: Mapping[str, Sequence[str]],
-    errors: Mapping[str, str],
-) -> RunErrors:
+    errors = {"population": run.settings["truth"]["population"], "trimming": str(Trimming.untrimmed)}
     entries = run.manifest.sequences.values()
     zeros = {str(entry.sequence.direction): entry.key_frame for entry in entries if entry.key_frame is not None}
     curves = run.folder.statistics(CURVES)
-    values = scene_values(tables["moments"], tables["scales"], curves, errors=errors, key_frames=zeros, scenes=scenes)
-    return RunErrors(values, tables["scales"], zeros)
+
+    def chosen(table: pl.DataFrame) -> pl.DataFrame:
+        return table.filter(pl.col("n") > 0, **errors)
+
+    def errors_by(tables: Mapping[str, TablesByCondition]) -> RunErrors:
+        moments, scales = tables["moments"], tables["scales"]
+        return run_errors(moments, scales, curves, errors=errors, key_frames=zeros, scenes=scenes)
+
+    every = {name: _read(run.folder, name, keys, chosen) for name in ("moments", "scales")}
+    alone = read_kind_tables(run.folder, keys, every, KINDS, chosen)
+    ends, frames = (_read(run.folder, name, keys) for name in ("ends", "frames"))
+    by_kind = {kind: errors_by(tables) for kind, tables in alone.items()}
+    numbers = {
+        "feature_count": {key: _feature_counts(table) for key, table in frames.items()},
+        **_windows(run.folder, keys),
+        **_point_tracking(run.folder, keys),
+        **_ratios(run.folder, keys),
+    }
+    return RunTables(RunValues(errors_by(every), by_kind, ends, frames), numbers)
 
 
 def _read(
@@ -401,8 +387,6 @@ def _numbers(table: pl.DataFrame) -> pl.DataFrame:
 
 _RECOMMENDED = "consistent_sigma"
 _WINDOWED = (_RECOMMENDED, "residual_sigma", "overconfidence")
-_Found = tuple[str, str | None, PairedValues, list[PairedValues]]
-"""Name of a statistic, axis of its places, its values, and those by each kind of reference tracks alone."""
 _FITTED = "True positions are fitted to the tracks, so that errors are not compared."
 
 
@@ -421,7 +405,9 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     keys = require_comparable(first, second)
     scenes = _scenes(first, keys)
     tables = read_run(first, keys, scenes), read_run(second, keys, scenes)
-    known, found = Measured(first.name, frozenset(tables[0].frames)), Measured(second.name, frozenset(tables[1].frames))
+    known, found = (
+        Measured(run.name, frozenset(of.values.frames)) for run, of in zip((first, second), tables, strict=True)
+    )
     matched = matched_trackers(known, found, trackers)
     fitted = any(first.manifest.sequences[key].truth == TRIANGULATED for key in keys)
     missing = (*failed_in(first, second), *left_out(first, second))
@@ -433,8 +419,9 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     asked = [
         Asked(_compared(second.name, pair), name, values, names, groups.of(str(pair[0][0]), names), axis, by_kind)
         for pair, names in ((pair, scenes[str(pair[0][0])]) for pair in pairs)
-        for name, axis, values, by_kind in _in_order(_values(tables, pair, names))
+        for name in ESTIMANDS
         if not (fitted and name in OF_ERRORS)
+        for axis, values, by_kind in _values(name, tables, pair, names)
     ]
     partners = matched if trackers else {name: matched.get(name, name) for name in known.trackers}
     expected = (_compared(second.name, pair) for pair in paired_conditions(known, partners))
@@ -455,34 +442,44 @@ def _compared(run: str, pair: Pair) -> Compared:
     return Compared(run=run, other_tracker=second["tracker"], **first)
 
 
-def _in_order(found: Iterable[_Found]) -> list[_Found]:
-    order = list(ESTIMANDS)
-    return sorted(found, key=lambda item: order.index(item[0]))
+_ROLES = {"core": "core", "second_moment": "second", "bias": SIGNED, "tails": "tails", "growth": "growth"}
+"""Roles of the statistics of errors that have one."""
+_OF_EVENTS = ("outlier_ratio", "lifetime")
 
 
-def _values(tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[str]) -> Iterator[_Found]:
-    """Name, axis and paired values of every statistic of a condition."""
-    first, second = tables
-    kinds = dict.fromkeys([*first.by_kind, *second.by_kind])
-    runs = [(one.by_kind.get(kind, one.errors) for one in tables) for kind in kinds]
-    alone = [error_values((known, other), pair, scenes) for known, other in runs]
-    for (name, axis, values), *others in zip(
-        error_values((first.errors, second.errors), pair, scenes), *alone, strict=True
-    ):
-        yield name, str(axis), values, [one for _, _, one in others]
-    frames = [second.frames[pair[1]], first.frames[pair[0]]]
-    yield "outlier_ratio", None, of_differences(outlier_differences(frames, scenes)), []
-    ends = [second.ends[pair[1]], first.ends[pair[0]]]
-    along = Axis.frame if first.errors.key_frames else Axis.age
-    axes = {**dict.fromkeys(_WINDOWED, "window"), **dict.fromkeys(RATIOS, str(along))}
-    yield "lifetime", None, of_differences(lifetime_differences(ends, scenes)), []
-    for name, found in first.numbers.items():
-        known, other = found.get(pair[0]), second.numbers.get(name, {}).get(pair[1])
-        if known is not None and other is not None:
-            if name == _RECOMMENDED:
-                known, other = _at_the_reported_window(known, other)
-            values = number_values(known, other, scenes, logarithms=ESTIMANDS[name].unit == Unit.ratio)
-            yield name, axes.get(name), values, []
+def _values(
+    name: str, tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[str]
+) -> Iterator[tuple[str | None, Differences, list[Differences]]]:
+    """Axis and differences of a statistic of a condition, second run minus first run, and those by each kind alone."""
+    levels = [(run.values, key) for run, key in zip(tables, pair, strict=True)]
+    if name in _OF_EVENTS:
+        yield None, differences_of(name, levels, None, scenes).reversed(), []
+    elif name not in _ROLES:
+        yield from _of_numbers(name, tables, pair, scenes)
+    else:
+        for axis in (Axis.age,) if name == "growth" else Axis:
+            if all((key, axis) in run.errors.conditions for run, key in levels):
+                found, *by_kind = (
+                    one.reversed()
+                    for one in (
+                        differences_of(_ROLES[name], levels, axis, scenes),
+                        *differences_by_kind(_ROLES[name], levels, axis, scenes),
+                    )
+                )
+                yield str(axis), found, by_kind
+
+
+def _of_numbers(
+    name: str, tables: tuple[RunTables, RunTables], pair: Pair, scenes: Sequence[str]
+) -> Iterator[tuple[str | None, Differences, list[Differences]]]:
+    """The same of numbers; nothing where a run has none."""
+    first, second = (run.numbers.get(name, {}).get(key) for run, key in zip(tables, pair, strict=True))
+    if first is not None and second is not None:
+        both = _at_the_reported_window(first, second) if name == _RECOMMENDED else (first, second)
+        found = number_differences(both, scenes, logarithms=ESTIMANDS[name].unit == Unit.ratio)
+        along = Axis.frame if tables[0].values.errors.key_frames else Axis.age
+        axis = "window" if name in _WINDOWED else str(along) if name in RATIOS else None
+        yield axis, found.reversed(), []
 
 
 def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from tracknoise.analysis.factor_values import DISAGREE
-from tracknoise.analysis.factors import DEPENDENCE, ROLES, dependence
-from tracknoise.analysis.ranking import LEAST_TRACKERS, RANKS, ranking
+from tracknoise.analysis.factors import DEPENDENCE, LEAST_TRACKERS, RANKS, ROLES, dependence, ranking
+from tracknoise.analysis.paired_tests import DISAGREE
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import REFERENCE_AGE

@@ -1,6 +1,6 @@
-"""What factors are compared by: which conditions are their levels, and what single scenes measured in each.
+"""What single scenes measured at some levels of a factor, and how the levels differ in each of them.
 
-A cell is one factor with all others held, and its levels are conditions.
+A level is a condition of a run: levels of the factors of a run are conditions of it, and two runs are two levels too.
 
 At each age (or frame) and coordinate, a scene has the mean of its errors (px), and the logarithms of their mean
 absolute value, their second moment about zero and their core (scene value). A value that rests on fewer features than
@@ -16,105 +16,42 @@ their tails. Turned images are in the axes of the upright image.
   follow-up at both levels. Without it, a lifetime would depend on where sequences end. Scenes whose follow-up is less
   than `LEAST_FOLLOW_UP` of the longest lifetimes of a typical scene take no part. If most tracks outlive a short
   horizon, this does not show that lifetimes are alike: nothing is shown then.
-
-An option is a factor for trackers of one kind that differ in exactly this option, such as the detector. The difference
-between two such trackers is the effect of the option. Trackers that differ in several options are compared as trackers
-only.
 """
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import additive
-from tracknoise.inference.paired_differences import Differences, at_both, none_scarce, pairs_of
+from tracknoise.inference.paired_differences import (
+    NO_PLACES,
+    Differences,
+    at_both,
+    differences,
+    none_scarce,
+    pairs_of,
+)
 from tracknoise.inference.survival import follow_up, restricted_mean
 from tracknoise.inference.units import MIN_SCENES
-from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, TablesByCondition, total_if_known
 from tracknoise.statistics.scales import LEAST_ERRORS
 from tracknoise.statistics.yardstick import comparable
-from tracknoise.tables.enumerations import Weighting
-from tracknoise.tables.findings_schema import CURVES, EFFECTS
-from tracknoise.tables.schema import CONDITION, check
-
-CORE = "core"
-"""Name of the robust scale, which is compared although `EFFECTS` lacks it."""
-_ROLES: Mapping[str, str] = {
-    **{name: role for names in NAMES.values() for role, name in names.items()},
-    CORE: CORE,
-    "lifetime": "lifetime",
-    "outlier_ratio": "outlier_ratio",
-}
-DISAGREE = "references of the two kinds disagree about"
-"""How a reason begins why a comparison is undecided that references together, or each kind in its own way, decide."""
-_LEFT_OUT = "central"
-"""Central second moments: the comparison of second moments and of means says what they say."""
-
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """One factor, with all others held.
-
-    Attributes
-    ----------
-    factor, held
-        The factor, and the values of the other columns of the condition, and of `dataset`.
-    axis
-        Axis of the curves; None for numbers without one.
-    levels
-        The conditions to compare, by the value of the factor, sorted.
-    statistics
-        Name of each statistic that is asked about, by its role.
-    """
-
-    factor: str
-    held: Mapping[str, object]
-    axis: str | None
-    levels: Mapping[object, Condition]
-    statistics: Mapping[str, str]
-
-    @property
-    def dataset(self) -> str:
-        """Name of the dataset."""
-        return str(self.held["dataset"])
-
-    @property
-    def key(self) -> dict[str, object]:
-        """The columns of the table that identify the cell."""
-        names = {name: self.held.get(name) for name in CONDITION}
-        return {"dataset": self.held["dataset"], "factor": self.factor, **names, "axis": self.axis}
-
-
-def cells(effects: pl.DataFrame, conditions: list[Condition]) -> Iterator[Cell]:
-    """The cells of a table of effects, in its order. `conditions`: all that were measured, sorted."""
-    rows = check(effects, EFFECTS, "effects").filter(pl.col("statistic") != _LEFT_OUT)
-    for (dataset, factor, *values, axis), part in rows.group_by(
-        ["dataset", "factor", *CONDITION, "axis"], maintain_order=True
-    ):
-        held = {"dataset": dataset, **dict(zip(CONDITION, values, strict=True))}
-        del held[str(factor)]
-        levels = {key[POOLED.index(str(factor))]: key for key in conditions if _agrees(key, held)}
-        statistics = {_ROLES[name]: name for name in part["statistic"]}
-        if axis is not None:
-            statistics[CORE] = CORE
-        yield Cell(str(factor), held, axis, levels, statistics)
-
-
-def _agrees(condition: Condition, held: Mapping[str, object]) -> bool:
-    named = dict(zip(POOLED, condition, strict=True))
-    return all(named[name] == value for name, value in held.items())
-
+from tracknoise.tables.enumerations import Axis, Weighting
+from tracknoise.tables.findings_schema import CURVES
+from tracknoise.tables.schema import ENDS, FRAME_COUNTS, check, empty
 
 LEAST_FEATURES: Mapping[str, int] = {"mean": 10, "absolute": 10, "second": 30, "core": LEAST_ERRORS}
 """Fewest features that a value at one age rests on, by role of the statistic."""
 SIGNED = "mean"
 """Role of the statistic that has a sign and therefore no logarithm."""
-_ROTATION = POOLED.index("rotation")
+NUMBERS = {"scene": pl.String, "at": pl.Int64, "value": pl.Float64}
+"""Columns of a table of numbers: null where a scene has none. `at` is null for single numbers."""
+_ROTATION, _DIRECTION = POOLED.index("rotation"), POOLED.index("direction")
 _Columns = Mapping[str, NDArray[np.float64]]
 
 
@@ -136,22 +73,54 @@ class SceneValues:
 
 
 @dataclass(frozen=True, slots=True)
-class AllValues:
-    """Values of all conditions of all datasets.
+class RunErrors:
+    """Errors of all conditions of a run, by one set of poses.
 
     Attributes
     ----------
     places
         Ages, or frames from the key frame on, of each dataset and axis, sorted.
     conditions
-        By condition and axis.
+        What single scenes measured, by condition and axis.
+    scales
+        `SCALES` by condition.
+    errors
+        Which errors: population and trimming.
+    key_frames
+        As in `tracknoise.statistics.yardstick.comparable`.
     """
 
     places: Mapping[tuple[str, str], NDArray[np.int64]]
     conditions: Mapping[tuple[Condition, str], SceneValues]
+    scales: TablesByCondition
+    errors: Mapping[str, str]
+    key_frames: Mapping[str, int]
 
 
-def scene_values(
+@dataclass(frozen=True, slots=True)
+class RunValues:
+    """What the scenes of a run measured.
+
+    Attributes
+    ----------
+    errors
+        By the poses of all reference tracks.
+    by_kind
+        By those of each kind of reference tracks alone; none where poses were not refined.
+    ends, frames
+        `ENDS` and `FRAME_COUNTS`, by condition.
+    """
+
+    errors: RunErrors
+    by_kind: Mapping[str, RunErrors]
+    ends: TablesByCondition
+    frames: TablesByCondition
+
+
+Level = tuple[RunValues, Condition]
+
+
+def run_errors(
     moments: TablesByCondition,
     scales: TablesByCondition,
     curves: pl.DataFrame,
@@ -159,7 +128,7 @@ def scene_values(
     errors: Mapping[str, str],
     key_frames: Mapping[str, int],
     scenes: Mapping[str, Sequence[str]],
-) -> AllValues:
+) -> RunErrors:
     """Values by (scene value), at the points of curves that may be compared.
 
     Parameters
@@ -194,7 +163,7 @@ def scene_values(
         part = there.get((*key, axis), points.clear())
         numbered = part.select_seq(at="there", place=pl.Series(np.searchsorted(at, part["at"].to_numpy())))
         found[key, str(axis)] = _of_condition(key, rows, numbered, scenes[str(key[0])], len(at))
-    return AllValues(places, found)
+    return RunErrors(places, found, scales, errors, key_frames)
 
 
 def _of_condition(
@@ -242,6 +211,7 @@ def _upright(values: NDArray[np.float64], key: Condition, role: str) -> NDArray[
     return values
 
 
+_OF_EVENTS = ("lifetime", "outlier_ratio")
 LEAST_OUTLIERS = 2.0
 SCARCE = 5.0
 _FEW = "too few outliers for an upper bound"
@@ -251,6 +221,160 @@ _LEAST_HORIZON = 2.0
 _MOST_ALIVE = 0.5
 """Share of tracks that may live to the last frame of a horizon, where lifetimes up to it show that levels are alike."""
 _OUTLIVED = "more than half of the tracks live to the common horizon"
+_LEAST_AGES = 3
+"""Fewest ages of a scene through which a line is fitted."""
+
+
+def differences_of(
+    role: str, levels: Sequence[Level], axis: str | None, scenes: Sequence[str], kind: str | None = None
+) -> Differences:
+    """Differences of a statistic between every two levels.
+
+    Parameters
+    ----------
+    role
+        `lifetime`, `outlier_ratio`, `growth`, `tails`, or another one of errors: a key of `LEAST_FEATURES`.
+    levels
+        The conditions. Growth and tails are of two.
+    axis
+        What errors are along.
+    scenes
+        Names of all scenes of the dataset, in the order of the arrays.
+    kind
+        Errors are by references of this kind alone, where a run has them; None for all references.
+    """
+    if role == "lifetime":
+        return lifetime_differences([run.ends.get(key, empty(ENDS)) for run, key in levels], scenes)
+    if role == "outlier_ratio":
+        return outlier_differences([run.frames.get(key, empty(FRAME_COUNTS)) for run, key in levels], scenes)
+    errors = [(run.errors if kind is None else run.by_kind.get(kind, run.errors), key) for run, key in levels]
+    if role == "growth":
+        return _growth(_curves("second", errors, str(axis), scenes))
+    if role == "tails":
+        return _tails(errors, str(axis), scenes)
+    return _curves(role, errors, str(axis), scenes)
+
+
+def differences_by_kind(
+    role: str, levels: Sequence[Level], axis: str | None, scenes: Sequence[str]
+) -> list[Differences]:
+    """The same of errors by references of each kind alone; none where there are no kinds."""
+    kinds = dict.fromkeys(kind for run, _ in levels for kind in run.by_kind)
+    return [differences_of(role, levels, axis, scenes, kind) for kind in kinds if role not in _OF_EVENTS]
+
+
+_Errors = Sequence[tuple[RunErrors, Condition]]
+
+
+def _at_levels(
+    role: str, levels: _Errors, axis: str, scenes: Sequence[str]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]:
+    """Values (scenes, levels, places, 2) at the places that all runs have, who was measured, and these places."""
+    known = [run.places.get((str(key[0]), axis), NO_PLACES) for run, key in levels]
+    places = reduce(np.intersect1d, known)
+    values = np.full((len(scenes), len(levels), len(places), 2), np.nan)
+    measured = np.zeros(values.shape[:2], dtype=np.bool_)
+    for number, (run, key) in enumerate(levels):
+        if (found := run.conditions.get((key, axis))) is not None:
+            measured[:, number] = found.measured
+            if role in found.values:
+                values[:, number] = found.values[role][:, np.isin(known[number], places)]
+    return values, measured, places
+
+
+def _curves(role: str, levels: _Errors, axis: str, scenes: Sequence[str]) -> Differences:
+    """Differences of a statistic that has a value at every place."""
+    values, measured, places = _at_levels(role, levels, axis, scenes)
+    points = values.reshape(*measured.shape, -1)
+    found = differences(points, measured, logarithms=role != SIGNED, places=places, n_coordinates=2)
+    if role != SIGNED:
+        return found
+    total = points[:, found.pairs[:, 0]] + points[:, found.pairs[:, 1]]
+    return replace(found, total=total, scale_px=_scale_px(levels, axis, scenes))
+
+
+def _scale_px(levels: _Errors, axis: str, scenes: Sequence[str]) -> float | None:
+    """Geometric mean of the core over levels, scenes and places, else of the rms; None where there is neither."""
+    for role, power in (("core", 1), ("second", 2)):
+        logs = _at_levels(role, levels, axis, scenes)[0].swapaxes(0, 1).ravel()
+        finite = logs[np.isfinite(logs)]
+        if len(finite):
+            return float(np.exp(finite.mean() / power))
+    return None
+
+
+def _growth(second: Differences) -> Differences:
+    """Difference between two levels in the logarithm of the growth of second moments, by lines through logarithms.
+
+    Both levels have values at the same ages, so that the difference of both slopes is the slope of the difference.
+    """
+    change = second.values[:, 0].reshape(len(second.values), -1, 2)
+    common = (~np.isnan(change)).any(axis=2).sum(axis=0) >= MIN_SCENES
+    logs, change = np.log(second.places[common]), change[:, common]
+    there = ~np.isnan(change)
+    count = np.maximum(there.sum(axis=1), 1)
+    centred = np.where(there, logs[:, None] - (there * logs[:, None]).sum(axis=1, keepdims=True) / count[:, None], 0.0)
+    spread = (centred**2).sum(axis=1)
+    enough = (there.sum(axis=1) >= _LEAST_AGES) & (spread > 0)
+    slope = (centred * np.where(there, change, 0.0)).sum(axis=1) / np.where(enough, spread, np.nan)
+    span = float(np.ptp(logs)) if len(logs) else np.nan
+    no_zero = np.zeros((1, 2), dtype=np.bool_)
+    return replace(second, values=(slope * span)[:, None], unlike=no_zero, places=NO_PLACES)
+
+
+def _tails(levels: _Errors, axis: str, scenes: Sequence[str]) -> Differences:
+    """The same in the logarithm of the share of errors beyond three cores, at ages where both levels have a core."""
+    _, measured, places = _at_levels("core", levels, axis, scenes)
+    first, second = (_beyond_cores(run, key, axis, places) for run, key in levels)
+    both = first.join(second, on=["scene", "at"], suffix="_second").group_by("scene").agg(pl.exclude("at").sum())
+    counts = np.zeros((2, 3, len(scenes)))
+    for side, suffix in enumerate(("", "_second")):
+        for column, name in enumerate(("n", "beyond_u", "beyond_v")):
+            counts[side, column, _numbers(both, scenes)] = both[f"{name}{suffix}"].to_numpy()
+    n, beyond = counts[:, :1], counts[:, 1:]
+    share = beyond.sum(axis=0) / np.maximum(n.sum(axis=0), 1.0)
+    enough = share * n.min(axis=0) >= LEAST_OUTLIERS
+    logs = np.where(enough, np.log((beyond + 0.5) / (n + 1.0)), np.nan)
+    return differences(logs.transpose(2, 0, 1), measured, logarithms=True, n_coordinates=2)
+
+
+def _beyond_cores(run: RunErrors, key: Condition, axis: str, places: NDArray[np.int64]) -> pl.DataFrame:
+    """Columns scene, at, n, beyond_u and beyond_v of the rows that have a core."""
+    table = run.scales[key].filter(pl.col("n") >= LEAST_FEATURES["core"], axis=axis, **run.errors)
+    zero = run.key_frames.get(str(key[_DIRECTION]), 0) if axis == Axis.frame else 0
+    rows = table.select_seq("scene", pl.col("at").cast(pl.Int64) - zero, "n", "beyond_u", "beyond_v").drop_nulls()
+    return rows.filter(pl.col("at").is_in(places.tolist()))
+
+
+def number_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str], *, logarithms: bool) -> Differences:
+    """Differences of numbers, at every place that all levels have.
+
+    Parameters
+    ----------
+    tables
+        Columns of `NUMBERS`, one row per scene and place.
+    scenes
+        Names of all scenes, in the order of the result.
+    logarithms
+        Whether logarithms are compared.
+    """
+    known = [table["at"].drop_nulls().unique().to_numpy() for table in tables]
+    places = reduce(np.intersect1d, known).astype(np.int64)
+    placed = places if any(map(len, known)) else None
+    values = np.stack([_of_places(table, placed, scenes) for table in tables], axis=1)
+    with np.errstate(divide="ignore"):
+        levels = np.log(values) if logarithms else values
+    measured = np.stack([_are_in(table, scenes) for table in tables], axis=1)
+    return differences(levels, measured, logarithms=logarithms, places=places)
+
+
+def _of_places(table: pl.DataFrame, places: NDArray[np.int64] | None, scenes: Sequence[str]) -> NDArray[np.float64]:
+    """Values (scenes, places), or (scenes, 1) of single numbers, which have no places; NaN where there are none."""
+    values = np.full((len(scenes), 1 if places is None else max(len(places), 1)), np.nan)
+    rows = table if places is None else table.filter(pl.col("at").is_in(places.tolist()))
+    at = np.zeros(rows.height, dtype=np.intp) if places is None else np.searchsorted(places, rows["at"].to_numpy())
+    values[_numbers(rows, scenes), at] = rows["value"].cast(pl.Float64).fill_null(np.nan).to_numpy()
+    return values
 
 
 def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
@@ -370,72 +494,3 @@ def _by_lifetime(
         place = _numbers(table, scenes) * shape[1] + np.searchsorted(lifetimes, table["lifetime"].to_numpy())
         counts[:, level] = np.bincount(place, table[column].to_numpy(), shape[0] * shape[1]).reshape(shape)
     return counts
-
-
-Options = Mapping[str, object]
-
-
-@dataclass(frozen=True, slots=True)
-class OptionFactor:
-    """An option in which alone some trackers differ.
-
-    Attributes
-    ----------
-    name
-        Of the option; those of nested settings with a dot, such as ``detection.detector``.
-    of
-        Kind of the trackers. Where the same option varies among several sets of trackers of this kind, their names.
-    levels
-        Name of the tracker with each value of the option, in the order of the trackers.
-    """
-
-    name: str
-    of: str
-    levels: Mapping[str, str]
-
-
-def option_factors(trackers: Mapping[str, tuple[str, Options]]) -> list[OptionFactor]:
-    """The options in which alone trackers differ, sorted by name.
-
-    Parameters
-    ----------
-    trackers
-        Kind and options by the name of each tracker. All options are given, also those that have their defaults.
-    """
-    flat = {name: (kind, dict(_flat(options))) for name, (kind, options) in trackers.items()}
-    paths = sorted({path for _, options in flat.values() for path in options})
-    return [factor for path in paths for factor in _varied(path, flat)]
-
-
-def _flat(options: Options, within: str = "") -> Iterator[tuple[str, str]]:
-    """Values as text by the dotted names of their options."""
-    for name, value in options.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{within}{name}.")
-        else:
-            yield f"{within}{name}", str(value)
-
-
-def _varied(path: str, trackers: Mapping[str, tuple[str, dict[str, str]]]) -> list[OptionFactor]:
-    """Sets of trackers that differ in an option alone."""
-    alike = defaultdict[tuple[str, tuple[tuple[str, str], ...]], dict[str, str]](dict)
-    for tracker, (kind, options) in trackers.items():
-        others = tuple(sorted((name, value) for name, value in options.items() if name != path))
-        alike[kind, others].setdefault(options.get(path, "none"), tracker)
-    found = [(kind, levels) for (kind, _), levels in alike.items() if len(levels) > 1]
-    kinds = [kind for kind, _ in found]
-    return [
-        OptionFactor(path, kind if kinds.count(kind) == 1 else ", ".join(levels.values()), levels)
-        for kind, levels in found
-    ]
-
-
-def option_cells(cells: Iterable[Cell], factors: Sequence[OptionFactor]) -> Iterator[Cell]:
-    """The cells about options: those about trackers, of the trackers that differ in one option alone."""
-    for cell in cells:
-        for factor in factors if cell.factor == "tracker" else ():
-            known = {value: name for value, name in factor.levels.items() if name in cell.levels}
-            levels: dict[object, Condition] = {value: cell.levels[name] for value, name in known.items()}
-            if len(levels) > 1:
-                held = {**cell.held, "tracker": factor.of}
-                yield Cell(factor.name, held, cell.axis, levels, cell.statistics)

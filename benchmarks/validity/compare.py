@@ -20,8 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness import Silent
-from tracknoise.analysis.gate import verdicts
-from tracknoise.analysis.run_changes import Asked, Compared, Row
+from tracknoise.analysis.run_changes import Asked, Compared, Row, verdicts
 from tracknoise.experiments.compare_runs import OpenedRun, compare, questions
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracknoise.analysis.gate import Gate, judge, verdicts
-from tracknoise.analysis.run_changes import Asked, Compared
+from tracknoise.analysis.gate import Gate, judge
+from tracknoise.analysis.run_changes import Asked, Compared, verdicts
 from tracknoise.inference.paired_differences import NO_PLACES, Differences, differences
 from tracknoise.tables.enumerations import ComparedAges
 

@@ -38,7 +38,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -58,26 +57,19 @@ from tracknoise.analysis.paired_tests import (
     why_not_asked,
     why_open,
 )
-from tracknoise.analysis.scene_values import (
-    SIGNED,
-    RunErrors,
-    RunValues,
-    differences_by_kind,
-    differences_of,
-    run_errors,
-)
+from tracknoise.analysis.scene_values import SIGNED, RunValues, differences_of
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.multiple_tests import benjamini_hochberg, hochberg, in_families
 from tracknoise.inference.paired_differences import Differences
 from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, SceneGroups
 from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.statistics.grouping import Condition, Tables, TablesByCondition, by_condition, scenes_by_dataset
-from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
+from tracknoise.statistics.grouping import Condition
+from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, EFFECTS, OF_LEVELS, RESAMPLED
 from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
-from tracknoise.tables.schema import CONDITION, ENDS, FRAME_COUNTS, MOMENTS, SCALES, VERDICT, check, empty
+from tracknoise.tables.schema import CONDITION, VERDICT, check, empty
 from tracknoise.words import STATISTICS, only
 
 
@@ -160,7 +152,6 @@ ROLES: Mapping[str, str] = {name: role for name, role in _ROLES.items() if role 
 RANKED = (CORE, "second", "lifetime", "outlier_ratio")
 """Roles of the statistics that trackers are ranked by."""
 LEAST_TRACKERS = 3
-_TRACKER = POOLED.index("tracker")
 _OTHERS = "others"
 _FAMILIES: Mapping[str, str] = {
     **dict.fromkeys(("core", "second", "second_moment", "consistent_sigma"), "sizes"),
@@ -179,25 +170,13 @@ _LEFT_OUT = "central"
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One factor, with all others held.
-
-    Attributes
-    ----------
-    factor, held
-        The factor, and the values of the other columns of the condition, and of `dataset`.
-    axis
-        Axis of the curves; None for numbers without one.
-    levels
-        The conditions to compare, by the value of the factor, sorted.
-    statistics
-        Name of each statistic that is asked about, by its role.
-    """
+    """One factor, with all others held."""
 
     factor: str
-    held: Mapping[str, object]
-    axis: str | None
-    levels: Mapping[object, Condition]
-    statistics: Mapping[str, str]
+    held: Mapping[str, object]  # values of the other columns of the condition, and of `dataset`
+    axis: str | None  # of the curves; None for numbers without one
+    levels: Mapping[object, Condition]  # the conditions to compare, by the value of the factor, sorted
+    statistics: Mapping[str, str]  # name of each statistic that is asked about, by its role
 
     @property
     def dataset(self) -> str:
@@ -211,7 +190,7 @@ class Cell:
         return {"dataset": self.held["dataset"], "factor": self.factor, **names, "axis": self.axis}
 
 
-def cells(effects: pl.DataFrame, conditions: list[Condition]) -> Iterator[Cell]:
+def cells(effects: pl.DataFrame, conditions: Sequence[Condition]) -> Iterator[Cell]:
     """The cells of a table of effects, in its order. `conditions`: all that were measured, sorted."""
     rows = check(effects, EFFECTS, "effects").filter(pl.col("statistic") != _LEFT_OUT)
     for (dataset, factor, *values, axis), part in rows.group_by(
@@ -236,21 +215,12 @@ Options = Mapping[str, object]
 
 @dataclass(frozen=True, slots=True)
 class OptionFactor:
-    """An option in which alone some trackers differ.
+    """An option in which alone some trackers differ."""
 
-    Attributes
-    ----------
-    name
-        Of the option; those of nested settings with a dot, such as ``detection.detector``.
-    of
-        Kind of the trackers. Where the same option varies among several sets of trackers of this kind, their names.
-    levels
-        Name of the tracker with each value of the option, in the order of the trackers.
-    """
-
-    name: str
+    name: str  # of the option; those of nested settings with a dot, such as ``detection.detector``
+    # kind of the trackers. Where the same option varies among several sets of trackers of this kind, their names
     of: str
-    levels: Mapping[str, str]
+    levels: Mapping[str, str]  # name of the tracker with each value of the option, in the order of the trackers
 
 
 def option_factors(trackers: Mapping[str, tuple[str, Options]]) -> list[OptionFactor]:
@@ -319,19 +289,14 @@ _LARGER_IS_BETTER = "lifetime"
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """One statistic of a cell.
-
-    `question`: None where too few scenes were measured, or the margin is unknown (NaN). `by_kind`: the differences by
-    each kind of reference tracks alone.
-    """
+    """One statistic of a cell."""
 
     cell: Cell
     role: str
     differences: Differences
-    by_kind: Sequence[Differences]
-    group: NDArray[np.intp]
-    margin: float
-    question: Question | None
+    group: NDArray[np.intp]  # (scenes,): number of the group of each scene
+    margin: float  # NaN where it is unknown
+    question: Question | None  # None where too few scenes were measured, or the margin is unknown
 
     @property
     def unit(self) -> Unit:
@@ -358,9 +323,9 @@ class _Asked:
             "gap": self._gap(found),
             "resampled": None if self.question is None else self.question.resampled,
         }
-        return row if found is None or self.question is None else row | self._answered(found, self.question)
+        return row if found is None else row | self._answered(found)
 
-    def _answered(self, found: Answer, question: Question) -> Row:
+    def _answered(self, found: Answer) -> Row:
         """The reported pair: its effect is that of its larger level over, or minus, its smaller one."""
         asked, of = self.differences, self.unit.of
         a, b = (self.levels[number] for number in asked.pairs[found.pair])
@@ -368,7 +333,6 @@ class _Asked:
         low, high = (found.low, found.high) if found.difference >= 0 else (-found.high, -found.low)
         is_scarce = asked.scarce[found.pair, 1 if found.difference >= 0 else 0]
         is_signed, horizon = self.role == SIGNED, float(asked.horizon[found.pair])
-        held, is_apart = found.held_by(self.by_kind, question) if self.by_kind else (found, False)
         places = [asked.place(point) for point in np.flatnonzero(found.compared.any(axis=0)).tolist()]
         compared = {"n_places": len({*places}), "at_low": places[0], "at_high": places[-1]} if len(asked.places) else {}
         at_point = (
@@ -383,9 +347,9 @@ class _Asked:
             "low": max(low, 0.0) if is_signed else of(low),
             "high": None if is_scarce else of(high),
             "most": None if asked.scarce.any() else of(found.most),
-            "p_yes": held.p_yes,
-            "p_no": held.p_no,
-            "apart": f"{DISAGREE} {a} and {b}" if is_apart else None,
+            "p_yes": found.p_yes,
+            "p_no": found.p_no,
+            "apart": f"{DISAGREE} {a} and {b}" if found.kinds_disagree else None,
             "more_scenes": found.more_scenes,
             "horizon": None if np.isnan(horizon) else horizon,
             **compared,
@@ -443,32 +407,24 @@ def _verdict(row: Row, q_yes: float, q_no: float, level: float) -> Row:
     """The columns that depend on what else is asked."""
     p_yes, p_no, gap = row.get("p_yes"), row.get("p_no"), row["gap"]
     known = {name: None if math.isnan(q) else q for name, q in (("q_yes", q_yes), ("q_no", q_no))}
-    is_shown = decided(p_no, q_yes, q_no, level, has_gap=gap is not None)
-    if is_shown is not None:
-        return {**known, "verdict": Verdict.yes if is_shown else Verdict.no, "more_scenes": None}
+    verdict = decided(p_no, q_yes, q_no, level, has_gap=gap is not None)
+    if verdict != Verdict.undecided:
+        return {**known, "verdict": verdict, "more_scenes": None}
     why = row.get("apart") or gap
     if why is None and p_yes is not None and p_no is not None:
         low, high, margin = row["low"], row["high"], row.get("margin")
         contains = margin is not None and low <= margin <= (math.inf if high is None else high)
         why = why_open(p_yes, p_no, level, contains=contains, otherwise=_EXCEEDS)
-    return {**known, "verdict": Verdict.undecided, "why": why}
+    return {**known, "verdict": verdict, "why": why}
 
 
 _EXCEEDS = "at some age, a difference above the margin cannot be excluded"
 
 
 def dependence(
-    moments: Tables,
-    scales: Tables,
-    ends: Tables,
-    frames: Tables,
-    curves: pl.DataFrame,
+    run: RunValues,
     effects: pl.DataFrame,
     *,
-    by_kind: Mapping[str, Mapping[str, Tables]] = MappingProxyType({}),
-    key_frames: Mapping[str, int] | None = None,
-    population: str = POPULATION,
-    trimming: str = TRIMMING,
     options: Sequence[OptionFactor] = (),
     groups: SceneGroups = NO_GROUPS,
     margin: float = MARGIN,
@@ -481,17 +437,11 @@ def dependence(
 
     Parameters
     ----------
-    moments, scales, ends, frames
-        Of all sequences: `MOMENTS`, `SCALES`, `ENDS` and `FRAME_COUNTS`.
-    curves, effects
-        What the functions of these names made of them. `curves` says where they are cut, `effects` which factors are
-        asked about, and where the others are held.
-    by_kind
-        `moments` and `scales` of all sequences by the poses of each kind of reference tracks alone.
-    key_frames
-        Where curves run along frames: the one in which errors are zero, by direction.
-    population, trimming
-        Which errors.
+    run
+        What its scenes measured.
+    effects
+        What `tracknoise.statistics.yardstick.effects` made of it. It says which factors are asked about, and where the
+        others are held.
     options
         Options in which alone trackers differ. They are compared like trackers, as factors of their own.
     groups
@@ -516,39 +466,15 @@ def dependence(
     Raises
     ------
     SchemaError
-        If a table has other columns.
+        If `effects` has other columns.
     """
-    tables = {
-        name: by_condition(given, schema, name)
-        for name, given, schema in (
-            ("moments", moments, MOMENTS),
-            ("scales", scales, SCALES),
-            ("ends", ends, ENDS),
-            ("frames", frames, FRAME_COUNTS),
-        )
-    }
-    every = list(cells(effects, sorted({key for table in tables.values() for key in table})))
-    wanted = list(pairs_of_trackers(every)) if pairs else [*every, *option_cells(every, options)]
-    if pairs and not wanted:
-        return judged([], level)
-    found = scenes_by_dataset(item for each in tables.values() for item in each.items())
-    scenes = {dataset: sorted(names) for dataset, names in found.items()}
-
-    def errors_by(moments: TablesByCondition, scales: TablesByCondition) -> RunErrors:
-        errors = {"population": population, "trimming": trimming}
-        return run_errors(moments, scales, curves, errors=errors, key_frames=key_frames or {}, scenes=scenes)
-
-    alone = {
-        kind: errors_by(by_condition(one["moments"], MOMENTS, "moments"), by_condition(one["scales"], SCALES, "scales"))
-        for kind, one in by_kind.items()
-    }
-    run = RunValues(errors_by(tables["moments"], tables["scales"]), alone, tables["ends"], tables["frames"])
+    every = list(cells(effects, run.keys))
+    wanted = pairs_of_trackers(every) if pairs else [*every, *option_cells(every, options)]
     rows: list[Row] = []
     for cell in wanted:
-        names = scenes.get(cell.dataset, [])
-        group, only_pair = groups.of(cell.dataset, names), _named_pair(cell) if pairs else {}
+        only_pair = _named_pair(cell) if pairs else {}
         for role in cell.statistics:
-            asked = _asked(cell, role, run, names, group, margin, level=level, n_draws=n_draws, seed=seed)
+            asked = _asked(cell, role, run, groups, margin, level=level, n_draws=n_draws, seed=seed)
             rows.append({**only_pair, **asked.row()})
     return judged(rows, level)
 
@@ -559,22 +485,13 @@ def _named_pair(cell: Cell) -> Row:
     return {"level_a": first, "level_b": second, "pair": f"{first} {second}"}
 
 
-def _asked(
-    cell: Cell,
-    role: str,
-    run: RunValues,
-    scenes: Sequence[str],
-    group: NDArray[np.intp],
-    margin: float,
-    **options: Any,
-) -> _Asked:
-    levels = [(run, key) for key in cell.levels.values()]
-    found = differences_of(role, levels, cell.axis, scenes)
-    of_trackers = len({key[_TRACKER] for key in cell.levels.values()}) > 1
-    by_kind = differences_by_kind(role, levels, cell.axis, scenes) if of_trackers else []
+def _asked(cell: Cell, role: str, run: RunValues, groups: SceneGroups, margin: float, **options: Any) -> _Asked:
+    scenes = run.scenes.get(cell.dataset, [])
+    group = groups.of(cell.dataset, scenes)
+    found = differences_of(role, [(run, key) for key in cell.levels.values()], cell.axis, scenes)
     limit = _unit(role).margin(margin, found.scale_px)
     question = ask(found.both, group, margin=limit, cancels=role == SIGNED, **options)
-    return _Asked(cell, role, found, by_kind, group, limit, question)
+    return _Asked(cell, role, found, group, limit, question)
 
 
 RANKS = RunTable(

@@ -60,7 +60,7 @@ from tracknoise.inference.paired_differences import (
     upper_tail,
 )
 from tracknoise.inference.units import MIN_SCENES, MIN_WITHIN, Resampled, scheme
-from tracknoise.tables.enumerations import ComparedAges
+from tracknoise.tables.enumerations import ComparedAges, Verdict
 from tracknoise.words import count
 
 OVERALL_SHARE = 0.8
@@ -98,30 +98,15 @@ class Unit(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is asked of all differences.
+    """What is asked of all differences."""
 
-    Parameters
-    ----------
-    margin
-        Largest difference that counts as no effect: of logarithms, or in px.
-    level
-        Probability that an interval contains the true difference.
-    group : (scenes,)
-        Number of the group of each scene.
-    resampled
-        What is averaged: `scenes`, `groups` or `within`.
-    directions : (draws, dimensions)
-        See `tracknoise.inference.multiple_tests.rotations`; there are as many dimensions as the parts of averages.
-    cancels
-        Whether differences at several points may cancel, so that their mean is no measure of them.
-    """
-
-    margin: float
-    level: float
-    group: NDArray[np.intp]
-    resampled: Resampled
+    margin: float  # largest difference that counts as no effect: of logarithms, or in px
+    level: float  # probability that an interval contains the true difference
+    group: NDArray[np.intp]  # (scenes,): number of the group of each scene
+    resampled: Resampled  # what is averaged: `scenes`, `groups` or `within`
+    # (draws, dimensions) of `tracknoise.inference.multiple_tests.rotations`: as many dimensions as averages have parts
     directions: NDArray[np.float64]
-    cancels: bool = False
+    cancels: bool = False  # whether differences at several points may cancel, so that their mean is no measure of them
 
     def average(self, values: NDArray[np.float64]) -> Averages:
         """Means over scenes of values (scenes, points)."""
@@ -165,24 +150,18 @@ def why_not_asked(both: NDArray[np.bool_], group: NDArray[np.intp]) -> str:
     return "errors have no scale that a margin could be a share of"
 
 
-def decided(p_none: float | None, q: float, q_none: float, level: float, *, has_gap: bool) -> bool | None:
-    """Whether a difference is shown (True) or that there is none (False); None where neither is.
+def decided(p_none: float | None, q: float, q_none: float, level: float, *, has_gap: bool) -> Verdict:
+    """Whether a difference is shown, or that there is none.
 
-    Parameters
-    ----------
-    p_none
-        P-value of the hypothesis that some difference is at least the margin; None without a test.
-    q, q_none
-        Adjusted p-values of the hypothesis that no difference exceeds the margin, and of the same; NaN without a test.
-    level
-        One less the largest probability of a false answer.
-    has_gap
-        Whether there is a reason why nothing can be shown to be alike.
+    `p_none`: P-value of the hypothesis that some difference is at least the margin. `q, q_none`: adjusted p-values of
+    the hypothesis that none exceeds the margin, and of that one. None and NaN without a test. `has_gap`: whether there
+    is a reason why nothing can be shown to be alike.
     """
     largest = 1 - level + _ROUNDING
     if q <= largest:
-        return True
-    return False if p_none is not None and not has_gap and is_below(p_none, level) and q_none <= largest else None
+        return Verdict.yes
+    is_none = p_none is not None and not has_gap and is_below(p_none, level) and q_none <= largest
+    return Verdict.no if is_none else Verdict.undecided
 
 
 def is_below(p_none: float, level: float) -> bool:
@@ -233,49 +212,31 @@ def _two_stages(overall: Averages, points: Averages | None, question: Question) 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Whether any levels differ.
+    """Whether any levels differ."""
 
-    Attributes
-    ----------
-    pair
-        Which pair of levels is reported.
-    point
-        Which point of it is reported; None for the mean over all of them.
-    difference, low, high
-        Signed difference of the pair and its interval.
-    most
-        Largest bound of the size of any difference at any point.
-    p_yes, p_no
-        By (two-stage) and (intersection and union).
-    compared : (pairs, points) bool
-        Points that enough scenes have.
-    more_scenes
-        How many more scenes would settle the question; None where this is unknown.
-    """
-
-    pair: int
-    point: int | None
-    difference: float
+    pair: int  # which pair of levels is reported
+    point: int | None  # which point of it is reported; None for the mean over all of them
+    difference: float  # of the pair, with a sign, and its interval
     low: float
     high: float
-    most: float
-    p_yes: float
-    p_no: float
-    compared: NDArray[np.bool_]
-    more_scenes: int | None
+    most: float  # largest bound of the size of any difference at any point
+    p_yes: float  # by (two-stage)
+    p_no: float  # by (intersection and union)
+    compared: NDArray[np.bool_]  # (pairs, points): those that enough scenes have
+    more_scenes: int | None  # how many more scenes would settle the question; None where this is unknown
+    kinds_disagree: bool = False  # whether references of each kind alone decide otherwise
 
-    def held_by(self, by_kind: Sequence[Differences], question: Question) -> tuple["Answer", bool]:
+    def held_by(self, by_kind: Sequence[Differences], question: Question) -> "Answer":
         """With p-values that hold by references of each kind alone, and whether these differ in what they decide."""
-        every = [self, *filter(None, (answer(one, question) for one in by_kind))]
-        yes, no = ([one.p_yes for one in every], [one.p_no for one in every])
+        alone = [found for one in by_kind if (found := _answer(one, question)) is not None]
+        yes, no = ([one.p_yes for one in (self, *alone)], [one.p_no for one in (self, *alone)])
         order = [self.difference, *(self._difference(one) for one in by_kind)]
-        opposed = min(order) < 0.0 < max(order)
-        missing = len(every) <= len(by_kind)
-        p_yes, p_no = (1.0 if missing or opposed else max(yes), 1.0 if missing else max(no))
+        is_missing, is_opposed = len(alone) < len(by_kind), min(order) < 0.0 < max(order)
+        p_yes, p_no = (1.0 if is_missing or is_opposed else max(yes), 1.0 if is_missing else max(no))
         wrong = 1.0 - question.level
         is_lost = yes[0] <= wrong < p_yes or no[0] <= wrong / 2 < p_no
-        disagree = is_lost or (opposed and max(yes[1:], default=1.0) <= wrong)
-        return replace(self, p_yes=p_yes, p_no=p_no), disagree
+        kinds_disagree = is_lost or (is_opposed and max(yes[1:], default=1.0) <= wrong)
+        return replace(self, p_yes=p_yes, p_no=p_no, kinds_disagree=kinds_disagree)
 
     def _difference(self, asked: Differences) -> float:
         """Mean over scenes of the pair and the point that is reported, or of all points that are compared."""
@@ -287,6 +248,11 @@ class Answer:
 
 def answer(asked: Differences, question: Question) -> Answer | None:
     """Compare all pairs; None where no point has enough scenes."""
+    found = _answer(asked, question)
+    return found.held_by(asked.by_kind, question) if found is not None and asked.by_kind else found
+
+
+def _answer(asked: Differences, question: Question) -> Answer | None:
     n_scenes, n_pairs, n_points = asked.values.shape
     every = question.average(asked.values.reshape(n_scenes, n_pairs * n_points))
     enough = enough_scenes(every, question.resampled)
@@ -326,51 +292,26 @@ GROWS, FALLS = 1, -1
 
 @dataclass(frozen=True, slots=True)
 class OneSided:
-    """Tests of one direction.
+    """Tests of one direction."""
 
-    Attributes
-    ----------
-    p_beyond
-        P-value of the hypothesis that no point changes by more than the margin in this direction.
-    p_within
-        P-value of the hypothesis that some point changes by at least the margin in this direction.
-    point
-        Which point decides; None for the mean over all of them.
-    """
-
-    p_beyond: float
-    p_within: float
-    point: int | None
+    p_beyond: float  # P-value of the hypothesis that no point changes by more than the margin in this direction
+    p_within: float  # P-value of the hypothesis that some point changes by at least the margin in this direction
+    point: int | None  # which point decides; None for the mean over all of them
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What changed from the first level to the second.
+    """What changed from one level to another."""
 
-    Attributes
-    ----------
-    effect, low, high
-        Change and its interval: of the mean over all points, or of the point that decides.
-    point
-        That point; None for the mean.
-    sides
-        Tests by direction: `GROWS` and `FALLS`.
-    compared : (points,) bool
-        Points that enough scenes have.
-    scenes : (scenes,) float64
-        The same change in every scene, NaN where it has none.
-    coordinate
-        0 for u and 1 for v, if it is the mean over all places of one coordinate; None otherwise.
-    """
-
-    effect: float
+    effect: float  # the change of the mean over all points, or of the point that decides, and its interval
     low: float
     high: float
-    point: int | None
-    sides: Mapping[int, OneSided]
-    compared: NDArray[np.bool_]
-    scenes: NDArray[np.float64]
-    coordinate: int | None = None
+    point: int | None  # that point; None for the mean
+    sides: Mapping[int, OneSided]  # tests by direction: `GROWS` and `FALLS`
+    compared: NDArray[np.bool_]  # (points,): those that enough scenes have
+    scenes: NDArray[np.float64]  # (scenes,): the same change in every scene, NaN where it has none
+    coordinate: int | None = None  # 0 for u and 1 for v, if it is the mean over all places of one of them
+    kinds_disagree: bool = False  # as in `Answer`
 
     @property
     def p_change(self) -> float:
@@ -391,7 +332,7 @@ class Change:
         """Whether the interval contains the margin of either direction."""
         return self.low <= margin <= self.high or self.low <= -margin <= self.high
 
-    def held_by(self, alone: Sequence["Change | None"], level: float) -> tuple["Change", bool]:
+    def held_by(self, alone: Sequence["Change | None"], level: float) -> "Change":
         """As `Answer.held_by`, with what changed by references of each kind alone."""
         sides = dict(self.sides)
         for sign, side in sides.items():
@@ -399,8 +340,9 @@ class Change:
             beyond, within = (max(getattr(one, name) for one in (side, *same)) for name in ("p_beyond", "p_within"))
             sides[sign] = replace(side, p_beyond=beyond, p_within=within)
         held, known = replace(self, sides=sides), [one for one in alone if one is not None]
-        opposed = len({one.direction for one in known}) > 1 and all(one._decides(level) for one in known)
-        return held, not held._decides(level) and (self._decides(level) or opposed)
+        is_opposed = len({one.direction for one in known}) > 1 and all(one._decides(level) for one in known)
+        kinds_disagree = not held._decides(level) and (self._decides(level) or is_opposed)
+        return replace(held, kinds_disagree=kinds_disagree)
 
     def _decides(self, level: float) -> bool:
         """Whether this alone, before corrections for several questions, shows a change, or that there is none."""
@@ -408,11 +350,14 @@ class Change:
 
 
 def change(asked: Differences, question: Question, ages: ComparedAges) -> Change | None:
-    """Test both directions of the change from the second of two levels to the first."""
+    """Test both directions of the difference between two levels; None where no point has enough scenes."""
     values = asked.values[:, 0]
     if asked.total is None:
-        return change_of(values, question, ages)
-    return bias_change(values, asked.total[:, 0], question, ages)
+        found = change_of(values, question, ages)
+    else:
+        found = bias_change(values, asked.total[:, 0], question, ages)
+    alone = [change(one, question, ages) for one in asked.by_kind]
+    return found.held_by(alone, question.level) if found is not None and alone else found
 
 
 def change_of(values: NDArray[np.float64], question: Question, ages: ComparedAges) -> Change | None:

@@ -21,6 +21,7 @@ their tails. Turned images are in the axes of the upright image.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from types import MappingProxyType
 
 import numpy as np
 import polars as pl
@@ -38,12 +39,20 @@ from tracknoise.inference.paired_differences import (
 from tracknoise.inference.survival import follow_up, restricted_mean
 from tracknoise.inference.units import MIN_SCENES
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import Condition, TablesByCondition, total_if_known
+from tracknoise.statistics.grouping import (
+    Condition,
+    Tables,
+    TablesByCondition,
+    by_condition,
+    scenes_by_dataset,
+    total_if_known,
+)
 from tracknoise.statistics.scales import LEAST_ERRORS
 from tracknoise.statistics.yardstick import comparable
+from tracknoise.tables.defaults import POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Axis, Weighting
 from tracknoise.tables.findings_schema import CURVES
-from tracknoise.tables.schema import ENDS, FRAME_COUNTS, check, empty
+from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, check, empty
 
 LEAST_FEATURES: Mapping[str, int] = {"mean": 10, "absolute": 10, "second": 30, "core": LEAST_ERRORS}
 """Fewest features that a value at one age rests on, by role of the statistic."""
@@ -51,68 +60,40 @@ SIGNED = "mean"
 """Role of the statistic that has a sign and therefore no logarithm."""
 NUMBERS = {"scene": pl.String, "at": pl.Int64, "value": pl.Float64}
 """Columns of a table of numbers: null where a scene has none. `at` is null for single numbers."""
-_ROTATION, _DIRECTION = POOLED.index("rotation"), POOLED.index("direction")
+_SCHEMAS = {"moments": MOMENTS, "scales": SCALES, "ends": ENDS, "frames": FRAME_COUNTS}
+_ROTATION, _DIRECTION, _TRACKER = (POOLED.index(name) for name in ("rotation", "direction", "tracker"))
 _Columns = Mapping[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
 class SceneValues:
-    """Values of the scenes of one dataset in one condition, along one axis.
+    """Values of the scenes of one dataset in one condition, along one axis."""
 
-    Attributes
-    ----------
-    values : (scenes, places, 2) float64
-        By the role of the statistic, in u and v: px of the mean, otherwise logarithms, -inf where a value is 0. NaN
-        where it is missing.
-    measured : (scenes,) bool
-        Which scenes were measured in this condition, whether or not they have any value.
-    """
-
+    # (scenes, places, 2) by the role of the statistic, in u and v: px of the mean, otherwise logarithms, -inf where a
+    # value is 0. NaN where it is missing
     values: Mapping[str, NDArray[np.float64]]
-    measured: NDArray[np.bool_]
+    measured: NDArray[np.bool_]  # (scenes,): which were measured in this condition, whether or not they have any value
 
 
 @dataclass(frozen=True, slots=True)
 class RunErrors:
-    """Errors of all conditions of a run, by one set of poses.
+    """Errors of all conditions of a run, by one set of poses."""
 
-    Attributes
-    ----------
-    places
-        Ages, or frames from the key frame on, of each dataset and axis, sorted.
-    conditions
-        What single scenes measured, by condition and axis.
-    scales
-        `SCALES` by condition.
-    errors
-        Which errors: population and trimming.
-    key_frames
-        As in `tracknoise.statistics.yardstick.comparable`.
-    """
-
-    places: Mapping[tuple[str, str], NDArray[np.int64]]
-    conditions: Mapping[tuple[Condition, str], SceneValues]
+    places: Mapping[tuple[str, str], NDArray[np.int64]]  # ages or frames of each dataset and axis, sorted
+    conditions: Mapping[tuple[Condition, str], SceneValues]  # what single scenes measured, by condition and axis
     scales: TablesByCondition
-    errors: Mapping[str, str]
+    errors: Mapping[str, str]  # which errors: population and trimming
     key_frames: Mapping[str, int]
 
 
 @dataclass(frozen=True, slots=True)
 class RunValues:
-    """What the scenes of a run measured.
+    """What the scenes of a run measured, as `run_values` returns it."""
 
-    Attributes
-    ----------
-    errors
-        By the poses of all reference tracks.
-    by_kind
-        By those of each kind of reference tracks alone; none where poses were not refined.
-    ends, frames
-        `ENDS` and `FRAME_COUNTS`, by condition.
-    """
-
-    errors: RunErrors
-    by_kind: Mapping[str, RunErrors]
+    scenes: Mapping[str, Sequence[str]]  # names by dataset, in the order of the arrays
+    keys: Sequence[Condition]  # all conditions, sorted
+    errors: RunErrors  # by the poses of all reference tracks
+    by_kind: Mapping[str, RunErrors]  # by those of each kind alone; none where poses were not refined
     ends: TablesByCondition
     frames: TablesByCondition
 
@@ -120,35 +101,72 @@ class RunValues:
 Level = tuple[RunValues, Condition]
 
 
-def run_errors(
-    moments: TablesByCondition,
-    scales: TablesByCondition,
+def run_values(
+    moments: Tables,
+    scales: Tables,
+    ends: Tables,
+    frames: Tables,
     curves: pl.DataFrame,
     *,
-    errors: Mapping[str, str],
-    key_frames: Mapping[str, int],
-    scenes: Mapping[str, Sequence[str]],
-) -> RunErrors:
-    """Values by (scene value), at the points of curves that may be compared.
+    by_kind: Mapping[str, Mapping[str, Tables]] = MappingProxyType({}),
+    key_frames: Mapping[str, int] = MappingProxyType({}),
+    population: str = POPULATION,
+    trimming: str = TRIMMING,
+    scenes: Mapping[str, Sequence[str]] | None = None,
+) -> RunValues:
+    """What the scenes of a run measured, at the points of curves that may be compared.
 
     Parameters
     ----------
-    moments, scales
-        `MOMENTS` and `SCALES` of all scenes.
+    moments, scales, ends, frames
+        Of all sequences: `MOMENTS`, `SCALES`, `ENDS` and `FRAME_COUNTS`.
     curves
         What was made of the same scenes; it says where curves are cut.
-    errors
-        Which errors: population and trimming.
+    by_kind
+        `moments` and `scales` of all sequences by the poses of each kind of reference tracks alone.
     key_frames
-        As in `tracknoise.statistics.yardstick.comparable`, which says where curves may be compared.
+        Where curves run along frames: the one in which errors are zero, by direction.
+    population, trimming
+        Which errors.
     scenes
-        Names of the scenes of each dataset, in the order of the arrays.
+        Names of the scenes of each dataset, sorted; None for those that the tables have.
 
     Raises
     ------
     SchemaError
-        If curves have other columns.
+        If a table has other columns.
     """
+    given = {"moments": moments, "scales": scales, "ends": ends, "frames": frames}
+    tables = {name: by_condition(table, _SCHEMAS[name], name) for name, table in given.items()}
+    if scenes is None:
+        found = scenes_by_dataset(item for each in tables.values() for item in each.items())
+        scenes = {dataset: sorted(names) for dataset, names in found.items()}
+    which = {"population": population, "trimming": trimming}
+    errors, *alone = (
+        _run_errors(
+            by_condition(of["moments"], MOMENTS, "moments"),
+            by_condition(of["scales"], SCALES, "scales"),
+            curves,
+            which,
+            key_frames,
+            scenes,
+        )
+        for of in (tables, *by_kind.values())
+    )
+    keys = sorted({key for table in tables.values() for key in table})
+    kinds = dict(zip(by_kind, alone, strict=True))
+    return RunValues(scenes, keys, errors, kinds, tables["ends"], tables["frames"])
+
+
+def _run_errors(
+    moments: TablesByCondition,
+    scales: TablesByCondition,
+    curves: pl.DataFrame,
+    errors: Mapping[str, str],
+    key_frames: Mapping[str, int],
+    scenes: Mapping[str, Sequence[str]],
+) -> RunErrors:
+    """Values by (scene value)."""
     known = check(curves, CURVES, "curves").filter(**errors, weighting=Weighting.features)
     points = comparable(known.select_seq(*POOLED, "axis", "at", "cut", there="at").unique(), key_frames)
     places = {
@@ -211,7 +229,8 @@ def _upright(values: NDArray[np.float64], key: Condition, role: str) -> NDArray[
     return values
 
 
-_OF_EVENTS = ("lifetime", "outlier_ratio")
+OF_EVENTS = ("lifetime", "outlier_ratio")
+"""Statistics of tracks and frames, which have no errors."""
 LEAST_OUTLIERS = 2.0
 SCARCE = 5.0
 _FEW = "too few outliers for an upper bound"
@@ -225,45 +244,40 @@ _LEAST_AGES = 3
 """Fewest ages of a scene through which a line is fitted."""
 
 
-def differences_of(
-    role: str, levels: Sequence[Level], axis: str | None, scenes: Sequence[str], kind: str | None = None
-) -> Differences:
+def differences_of(role: str, levels: Sequence[Level], axis: str | None, scenes: Sequence[str]) -> Differences:
     """Differences of a statistic between every two levels.
+
+    Poses that are refined by tracks may favour trackers or runs whose tracks are like these. Differences between such
+    levels are returned by references of each kind alone, too.
 
     Parameters
     ----------
     role
-        `lifetime`, `outlier_ratio`, `growth`, `tails`, or another one of errors: a key of `LEAST_FEATURES`.
-    levels
-        The conditions. Growth and tails are of two.
-    axis
-        What errors are along.
+        `lifetime`, `outlier_ratio`, a key of `LEAST_FEATURES`, or, of two levels, `growth` or `tails`.
+    levels, axis
+        The conditions, and what their errors are along.
     scenes
         Names of all scenes of the dataset, in the order of the arrays.
-    kind
-        Errors are by references of this kind alone, where a run has them; None for all references.
     """
     if role == "lifetime":
         return lifetime_differences([run.ends.get(key, empty(ENDS)) for run, key in levels], scenes)
     if role == "outlier_ratio":
         return outlier_differences([run.frames.get(key, empty(FRAME_COUNTS)) for run, key in levels], scenes)
-    errors = [(run.errors if kind is None else run.by_kind.get(kind, run.errors), key) for run, key in levels]
-    if role == "growth":
-        return _growth(_curves("second", errors, str(axis), scenes))
-    if role == "tails":
-        return _tails(errors, str(axis), scenes)
-    return _curves(role, errors, str(axis), scenes)
-
-
-def differences_by_kind(
-    role: str, levels: Sequence[Level], axis: str | None, scenes: Sequence[str]
-) -> list[Differences]:
-    """The same of errors by references of each kind alone; none where there are no kinds."""
-    kinds = dict.fromkeys(kind for run, _ in levels for kind in run.by_kind)
-    return [differences_of(role, levels, axis, scenes, kind) for kind in kinds if role not in _OF_EVENTS]
+    errors = [(run.errors, key) for run, key in levels]
+    are_alike = len({(id(run), key[_TRACKER]) for run, key in levels}) < 2
+    kinds = () if are_alike else dict.fromkeys(kind for run, _ in levels for kind in run.by_kind)
+    alone = [[(run.by_kind.get(kind, run.errors), key) for run, key in levels] for kind in kinds]
+    found, *by_kind = (_of_errors(role, each, str(axis), scenes) for each in (errors, *alone))
+    return replace(found, by_kind=tuple(by_kind))
 
 
 _Errors = Sequence[tuple[RunErrors, Condition]]
+
+
+def _of_errors(role: str, levels: _Errors, axis: str, scenes: Sequence[str]) -> Differences:
+    if role == "growth":
+        return _growth(_curves("second", levels, axis, scenes))
+    return _tails(levels, axis, scenes) if role == "tails" else _curves(role, levels, axis, scenes)
 
 
 def _at_levels(
@@ -347,7 +361,7 @@ def _beyond_cores(run: RunErrors, key: Condition, axis: str, places: NDArray[np.
 
 
 def number_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str], *, logarithms: bool) -> Differences:
-    """Differences of numbers, at every place that all levels have.
+    """Differences of numbers, or of their logarithms, at every place that all levels have.
 
     Parameters
     ----------
@@ -355,8 +369,6 @@ def number_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str], *,
         Columns of `NUMBERS`, one row per scene and place.
     scenes
         Names of all scenes, in the order of the result.
-    logarithms
-        Whether logarithms are compared.
     """
     known = [table["at"].drop_nulls().unique().to_numpy() for table in tables]
     places = reduce(np.intersect1d, known).astype(np.int64)
@@ -378,14 +390,9 @@ def _of_places(table: pl.DataFrame, places: NDArray[np.int64] | None, scenes: Se
 
 
 def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
-    """Differences between the logarithms of (scene ratio), with a single point.
+    """Differences between the logarithms of (scene ratio), with a single point. `scenes`: of the dataset, sorted.
 
-    Parameters
-    ----------
-    tables
-        `FRAME_COUNTS` of each level. A level whose tracker does not report outliers takes no part.
-    scenes
-        Names of all scenes of the dataset, sorted.
+    `tables`: `FRAME_COUNTS` of each level. A level whose tracker does not report outliers takes no part.
     """
     counts = [total_if_known(name, pl.col(name).cast(pl.Int64).sum()) for name in ("offered", "outliers")]
     sums = [table.group_by("scene").agg(counts) for table in tables]
@@ -402,15 +409,7 @@ def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -
 
 
 def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
-    """Differences between the logarithms of (scene lifetime), with a single point.
-
-    Parameters
-    ----------
-    tables
-        `ENDS` of each level.
-    scenes
-        Names of all scenes of the dataset, sorted.
-    """
+    """The same of (scene lifetime). `tables`: `ENDS` of each level."""
     lifetimes = np.unique(np.concatenate([table["lifetime"].to_numpy() for table in tables]))
     ended, censored = (_by_lifetime(tables, name, scenes, lifetimes) for name in ("n_ended", "n_censored"))
     known = follow_up(ended, censored, lifetimes=lifetimes)

@@ -74,6 +74,7 @@ class Differences:
     n_coordinates: int = 1  # 2 if u and v have points of their own
     total: NDArray[np.float64] | None = None  # (scenes, pairs, points): sum of both levels, for mean errors
     scale_px: float | None = None  # for mean errors: what a margin is a share of; None where it is unknown
+    by_kind: tuple["Differences", ...] = ()  # the same by reference tracks of each kind alone, where these may matter
 
     def place(self, point: int) -> int | None:
         """Age, frame or window of a point; None for a single number."""
@@ -85,7 +86,8 @@ class Differences:
 
     def reversed(self) -> "Differences":
         """The same with the second level of each pair minus the first."""
-        return replace(self, values=0.0 - self.values, pairs=self.pairs[:, ::-1], scarce=self.scarce[:, ::-1])
+        values, by_kind = 0.0 - self.values, tuple(one.reversed() for one in self.by_kind)
+        return replace(self, values=values, pairs=self.pairs[:, ::-1], scarce=self.scarce[:, ::-1], by_kind=by_kind)
 
 
 def pairs_of(n_levels: int) -> NDArray[np.intp]:

@@ -412,8 +412,9 @@ def _verdict(row: Row, q_yes: float, q_no: float, level: float) -> Row:
         return {**known, "verdict": verdict, "more_scenes": None}
     why = row.get("apart") or gap
     if why is None and p_yes is not None and p_no is not None:
-        low, high, margin = row["low"], row["high"], row.get("margin")
-        contains = margin is not None and low <= margin <= (math.inf if high is None else high)
+        low, margin = row.get("low"), row.get("margin")
+        high = math.inf if row.get("high") is None else row["high"]
+        contains = low is not None and margin is not None and low <= margin <= high
         why = why_open(p_yes, p_no, level, contains=contains, otherwise=_EXCEEDS)
     return {**known, "verdict": verdict, "why": why}
 

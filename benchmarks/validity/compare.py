@@ -20,12 +20,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness import Silent
-from tracknoise.analysis.gate import verdicts
-from tracknoise.analysis.paired_values import PairedValues
-from tracknoise.analysis.run_changes import Asked, Compared, Row
+from tracknoise.analysis.run_changes import Asked, Compared, Row, verdicts
 from tracknoise.experiments.compare_runs import OpenedRun, compare, questions
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
+from tracknoise.inference.paired_differences import differences
 from tracknoise.tables.enumerations import ChangeVerdict
 from tracknoise.tables.store import RunFolder
 
@@ -56,8 +55,8 @@ def swapped(asked: Sequence[Asked], signs: dict[str, float]) -> list[Asked]:
     """The same with both runs swapped in the scenes whose sign is -1."""
     found = []
     for one in asked:
-        sign = np.array([signs[name] for name in one.scenes])[:, None]
-        found.append(replace(one, values=replace(one.values, change=sign * one.values.change)))
+        sign = np.array([signs[name] for name in one.scenes])[:, None, None]
+        found.append(replace(one, values=replace(one.values, values=sign * one.values.values)))
     return found
 
 
@@ -104,8 +103,9 @@ def edge(runs: int, *, margin: float, seed: int) -> None:
         asked = []
         for _ in range(_STATISTICS):
             noise = 0.1 * rng.standard_normal((_SCENES, 1)) + 0.05 * rng.standard_normal((_SCENES, _AGES))
-            both, unlike = np.ones(_SCENES, dtype=np.bool_), np.zeros(_AGES, dtype=np.bool_)
-            values = PairedValues(np.log1p(margin) + noise, both, unlike, np.arange(1, _AGES + 1))
+            levels = np.stack([np.log1p(margin) + noise, np.zeros_like(noise)], axis=1)
+            measured, places = np.ones(levels.shape[:2], dtype=np.bool_), np.arange(1, _AGES + 1)
+            values = differences(levels, measured, logarithms=True, places=places)
             asked.append(Asked(of, "core", values, names, np.arange(_SCENES), "age"))
         rows = verdicts(asked, margin=margin)
         wrong["changed"] += any(row.verdict in _CHANGED for row in rows)

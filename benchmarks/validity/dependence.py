@@ -31,8 +31,9 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from tracknoise.analysis.factor_values import LEAST_FEATURES, lifetime_differences, outlier_differences
-from tracknoise.analysis.factors import Answer, Question, Row, answer, family, judged
+from tracknoise.analysis.factors import Row, family, judged
+from tracknoise.analysis.paired_tests import Answer, Question, answer
+from tracknoise.analysis.scene_values import LEAST_FEATURES, lifetime_differences, outlier_differences
 from tracknoise.inference.multiple_tests import hochberg, in_families, rotations
 from tracknoise.inference.paired_differences import Differences, average, best_of_few, differences
 from tracknoise.inference.units import Resampled

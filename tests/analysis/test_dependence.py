@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from tracknoise.analysis.factors import DEPENDENCE, dependence
+from tracknoise.analysis.scene_values import run_values
 from tracknoise.exceptions import SchemaError
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.curves import curves
@@ -78,7 +79,9 @@ def asked(
     bent = curves(table)
     lived = lifetimes_of_ends(ends)
     point = effects(bent, lived, outlier_ratios(frames), reference=REFERENCE)
-    return dependence(table, scales(table), ends, frames, bent, point, n_draws=n_draws, **options)
+    of_run = {name: options.pop(name) for name in ("trimming", "key_frames", "by_kind") if name in options}
+    run = run_values(table, scales(table), ends, frames, bent, **of_run)
+    return dependence(run, point, n_draws=n_draws, **options)
 
 
 def answer(*args: object, statistic: str = "eta", factor: str = "speed", **options: object) -> dict[str, object]:
@@ -414,7 +417,8 @@ def test_the_rows_are_those_of_the_effects_without_central_moments_and_with_the_
     table = moments({1: 1.0, 2: 1.2})
     bent = curves(table)
     point = effects(bent, empty(LIFETIMES), outlier_ratios(empty(FRAME_COUNTS)), reference=REFERENCE)
-    found = dependence(table, scales(table), empty(ENDS), empty(FRAME_COUNTS), bent, point, n_draws=50)
+    run = run_values(table, scales(table), empty(ENDS), empty(FRAME_COUNTS), bent)
+    found = dependence(run, point, n_draws=50)
     keys = ["dataset", "factor", *(name for name in CONDITION if name != "dataset"), "statistic"]
     expected = point.filter(pl.col("statistic") != "central").select(keys)
     assert found.filter(pl.col("statistic") != "core").select(keys).equals(expected)
@@ -436,7 +440,8 @@ def test_frames_are_counted_from_the_key_frame() -> None:
 
 
 def test_nothing_gives_nothing() -> None:
-    found = dependence(*map(empty, (MOMENTS, SCALES, ENDS, FRAME_COUNTS, CURVES, EFFECTS)))
+    run = run_values(*map(empty, (MOMENTS, SCALES, ENDS, FRAME_COUNTS, CURVES)))
+    found = dependence(run, empty(EFFECTS))
     assert found.equals(empty(DEPENDENCE))
 
 
@@ -445,4 +450,4 @@ def test_the_wrong_tables_are_refused() -> None:
     for place in range(len(right)):
         tables = [empty(TRACKS if number == place else schema) for number, schema in enumerate(right)]
         with pytest.raises(SchemaError):
-            dependence(*tables)
+            dependence(run_values(*tables[:-1]), tables[-1])

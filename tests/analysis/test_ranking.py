@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from tests.analysis.test_dependence import asked, moments, scales
 
-from tracknoise.analysis.ranking import RANKS, ranking
+from tracknoise.analysis.factors import RANKS, ranking
 
 
 def played(sizes: Mapping[str, float], *, scenes: int = 12, own: float = 0.02, seed: int = 0) -> pl.DataFrame:

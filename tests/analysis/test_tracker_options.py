@@ -8,8 +8,7 @@ import pytest
 from tests.analysis.test_dependence import asked, moments
 from tests.lean import without_audit, without_depths, without_geometry
 
-from tracknoise.analysis.factor_values import OptionFactor, option_factors
-from tracknoise.analysis.factors import DEPENDENCE
+from tracknoise.analysis.factors import DEPENDENCE, OptionFactor, option_factors
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.report import factor_section

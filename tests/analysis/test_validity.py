@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tracknoise.analysis.factors import Answer, Question, answer
+from tracknoise.analysis.paired_tests import Answer, Question, answer
 from tracknoise.inference.multiple_tests import rotations
 from tracknoise.inference.paired_differences import differences
 from tracknoise.inference.units import Resampled, scheme

@@ -9,8 +9,8 @@ from benchmarks.validity.compare import swapped
 from tests.report.synthetic import World, write_run
 
 import tracknoise
-from tracknoise.analysis.gate import Gate, verdicts
-from tracknoise.analysis.run_changes import ESTIMANDS
+from tracknoise.analysis.gate import Gate
+from tracknoise.analysis.run_changes import ESTIMANDS, verdicts
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.experiments.compare_runs import OpenedRun, questions
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
+from tracknoise.analysis.gate import read_gate
 from tracknoise.exceptions import TracknoiseError
-from tracknoise.experiments.compare_runs import read_gate
 
 
 def write(tmp_path, text):

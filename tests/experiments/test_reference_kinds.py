@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 from tests.lean import with_findings
 
 import tracknoise
-from tracknoise.analysis.factor_values import DISAGREE
 from tracknoise.analysis.factors import DEPENDENCE
+from tracknoise.analysis.paired_tests import DISAGREE
 from tracknoise.experiments.compare_runs import compare
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.reference_kinds import kind_tables

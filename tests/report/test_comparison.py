@@ -6,8 +6,15 @@ from html.parser import HTMLParser
 
 import pytest
 
-from tracknoise.analysis.gate import comparison_json
-from tracknoise.analysis.run_changes import Compared, Comparison, GateResult, GateRow, Row, RunSide
+from tracknoise.analysis.run_changes import (
+    Compared,
+    Comparison,
+    GateResult,
+    GateRow,
+    Row,
+    RunSide,
+    comparison_json,
+)
 from tracknoise.report.comparison_page import (
     WIDTH,
     answers,

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tracknoise.analysis.ranking import RANKS
+from tracknoise.analysis.factors import RANKS
 from tracknoise.exceptions import StoreError
 from tracknoise.report.figures.rankings import _apart, ranking_figures
 from tracknoise.report.ranking_table import ranking_table

@@ -1,29 +1,11 @@
-"""Whether a factor changes a statistic by more than a margin: differences paired within scenes, and a verdict.
+"""Whether a factor changes a statistic by more than a margin, and which trackers are better than others.
 
-A cell is a factor with all others held, such as one tracker at one speed. For each statistic of a cell, the differences
-between levels are compared with the margin. P-values are then adjusted for everything that is asked, and lead to a
-verdict.
+A cell is one factor with all others held, such as one tracker at one speed, and its levels are conditions. For each
+statistic of a cell, the differences between levels are compared with the margin (`tracknoise.analysis.paired_tests`).
 
-Differences
------------
-
-Scenes are the sampling units. A scene is seen at all levels of a factor, so that what the levels have in common cancels
-in their difference. Scales of errors, lifetimes and outlier ratios are compared as ratios: the mean over scenes of the
-difference of logarithms, and thus the geometric mean over scenes of the ratio. Mean errors have a sign, and their
-differences are in px. Every scene has the same weight.
-
-Differences are averaged over scenes at each point: a pair of levels at one age and coordinate. Points that too few
-scenes have are left out.
-
-- Does any pair differ by more than the margin? For scales this is asked in two stages. First, each scene's mean over
-  all ages and both coordinates that it has is tested, one for each pair, at 80 % of the level. Second, the single
-  points are tested, at 20 %: p_yes = min(p_1 / 0.8, p_2 / 0.2) (two-stage). Means of a signed error may cancel, so that
-  for them only the points are tested.
-- Do all pairs differ by less than the margin? Only if each single point does: p_no is the largest p-value of all points
-  (intersection and union).
-
-The pair with the clearest overall difference is reported, or the clearest point where only that exceeds the margin. Its
-interval holds for all pairs, or all points, together.
+An option is a factor for trackers of one kind that differ in exactly this option, such as the detector. The difference
+between two such trackers is the effect of the option. Trackers that differ in several options are compared as trackers
+only.
 
 Verdicts
 --------
@@ -40,61 +22,55 @@ Hochberg over the cells.
   and that q_no is at most 1 - level.
 - `undecided`: all other cases.
 
-Kinds of reference tracks
--------------------------
+Ranks
+-----
 
-Poses that are refined by tracks may favour trackers that are like these. Reference tracks are of two kinds. Where poses
-were refined, differences between trackers are asked about by each kind alone too, and every answer has to hold: p_yes
-and p_no are the largest of the three, and p_yes is 1 where kinds order the reported pair differently.
+Every two trackers are compared like the levels of a factor of two. A tracker of n is between the ranks
+
+    best = 1 + number of trackers that are shown to be better,  worst = n - number that are shown to be worse    (ranks)
+
+where a difference within the margin counts as none, and one at a single age neither. Of all pairs that are said to
+differ by one statistic, at most 1 - level are alike, on average.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from itertools import combinations
 from typing import Any, TypeAlias
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.analysis.factor_values import (
+from tracknoise.analysis.paired_tests import (
+    AT_LEAST,
     DISAGREE,
-    SIGNED,
-    AllValues,
-    Cell,
-    OptionFactor,
-    cells,
-    lifetime_differences,
-    option_cells,
-    outlier_differences,
-    scene_values,
+    N_DRAWS,
+    Answer,
+    Question,
+    Unit,
+    answer,
+    ask,
+    decided,
+    why_not_asked,
+    why_open,
 )
-from tracknoise.analysis.ranking import pairs_of_trackers
+from tracknoise.analysis.scene_values import SIGNED, RunValues, differences_of
 from tracknoise.inference.conventions import LEVEL
-from tracknoise.inference.multiple_tests import benjamini_hochberg, hochberg, in_families, rotations
-from tracknoise.inference.paired_differences import (
-    Averages,
-    Differences,
-    average,
-    best_of_few,
-    best_of_many,
-    differences,
-    half_widths,
-    half_widths_alone,
-    more_scenes,
-    p_below,
-)
-from tracknoise.inference.units import MIN_SCENES, MIN_WITHIN, NO_GROUPS, Resampled, SceneGroups, scheme
+from tracknoise.inference.multiple_tests import benjamini_hochberg, hochberg, in_families
+from tracknoise.inference.paired_differences import Differences
+from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, SceneGroups
 from tracknoise.statistics.definitions import NAMES, POOLED
-from tracknoise.statistics.grouping import Tables, TablesByCondition, by_condition, group_rows, scenes_by_dataset
-from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
+from tracknoise.statistics.grouping import Condition
+from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
-from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, OF_LEVELS, RESAMPLED
+from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, EFFECTS, OF_LEVELS, RESAMPLED
 from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
-from tracknoise.tables.schema import CONDITION, ENDS, FRAME_COUNTS, MOMENTS, SCALES, VERDICT, Schema, check, empty
-from tracknoise.words import STATISTICS, count, only
+from tracknoise.tables.schema import CONDITION, VERDICT, check, empty
+from tracknoise.words import STATISTICS, only
 
 
 def _factors() -> Rows:
@@ -165,13 +141,17 @@ moment; lifetime and outlier ratio; the others) of one cell, such as one tracker
 Hochberg over the rows of a factor about the same statistic.
 """
 
-ROLES: Mapping[str, str] = {
-    **{name: role for names in NAMES.values() for role, name in names.items() if role in STATISTICS},
-    "core": "core",
-    "lifetime": "lifetime",
-    "outlier_ratio": "outlier_ratio",
+CORE = "core"
+"""Name of the robust scale, which is compared although `EFFECTS` lacks it."""
+_ROLES: Mapping[str, str] = {
+    **{name: role for names in NAMES.values() for role, name in names.items()},
+    **{name: name for name in (CORE, "lifetime", "outlier_ratio")},
 }
+ROLES: Mapping[str, str] = {name: role for name, role in _ROLES.items() if role in STATISTICS}
 """Role of each statistic, by its name in the tables."""
+RANKED = (CORE, "second", "lifetime", "outlier_ratio")
+"""Roles of the statistics that trackers are ranked by."""
+LEAST_TRACKERS = 3
 _OTHERS = "others"
 _FAMILIES: Mapping[str, str] = {
     **dict.fromkeys(("core", "second", "second_moment", "consistent_sigma"), "sizes"),
@@ -184,428 +164,268 @@ def family(statistic: str) -> str:
     return _FAMILIES.get(ROLES.get(statistic, statistic), _OTHERS)
 
 
-OVERALL_SHARE = 0.8
-"""Share of the level that the overall differences are tested at; the rest is for single points."""
+_LEFT_OUT = "central"
+"""Central second moments: the comparison of second moments and of means says what they say."""
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """What was found about one question.
+class Cell:
+    """One factor, with all others held."""
 
-    Attributes
-    ----------
-    pair
-        Which pair of levels is reported.
-    point
-        Which point of it is reported; None for the mean over all of them.
-    difference, low, high
-        Signed difference of the pair and its interval.
-    most
-        Largest bound of the size of any difference at any point.
-    p_yes, p_no
-        By (two-stage) and (intersection and union).
-    compared : (pairs, points) bool
-        Points that enough scenes have.
-    more_scenes
-        How many more scenes would settle the question; None where this is unknown.
-    """
+    factor: str
+    held: Mapping[str, object]  # values of the other columns of the condition, and of `dataset`
+    axis: str | None  # of the curves; None for numbers without one
+    levels: Mapping[object, Condition]  # the conditions to compare, by the value of the factor, sorted
+    statistics: Mapping[str, str]  # name of each statistic that is asked about, by its role
 
-    pair: int
-    point: int | None
-    difference: float
-    low: float
-    high: float
-    most: float
-    p_yes: float
-    p_no: float
-    compared: NDArray[np.bool_]
-    more_scenes: int | None
+    @property
+    def dataset(self) -> str:
+        """Name of the dataset."""
+        return str(self.held["dataset"])
+
+    @property
+    def key(self) -> dict[str, object]:
+        """The columns of the table that identify the cell."""
+        names = {name: self.held.get(name) for name in CONDITION}
+        return {"dataset": self.held["dataset"], "factor": self.factor, **names, "axis": self.axis}
+
+
+def cells(effects: pl.DataFrame, conditions: Sequence[Condition]) -> Iterator[Cell]:
+    """The cells of a table of effects, in its order. `conditions`: all that were measured, sorted."""
+    rows = check(effects, EFFECTS, "effects").filter(pl.col("statistic") != _LEFT_OUT)
+    for (dataset, factor, *values, axis), part in rows.group_by(
+        ["dataset", "factor", *CONDITION, "axis"], maintain_order=True
+    ):
+        held = {"dataset": dataset, **dict(zip(CONDITION, values, strict=True))}
+        del held[str(factor)]
+        levels = {key[POOLED.index(str(factor))]: key for key in conditions if _agrees(key, held)}
+        statistics = {_ROLES[name]: name for name in part["statistic"]}
+        if axis is not None:
+            statistics[CORE] = CORE
+        yield Cell(str(factor), held, axis, levels, statistics)
+
+
+def _agrees(condition: Condition, held: Mapping[str, object]) -> bool:
+    named = dict(zip(POOLED, condition, strict=True))
+    return all(named[name] == value for name, value in held.items())
+
+
+Options = Mapping[str, object]
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
-    """What is asked of all differences.
+class OptionFactor:
+    """An option in which alone some trackers differ."""
+
+    name: str  # of the option; those of nested settings with a dot, such as ``detection.detector``
+    # kind of the trackers. Where the same option varies among several sets of trackers of this kind, their names
+    of: str
+    levels: Mapping[str, str]  # name of the tracker with each value of the option, in the order of the trackers
+
+
+def option_factors(trackers: Mapping[str, tuple[str, Options]]) -> list[OptionFactor]:
+    """The options in which alone trackers differ, sorted by name.
 
     Parameters
     ----------
-    margin
-        Largest difference that counts as no effect: of logarithms, or in px.
-    level
-        Probability that an interval contains the true difference.
-    group : (scenes,)
-        Number of the group of each scene.
-    resampled
-        What is averaged: `scenes`, `groups` or `within`.
-    directions : (draws, dimensions)
-        See `tracknoise.inference.multiple_tests.rotations`; there are as many dimensions as the parts of averages.
-    cancels
-        Whether differences at several points may cancel, so that their mean is no measure of them.
+    trackers
+        Kind and options by the name of each tracker. All options are given, also those that have their defaults.
     """
-
-    margin: float
-    level: float
-    group: NDArray[np.intp]
-    resampled: Resampled
-    directions: NDArray[np.float64]
-    cancels: bool = False
+    flat = {name: (kind, dict(_flat(options))) for name, (kind, options) in trackers.items()}
+    paths = sorted({path for _, options in flat.values() for path in options})
+    return [factor for path in paths for factor in _varied(path, flat)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Clearest:
-    """The clearest of several differences, and the p-value of the hypothesis that none of them exceeds the margin."""
-
-    found: Averages
-    chosen: int
-    p: float
-    pair: int
-    point: int | None
-
-    @property
-    def difference(self) -> float:
-        return float(self.found.mean[self.chosen])
-
-    def half_width(self, question: Question) -> float:
-        """Half width of the interval, which holds for all differences together."""
-        return float(half_widths(self.found, question.directions, 1 - question.level)[self.chosen])
+def _flat(options: Options, within: str = "") -> Iterator[tuple[str, str]]:
+    """Values as text by the dotted names of their options."""
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{within}{name}.")
+        else:
+            yield f"{within}{name}", str(value)
 
 
-def answer(asked: Differences, question: Question) -> Answer | None:
-    """Compare all pairs; None where no point has enough scenes."""
-    n_scenes, n_pairs, n_points = asked.values.shape
-    every = average(asked.values.reshape(n_scenes, n_pairs * n_points), question.group, question.resampled)
-    enough = enough_scenes(every, question.resampled)
-    if not enough.any():
-        return None
-    points, compared = every.of(enough), enough.reshape(n_pairs, n_points)
-    if question.cancels:
-        reported = _clearest_point(points, compared, question, needed=np.inf)
-    else:
-        reported = _of_two_stages(asked.values, points, compared, question)
-    half_width = reported.half_width(question)
-    largest = np.abs(points.mean) + half_widths_alone(points, 1 - question.level)
-    return Answer(
-        pair=reported.pair,
-        point=reported.point,
-        difference=reported.difference,
-        low=reported.difference - half_width,
-        high=reported.difference + half_width,
-        most=float(largest.max()),
-        p_yes=reported.p,
-        p_no=p_below(points, question.margin),
-        compared=compared,
-        more_scenes=more_scenes(reported.found, reported.chosen, points, margin=question.margin, level=question.level),
-    )
+def _varied(path: str, trackers: Mapping[str, tuple[str, dict[str, str]]]) -> list[OptionFactor]:
+    """Sets of trackers that differ in an option alone."""
+    alike = defaultdict[tuple[str, tuple[tuple[str, str], ...]], dict[str, str]](dict)
+    for tracker, (kind, options) in trackers.items():
+        others = tuple(sorted((name, value) for name, value in options.items() if name != path))
+        alike[kind, others].setdefault(options.get(path, "none"), tracker)
+    found = [(kind, levels) for (kind, _), levels in alike.items() if len(levels) > 1]
+    kinds = [kind for kind, _ in found]
+    return [
+        OptionFactor(path, kind if kinds.count(kind) == 1 else ", ".join(levels.values()), levels)
+        for kind, levels in found
+    ]
 
 
-def enough_scenes(found: Averages, resampled: Resampled) -> NDArray[np.bool_]:
-    """Where there are enough scenes or groups for an interval, as in `tracknoise.inference.units.scheme`."""
-    least = MIN_WITHIN if resampled == Resampled.within else 0
-    return np.asarray((found.n_units >= MIN_SCENES) & (found.degrees >= least), dtype=np.bool_)
+def option_cells(cells: Iterable[Cell], factors: Sequence[OptionFactor]) -> Iterator[Cell]:
+    """The cells about options: those about trackers, of the trackers that differ in one option alone."""
+    for cell in cells:
+        for factor in factors if cell.factor == "tracker" else ():
+            known = {value: name for value, name in factor.levels.items() if name in cell.levels}
+            levels: dict[object, Condition] = {value: cell.levels[name] for value, name in known.items()}
+            if len(levels) > 1:
+                held = {**cell.held, "tracker": factor.of}
+                yield Cell(factor.name, held, cell.axis, levels, cell.statistics)
 
 
-def _of_two_stages(
-    values: NDArray[np.float64], points: Averages, compared: NDArray[np.bool_], question: Question
-) -> _Clearest:
-    """The clearest difference, with the p-value of (two-stage); of numbers without ages there is one stage only."""
-    overall = _clearest_pair(values, compared, question)
-    if compared.shape[1] == 1:
-        return overall
-    rest = 1 - OVERALL_SHARE
-    p_overall = min(overall.p / OVERALL_SHARE, 1.0)
-    single = _clearest_point(points, compared, question, needed=rest * p_overall)
-    p_single = single.p / rest
-    at_point = p_single <= 1 - question.level < p_overall
-    return replace(single if at_point else overall, p=min(p_overall, p_single))
-
-
-def _clearest_pair(values: NDArray[np.float64], compared: NDArray[np.bool_], question: Question) -> _Clearest:
-    """Of the means over the points of each pair."""
-    there = ~np.isnan(values) & compared
-    count = there.sum(axis=2)
-    means = np.where(there, values, 0.0).sum(axis=2) / np.where(count > 0, count, np.nan)
-    pairs = np.flatnonzero(compared.any(axis=1))
-    found = average(means[:, pairs], question.group, question.resampled)
-    best = best_of_few(found, question.margin, question.directions)
-    return _Clearest(found, best.chosen, best.p, int(pairs[best.chosen]), None)
-
-
-def _clearest_point(points: Averages, compared: NDArray[np.bool_], question: Question, *, needed: float) -> _Clearest:
-    """Of single points; a p-value of `needed` or more need not be exact."""
-    best = best_of_many(points, question.margin, question.directions, needed=needed)
-    pair, point = np.argwhere(compared)[best.chosen]
-    return _Clearest(points, best.chosen, best.p, int(pair), int(point))
-
-
-N_DRAWS = 499
-"""Rotations: enough to distinguish p-values of a few percent."""
-
-
-def ask(
-    both: NDArray[np.bool_],
-    group: NDArray[np.intp],
-    *,
-    margin: float,
-    level: float,
-    n_draws: int = N_DRAWS,
-    seed: int = 0,
-    cancels: bool = False,
-) -> Question | None:
-    """The question about differences; None where scenes or groups are too few, or the margin is unknown.
-
-    Shapes: both (scenes, pairs), group (scenes,). `margin`: NaN where it is unknown.
-    """
-    resampled = scheme(group[both.any(axis=1)])
-    if resampled is None or not np.isfinite(margin):
-        return None
-    n_groups = len(np.unique(group))
-    within = len(group) - n_groups + 1
-    dimensions = {Resampled.scenes: len(group), Resampled.groups: n_groups}.get(resampled, within)
-    directions = rotations(dimensions, n_draws=n_draws, seed=seed)
-    return Question(margin, level, group, resampled, directions, cancels=cancels)
+def pairs_of_trackers(cells: Iterable[Cell]) -> Iterator[Cell]:
+    """Every two trackers, at the lowest speed at which three or more are compared."""
+    many = [cell for cell in cells if cell.factor == "tracker" and len(cell.levels) >= LEAST_TRACKERS]
+    slowest = min((cell.held["speed"] for cell in many), key=lambda speed: int(str(speed)), default=None)
+    for cell in many:
+        if cell.held["speed"] == slowest:
+            asked = {role: name for role, name in cell.statistics.items() if role in RANKED}
+            for pair in combinations(cell.levels.items(), 2):
+                yield replace(cell, levels=dict(pair), statistics=asked)
 
 
 Row: TypeAlias = dict[str, Any]
-"""Columns of `DEPENDENCE`, without q-values and verdict, and `gap`: why there can be no `no`, if so."""
-_SIGNED = "mean"
+"""Columns of `DEPENDENCE` without q-values and verdict; `gap`, why there can be no `no`, if so; `apart`, that kinds of
+references disagree, if so; and `pair`, which levels alone are compared, if so."""
 _LARGER_IS_BETTER = "lifetime"
-_ROUNDING = 1e-12
-_FEW = f"at least {MIN_SCENES} are needed"
 
 
-def row_of(
-    cell: Cell,
-    role: str,
-    statistic: str,
-    places: NDArray[np.int64],
-    asked: Differences,
-    question: Question | None,
-    margin: float,
-    group: NDArray[np.intp],
-    by_kind: Sequence[Differences] = (),
-) -> Row:
-    """What is known about one statistic of a cell.
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """One statistic of a cell."""
 
-    `asked, question`: None where too few scenes were measured. `margin`: NaN where it is unknown. `by_kind`: the same
-    differences by each kind of reference tracks alone.
-    """
-    levels = [str(level) for level in cell.levels]
-    found = None if question is None else answer(asked, question)
-    shared = asked.both.sum(axis=0)
-    row: Row = {
-        **cell.key,
-        "statistic": statistic,
-        "unit": "px" if role == _SIGNED else "ratio",
-        "n_levels": len(levels),
-        "n_pairs": 0 if found is None else int(found.compared.any(axis=1).sum()),
-        "n_scenes": int(shared.min(initial=shared.max(initial=0))),
-        "margin": None if np.isnan(margin) else _size(margin, role),
-        "gap": _gap(cell.factor, levels, asked, found, group, question),
-    }
-    if question is not None:
-        row |= {"resampled": question.resampled}
-    if found is not None:
-        row |= _compared(found, places, asked) | _pair(found, levels, asked, role) | _point(found, places)
-        row |= _sizes(found, role, asked)
-    if found is not None and question is not None and by_kind:
-        row |= _by_each_kind(found, by_kind, question, f"{DISAGREE} {row['level_a']} and {row['level_b']}")
-    return row
+    cell: Cell
+    role: str
+    differences: Differences
+    group: NDArray[np.intp]  # (scenes,): number of the group of each scene
+    margin: float  # NaN where it is unknown
+    question: Question | None  # None where too few scenes were measured, or the margin is unknown
 
+    @property
+    def unit(self) -> Unit:
+        """Unit of the effect."""
+        return _unit(self.role)
 
-def _by_each_kind(found: Answer, by_kind: Sequence[Differences], question: Question, apart: str) -> Row:
-    """p-values that hold by references of each kind alone, and the reason where these differ in what they decide."""
-    every = [found, *filter(None, (answer(one, question) for one in by_kind))]
-    yes, no = ([one.p_yes for one in every], [one.p_no for one in every])
-    order = [found.difference, *(_difference(one, found) for one in by_kind)]
-    opposed = min(order) < 0.0 < max(order)
-    missing = len(every) <= len(by_kind)
-    p_yes, p_no = (1.0 if missing or opposed else max(yes), 1.0 if missing else max(no))
-    wrong = 1.0 - question.level
-    is_lost = yes[0] <= wrong < p_yes or no[0] <= wrong / 2 < p_no
-    disagree = is_lost or (opposed and max(yes[1:], default=1.0) <= wrong)
-    return {"p_yes": p_yes, "p_no": p_no, "apart": apart if disagree else None}
+    @property
+    def levels(self) -> list[str]:
+        """Names of the levels."""
+        return [str(level) for level in self.cell.levels]
 
+    def row(self) -> Row:
+        """What is known about it."""
+        found = None if self.question is None else answer(self.differences, self.question)
+        shared = self.differences.both.sum(axis=0)
+        row: Row = {
+            **self.cell.key,
+            "statistic": self.cell.statistics[self.role],
+            "unit": str(self.unit),
+            "n_levels": len(self.levels),
+            "n_pairs": 0 if found is None else int(found.compared.any(axis=1).sum()),
+            "n_scenes": int(shared.min(initial=shared.max(initial=0))),
+            "margin": None if np.isnan(self.margin) else self.unit.of(self.margin),
+            "gap": self._gap(found),
+            "resampled": None if self.question is None else self.question.resampled,
+        }
+        return row if found is None else row | self._answered(found)
 
-def _difference(asked: Differences, of: Answer) -> float:
-    """Mean over scenes of the pair and the point that an answer reports, or of all points that it compares."""
-    values = asked.values[:, of.pair]
-    chosen = values[:, of.compared[of.pair]] if of.point is None else values[:, of.point]
-    known = chosen[np.isfinite(chosen)]
-    return float(known.mean()) if len(known) else 0.0
+    def _answered(self, found: Answer) -> Row:
+        """The reported pair: its effect is that of its larger level over, or minus, its smaller one."""
+        asked, of = self.differences, self.unit.of
+        a, b = (self.levels[number] for number in asked.pairs[found.pair])
+        larger, smaller = (a, b) if found.difference > 0 else (b, a) if found.difference < 0 else (None, None)
+        low, high = (found.low, found.high) if found.difference >= 0 else (-found.high, -found.low)
+        is_scarce = asked.scarce[found.pair, 1 if found.difference >= 0 else 0]
+        is_signed, horizon = self.role == SIGNED, float(asked.horizon[found.pair])
+        places = [asked.place(point) for point in np.flatnonzero(found.compared.any(axis=0)).tolist()]
+        compared = {"n_places": len({*places}), "at_low": places[0], "at_high": places[-1]} if len(asked.places) else {}
+        at_point = (
+            {} if found.point is None else {"coordinate": asked.coordinate(found.point), "at": asked.place(found.point)}
+        )
+        return {
+            "level_a": a,
+            "level_b": b,
+            "larger": larger,
+            "better": None if is_signed else larger if self.role == _LARGER_IS_BETTER else smaller,
+            "effect": of(abs(found.difference)),
+            "low": max(low, 0.0) if is_signed else of(low),
+            "high": None if is_scarce else of(high),
+            "most": None if asked.scarce.any() else of(found.most),
+            "p_yes": found.p_yes,
+            "p_no": found.p_no,
+            "apart": f"{DISAGREE} {a} and {b}" if found.kinds_disagree else None,
+            "more_scenes": found.more_scenes,
+            "horizon": None if np.isnan(horizon) else horizon,
+            **compared,
+            **at_point,
+        }
 
-
-def _size(difference: float, role: str) -> float:
-    """A difference in the unit of the effect."""
-    return difference if role == _SIGNED else float(np.exp(difference))
-
-
-def _sizes(found: Answer, role: str, asked: Differences) -> Row:
-    """Effect and bounds of the reported pair, of its larger level over, or minus, its smaller one."""
-    low, high = (found.low, found.high) if found.difference >= 0 else (-found.high, -found.low)
-    smaller = 1 if found.difference >= 0 else 0
-    return {
-        "effect": _size(abs(found.difference), role),
-        "low": max(low, 0.0) if role == _SIGNED else _size(low, role),
-        "high": None if asked.scarce[found.pair, smaller] else _size(high, role),
-        "most": None if asked.scarce.any() else _size(found.most, role),
-        "p_yes": found.p_yes,
-        "p_no": found.p_no,
-        "more_scenes": found.more_scenes,
-    }
-
-
-def _pair(found: Answer, levels: Sequence[str], asked: Differences, role: str) -> Row:
-    """Levels of the reported pair, and which of them is larger and which is better."""
-    a, b = (levels[number] for number in asked.pairs[found.pair])
-    horizon = asked.horizon[found.pair]
-    larger, smaller = (a, b) if found.difference > 0 else (b, a) if found.difference < 0 else (None, None)
-    better = None if role == _SIGNED else larger if role == _LARGER_IS_BETTER else smaller
-    until = None if np.isnan(horizon) else float(horizon)
-    return {"level_a": a, "level_b": b, "larger": larger, "better": better, "horizon": until}
-
-
-def _point(found: Answer, places: NDArray[np.int64]) -> Row:
-    """Coordinate and age that decide, if a single one does."""
-    if found.point is None:
-        return {}
-    place, coordinate = divmod(found.point, 2)
-    return {"coordinate": "uv"[coordinate], "at": int(places[place])}
+    def _gap(self, found: Answer | None) -> str | None:
+        """What is missing for a `no`; None if nothing is."""
+        factor, levels, asked = self.cell.factor, self.levels, self.differences
+        if len(levels) < 2:
+            return f"only one {factor} was measured: {''.join(levels)}"
+        if found is not None and found.compared.any(axis=1).all():
+            unlike = (asked.unlike & found.compared).any()
+            return "a value of 0 at one of two levels, which has no ratio" if unlike else asked.gap
+        fewest = int(asked.both.sum(axis=0).min())
+        if fewest < MIN_SCENES:
+            return f"two levels share {only(fewest, 'scene')}; {AT_LEAST}"
+        if self.question is None:
+            return why_not_asked(asked.both, self.group)
+        if found is None:
+            return f"no age or frame has {MIN_SCENES} scenes with data at two levels"
+        known = set(asked.pairs[found.compared.any(axis=1)].ravel().tolist())
+        if missing := [level for number, level in enumerate(levels) if number not in known]:
+            return f"nothing to compare {factor} {', '.join(missing)} by"
+        return "some pairs of levels have too few scenes with data at both levels"
 
 
-def _compared(found: Answer, places: NDArray[np.int64], asked: Differences) -> Row:
-    """How many ages were compared, and from which to which."""
-    if asked.values.shape[2] == 1:
-        return {}
-    there = places[found.compared.reshape(-1, len(places), 2).any(axis=(0, 2))]
-    return {"n_places": len(there), "at_low": int(there.min()), "at_high": int(there.max())}
-
-
-def _gap(
-    factor: str,
-    levels: Sequence[str],
-    asked: Differences,
-    found: Answer | None,
-    group: NDArray[np.intp],
-    question: Question | None,
-) -> str | None:
-    """What is missing for a `no`; None if nothing is."""
-    if len(levels) < 2:
-        return f"only one {factor} was measured: {''.join(levels)}"
-    if found is not None and found.compared.any(axis=1).all():
-        unlike = (asked.unlike & found.compared).any()
-        return "a value of 0 at one of two levels, which has no ratio" if unlike else asked.gap
-    fewest = int(asked.both.sum(axis=0).min())
-    if fewest < MIN_SCENES:
-        return f"two levels share {only(fewest, 'scene')}; {_FEW}"
-    if question is None:
-        return _few_groups(asked, group)
-    if found is None:
-        return f"no age or frame has {MIN_SCENES} scenes with data at two levels"
-    missing = _never_compared(levels, asked, found)
-    if missing:
-        return f"nothing to compare {factor} {', '.join(missing)} by"
-    return "some pairs of levels have too few scenes with data at both levels"
-
-
-def _few_groups(asked: Differences, group: NDArray[np.intp]) -> str:
-    """Why nothing could be asked of enough scenes."""
-    part = group[asked.both.any(axis=1)]
-    n_groups = len(np.unique(part))
-    if n_groups < MIN_SCENES and len(part) - n_groups < MIN_WITHIN:
-        return f"the scenes form only {count(n_groups, 'group')}; {_FEW}, or {MIN_WITHIN} more scenes than groups"
-    return "errors have no scale that a margin could be a share of"
-
-
-def _never_compared(levels: Sequence[str], asked: Differences, found: Answer) -> list[str]:
-    """Levels that are in no pair that was compared."""
-    known = set(asked.pairs[found.compared.any(axis=1)].ravel().tolist())
-    return [level for number, level in enumerate(levels) if number not in known]
+def _unit(role: str) -> Unit:
+    return Unit.px if role == SIGNED else Unit.ratio
 
 
 def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
     """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided."""
-    known: Mapping[str, Any] = {name: kind for name, kind in DEPENDENCE.items() if name not in ("verdict", "why")}
-    # why no difference is shown; which levels alone are compared; where references of the two kinds disagree
-    internal = {"gap": pl.String, "pair": pl.String, "apart": pl.String}
-    table = pl.DataFrame(rows, schema={**known, **internal}, orient="row").with_columns_seq(
-        pl.lit(level).alias("level"), kind=pl.lit(EffectIntervalKind.paired, dtype=DEPENDENCE["kind"])
-    )
-    table = table.with_columns_seq(_q_values(table)).with_columns_seq(verdict=_verdict(level))
-    table = table.with_columns_seq(why=_why(level), more_scenes=pl.when(_is_open()).then("more_scenes"))
-    return check(
-        table.select_seq(pl.col(name).cast(kind) for name, kind in DEPENDENCE.items()), DEPENDENCE, "dependence"
-    )
-
-
-def _q_values(table: pl.DataFrame) -> list[pl.Series]:
-    """q_yes and q_no: adjusted in the families of a cell, and over the cells of a factor that ask the same."""
-    families = table.with_columns_seq(family=pl.col("statistic").map_elements(family, return_dtype=pl.String))
-    of_cell, of_statistic = (
-        group_rows(families, keys).index
-        for keys in (["dataset", "factor", *CONDITION, "pair", "family"], ["dataset", "factor", "statistic"])
-    )
-    yes, no = (table[name].to_numpy().astype(np.float64) for name in ("p_yes", "p_no"))
-    adjusted = {"q_yes": in_families(hochberg, yes, of_cell), "q_no": no}
-    return [
-        pl.Series(name, in_families(benjamini_hochberg, p, of_statistic)).fill_nan(None) for name, p in adjusted.items()
+    cell = ("dataset", "factor", *CONDITION, "pair")
+    of_cell = _numbers([(*map(row.get, cell), family(row["statistic"])) for row in rows])
+    of_statistic = _numbers([tuple(row[name] for name in ("dataset", "factor", "statistic")) for row in rows])
+    p_yes, p_no = ([row.get(name) for row in rows] for name in ("p_yes", "p_no"))
+    q_yes = in_families(benjamini_hochberg, in_families(hochberg, p_yes, of_cell), of_statistic)
+    q_no = in_families(benjamini_hochberg, p_no, of_statistic)
+    made = [
+        {**row, **_verdict(row, float(yes), float(no), level), "level": level, "kind": EffectIntervalKind.paired}
+        for row, yes, no in zip(rows, q_yes, q_no, strict=True)
     ]
+    columns = [{name: row.get(name) for name in DEPENDENCE} for row in made]
+    return check(pl.DataFrame(columns, schema=dict(DEPENDENCE), orient="row"), DEPENDENCE, "dependence")
 
 
-def _is_open() -> pl.Expr:
-    return pl.col("verdict") == Verdict.undecided
+def _numbers(keys: Sequence[tuple[object, ...]]) -> list[int]:
+    """A number for each key, the same for equal ones."""
+    order = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    return [order[key] for key in keys]
 
 
-def _all_below(level: float) -> pl.Expr:
-    return pl.col("p_no") <= (1 - level) / 2 + _ROUNDING
+def _verdict(row: Row, q_yes: float, q_no: float, level: float) -> Row:
+    """The columns that depend on what else is asked."""
+    p_yes, p_no, gap = row.get("p_yes"), row.get("p_no"), row["gap"]
+    known = {name: None if math.isnan(q) else q for name, q in (("q_yes", q_yes), ("q_no", q_no))}
+    verdict = decided(p_no, q_yes, q_no, level, has_gap=gap is not None)
+    if verdict != Verdict.undecided:
+        return {**known, "verdict": verdict, "more_scenes": None}
+    why = row.get("apart") or gap
+    if why is None and p_yes is not None and p_no is not None:
+        low, margin = row.get("low"), row.get("margin")
+        high = math.inf if row.get("high") is None else row["high"]
+        contains = low is not None and margin is not None and low <= margin <= high
+        why = why_open(p_yes, p_no, level, contains=contains, otherwise=_EXCEEDS)
+    return {**known, "verdict": verdict, "why": why}
 
 
-def _verdict(level: float) -> pl.Expr:
-    largest_q = 1 - level + _ROUNDING
-    exceeds = pl.col("q_yes") <= largest_q
-    none_does = pl.col("gap").is_null() & _all_below(level) & (pl.col("q_no") <= largest_q)
-    answer = pl.when(exceeds).then(pl.lit(Verdict.yes)).when(none_does).then(pl.lit(Verdict.no))
-    return answer.otherwise(pl.lit(Verdict.undecided)).cast(VERDICT)
-
-
-def _why(level: float) -> pl.Expr:
-    """Why a verdict is undecided; null for the others."""
-    shown = (pl.col("p_yes") <= 1 - level) | _all_below(level)
-    holds = (pl.col("low") <= pl.col("margin")) & (pl.col("high").fill_null(math.inf) >= pl.col("margin"))
-    return (
-        pl.when(~_is_open())
-        .then(None)
-        .when(pl.col("apart").is_not_null())
-        .then("apart")
-        .when(pl.col("gap").is_not_null())
-        .then("gap")
-        .when(shown)
-        .then(pl.lit("not significant after the correction for multiple tests"))
-        .when(holds)
-        .then(pl.lit("the interval contains the margin"))
-        .otherwise(pl.lit("at some age, a difference above the margin cannot be excluded"))
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class _Options:
-    groups: SceneGroups
-    margin: float
-    level: float
-    n_draws: int
-    seed: int
+_EXCEEDS = "at some age, a difference above the margin cannot be excluded"
 
 
 def dependence(
-    moments: Tables,
-    scales: Tables,
-    ends: Tables,
-    frames: Tables,
-    curves: pl.DataFrame,
+    run: RunValues,
     effects: pl.DataFrame,
     *,
-    by_kind: Mapping[str, Mapping[str, Tables]] = MappingProxyType({}),
-    key_frames: Mapping[str, int] | None = None,
-    population: str = POPULATION,
-    trimming: str = TRIMMING,
     options: Sequence[OptionFactor] = (),
     groups: SceneGroups = NO_GROUPS,
     margin: float = MARGIN,
@@ -618,17 +438,11 @@ def dependence(
 
     Parameters
     ----------
-    moments, scales, ends, frames
-        Of all sequences: `MOMENTS`, `SCALES`, `ENDS` and `FRAME_COUNTS`.
-    curves, effects
-        What the functions of these names made of them. `curves` says where they are cut, `effects` which factors are
-        asked about, and where the others are held.
-    by_kind
-        `moments` and `scales` of all sequences by the poses of each kind of reference tracks alone.
-    key_frames
-        Where curves run along frames: the one in which errors are zero, by direction.
-    population, trimming
-        Which errors.
+    run
+        What its scenes measured.
+    effects
+        What `tracknoise.statistics.yardstick.effects` made of it. It says which factors are asked about, and where the
+        others are held.
     options
         Options in which alone trackers differ. They are compared like trackers, as factors of their own.
     groups
@@ -641,7 +455,7 @@ def dependence(
     n_draws, seed
         Number of rotations, and their seed.
     pairs
-        Whether every two trackers are compared, by `tracknoise.analysis.ranking.pairs_of_trackers`, and nothing else.
+        Whether every two trackers are compared, by `pairs_of_trackers`, and nothing else.
 
     Returns
     -------
@@ -653,109 +467,112 @@ def dependence(
     Raises
     ------
     SchemaError
-        If a table has other columns.
+        If `effects` has other columns.
     """
-    tables = {
-        name: by_condition(given, schema, name)
-        for name, given, schema in (
-            ("moments", moments, MOMENTS),
-            ("scales", scales, SCALES),
-            ("ends", ends, ENDS),
-            ("frames", frames, FRAME_COUNTS),
-        )
-    }
-    every = list(cells(effects, sorted({key for table in tables.values() for key in table})))
-    wanted = list(pairs_of_trackers(every)) if pairs else [*every, *option_cells(every, options)]
-    if pairs and not wanted:
-        return judged([], level)
-    found = scenes_by_dataset(item for each in tables.values() for item in each.items())
-    scenes = {dataset: sorted(names) for dataset, names in found.items()}
-
-    def values_of(moments: TablesByCondition, scales: TablesByCondition) -> AllValues:
-        errors = {"population": population, "trimming": trimming}
-        return scene_values(moments, scales, curves, errors=errors, key_frames=key_frames or {}, scenes=scenes)
-
-    values = values_of(tables["moments"], tables["scales"])
-    alone = [
-        values_of(by_condition(one["moments"], MOMENTS, "moments"), by_condition(one["scales"], SCALES, "scales"))
-        for one in by_kind.values()
-    ]
-    asked = _Options(groups, margin, level, n_draws, seed)
+    every = list(cells(effects, run.keys))
+    wanted = pairs_of_trackers(every) if pairs else [*every, *option_cells(every, options)]
     rows: list[Row] = []
     for cell in wanted:
-        names = scenes.get(cell.dataset, [])
-        made = _rows(cell, tables, values, alone, names, groups.of(cell.dataset, names), asked)
-        rows.extend(_of_pair(cell, row) if pairs else row for row in made)
+        only_pair = _named_pair(cell) if pairs else {}
+        for role in cell.statistics:
+            asked = _asked(cell, role, run, groups, margin, level=level, n_draws=n_draws, seed=seed)
+            rows.append({**only_pair, **asked.row()})
     return judged(rows, level)
 
 
-def _of_pair(cell: Cell, row: Row) -> Row:
-    """The row of a cell of two levels, which are named where they could not be compared too."""
+def _named_pair(cell: Cell) -> Row:
+    """Two levels, which are named where they could not be compared too."""
     first, second = map(str, cell.levels)
-    return {"level_a": first, "level_b": second, "pair": f"{first} {second}", **row}
+    return {"level_a": first, "level_b": second, "pair": f"{first} {second}"}
 
 
-def _rows(
-    cell: Cell,
-    tables: Mapping[str, TablesByCondition],
-    values: AllValues,
-    alone: Sequence[AllValues],
-    scenes: Sequence[str],
-    group: NDArray[np.intp],
-    options: _Options,
-) -> Iterator[Row]:
-    """Rows of all statistics of a cell."""
-    places = values.places.get((cell.dataset, str(cell.axis)), np.zeros(0, dtype=np.int64))
-    shape = len(scenes), len(places)
-    of_trackers = len({key[_TRACKER] for key in cell.levels.values()}) > 1
-    for role, name in cell.statistics.items():
-        by_kind: list[Differences] = []
-        if role == "lifetime":
-            asked = lifetime_differences(_tables(cell, tables["ends"], ENDS), scenes)
-        elif role == "outlier_ratio":
-            asked = outlier_differences(_tables(cell, tables["frames"], FRAME_COUNTS), scenes)
-        else:
-            asked = _differences(cell, role, values, shape)
-            by_kind = [_differences(cell, role, one, shape) for one in alone] if of_trackers else []
-        margin = _margin_px(cell, values, options.margin) if role == SIGNED else float(np.log1p(options.margin))
-        question = ask(
-            asked.both,
-            group,
-            margin=margin,
-            level=options.level,
-            n_draws=options.n_draws,
-            seed=options.seed,
-            cancels=role == SIGNED,
+def _asked(cell: Cell, role: str, run: RunValues, groups: SceneGroups, margin: float, **options: Any) -> _Asked:
+    scenes = run.scenes.get(cell.dataset, [])
+    group = groups.of(cell.dataset, scenes)
+    found = differences_of(role, [(run, key) for key in cell.levels.values()], cell.axis, scenes)
+    limit = _unit(role).margin(margin, found.scale_px)
+    question = ask(found.both, group, margin=limit, cancels=role == SIGNED, **options)
+    return _Asked(cell, role, found, group, limit, question)
+
+
+RANKS = RunTable(
+    "ranks",
+    {
+        "dataset": pl.String,
+        **{name: kind for name, kind in CONDITION.items() if name != "tracker"},
+        "statistic": pl.String,
+        "axis": pl.String,
+        "tracker": pl.String,
+        "best": pl.Int32,
+        "worst": pl.Int32,
+        "n_trackers": pl.Int32,
+        "n_scenes": pl.Int32,
+        "level": pl.Float64,
+        "why": pl.String,
+    },
+    Rows(
+        ResultTopic.ranks,
+        {**OF_CONDITION, "axis": "axis", "of": "statistic"},
+        [
+            *(
+                Value("rank", name, {"part": name}, carried=same("n_scenes", "level", "why"))
+                for name in ("best", "worst")
+            ),
+            Value("rank_count", "n_trackers"),
+        ],
+    ),
+)
+"""Ranks of trackers at the lowest speed, one row per statistic and tracker, where three or more are compared.
+
+A tracker is between the ranks best and worst of n_trackers, by (ranks). n_scenes is the smallest number of scenes that
+it shares with another tracker. level is that of the comparisons. why names the trackers about which references of the
+two kinds disagree, if any.
+"""
+
+
+def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
+    """Ranks by (ranks) from comparisons of every two trackers.
+
+    Parameters
+    ----------
+    pairs
+        Schema `DEPENDENCE`, of the cells of `pairs_of_trackers`: every pair has a row.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `RANKS`, by statistic and tracker, the best first. Nothing of statistics by which no pair was tested.
+    """
+    held = ["dataset", *(name for name in CONDITION if name != "tracker"), "statistic", "axis"]
+    known = pairs.filter(pl.col("p_yes").is_not_null().any().over(held))
+    if known.is_empty():
+        return empty(RANKS)
+    shown = (pl.col("verdict") == Verdict.yes) & pl.col("at").is_null()
+    disputed = pl.when(pl.col("why").str.starts_with(DISAGREE))
+    sides = pl.concat(
+        known.select(
+            *held,
+            "n_scenes",
+            "level",
+            shown=shown,
+            tracker=own,
+            better=pl.col("better") == pl.col(other),
+            disputed=disputed.then(other),
         )
-        yield row_of(cell, role, name, places, asked, question, margin, group, by_kind)
-
-
-_TRACKER = POOLED.index("tracker")
-
-
-def _tables(cell: Cell, tables: TablesByCondition, schema: Schema) -> list[pl.DataFrame]:
-    """The table of each level, without rows where it has none."""
-    return [tables.get(key, empty(schema)) for key in cell.levels.values()]
-
-
-def _differences(cell: Cell, role: str, values: AllValues, shape: tuple[int, int]) -> Differences:
-    """Differences of errors between all levels. `shape`: scenes and places."""
-    levels = np.full((shape[0], len(cell.levels), shape[1], 2), np.nan)
-    measured = np.zeros(levels.shape[:2], dtype=np.bool_)
-    for number, key in enumerate(cell.levels.values()):
-        found = values.conditions.get((key, str(cell.axis)))
-        if found is not None:
-            measured[:, number] = found.measured
-            levels[:, number] = found.values.get(role, np.nan)
-    return differences(levels.reshape(*measured.shape, -1), measured, logarithms=role != SIGNED)
-
-
-def _margin_px(cell: Cell, values: AllValues, margin: float) -> float:
-    """Margin of mean errors: a share of the core, geometric mean over levels, ages and scenes; else of the rms."""
-    for role, power in (("core", 1), ("second", 2)):
-        found = [values.conditions.get((key, str(cell.axis))) for key in cell.levels.values()]
-        logs = [one.values[role].ravel() for one in found if one is not None and role in one.values]
-        finite = [each[np.isfinite(each)] for each in logs]
-        if sum(map(len, finite)):
-            return margin * float(np.exp(np.concatenate(finite).mean() / power))
-    return float("nan")
+        for own, other in (("level_a", "level_b"), ("level_b", "level_a"))
+    )
+    worse = pl.col("shown") & pl.col("better").not_()
+    counted = sides.group_by(*held, "tracker", maintain_order=True).agg(
+        best=1 + (pl.col("shown") & pl.col("better")).sum(),
+        beaten=worse.sum(),
+        n_trackers=1 + pl.len(),
+        n_scenes=pl.col("n_scenes").min(),
+        level=pl.col("level").first(),
+        disputed=pl.col("disputed").drop_nulls().str.join(", "),
+    )
+    why = pl.format("{} {} and {}", pl.lit(DISAGREE), "tracker", "disputed")
+    found = counted.with_columns(
+        worst=pl.col("n_trackers") - pl.col("beaten"), why=pl.when(pl.col("disputed") != "").then(why)
+    )
+    ordered = found.sort(*held, pl.col("best") + pl.col("worst"), "best", "tracker", nulls_last=True)
+    return check(ordered.select(pl.col(name).cast(kind) for name, kind in RANKS.items()), RANKS, "ranks")

@@ -1,13 +1,4 @@
-"""The verdicts of a comparison of runs, and whether changes for the worse pass a gate of tolerances.
-
-Statistics form families, each with the whole level: sizes (core, second moment and sigma for depths), ends of tracks
-(lifetime and outlier ratio), and the others.
-
-- `worse` or `better`: the p-value is at most 1 - level after Holm's correction over all rows of the family. The
-  probability of any false claim in a family is then at most 1 - level, and what else is compared does not count.
-- `no difference`: a change by the margin is excluded in both directions, at half of 1 - level and by Benjamini and
-  Hochberg over all rows of the same statistic.
-- `undecided`: all other cases.
+"""Whether changes for the worse pass a gate of tolerances, and files of such gates.
 
 A gate tests each tolerance in the direction of a change for the worse only:
 
@@ -18,212 +9,38 @@ A gate tests each tolerance in the direction of a change for the worse only:
 The gate passes if every row does, so that no correction is needed for a pass.
 """
 
-import json
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracknoise.analysis.factors import family
-from tracknoise.analysis.run_changes import (
-    ESTIMANDS,
-    Asked,
-    Change,
-    Compared,
-    Comparison,
-    GateResult,
-    GateRow,
-    Row,
-    Tested,
-    Unit,
-    mean_of_points,
-    place_words,
-)
+from tracknoise.analysis.paired_tests import Unit, is_below, is_beyond
+from tracknoise.analysis.run_changes import ESTIMANDS, UNSURE, Asked, Compared, GateResult, GateRow, Tested
+from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
+from tracknoise.foreign_files import MIB, read_text
 from tracknoise.inference.conventions import LEVEL
-from tracknoise.inference.multiple_tests import benjamini_hochberg, holm, in_families
-from tracknoise.tables.defaults import MARGIN
-from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
+from tracknoise.inference.multiple_tests import holm
+from tracknoise.tables.enumerations import ComparedAges
+from tracknoise.tables.manifest import LEADING
 from tracknoise.tables.schema import VIEW
+from tracknoise.text import parse_toml
 from tracknoise.words import condition_name
-
-SHARE_MARGIN = 0.2
-"""Margin of differences of shares, relative to that of ratios: 0.02 where ratios have 0.1."""
-UNSURE = "a larger change cannot be excluded at each age and coordinate"
-"""Why an answer about several ages or coordinates is undecided."""
-_ROUNDING = 1e-12
-
-
-def verdicts(
-    asked: Sequence[Asked], *, margin: float = MARGIN, level: float = LEVEL, ages: ComparedAges = ComparedAges.every
-) -> list[Row]:
-    """One row per question, in their order.
-
-    Parameters
-    ----------
-    asked
-        All questions of a comparison.
-    margin
-        Largest relative change that counts as no difference: 0.1 for ratios of 1.1, for mean errors 10 % of the core,
-        and for shares 0.02.
-    level
-        Probability that an interval contains the true change; any false claim in a family has a probability of at most
-        1 - level.
-    ages
-        Whether single ages are tested besides their mean.
-    """
-    margins = [margin_of(one, margin) for one in asked]
-    tested = [one.tested(limit, level=level, ages=ages) for one, limit in zip(asked, margins, strict=True)]
-    p_change = [None if one.found is None else one.found.p_change for one in tested]
-    p_none = [None if one.found is None else one.found.p_none for one in tested]
-    statistics = [one.statistic for one in asked]
-    adjusted = in_families(holm, p_change, [family(name) for name in statistics])
-    q_none = in_families(benjamini_hochberg, p_none, statistics)
-    rows = []
-    for place, (one, tests) in enumerate(zip(asked, tested, strict=True)):
-        verdict, why = _verdict(one, tests, margins[place], adjusted[place], q_none[place], level)
-        numbers: dict[str, Any] = {
-            "margin": known(one.in_unit(margins[place])),
-            "p_change": p_change[place],
-            "p_adjusted": known(adjusted[place]),
-            "p_none": p_none[place],
-        }
-        rows.append(Row(one.of, one.statistic, verdict, why, **numbers, **described(one, tests)))
-    return rows
-
-
-def margin_of(asked: Asked, margin: float) -> float:
-    """Margin of a question: of logarithms for ratios, a share of the core for px; NaN where it is unknown."""
-    if asked.estimand.unit == Unit.ratio:
-        return float(np.log1p(margin))
-    if asked.estimand.unit == Unit.share:
-        return SHARE_MARGIN * margin
-    return margin * (np.nan if asked.values.scale_px is None else asked.values.scale_px)
-
-
-def described(asked: Asked, tested: Tested) -> dict[str, Any]:
-    """Columns of a row that do not depend on the verdict."""
-    values = asked.values
-    columns: dict[str, Any] = dict.fromkeys(("effect", "low", "high", "coordinate", "at_low", "at_high"))
-    found = _untested(asked) if tested.found is None else _tested(asked, tested.found)
-    return {
-        **columns,
-        "at": values.place(0) if values.change.shape[1] == 1 else None,  # a single value is not a mean over places
-        **found,
-        "axis": asked.axis,
-        "horizon": values.horizon,
-        "n_scenes": asked.n_scenes,
-        "resampled": None if tested.resampled is None else str(tested.resampled),
-    }
-
-
-def _tested(asked: Asked, found: Change) -> dict[str, Any]:
-    """Effect, interval and place of a change that was tested."""
-    values, columns = asked.values, {}
-    places = [values.place(int(point)) for point in np.flatnonzero(found.compared)]
-    if found.point is not None:
-        columns = {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
-    elif found.coordinate is not None:
-        columns = {"coordinate": values.coordinate(found.coordinate)}
-    first, second = values.scarce
-    unbounded = {"high": None} if first and found.effect > 0 else {"low": None} if second and found.effect < 0 else {}
-    return {
-        **{name: known(asked.in_unit(getattr(found, name))) for name in ("effect", "low", "high")},
-        **unbounded,
-        **columns,
-        "at_low": places[0],
-        "at_high": places[-1],
-        "scenes": _by_scene(asked, found.scenes),
-    }
-
-
-def _untested(asked: Asked) -> dict[str, Any]:
-    """Mean change where scenes are too few for a test, without an interval; of mean errors, none."""
-    change = asked.values.change
-    scenes = mean_of_points(change, np.ones(change.shape[1], dtype=np.bool_))
-    there = scenes[~np.isnan(scenes)]
-    if asked.values.total is not None or not len(there):
-        return {"scenes": {}}
-    return {"effect": known(asked.in_unit(float(there.mean()))), "scenes": _by_scene(asked, scenes)}
-
-
-def _by_scene(asked: Asked, changes: NDArray[np.float64]) -> dict[str, float]:
-    """Changes in the unit of the statistic, of scenes that have one."""
-    pairs = zip(asked.scenes, changes, strict=True)
-    return {name: asked.in_unit(float(change)) for name, change in pairs if not np.isnan(change)}
-
-
-def straddles(found: Change, margin: float) -> bool:
-    """Whether the interval contains the margin of either direction."""
-    return found.low <= margin <= found.high or found.low <= -margin <= found.high
-
-
-def known(value: float) -> float | None:
-    """A finite number; None for others."""
-    return float(value) if np.isfinite(value) else None
-
-
-def _verdict(
-    asked: Asked, tested: Tested, margin: float, adjusted: float, q_none: float, level: float
-) -> tuple[ChangeVerdict, str | None]:
-    found, largest = tested.found, 1 - level + _ROUNDING
-    if found is None:
-        return ChangeVerdict.undecided, tested.gap
-    if adjusted <= largest:
-        verdict = ChangeVerdict.worse if found.direction == asked.worse else ChangeVerdict.better
-        return verdict, _contrary(asked, found, level)
-    if tested.gap is None and found.p_none <= (1 - level) / 2 + _ROUNDING and q_none <= largest:
-        return ChangeVerdict.none, None
-    return ChangeVerdict.undecided, tested.gap or _open(found, margin, level)
-
-
-def _contrary(asked: Asked, found: Change, level: float) -> str | None:
-    """A remark where single ages changed in the other direction."""
-    other = found.sides[-found.direction]
-    if other.p_beyond > 1 - level or other.point is None:
-        return None
-    at = asked.values.place(other.point)
-    where = "elsewhere" if asked.axis is None or at is None else place_words(asked.axis, at)
-    return f"the change has the opposite sign {where}"
-
-
-def _open(found: Change, margin: float, level: float) -> str:
-    """Why an answer is undecided although there are enough scenes."""
-    if found.p_change <= 1 - level or found.p_none <= (1 - level) / 2:
-        return "not significant after the correction for multiple tests"
-    return "the interval contains the margin" if straddles(found, margin) else UNSURE
-
 
 PASS, WORSE, UNDECIDED = "pass", "worse", "undecided"
 
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """What must not become worse.
+    """What must not become worse."""
 
-    Attributes
-    ----------
-    tolerances
-        Largest change for the worse, by statistic: relative for ratios, otherwise in px or as a share.
-    trackers
-        Names in the first run; None for all.
-    speeds
-        None for all.
-    level
-        One less the probability of a false answer.
-    ages
-        Whether every single age must pass, or their mean.
-    poses
-        Which poses have to lead in all runs: refined or stated; None for any.
-    """
-
-    tolerances: Mapping[str, float]
-    trackers: tuple[str, ...] | None = None
-    speeds: tuple[int, ...] | None = None
-    level: float = LEVEL
-    ages: ComparedAges = ComparedAges.every
-    poses: str | None = None
+    tolerances: Mapping[str, float]  # largest change for the worse: relative for ratios, otherwise in px or as a share
+    trackers: tuple[str, ...] | None = None  # names in the first run; None for all
+    speeds: tuple[int, ...] | None = None  # None for all
+    level: float = LEVEL  # one less the probability of a false answer
+    ages: ComparedAges = ComparedAges.every  # whether every single age must pass, or their mean
+    poses: str | None = None  # which have to lead in all runs: refined or stated; None for any
 
     def covers(self, of: Compared) -> bool:
         """Whether a condition is one of the gate."""
@@ -234,6 +51,11 @@ class Gate:
     def about(self, asked: Asked) -> bool:
         """Whether a question is one of the gate."""
         return asked.statistic in self.tolerances and self.covers(asked.of)
+
+    def margin(self, asked: Asked) -> float:
+        """Tolerance of a question: of logarithms for ratios."""
+        tolerance = self.tolerances[asked.statistic]
+        return float(np.log1p(tolerance)) if asked.estimand.unit == Unit.ratio else tolerance
 
 
 def judge(
@@ -253,39 +75,30 @@ def judge(
         Conditions that the first run measured, so that the others have to.
     """
     chosen = [one for one in asked if gate.about(one)]
-    tested = [one.tested(_margin(gate, one), level=gate.level, ages=gate.ages) for one in chosen]
-    adjusted = holm([_p_worse(one, tests) for one, tests in zip(chosen, tested, strict=True)])
-    rows = [_row(gate, one, tests, beyond) for one, tests, beyond in zip(chosen, tested, adjusted, strict=True)]
+    tested = [one.tested(gate.margin(one), level=gate.level, ages=gate.ages) for one in chosen]
+    p_worse = [None if one.found is None else one.found.sides[one.asked.worse].p_beyond for one in tested]
+    rows = [_row(gate, one, beyond) for one, beyond in zip(tested, holm(p_worse), strict=True)]
     lacking = [*missing, *_unanswered(gate, [one for one in asked if gate.covers(one.of)], expected)]
     return GateResult(_outcome(rows, lacking), tuple(rows), tuple(lacking))
 
 
-def _margin(gate: Gate, asked: Asked) -> float:
-    tolerance = gate.tolerances[asked.statistic]
-    return float(np.log1p(tolerance)) if asked.estimand.unit == Unit.ratio else tolerance
-
-
-def _p_worse(asked: Asked, tested: Tested) -> float | None:
-    return None if tested.found is None else tested.found.sides[asked.worse].p_beyond
-
-
-def _row(gate: Gate, asked: Asked, tested: Tested, beyond: float) -> GateRow:
-    outcome, why = _answer(gate, asked, tested, beyond)
-    columns = described(asked, tested)
+def _row(gate: Gate, tested: Tested, beyond: float) -> GateRow:
+    asked, columns = tested.asked, tested.columns()
+    outcome, why = _answer(gate, tested, beyond)
     effect, low, high = (columns[name] for name in ("effect", "low", "high"))
     return GateRow(asked.of, asked.statistic, gate.tolerances[asked.statistic], outcome, why, effect, low, high)
 
 
-def _answer(gate: Gate, asked: Asked, tested: Tested, beyond: float) -> tuple[str, str | None]:
-    """Outcome of a row, and why it is undecided."""
+def _answer(gate: Gate, tested: Tested, beyond: float) -> tuple[str, str | None]:
+    """Outcome of a row, and why it is undecided. `beyond`: adjusted p-value of a change for the worse."""
     found = tested.found
     if found is None:
         return UNDECIDED, tested.gap
-    if beyond <= 1 - gate.level + _ROUNDING:
+    if is_beyond(beyond, gate.level):
         return WORSE, None
-    if tested.gap is None and found.sides[asked.worse].p_within <= (1 - gate.level) / 2 + _ROUNDING:
+    if tested.gap is None and is_below(found.sides[tested.asked.worse].p_within, gate.level):
         return PASS, None
-    contains = straddles(found, _margin(gate, asked))
+    contains = found.straddles(gate.margin(tested.asked))
     return UNDECIDED, tested.gap or ("the interval contains the tolerance" if contains else UNSURE)
 
 
@@ -341,19 +154,76 @@ def _outcome(rows: Sequence[GateRow], lacking: Sequence[str]) -> str:
     return UNDECIDED if lacking or not rows or UNDECIDED in outcomes else PASS
 
 
-FORMAT = 1
+_MOST = 1000
+"""Largest tolerance."""
+_RENAMED = {
+    "window_sigma": "residual_sigma, its name now, or consistent_sigma, which makes depths of points right",
+}
+"""Former names of statistics, and what to write instead."""
 
 
-def comparison_json(comparison: Comparison) -> str:
-    """Write a comparison.
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
-    Returns
-    -------
-    str
-        An object with `format`, the fields of `Comparison`, and `estimands`: title, meaning and unit of every statistic
-        that occurs. What is missing is null.
+
+def _is_list_of(kind: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, list) and bool(value) and all(type(one) is kind for one in value)
+
+
+_KEYS: Mapping[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
+    "trackers": ("a list of names", _is_list_of(str), tuple),
+    "speeds": ("a list of whole numbers", _is_list_of(int), tuple),
+    "level": ("a number from 0.5 to 0.99", lambda value: _is_number(value) and 0.5 <= value <= 0.99, float),
+    "ages": (f"one of {', '.join(ComparedAges)}", lambda value: value in list(ComparedAges), ComparedAges),
+    "poses": (f"one of {', '.join(LEADING)}", lambda value: value in LEADING, str),
+}
+"""What else a gate may have: expected values, whether one is right, and how `Gate` has it."""
+
+
+def read_gate(path: Path) -> Gate:
+    """Read and check a gate.
+
+    Parameters
+    ----------
+    path
+        A TOML file with a table ``tolerances``, and optionally ``trackers``, ``speeds``, ``level``, ``ages`` and
+        ``poses``.
+
+    Raises
+    ------
+    SettingsError, UnknownNameError
+        If it cannot be read, or a key or value is wrong.
     """
-    statistics = {row.statistic for row in comparison.rows}
-    estimands = {name: asdict(estimand) for name, estimand in ESTIMANDS.items() if name in statistics}
-    document: dict[str, Any] = {"format": FORMAT, **asdict(comparison), "estimands": estimands}
-    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    found = dict(_loaded(path))
+    tolerances = _tolerances(path, found.pop("tolerances", {}))
+    for key, value in found.items():
+        if key not in _KEYS:
+            raise UnknownNameError(f"key in {path}", key, ("tolerances", *_KEYS))
+        expected, is_right, _ = _KEYS[key]
+        if not is_right(value):
+            raise SettingsError(f"{path}: {key}: found {value!r}, expected {expected}")
+    return Gate(tolerances, **{key: _KEYS[key][-1](value) for key, value in found.items()})
+
+
+def _loaded(path: Path) -> Mapping[str, Any]:
+    try:
+        return parse_toml(read_text(path, "a file of tolerances", most=MIB))
+    except DataError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.found}), expected TOML with tolerances") from error
+    except ValueError as error:
+        found, _, expected = str(error).partition(", expected ")
+        kind = f"TOML with {expected}" if expected not in ("", "TOML") else "TOML"
+        raise SettingsError(f"{path}: {found}, expected {kind}") from error
+
+
+def _tolerances(path: Path, found: object) -> dict[str, float]:
+    if not isinstance(found, dict) or not found:
+        raise SettingsError(f"{path}: tolerances: found {found!r}, expected a table with at least one statistic")
+    for name, value in found.items():
+        if name in _RENAMED:
+            raise SettingsError(f"{path}: tolerances: found the former name {name!r}, expected {_RENAMED[name]}")
+        if name not in ESTIMANDS:
+            raise UnknownNameError(f"statistic in {path}", name, ESTIMANDS)
+        if not _is_number(value) or not 0 < value <= _MOST:
+            raise SettingsError(f"{path}: tolerances.{name}: found {value!r}, expected more than 0, at most {_MOST}")
+    return {name: float(value) for name, value in found.items()}

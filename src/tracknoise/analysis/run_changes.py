@@ -1,78 +1,56 @@
-"""What changed between two runs: paired values, tests, and the rows of the result.
+"""What changed between runs: verdicts on every statistic of every condition that they share.
 
 All statistics are differences within scenes, averaged over scenes of equal weight. Scales, shares of events, lifetimes
-and counts are compared as ratios: geometric means over scenes.
+and counts are compared as ratios: geometric means over scenes. Two runs are the levels of a factor, and their changes
+have a direction (`tracknoise.analysis.paired_tests`).
 
-Each direction has a test of its own, as in `tracknoise.analysis.factors`. A fall is the growth of the negative change.
+Statistics form families, each with the whole level: sizes (core, second moment and sigma for depths), ends of tracks
+(lifetime and outlier ratio), and the others.
 
-- Does any point grow by more than the margin? First, each scene's mean over all points is tested, then the single
-  points: p_beyond = min(p_1 / 0.8, p_2 / 0.2) (two-stage).
-- Is the growth below the margin at every single point? p_within is the largest p-value of all points (intersection and
-  union).
-
-For the size of a mean error, let x and y be the mean errors of the first and the second run, d = y - x their difference
-and s = y + x their sum. As
-
-    |y| - |x| = min(|d|, |s|) if d and s have one sign, else -min(|d|, |s|)      (size of a mean)
-
-the size grew by more than the margin only if both d and s exceed it with one sign, and fell only if they exceed it with
-different signs. d and s are means over scenes, so that each of the two has Student's t test. Both must be significant
-(intersection and union). That the change is below the margin is shown by either of them, at half of the level.
+- `worse` or `better`: the p-value is at most 1 - level after Holm's correction over all rows of the family. The
+  probability of any false claim in a family is then at most 1 - level, and what else is compared does not count.
+- `no difference`: a change by the margin is excluded in both directions, at half of 1 - level and by Benjamini and
+  Hochberg over all rows of the same statistic.
+- `undecided`: all other cases.
 """
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.analysis.factor_values import DISAGREE
-from tracknoise.analysis.factors import OVERALL_SHARE, Question, ask, enough_scenes
-from tracknoise.analysis.paired_values import PairedValues
-from tracknoise.inference.multiple_tests import best_by_chance
-from tracknoise.inference.paired_differences import (
-    Averages,
-    average,
-    best_of_few,
-    best_of_many,
-    half_widths,
-    half_widths_alone,
-    p_of_best,
-    standard_errors,
-    taking_part,
-    upper_tail,
+from tracknoise.analysis.factors import family
+from tracknoise.analysis.paired_tests import (
+    AT_LEAST,
+    DISAGREE,
+    FALLS,
+    GROWS,
+    Change,
+    Unit,
+    ask,
+    change,
+    decided,
+    mean_of_points,
+    why_not_asked,
+    why_open,
 )
-from tracknoise.inference.units import MIN_SCENES, MIN_WITHIN, Resampled
-from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
+from tracknoise.inference.conventions import LEVEL
+from tracknoise.inference.multiple_tests import benjamini_hochberg, holm, in_families
+from tracknoise.inference.paired_differences import Differences
+from tracknoise.inference.units import MIN_SCENES, Resampled
+from tracknoise.tables.defaults import MARGIN
+from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges, Verdict
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
 from tracknoise.tables.trust import TruthVerdict
-from tracknoise.words import count, only, place
-
-
-class Unit(StrEnum):
-    """Unit of an effect: a ratio, px, or a difference of shares."""
-
-    ratio = "ratio"
-    px = "px"
-    share = "share"
+from tracknoise.words import only, place
 
 
 @dataclass(frozen=True, slots=True)
 class Estimand:
-    """One statistic.
-
-    Attributes
-    ----------
-    title
-        For readers.
-    meaning
-        What is estimated.
-    unit
-        Unit of the effect.
-    larger_is_better
-        Whether a larger value is better.
-    """
+    """One statistic: its title, what is estimated, the unit of an effect, and which value is better."""
 
     title: str
     meaning: str
@@ -161,13 +139,7 @@ OF_ERRORS = ("core", "second_moment", "bias", "tails", "growth", *RATIOS)
 
 
 class OfStatistic:
-    """Anything about one of the `ESTIMANDS`.
-
-    Attributes
-    ----------
-    statistic
-        Its name.
-    """
+    """Anything about one of the `ESTIMANDS`, which `statistic` names."""
 
     __slots__ = ()
     statistic: str
@@ -178,255 +150,13 @@ class OfStatistic:
         return ESTIMANDS[self.statistic]
 
 
-GROWS, FALLS = 1, -1
-
-
-@dataclass(frozen=True, slots=True)
-class OneSided:
-    """Tests of one direction.
-
-    Attributes
-    ----------
-    p_beyond
-        P-value of the hypothesis that no point changes by more than the margin in this direction.
-    p_within
-        P-value of the hypothesis that some point changes by at least the margin in this direction.
-    point
-        Which point decides; None for the mean over all of them.
-    """
-
-    p_beyond: float
-    p_within: float
-    point: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """What was found about one statistic.
-
-    Attributes
-    ----------
-    effect, low, high
-        Change from the first run to the second, and its interval: of the mean over all points, or of the point that
-        decides.
-    point
-        That point; None for the mean.
-    sides
-        Tests by direction: `GROWS` and `FALLS`.
-    compared : (points,) bool
-        Points that enough scenes have.
-    scenes : (scenes,) float64
-        The same change in every scene, NaN where it has none.
-    coordinate
-        0 for u and 1 for v, if it is the mean over all places of one coordinate; None otherwise.
-    """
-
-    effect: float
-    low: float
-    high: float
-    point: int | None
-    sides: Mapping[int, OneSided]
-    compared: NDArray[np.bool_]
-    scenes: NDArray[np.float64]
-    coordinate: int | None = None
-
-    @property
-    def p_change(self) -> float:
-        """P-value of the hypothesis that nothing changes by more than the margin."""
-        return min(side.p_beyond for side in self.sides.values())
-
-    @property
-    def p_none(self) -> float:
-        """P-value of the hypothesis that something changes by at least the margin."""
-        return max(side.p_within for side in self.sides.values())
-
-    @property
-    def direction(self) -> int:
-        """The direction whose test is the more significant."""
-        return min(self.sides, key=lambda sign: self.sides[sign].p_beyond)
-
-    def held_by(self, others: Sequence["Change | None"]) -> "Change":
-        """With p-values that hold by others too, such as by references of each kind alone."""
-        sides = dict(self.sides)
-        for sign, side in sides.items():
-            same = [OneSided(1.0, 1.0, None) if one is None else one.sides[sign] for one in others]
-            beyond, within = (max(getattr(one, name) for one in (side, *same)) for name in ("p_beyond", "p_within"))
-            sides[sign] = replace(side, p_beyond=beyond, p_within=within)
-        return replace(self, sides=sides)
-
-    def decides(self, level: float) -> bool:
-        """Whether this alone, before corrections for several questions, shows a change, or that there is none."""
-        return self.p_change <= 1 - level or self.p_none <= (1 - level) / 2
-
-
-def change_of(values: NDArray[np.float64], question: Question, ages: ComparedAges) -> Change | None:
-    """Test both directions; None where no point has enough scenes.
-
-    Shapes: values (scenes, points). `values`: second run minus first run, NaN where there is none.
-    """
-    every = average(values, question.group, question.resampled)
-    compared = enough_scenes(every, question.resampled)
-    if not compared.any():
-        return None
-    scenes = mean_of_points(values, compared)
-    overall = average(scenes[:, None], question.group, question.resampled)
-    points = every.of(compared) if ages == ComparedAges.every else overall
-    place = np.flatnonzero(compared)
-    sides = {sign: _one_sided(overall, points, place, question, sign) for sign in (GROWS, FALLS)}
-    point = min(sides.values(), key=lambda side: side.p_beyond).point
-    if point is None:
-        effect, width = overall.mean[0], half_widths_alone(overall, 1 - question.level)[0]
-    else:
-        chosen = int(np.searchsorted(place, point))
-        effect, width = points.mean[chosen], half_widths(points, question.directions, 1 - question.level)[chosen]
-        scenes = values[:, point]
-    return Change(float(effect), float(effect - width), float(effect + width), point, sides, compared, scenes)
-
-
-def mean_of_points(values: NDArray[np.float64], compared: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Each scene's mean over the points that it has among those that are compared, (scenes,); NaN where it has none."""
-    there = ~np.isnan(values) & compared
-    count = there.sum(axis=1)
-    return np.asarray(np.where(there, values, 0.0).sum(axis=1) / np.where(count > 0, count, np.nan))
-
-
-def _one_sided(overall: Averages, points: Averages, place: NDArray[np.intp], question: Question, sign: int) -> OneSided:
-    of_mean = best_of_few(_towards(overall, sign), question.margin, question.directions).p
-    within = float(_tail_below(points, question.margin, sign).max())
-    if len(points.mean) == 1:
-        return OneSided(of_mean, within, None)
-    rest = 1 - OVERALL_SHARE
-    p_overall = min(of_mean / OVERALL_SHARE, 1.0)
-    single = best_of_many(_towards(points, sign), question.margin, question.directions, needed=rest * p_overall)
-    p_single = single.p / rest
-    at_point = p_single <= 1 - question.level < p_overall
-    return OneSided(min(p_overall, p_single, 1.0), within, int(place[single.chosen]) if at_point else None)
-
-
-def _towards(found: Averages, sign: int) -> Averages:
-    """The same with no change where it is in the other direction."""
-    return replace(found, mean=np.maximum(sign * found.mean, 0.0))
-
-
-def _tail_below(found: Averages, margin: float, sign: int) -> NDArray[np.float64]:
-    """P-values of the hypotheses that a change in one direction is at least the margin."""
-    return upper_tail((margin - sign * found.mean) / standard_errors(found, margin), found.degrees)
-
-
-def bias_change(
-    change: NDArray[np.float64], total: NDArray[np.float64], question: Question, ages: ComparedAges
-) -> Change | None:
-    """Test both directions; None where no point has enough scenes.
-
-    Shapes: change, total (scenes, points). `change, total`: mean errors of the second run minus, and plus, those of the
-    first, px, NaN where there are none.
-    """
-    compared = enough_scenes(average(change, question.group, question.resampled), question.resampled)
-    if not compared.any():
-        return None
-    if ages == ComparedAges.mean:
-        parts, place = [_mean_of_places(array, compared) for array in (change, total)], None
-    else:
-        parts, place = [array[:, compared] for array in (change, total)], np.flatnonzero(compared)
-    both = average(np.concatenate(parts, axis=1), question.group, question.resampled)
-    by_chance = best_by_chance(*taking_part(both, question.directions))
-    tests = {sign: _beyond(both, question.margin, sign) for sign in (GROWS, FALLS)}
-    chosen = int(np.argmin(np.minimum(*tests.values())))
-    point = None if place is None else int(place[chosen])
-    sides = {
-        sign: OneSided(_corrected(p.min(), by_chance, both), _within(both, question.margin, sign), point)
-        for sign, p in tests.items()
-    }
-    effect, low, high = _sizes(both, chosen, question)
-    scenes = _growth(parts[0][:, chosen], parts[1][:, chosen])
-    return Change(effect, low, high, point, sides, compared, scenes, chosen if place is None else None)
-
-
-def _mean_of_places(values: NDArray[np.float64], compared: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Mean of each scene over the places that are compared, (scenes, 2)."""
-    known = np.where(compared, values, np.nan).reshape(len(values), -1, 2)
-    there = ~np.isnan(known)
-    count = there.sum(axis=1)
-    return np.asarray(np.where(there, known, 0.0).sum(axis=1) / np.where(count > 0, count, np.nan))
-
-
-def _split(values: NDArray[np.float64], sign: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Differences, and sums with their sign turned for a fall, of both kinds one after the other."""
-    change, total = np.split(values, 2)
-    return change, sign * total
-
-
-def _beyond(both: Averages, margin: float, sign: int) -> NDArray[np.float64]:
-    """P-values of the hypotheses that a size does not change by more than the margin in a direction, (points,)."""
-    change, total = _split(both.mean, sign)
-    error_change, error_total = np.split(standard_errors(both, margin), 2)
-    degrees = np.split(both.degrees, 2)[0]
-    sides = [
-        np.maximum(
-            upper_tail((side * change - margin) / error_change, degrees),
-            upper_tail((side * total - margin) / error_total, degrees),
-        )
-        for side in (1, -1)
-    ]
-    return np.asarray(np.minimum(2 * np.minimum(*sides), 1.0), dtype=np.float64)
-
-
-def _within(both: Averages, margin: float, sign: int) -> float:
-    """Largest p-value of the hypotheses that a size changes by at least the margin in a direction."""
-    change, total = _split(both.mean, sign)
-    error_change, error_total = np.split(standard_errors(both, margin), 2)
-    degrees = np.split(both.degrees, 2)[0]
-    sides = [
-        np.minimum(
-            upper_tail((margin - side * change) / error_change, degrees),
-            upper_tail((margin - side * total) / error_total, degrees),
-        )
-        for side in (1, -1)
-    ]
-    return float(np.minimum(2 * np.maximum(*sides), 1.0).max())
-
-
-def _corrected(p: float, by_chance: NDArray[np.float64], both: Averages) -> float:
-    """P-value of the best of all points."""
-    as_small = int(np.searchsorted(by_chance, p, side="right"))
-    return min(p_of_best(float(p), as_small, len(by_chance), len(both.mean)), 1.0)
-
-
-def _sizes(both: Averages, chosen: int, question: Question) -> tuple[float, float, float]:
-    """Change of the size of a mean at a point, and its bounds from those of the difference and of the sum."""
-    width = half_widths(both, question.directions, 1 - question.level)
-    corners = [np.split(both.mean + side * width, 2) for side in (-1, 1)]
-    sizes = [_growth(low[chosen], high[chosen]) for low in _of(corners, 0) for high in _of(corners, 1)]
-    change, total = np.split(both.mean, 2)
-    return float(_growth(change[chosen], total[chosen])), float(min(sizes)), float(max(sizes))
-
-
-def _of(corners: list[list[NDArray[np.float64]]], part: int) -> list[NDArray[np.float64]]:
-    return [corner[part] for corner in corners]
-
-
-def _growth(change: NDArray[np.float64], total: NDArray[np.float64]) -> NDArray[np.float64]:
-    """By (size of a mean)."""
-    return np.asarray((np.abs(total + change) - np.abs(total - change)) / 2)
-
-
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """What is compared: a condition and its trackers in two runs.
+    """What is compared: a condition and its trackers in two runs."""
 
-    Attributes
-    ----------
-    run
-        Name of the second run. The first is that of the comparison.
-    tracker, other_tracker
-        Name of the tracker in the first and in the second run.
-    dataset, lighting, rotation, direction, camera, speed
-        The condition.
-    """
-
-    run: str
-    tracker: str
-    other_tracker: str
+    run: str  # name of the second run; the first is that of the comparison
+    tracker: str  # in the first run
+    other_tracker: str  # in the second run
     dataset: str
     lighting: str
     rotation: int
@@ -437,161 +167,78 @@ class Compared:
 
 @dataclass(frozen=True, slots=True)
 class Row(OfStatistic):
-    """One statistic of one condition.
-
-    Attributes
-    ----------
-    of
-        What is compared.
-    statistic
-        A key of `ESTIMANDS`.
-    verdict, why
-        The answer, and why it is undecided, or what else is to be known of it.
-    effect, low, high
-        Second run over, or minus, the first in the unit of the estimand, and its interval. None without data.
-    margin
-        Largest change that counts as no difference, in the same unit.
-    at, coordinate
-        Age (or distance from the key frame, or length of windows) and coordinate of the effect; None for the mean over
-        all.
-    at_low, at_high
-        Least and largest age, frame or length of windows that was compared; None for single numbers.
-    axis
-        What these are: ``age``, ``frame`` or ``window``; None for single numbers.
-    horizon
-        Horizon of lifetimes, frames.
-    p_change, p_adjusted
-        P-value of the hypothesis that nothing changes by more than the margin, and that by Holm over all rows of its
-        family (`tracknoise.analysis.factors.family`).
-    p_none
-        P-value of the hypothesis that something changes by at least the margin.
-    n_scenes
-        Scenes that were measured in both runs.
-    resampled
-        What intervals are about: ``scenes``, ``groups`` of scenes, or scenes ``within`` their groups.
-    scenes
-        The effect in every scene that has one.
-    """
+    """One statistic of one condition."""
 
     of: Compared
-    statistic: str
+    statistic: str  # a key of `ESTIMANDS`
     verdict: ChangeVerdict
-    why: str | None
+    why: str | None  # why the verdict is undecided, or what else is to be known of it
+    # the second run over, or minus, the first in the unit of the estimand, and its interval; None without data
     effect: float | None
     low: float | None
     high: float | None
-    margin: float | None
+    margin: float | None  # largest change that counts as no difference, in the same unit
+    # age (or distance from the key frame, or length of windows) and coordinate of the effect; None for the mean of all
     at: int | None
     coordinate: str | None
-    at_low: int | None
+    at_low: int | None  # least and largest age, frame or length that was compared; None for single numbers
     at_high: int | None
-    axis: str | None
-    horizon: float | None
-    p_change: float | None
-    p_adjusted: float | None
-    p_none: float | None
-    n_scenes: int
-    resampled: str | None
-    scenes: Mapping[str, float]
+    axis: str | None  # what these are: ``age``, ``frame`` or ``window``
+    horizon: float | None  # of lifetimes, frames
+    p_change: float | None  # P-value of the hypothesis that nothing changes by more than the margin
+    p_adjusted: float | None  # the same by Holm over all rows of its family
+    p_none: float | None  # P-value of the hypothesis that something changes by at least the margin
+    n_scenes: int  # that were measured in both runs
+    resampled: str | None  # what intervals are about: ``scenes``, ``groups`` of them, or scenes ``within`` their groups
+    scenes: Mapping[str, float]  # the effect in every scene that has one
 
 
 @dataclass(frozen=True, slots=True)
 class RunSide:
-    """One of the runs.
+    """One of the runs."""
 
-    Attributes
-    ----------
-    name
-        Name by which rows refer to it.
-    path
-        Its folder.
-    differs
-        Settings and versions of packages that differ from those of the first run: name, there, here.
-    notes
-        What the comparison leaves out, one sentence each.
-    truth
-        The verdict on the truth of the run.
-    """
-
-    name: str
+    name: str  # by which rows refer to it
     path: str
+    # settings and versions of packages that differ from those of the first run: name, there, here
     differs: tuple[tuple[str, str, str], ...] = ()
-    notes: tuple[str, ...] = ()
-    truth: TruthVerdict = field(default_factory=TruthVerdict)
+    notes: tuple[str, ...] = ()  # what the comparison leaves out, one sentence each
+    truth: TruthVerdict = field(default_factory=TruthVerdict)  # the verdict on the truth of the run
 
 
 @dataclass(frozen=True, slots=True)
 class GateRow(OfStatistic):
-    """Outcome of one tolerance in one condition.
-
-    Attributes
-    ----------
-    of, statistic
-        As in `Row`.
-    tolerance
-        Largest change for the worse that passes: relative for ratios, otherwise in the unit.
-    outcome
-        ``pass``, ``worse`` or ``undecided``.
-    why
-        Reason of an undecided outcome.
-    effect, low, high
-        As in `Row`.
-    """
+    """Outcome of one tolerance in one condition."""
 
     of: Compared
     statistic: str
-    tolerance: float
-    outcome: str
-    why: str | None
-    effect: float | None
+    tolerance: float  # largest change for the worse that passes: relative for ratios, otherwise in the unit
+    outcome: str  # ``pass``, ``worse`` or ``undecided``
+    why: str | None  # reason of an undecided outcome
+    effect: float | None  # this and its interval as in `Row`
     low: float | None
     high: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class GateResult:
-    """Outcome of a gate.
+    """Outcome of a gate."""
 
-    Attributes
-    ----------
-    outcome
-        ``pass`` if all rows pass, ``worse`` if one is worse, otherwise ``undecided``.
-    rows
-        One per tolerance and condition.
-    missing
-        What a gate needs and the runs lack, one sentence each; with any of them, the outcome is never ``pass``.
-    """
-
-    outcome: str
-    rows: tuple[GateRow, ...]
-    missing: tuple[str, ...]
+    outcome: str  # ``pass`` if all rows pass, ``worse`` if one is worse, otherwise ``undecided``
+    rows: tuple[GateRow, ...]  # one per tolerance and condition
+    missing: tuple[str, ...]  # what a gate needs and the runs lack, one sentence each: it is never passed with any
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Runs compared with the first of them.
-
-    Attributes
-    ----------
-    first
-        The run that the others are compared with.
-    others
-        The others.
-    rows
-        One per statistic, condition and run.
-    margin, level, ages
-        How verdicts were made.
-    gate
-        Outcome of the gate, if there was one.
-    """
+    """Runs compared with the first of them."""
 
     first: RunSide
     others: tuple[RunSide, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Row, ...]  # one per statistic, condition and run
     margin: float
     level: float
     ages: ComparedAges
-    gate: GateResult | None = None
+    gate: GateResult | None = None  # outcome of the gate, if there was one
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -600,49 +247,43 @@ class Comparison:
         return tuple(f"{side.name}: {side.truth.sentence}" for side in sides if not side.truth.is_usable)
 
 
-def place_words(axis: str, at: int) -> str:
-    """Write an age, a distance from the key frame or a length of windows: ``at age 10``, ``in windows of 5``.
+FORMAT = 1
 
-    Parameters
-    ----------
-    axis, at
-        As in `Row`.
+
+def comparison_json(comparison: Comparison) -> str:
+    """Write a comparison.
+
+    Returns
+    -------
+    str
+        An object with `format`, the fields of `Comparison`, and `estimands`: title, meaning and unit of every statistic
+        that occurs. What is missing is null.
     """
+    statistics = {row.statistic for row in comparison.rows}
+    estimands = {name: asdict(estimand) for name, estimand in ESTIMANDS.items() if name in statistics}
+    document: dict[str, Any] = {"format": FORMAT, **asdict(comparison), "estimands": estimands}
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def place_words(axis: str, at: int) -> str:
+    """Write an age, a distance from the key frame or a length of windows, as in `Row`: ``at age 10``."""
     return f"in windows of {at}" if axis == "window" else place(axis, at)
 
 
-_FEW = f"at least {MIN_SCENES} are needed"
+UNSURE = "a larger change cannot be excluded at each age and coordinate"
+"""Why an answer about several ages or coordinates is undecided."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked(OfStatistic):
-    """A statistic of a condition in two runs.
-
-    Attributes
-    ----------
-    of
-        What is compared.
-    statistic
-        A key of `ESTIMANDS`.
-    values
-        Paired by scene.
-    scenes
-        Names of the scenes.
-    group : (scenes,)
-        Number of the group of each scene.
-    axis
-        What the places of the values are.
-    by_kind
-        The values by each kind of reference tracks alone; none where poses were not refined.
-    """
+    """A statistic of a condition in two runs."""
 
     of: Compared
-    statistic: str
-    values: PairedValues
-    scenes: Sequence[str]
-    group: NDArray[np.intp]
-    axis: str | None = None
-    by_kind: Sequence[PairedValues] = ()
+    statistic: str  # a key of `ESTIMANDS`
+    values: Differences  # second run minus first run
+    scenes: Sequence[str]  # their names
+    group: NDArray[np.intp]  # (scenes,): number of the group of each scene
+    axis: str | None = None  # what the places of the values are
 
     @property
     def worse(self) -> int:
@@ -656,63 +297,134 @@ class Asked(OfStatistic):
 
     def tested(self, margin: float, *, level: float, ages: ComparedAges) -> "Tested":
         """Test both directions against a margin, of logarithms for ratios and otherwise in the unit."""
-        question = ask(self.values.both[:, None], self.group, margin=margin, level=level)
+        question = ask(self.values.both, self.group, margin=margin, level=level)
         if question is None:
-            return Tested(None, None, self._too_few())
-        found, *alone = (_tested(values, question, ages) for values in (self.values, *self.by_kind))
-        gap = self._gap(found)
-        if found is None or not alone:
-            return Tested(found, question.resampled, gap)
-        held = found.held_by(alone)
-        known = [one for one in alone if one is not None]
-        opposed = len({one.direction for one in known}) > 1 and all(one.decides(level) for one in known)
-        is_apart = not held.decides(level) and (found.decides(level) or opposed)
-        trackers = dict.fromkeys((self.of.tracker, self.of.other_tracker))
-        return Tested(held, question.resampled, f"{DISAGREE} {' and '.join(trackers)}" if is_apart else gap)
-
-    def in_unit(self, change: float) -> float:
-        """A change in the unit of the estimand."""
-        with np.errstate(over="ignore"):
-            return float(np.exp(change)) if self.estimand.unit == Unit.ratio else change
-
-    def _too_few(self) -> str:
-        if self.n_scenes < MIN_SCENES:
-            return f"{only(self.n_scenes, 'scene')} with data in both runs; {_FEW}"
-        part = self.group[self.values.both]
-        n_groups = len(np.unique(part))
-        if n_groups < MIN_SCENES and len(part) - n_groups < MIN_WITHIN:
-            return f"the scenes form only {count(n_groups, 'group')}; {_FEW}, or {MIN_WITHIN} more scenes than groups"
-        return "errors have no scale that a margin could be a share of"
-
-    def _gap(self, found: Change | None) -> str | None:
+            few = f"{only(self.n_scenes, 'scene')} with data in both runs; {AT_LEAST}"
+            return Tested(self, gap=few if self.n_scenes < MIN_SCENES else why_not_asked(self.values.both, self.group))
+        found, gap = change(self.values, question, ages), None
         if found is None:
-            with_data = int((~np.isnan(self.values.change)).any(axis=1).sum())
-            return f"{only(with_data, 'scene')} with enough data in both runs; {_FEW}"
-        if (self.values.unlike & found.compared).any():
-            return "a value of 0 in one of the runs, which has no ratio"
-        return None
-
-
-def _tested(values: PairedValues, question: Question, ages: ComparedAges) -> Change | None:
-    if values.total is None:
-        return change_of(values.change, question, ages)
-    return bias_change(values.change, values.total, question, ages)
+            with_data = int((~np.isnan(self.values.values)).any(axis=(1, 2)).sum())
+            gap = f"{only(with_data, 'scene')} with enough data in both runs; {AT_LEAST}"
+        elif found.kinds_disagree:
+            gap = f"{DISAGREE} {' and '.join(dict.fromkeys((self.of.tracker, self.of.other_tracker)))}"
+        elif (self.values.unlike[0] & found.compared).any():
+            gap = "a value of 0 in one of the runs, which has no ratio"
+        return Tested(self, found, gap, question.resampled)
 
 
 @dataclass(frozen=True, slots=True)
 class Tested:
-    """Outcome of the tests.
+    """Outcome of the tests of a question."""
 
-    Attributes
+    asked: Asked
+    found: Change | None = None  # tests and effect; None without enough data
+    gap: str | None = None  # why nothing can be shown to be within the margin, or that kinds of references disagree
+    resampled: Resampled | None = None  # what intervals are about
+
+    def columns(self) -> dict[str, Any]:
+        """Columns of a row that do not depend on the verdict."""
+        asked, values = self.asked, self.asked.values
+        return {
+            **dict.fromkeys(("effect", "low", "high", "coordinate", "at_low", "at_high")),
+            "at": values.place(0) if values.values.shape[2] == 1 else None,  # a single value is not a mean over places
+            **(self._without_tests() if self.found is None else self._effect(self.found)),
+            "axis": asked.axis,
+            "horizon": known(values.horizon[0]),
+            "n_scenes": asked.n_scenes,
+            "resampled": None if self.resampled is None else str(self.resampled),
+        }
+
+    def _effect(self, found: Change) -> dict[str, Any]:
+        """Effect, interval and place of a change that was tested."""
+        values, of = self.asked.values, self.asked.estimand.unit.of
+        columns: dict[str, Any] = {name: known(of(getattr(found, name))) for name in ("effect", "low", "high")}
+        second, first = values.scarce[0]
+        if (first and found.effect > 0) or (second and found.effect < 0):
+            columns["high" if found.effect > 0 else "low"] = None
+        if found.point is not None:
+            columns |= {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
+        elif found.coordinate is not None:
+            columns["coordinate"] = values.coordinate(found.coordinate)
+        at_low, at_high = (values.place(int(point)) for point in np.flatnonzero(found.compared)[[0, -1]])
+        return {**columns, "at_low": at_low, "at_high": at_high, "scenes": self._by_scene(found.scenes)}
+
+    def _without_tests(self) -> dict[str, Any]:
+        """Mean change of scenes that are too few for a test; of mean errors, none."""
+        values = self.asked.values.values[:, 0]
+        scenes = mean_of_points(values, np.ones(values.shape[1], dtype=np.bool_))
+        there = scenes[~np.isnan(scenes)]
+        if self.asked.values.total is not None or not len(there):
+            return {"scenes": {}}
+        return {"effect": known(self.asked.estimand.unit.of(float(there.mean()))), "scenes": self._by_scene(scenes)}
+
+    def _by_scene(self, changes: NDArray[np.float64]) -> dict[str, float]:
+        """Changes in the unit of the statistic, of scenes that have one."""
+        pairs, of = zip(self.asked.scenes, changes, strict=True), self.asked.estimand.unit.of
+        return {name: of(float(change)) for name, change in pairs if not np.isnan(change)}
+
+    def verdict(self, adjusted: float, q_none: float, margin: float, level: float) -> tuple[ChangeVerdict, str | None]:
+        """The verdict by adjusted p-values, and why it is undecided, or a remark."""
+        found = self.found
+        if found is None:
+            return ChangeVerdict.undecided, self.gap
+        differs = decided(found.p_none, adjusted, q_none, level, has_gap=self.gap is not None)
+        if differs == Verdict.yes:
+            is_worse = found.direction == self.asked.worse
+            return ChangeVerdict.worse if is_worse else ChangeVerdict.better, self._contrary(found, level)
+        if differs == Verdict.no:
+            return ChangeVerdict.none, None
+        contains = found.straddles(margin)
+        why = why_open(found.p_change, found.p_none, level, contains=contains, otherwise=UNSURE)
+        return ChangeVerdict.undecided, self.gap or why
+
+    def _contrary(self, found: Change, level: float) -> str | None:
+        """A remark where single ages changed in the other direction."""
+        other = found.sides[-found.direction]
+        if other.p_beyond > 1 - level or other.point is None:
+            return None
+        at = self.asked.values.place(other.point)
+        where = "elsewhere" if self.asked.axis is None or at is None else place_words(self.asked.axis, at)
+        return f"the change has the opposite sign {where}"
+
+
+def known(value: float) -> float | None:
+    """A finite number; None for others."""
+    return float(value) if np.isfinite(value) else None
+
+
+def verdicts(
+    asked: Sequence[Asked], *, margin: float = MARGIN, level: float = LEVEL, ages: ComparedAges = ComparedAges.every
+) -> list[Row]:
+    """One row per question, in their order.
+
+    Parameters
     ----------
-    found
-        Tests and effect; None without enough data.
-    resampled
-        What intervals are about.
-    gap
-        Why nothing can be shown to be within the margin, if so, or that references of the two kinds disagree.
+    asked
+        All questions of a comparison.
+    margin
+        Largest relative change that counts as no difference: 0.1 for ratios of 1.1, for mean errors 10 % of the core,
+        and for shares 0.02.
+    level
+        Probability that an interval contains the true change; any false claim in a family has a probability of at most
+        1 - level.
+    ages
+        Whether single ages are tested besides their mean.
     """
-
-    found: Change | None
-    resampled: Resampled | None
-    gap: str | None
+    margins = [one.estimand.unit.margin(margin, one.values.scale_px) for one in asked]
+    tested = [one.tested(limit, level=level, ages=ages) for one, limit in zip(asked, margins, strict=True)]
+    p_change = [None if one.found is None else one.found.p_change for one in tested]
+    p_none = [None if one.found is None else one.found.p_none for one in tested]
+    statistics = [one.statistic for one in asked]
+    adjusted = in_families(holm, p_change, [family(name) for name in statistics])
+    q_none = in_families(benjamini_hochberg, p_none, statistics)
+    rows = []
+    for number, (one, tests) in enumerate(zip(asked, tested, strict=True)):
+        verdict, why = tests.verdict(adjusted[number], q_none[number], margins[number], level)
+        numbers: dict[str, Any] = {
+            "margin": known(one.estimand.unit.of(margins[number])),
+            "p_change": p_change[number],
+            "p_adjusted": known(adjusted[number]),
+            "p_none": p_none[number],
+        }
+        rows.append(Row(one.of, one.statistic, verdict, why, **numbers, **tests.columns()))
+    return rows

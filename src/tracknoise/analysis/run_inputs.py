@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.condition_units import Sampling
-from tracknoise.analysis.factor_values import OptionFactor
+from tracknoise.analysis.factors import OptionFactor
 from tracknoise.inference.units import SceneGroups, scheme
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import (

@@ -53,10 +53,10 @@ def compare(
     Examples: `tracknoise compare runs/before runs/after --gate gate.toml`,
     `tracknoise compare runs/a runs/b --trackers lucas-kanade mine -o compare.html`
     """
-    from tracknoise.analysis.gate import comparison_json
+    from tracknoise.analysis.gate import read_gate
+    from tracknoise.analysis.run_changes import comparison_json
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.experiments.compare_runs import compare as compare_runs
-    from tracknoise.experiments.compare_runs import read_gate
     from tracknoise.report.comparison_page import comparison_markdown, comparison_page
 
     makers = {".html": comparison_page, ".json": comparison_json, ".md": comparison_markdown}

@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.condition_units import Sampling, groups_of_scenes
-from tracknoise.analysis.factor_values import option_factors
+from tracknoise.analysis.factors import option_factors
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.run_models import ADVICE, RunModels, advice_table, fitted_models
 from tracknoise.estimators.training import RunTruth

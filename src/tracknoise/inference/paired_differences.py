@@ -37,7 +37,7 @@ Otherwise all points have to be shown to be below the margin, and the one that n
 difference lies within 20 % of the margin, no number is given: the estimate is too close to tell which of the two it is.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from statistics import NormalDist
 
@@ -47,6 +47,8 @@ from scipy import linalg, special
 
 from tracknoise.inference.multiple_tests import best_by_chance, least_share, students, within
 from tracknoise.inference.units import Resampled
+
+NO_PLACES = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,26 @@ class Differences:
     scarce: NDArray[np.bool_]
     # why nothing can be shown to be alike, however similar the levels are; None if there is no such reason
     gap: str | None = None
+    # (places,): ages, frames or lengths of windows. Points are places times coordinates, the coordinate running
+    # fastest. Empty for a single number
+    places: NDArray[np.int64] = field(default_factory=lambda: NO_PLACES)
+    n_coordinates: int = 1  # 2 if u and v have points of their own
+    total: NDArray[np.float64] | None = None  # (scenes, pairs, points): sum of both levels, for mean errors
+    scale_px: float | None = None  # for mean errors: what a margin is a share of; None where it is unknown
+    by_kind: tuple["Differences", ...] = ()  # the same by reference tracks of each kind alone, where these may matter
+
+    def place(self, point: int) -> int | None:
+        """Age, frame or window of a point; None for a single number."""
+        return int(self.places[point // self.n_coordinates]) if len(self.places) else None
+
+    def coordinate(self, point: int) -> str | None:
+        """Coordinate of a point; None where both have one value."""
+        return "uv"[point % 2] if self.n_coordinates > 1 else None
+
+    def reversed(self) -> "Differences":
+        """The same with the second level of each pair minus the first."""
+        values, by_kind = 0.0 - self.values, tuple(one.reversed() for one in self.by_kind)
+        return replace(self, values=values, pairs=self.pairs[:, ::-1], scarce=self.scarce[:, ::-1], by_kind=by_kind)
 
 
 def pairs_of(n_levels: int) -> NDArray[np.intp]:
@@ -78,7 +100,14 @@ def none_scarce(pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
     return np.zeros(pairs.shape, dtype=np.bool_)
 
 
-def differences(levels: NDArray[np.float64], measured: NDArray[np.bool_], *, logarithms: bool) -> Differences:
+def differences(
+    levels: NDArray[np.float64],
+    measured: NDArray[np.bool_],
+    *,
+    logarithms: bool,
+    places: NDArray[np.int64] = NO_PLACES,
+    n_coordinates: int = 1,
+) -> Differences:
     """Differences of values that every level has on its own.
 
     Parameters
@@ -89,6 +118,8 @@ def differences(levels: NDArray[np.float64], measured: NDArray[np.bool_], *, log
         Which scenes were measured at which levels.
     logarithms
         Whether these are logarithms. Two values of 0 then differ by nothing; one of them has no ratio.
+    places, n_coordinates
+        What the points are, as in `Differences`.
     """
     pairs = pairs_of(levels.shape[1])
     zero = levels == -np.inf
@@ -99,7 +130,17 @@ def differences(levels: NDArray[np.float64], measured: NDArray[np.bool_], *, log
         values = np.where(a & b, 0.0, _minus(np.where(zero, np.nan, levels), pairs))
         there = np.take(~np.isnan(levels), pairs, axis=1).all(axis=2)
         unlike = ((a != b) & there).any(axis=0)
-    return Differences(values, pairs, at_both(measured), unlike, np.full(len(pairs), np.nan), none_scarce(pairs))
+    no_horizon = np.full(len(pairs), np.nan)
+    return Differences(
+        values,
+        pairs,
+        at_both(measured),
+        unlike,
+        no_horizon,
+        none_scarce(pairs),
+        places=places,
+        n_coordinates=n_coordinates,
+    )
 
 
 def _minus(levels: NDArray[np.float64], pairs: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
+from tracknoise.analysis.paired_tests import Unit
 from tracknoise.analysis.run_changes import (
     ESTIMANDS,
     Compared,
@@ -20,7 +21,6 @@ from tracknoise.analysis.run_changes import (
     GateRow,
     Row,
     RunSide,
-    Unit,
     place_words,
 )
 from tracknoise.report.cells import Cells

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import polars as pl
 
-from tracknoise.analysis.ranking import RANKED
+from tracknoise.analysis.factors import RANKED
 from tracknoise.report.answer import noise_to_set
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData

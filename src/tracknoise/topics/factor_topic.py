@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from tracknoise.analysis.factor_values import DISAGREE
-from tracknoise.analysis.factors import DEPENDENCE, ROLES, dependence
-from tracknoise.analysis.ranking import LEAST_TRACKERS, RANKS, ranking
+from tracknoise.analysis.factors import DEPENDENCE, LEAST_TRACKERS, RANKS, ROLES, dependence, ranking
+from tracknoise.analysis.paired_tests import DISAGREE
 from tracknoise.analysis.run_inputs import RunInputs
+from tracknoise.analysis.scene_values import run_values
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import FACTORS
@@ -395,19 +395,22 @@ def _changed(factor: str, rows: pl.DataFrame) -> str:
 
 
 def _dependence(inputs: RunInputs, *, pairs: bool = False) -> pl.DataFrame:
-    return dependence(
+    run = run_values(
         inputs.moments,
         inputs.scales,
         inputs.ends,
         inputs.frames,
         inputs[CURVES],
-        inputs[EFFECTS],
         by_kind=inputs.by_kind,
-        options=inputs.options,
-        groups=inputs.sampling.groups,
         key_frames=inputs.key_frames,
         population=inputs.population,
         trimming=inputs.trimming,
+    )
+    return dependence(
+        run,
+        inputs[EFFECTS],
+        options=inputs.options,
+        groups=inputs.sampling.groups,
         margin=inputs.margin,
         level=inputs.sampling.level,
         pairs=pairs,

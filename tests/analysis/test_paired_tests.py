@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from tracknoise.analysis.factors import ask
-from tracknoise.analysis.run_changes import FALLS, GROWS, bias_change, change_of
+from tracknoise.analysis.paired_tests import FALLS, GROWS, ask, bias_change, change_of
 from tracknoise.inference.units import Resampled
 from tracknoise.tables.enumerations import ComparedAges
 

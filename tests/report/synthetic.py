@@ -145,7 +145,7 @@ class World:
     """Whether the run has patches of tracks, grey ones."""
     alike: bool = False
     """Whether all lightings of a view have the errors of the first, which are quicker to copy than to sum up."""
-    told: bool = True
+    told: bool = False
     """Whether findings are put into sentences: a quarter of what it takes to write a run."""
 
 

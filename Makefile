@@ -13,10 +13,10 @@ LOCK = $(UV) pip compile --quiet --no-config --universal --generate-hashes --no-
 unexport PYTHONDONTWRITEBYTECODE
 # Each process that runs tests has a core of its own: threads of BLAS would take a third more processor time, those of
 # Polars a tenth.
-fast test coverage: export OPENBLAS_NUM_THREADS = 1
-fast test coverage: export POLARS_MAX_THREADS = 1
+fast pytest coverage: export OPENBLAS_NUM_THREADS = 1
+fast pytest coverage: export POLARS_MAX_THREADS = 1
 # Memory that Polars frees goes back to the system: a process that runs tests would keep a quarter more.
-fast test coverage: export _RJEM_MALLOC_CONF = dirty_decay_ms:500,muzzy_decay_ms:0
+fast pytest coverage: export _RJEM_MALLOC_CONF = dirty_decay_ms:500,muzzy_decay_ms:0
 
 STATISTICS := block_moments blocks conditions counts curves grouping histogram increments log_histogram moments \
   outliers places pose_differences populations ratios samples trimming upright windows
@@ -24,7 +24,7 @@ FAST := tests/geometry tests/inference $(STATISTICS:%=tests/statistics/test_%.py
   tests/test_structure.py tests/test_atomic.py tests/test_printable.py tests/test_toml_text.py \
   tests/documents/test_commands.py
 
-.PHONY: demo check fast test coverage wheel bench docs lint clean install lock
+.PHONY: demo check fast test pytest coverage wheel bench docs lint clean install lock
 
 demo: $(STAMP)
 	$(BIN)/tracknoise demo
@@ -36,7 +36,11 @@ check: $(STAMP)
 fast: $(STAMP)
 	$(BIN)/python -m pytest --quiet $(FAST)
 
-test: lint
+# Lint beside all tests: without what it keeps between runs, mypy takes a minute on one core.
+test: $(STAMP)
+	$(MAKE) --no-print-directory --jobs 2 lint pytest
+
+pytest: $(STAMP)
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 coverage: $(STAMP)

@@ -34,6 +34,8 @@ settings.register_profile("tracknoise", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, derandomize=False)
 settings.load_profile("tracknoise")
 
+gc.disable()  # until all is collected: of what tests are made of, next to nothing is garbage
+
 # Each of the hundred programs that tests start would compile the package again: see the Makefile.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
@@ -54,6 +56,7 @@ def pytest_collection_finish() -> None:
     """What was collected stays until the end: to search it for garbage again and again takes processor time."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -187,7 +187,7 @@ class Prose(HTMLParser):
 
 
 def test_a_report(make_run):
-    page = write_report(make_run(), figure_formats=())
+    page = write_report(make_run(told=True), figure_formats=())
     prose = Prose()
     prose.feed(page.read_text())
     assert "error" in " ".join(prose.parts)

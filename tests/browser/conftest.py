@@ -19,7 +19,7 @@ __all__ = ["fitted_run", "make_run", "planted_run"]
 @pytest.fixture(scope="session")
 def run(make_run: Callable[..., RunFolder], made_once: Callable[..., Path]) -> RunFolder:
     """A run with a report whose figures have no files. Not to be changed."""
-    made_up = make_run(scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
+    made_up = make_run(told=True, scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
 
     def write(folder: Path) -> None:
         shutil.copytree(made_up.path, folder / "run")

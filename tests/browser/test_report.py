@@ -53,7 +53,9 @@ def filmed(run: RunFolder, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def odd_report(make_run: Callable[..., RunFolder]) -> Path:
     """Names of trackers and scenes that are markup, or very long."""
-    run = make_run(scenes=(ODD, LONG), trackers=(ODD, LONG, "c"), speeds=(1,), n_frames=12, born=20, min_features=10)
+    run = make_run(
+        told=True, scenes=(ODD, LONG), trackers=(ODD, LONG, "c"), speeds=(1,), n_frames=12, born=20, min_features=10
+    )
     return write_report(run, figure_formats=())
 
 
@@ -109,7 +111,7 @@ def test_the_answer_fits_the_first_screen(report: Path, open_page: Open) -> None
 def test_the_answer_fits_where_most_true_positions_are_unknown(
     make_run: Callable[..., RunFolder], open_page: Open
 ) -> None:
-    run = make_run(scenes=("a", "b", "c"), trackers=("one", "two"), speeds=(1,), depthless=("b", "c"))
+    run = make_run(told=True, scenes=("a", "b", "c"), trackers=("one", "two"), speeds=(1,), depthless=("b", "c"))
     page = open_page(write_report(run, figure_formats=()), width=1366)
     assert "lack true positions" in page.evaluate("document.querySelector('.first').textContent")
     assert page.evaluate(BOTTOMS) <= 768

@@ -67,7 +67,7 @@ def measured_scene(_measured, tmp_path):
 @pytest.fixture(scope="session")
 def whole(make_run):
     """The folder of a small run of made-up measurements, which no test changes."""
-    return make_run().path
+    return make_run(told=True).path
 
 
 @pytest.fixture

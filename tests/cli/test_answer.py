@@ -1,15 +1,10 @@
 """What a run prints when it has ended: a few lines that answer, and its tables where they are asked for."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
 
 from tracknoise.cli.run_summary import MOST_LINES, print_results
 from tracknoise.cli.terminal import Terminal
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.sentences import sentences_of
 
@@ -17,15 +12,9 @@ TRACKERS = tuple(f"tracker-{place}-of-a-team-with-a-long-name" for place in rang
 
 
 @pytest.fixture(scope="module")
-def seven(tmp_path_factory):
+def seven(make_run):
     """A made-up run of seven trackers."""
-    path = Path(__file__).parents[1] / "report" / "synthetic.py"
-    spec = importlib.util.spec_from_file_location("tracknoise_synthetic_for_answers", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    small = {"scenes": ("one", "two"), "n_frames": 14, "born": 20, "min_features": 20, "trackers": TRACKERS}
-    return RunFolder(module.write_run(tmp_path_factory.mktemp("run"), module.World(**{**module.SMALL, **small})).path)
+    return make_run(told=True, scenes=("one", "two"), n_frames=14, min_features=20, trackers=TRACKERS)
 
 
 def test_the_answer_fits_into_twelve_lines_however_many_trackers_there_are(seven, capsys):

@@ -1,10 +1,7 @@
 """What a run found, as a user asks for it."""
 
-import importlib.util
 import json
 import shutil
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -12,15 +9,9 @@ from tracknoise.tables.findings_schema import FINDINGS
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """Folder of a made-up run with findings."""
-    path = Path(__file__).parents[1] / "report" / "synthetic.py"
-    spec = importlib.util.spec_from_file_location("tracknoise_synthetic_for_findings", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    small = {"scenes": ("one", "two"), "n_frames": 14, "born": 20, "min_features": 20}
-    return module.write_run(tmp_path_factory.mktemp("run"), module.World(**{**module.SMALL, **small}))
+def finished(make_run):
+    """A made-up run with findings."""
+    return make_run(told=True, scenes=("one", "two"), n_frames=14, min_features=20)
 
 
 def test_sentences_then_verdicts_are_printed(tracknoise, finished):

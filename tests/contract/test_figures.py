@@ -110,7 +110,6 @@ def test_names_are_file_names_and_differ(made: list[Figure | Absence]) -> None:
 def small(make_run: Callable[..., RunFolder]) -> Callable[[str], list[ReportData]]:
     """Gives the smallest run of which a family makes a figure, read twice."""
     one = {"scenes": ("only",), "trackers": ("one",), "speeds": (1, 2), "n_frames": 7, "born": 10, "min_features": 5}
-    one |= {"told": False}
     plain = make_run(**one)
     read_twice = [ReportData.of(plain), ReportData.of(plain)]
 

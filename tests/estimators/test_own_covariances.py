@@ -9,6 +9,7 @@ import pytest
 from benchmarks.noise import check
 from polars.testing import assert_frame_equal
 from tests.estimators.conftest import TEXT, Silent
+from tests.lean import only_topics
 
 import tracknoise as tn
 from tracknoise.analysis.covariance_verdicts import OWN_COVARIANCES
@@ -20,6 +21,7 @@ from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.result_rows import results_of, run_results
 from tracknoise.tables.store import RunFolder
 from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.topics.covariance_topic import COVARIANCES
 
 CLAIMED = {"cov_uu": 0.09 / 4.0, "cov_uv": 0.0, "cov_vv": 0.04 / 4.0}
 
@@ -38,7 +40,8 @@ def claimed(planted_run: Path, made_once: Callable[[str, Callable[[Path], object
         text = TEXT.format(name="claimed", speeds=[1], option="").replace('kind = "oracle"', 'kind = "imported"')
         text = re.sub("\noptions = .*", '\noptions = { path = "{scene}.csv" }', text)
         (path / "x.toml").write_text(text)
-        execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
+        with only_topics(COVARIANCES):
+            execute(load_experiment(path / "x.toml"), RunFolder(path / "run"), listener=Silent())
 
     return RunFolder(made_once("claimed-covariances", measure) / "run")
 

@@ -12,7 +12,7 @@ from benchmarks.noise import prove as program
 from benchmarks.noise.proof import prove
 from benchmarks.noise.windows import Cut, divided, errors_of, recorded_problems
 from tests.estimators.models import TRAINING, made
-from tests.lean import measured_only, without_depths, without_models
+from tests.lean import measured_only, only_topics
 
 from tracknoise.exceptions import SettingsError, StoreError
 from tracknoise.experiments.execute import execute
@@ -43,7 +43,7 @@ class _Silent:
 
 def _run(out: Path, **options: object) -> Path:
     text = TOML.format(**options)
-    with without_models(), without_depths():
+    with only_topics():
         execute(parse_experiment(text, place="small.toml"), RunFolder(out), workers=1, listener=_Silent())
     return out
 

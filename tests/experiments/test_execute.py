@@ -37,9 +37,10 @@ height = 120
 supersampling = 1
 [[trackers]]
 kind = "lucas-kanade"
+options = { min_features = 70, max_features = 80 }
 [[trackers]]
 kind = "correspondence"
-options = { max_features = 80 }
+options = { max_features = 60 }
 [statistics]
 min_features = 5
 """

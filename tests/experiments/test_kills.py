@@ -69,7 +69,7 @@ while True:
 
 
 @pytest.mark.parametrize(
-    ("over", "scenes", "step", "kind"), [("nothing", 2, 150, "unfound"), ("another run", 1, 225, "found")]
+    ("over", "scenes", "step", "kind"), [("nothing", 2, 200, "unfound"), ("another run", 1, 300, "found")]
 )
 def test_killed_before_any_change_on_disk_and_started_again(
     over, scenes, step, kind, shared_file, tmp_path, told, files

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.lean import with_findings
+from tests.lean import only_topics, with_findings, without_audit
 
 import tracknoise
 from tracknoise.analysis.factors import DEPENDENCE
@@ -21,7 +21,8 @@ from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.manifest import PoseFit
 from tracknoise.tables.store import RunFolder
-from tracknoise.topics.factor_topic import accuracy
+from tracknoise.topics.factor_topic import EFFECTS_OF_FACTORS, accuracy
+from tracknoise.topics.interval_topic import NUMBERS
 
 TEXT = """
 name = "kinds"
@@ -72,7 +73,7 @@ def finished(path, monkeypatch, degrees: float) -> RunFolder:
 
     monkeypatch.setattr(refined_poses, "refined", refined)
     run = RunFolder(path)
-    with with_findings():
+    with with_findings(), only_topics(EFFECTS_OF_FACTORS, NUMBERS), without_audit():
         execute(parse_experiment(TEXT, place="kinds.toml"), run, listener=Silent(), workers=1)
     return run
 

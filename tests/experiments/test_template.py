@@ -57,7 +57,7 @@ def test_without_depth_it_says_how_truth_is_computed_and_can_be_run(sample, tmp_
     assert '# kind = "swept"  # there is no depth' in text
     file = tmp_path / "first.toml"
     file.write_text(text)
-    short = load_experiment(file, frames=6, trackers=["lucas-kanade"])
+    short = load_experiment(file, frames=4, trackers=["lucas-kanade"])
     assert execute(short, RunFolder(tmp_path / "run"), listener=Silent()).failures == {}
 
 

@@ -18,7 +18,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "paper.md"
 
 @pytest.fixture(scope="module")
 def part(make_run: Callable[..., RunFolder]) -> Part:
-    data = ReportData.of(make_run(told=False, hidden=0.2))
+    data = ReportData.of(make_run(hidden=0.2))
     return Part("made up", data, data)
 
 
@@ -111,7 +111,7 @@ def test_without_variants_there_is_no_table_of_them(part: Part) -> None:
 
 
 def test_ways_to_reject_outliers_are_compared_at_the_last_age_that_all_have(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, loss=0.35, trackers=("lasting", "fleeting"), hidden=0.0))
+    data = ReportData.of(make_run(loss=0.35, trackers=("lasting", "fleeting"), hidden=0.0))
     points = data.nominal(data.points).filter(role="second", trimming="trimmed", population=data.population)
     last = points.group_by("tracker").agg(pl.col("since").max())["since"].sort()
     assert 0 < last[0] < min(10, last[1]), "their own last ages differ"
@@ -124,7 +124,7 @@ def test_ways_to_reject_outliers_are_compared_at_the_last_age_that_all_have(make
 
 
 def test_one_scene_has_no_weight_to_be_compared(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("only",), born=40))
+    data = ReportData.of(make_run(scenes=("only",), born=40))
     found = {item.id: item.measured for item in departures([Part("alone", data)])}
     assert found["weighting"] is not None
     assert all(list(row[2:]) == ["–", "one scene"] * 6 for row in found["weighting"].rows)
@@ -133,7 +133,7 @@ def test_one_scene_has_no_weight_to_be_compared(make_run: Callable[..., RunFolde
 
 
 def test_curves_that_cannot_be_compared_are_dashes(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, min_features=10**6))
+    data = ReportData.of(make_run(min_features=10**6))
     cells = departures([Part("cut", data)])[0].measured
     assert cells is not None
     assert set(cells.rows[0][2:]) == {"–"}

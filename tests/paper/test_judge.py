@@ -27,7 +27,7 @@ MakeData = Callable[..., ReportData]
 @pytest.fixture
 def made(make_run: Callable[..., RunFolder]) -> MakeData:
     """Data of a made-up run that repeats an experiment. Its intervals are a tenth of each value to either side."""
-    return lambda name, **changes: ReportData.of(make_run(**{"paper": name, "told": False, **WORLDS[name], **changes}))
+    return lambda name, **changes: ReportData.of(make_run(**{"paper": name, **WORLDS[name], **changes}))
 
 
 def claim(experiment: str, name: str, tracker: str | None = None) -> Claim:

@@ -45,7 +45,6 @@ def test_the_map_is_whole(make_run: Callable[..., RunFolder], experiment: str) -
         "n_frames": 14,
         "min_features": 15,
         "hidden": 0.1,
-        "told": False,
     }
     data = ReportData.of(make_run(**settings, **WORLDS[experiment]))
     figures = {item.id for family in FAMILIES for item in family.figures(data) if isinstance(item, Figure)}

@@ -40,7 +40,14 @@ class Links(HTMLParser):
 def written(make_run: Callable[..., RunFolder], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of one experiment with a report, variants of its trackers, and one that has no data."""
     folder = tmp_path_factory.mktemp("replication")
-    small = {"paper": "kitti", "scenes": ("one",), "trackers": ("lucas-kanade",), "speeds": (1,), "n_frames": 14}
+    small = {
+        "told": True,
+        "paper": "kitti",
+        "scenes": ("one",),
+        "trackers": ("lucas-kanade",),
+        "speeds": (1,),
+        "n_frames": 14,
+    }
     run = RunFolder(shutil.copytree(make_run(**small).path, folder / "kitti"))
     write_report(run, figure_formats=())
     others = {reading: make_run(**small, **OTHERS[reading]) for reading in OTHERS}

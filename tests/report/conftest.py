@@ -34,14 +34,14 @@ def synthetic() -> ModuleType:
 
 @pytest.fixture(scope="session")
 def run(make_run: Callable[..., RunFolder]) -> RunFolder:
-    """Two scenes, two trackers, two speeds."""
-    return make_run()
+    """Two scenes, two trackers, two speeds, and sentences."""
+    return make_run(told=True)
 
 
 @pytest.fixture(scope="session")
 def whole_report(make_run: Callable[..., RunFolder], made_once: Callable[..., Path]) -> Path:
     """The folder of a run with its report, whose figures are written in all formats. Not to be changed."""
-    run = make_run(scenes=("forward",), trackers=("lucas-kanade",), speeds=(1,), n_frames=10, born=40)
+    run = make_run(told=True, scenes=("forward",), trackers=("lucas-kanade",), speeds=(1,), n_frames=10, born=40)
 
     def write(folder: Path) -> None:
         shutil.copytree(run.path, folder)

@@ -19,11 +19,7 @@ from tracknoise.estimators.window_noise import WINDOW_SIGMAS
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
 from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, INTERVALS, TRUST
-from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.schema import CAUSES, Schema, empty
-from tracknoise.topics.catalogue import FINDINGS_TABLES, by_table
-from tracknoise.topics.headline import ReportedConditions
-from tracknoise.topics.headlines import headline_table
 from tracknoise.truth_faults.pose_accuracy import POSE_LAW, POSE_SHARE, RIGID_SHARE
 
 BANDS = ((1, 4), (5, 9), (10, 19))
@@ -33,15 +29,13 @@ LIMITED = "Errors of the truth can explain up to 12.0 % of the squared errors."
 FEW = "a test at 5 % needs at least 6 scenes; found {} scenes"
 
 
-def made_up(
-    tables: Mapping[str, pl.DataFrame], *, scope: ReportedConditions, told: bool = True
-) -> dict[str, pl.DataFrame]:
-    """All findings for the statistics of a run: intervals are a tenth of the value to either side."""
-    found = {
-        "intervals": intervals(tables, population=scope.population),
+def made_up(tables: Mapping[str, pl.DataFrame], *, population: str) -> dict[str, pl.DataFrame]:
+    """All findings for the statistics of a run but sentences: intervals are a tenth of the value to either side."""
+    return {
+        "intervals": intervals(tables, population=population),
         "seed_spread": empty(SEED_SPREAD),
         "incidence": incidence(tables["lifetimes"]),
-        "zero_mean": zero_mean(tables["curves"], population=scope.population),
+        "zero_mean": zero_mean(tables["curves"], population=population),
         "gaussianity": gaussianity(tables["curves"]),
         "radii": radii(tables["curves"]),
         "time_structure": time_structure(tables["curves"]),
@@ -58,15 +52,6 @@ def made_up(
         "audit_curves": audit_curves(tables["curves"]),
         "trust": trust(),
     }
-    if told:
-        every = {
-            **tables,
-            **{table.name: empty(table) for table in FINDINGS_TABLES if table.name not in tables},
-            **found,
-        }
-        cited = {table.name: with_ids(table, rows) for table, rows in by_table(every).items() if table.rows}
-        found["findings"] = headline_table({**every, **cited}, scope)
-    return found
 
 
 def intervals(tables: Mapping[str, pl.DataFrame], *, population: str) -> pl.DataFrame:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.report.synthetic import SMALL, World, write_run
+from tests.report.synthetic import SMALL, World, tell, write_run
 
 from tracknoise.tables.store import RunFolder
 
@@ -26,8 +26,16 @@ def make_run(
         world = World(**{**SMALL, **settings})
         name = sha256(repr(world).encode()).hexdigest()[:16]
         if name not in made:
-            original = made_once(name, lambda path: write_run(path, world))
+            original = made_once(name, lambda path: write(path, world))
             made[name] = RunFolder(shutil.copytree(original, tmp_path_factory.mktemp("run") / "run"))
         return made[name]
+
+    def write(path: Path, world: World) -> None:
+        """Those with sentences are made from those without."""
+        if world.told:
+            untold = make(**{**vars(world), "told": False})
+            tell(RunFolder(shutil.copytree(untold.path, path)), world)
+        else:
+            write_run(path, world)
 
     return make

@@ -126,7 +126,7 @@ def test_intervals_are_those_of_the_table(data: ReportData) -> None:
 
 @pytest.mark.parametrize("world", WORLDS, ids=str)
 def test_findings_are_short_sentences_with_evidence(make_run: Callable[..., RunFolder], world: str) -> None:
-    data = ReportData.of(make_run(**WORLDS[world]))
+    data = ReportData.of(make_run(told=True, **WORLDS[world]))
     found = summarise(data).findings
     assert [one.topic for one in found] == data["findings"].sort("rank")["topic"].to_list()
     sections = {*OPENINGS, "findings", "factor-effects", "summary", "measured", "limits", *(one.id for one in FAMILIES)}
@@ -560,7 +560,7 @@ def test_drawings_say_what_they_show(data: ReportData) -> None:
 
 def test_odd_names_are_escaped_in_drawings(make_run: Callable[..., RunFolder], synthetic: ModuleType) -> None:
     with without_figure_files():
-        found = write_report(make_run(**synthetic.DEGENERATE["odd names"])).read_text(encoding="utf-8")
+        found = write_report(make_run(told=True, **synthetic.DEGENERATE["odd names"])).read_text(encoding="utf-8")
     first = found.split('<section id="everything">')[0].split("<main>")[1]
     assert "&lt;b&gt;" in first
     assert "<b>&#34;" not in first

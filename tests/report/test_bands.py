@@ -82,7 +82,7 @@ def test_without_intervals_there_is_no_band(data: ReportData) -> None:
 
 
 def test_of_many_curves_the_first_alone_has_a_band(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
+    data = ReportData.of(make_run(scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
     figure, *_ = levels.lighting_figures(data)
     assert drawn(figure, "u_low", "u_high")["lighting"].unique().to_list() == ["diffuse"]
     assert "Bands around the curve under diffuse:" in figure.shows
@@ -132,7 +132,7 @@ def test_bounds_turn_with_their_values(rotation: int, signed: bool) -> None:
 
 def test_turned_images_have_bands(make_run: Callable[..., RunFolder]) -> None:
     turned = make_run(
-        told=False, views=((0, "forward"), (90, "forward")), scenes=("only",), trackers=("one",), speeds=(1,), born=40
+        views=((0, "forward"), (90, "forward")), scenes=("only",), trackers=("one",), speeds=(1,), born=40
     )
     (figure,) = levels.rotations(ReportData.of(turned))
     band = drawn(figure, "u_low", "u_high")

@@ -18,7 +18,7 @@ from tracknoise.tables.store import RunFolder
 
 @pytest.fixture(scope="module")
 def run(make_run: Callable[..., RunFolder]) -> RunFolder:
-    return make_run(told=False, scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
+    return make_run(scenes=("fixating", "forward"), n_frames=20, born=20, min_features=20, patches=True)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_curves_of_a_scene_are_those_of_its_observations(run: RunFolder, data: R
 
 
 def test_the_only_scene_has_the_curves_of_the_run(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("one",), speeds=(1,), n_frames=12, born=20, min_features=20))
+    data = ReportData.of(make_run(scenes=("one",), speeds=(1,), n_frames=12, born=20, min_features=20))
     chosen = {"tracker": "lucas-kanade", "population": data.population, "trimming": "untrimmed"}
     pooled, alone = (
         [one for one in explored(data)[name] if chosen.items() <= one.items()] for name in ("errors", "scenes")
@@ -83,7 +83,7 @@ def test_a_large_run_has_only_the_errors_that_it_is_about(
 
 
 def test_fitted_points_have_no_curves_of_errors(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("one",), truth="triangulated", speeds=(1,), n_frames=12))
+    data = ReportData.of(make_run(scenes=("one",), truth="triangulated", speeds=(1,), n_frames=12))
     assert explored(data)["errors"] == explored(data)["scenes"] == []
     assert [chart.id for chart in charts(data)] == ["survival"]
 

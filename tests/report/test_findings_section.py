@@ -25,7 +25,8 @@ def data(make_run: Callable[..., RunFolder]) -> ReportData:
 
 
 def test_sentences_stand_first_and_lead_to_their_sections_and_tables(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(scenes=("one",), trackers=("lucas-kanade",), n_frames=14, born=30, dataset="tum", truth="birth")
+    tum = {"dataset": "tum", "truth": "birth", "n_frames": 14, "born": 30}
+    run = make_run(told=True, scenes=("one",), trackers=("lucas-kanade",), **tum)
     page = write_report(run, figure_formats=())
     text = page.read_text(encoding="utf-8")
     section = text.split('<details class="entry" id="findings">')[1].split('<details class="entry"')[0]

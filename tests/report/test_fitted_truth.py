@@ -29,7 +29,9 @@ NOISE = {"triangulated": 0.512, "epipolar": 0.634}
 
 @pytest.fixture(scope="module")
 def run(make_run: Callable[..., RunFolder]) -> RunFolder:
-    run = make_run(scenes=("one", "two"), trackers=("lucas-kanade",), truth="triangulated", n_frames=14, born=30)
+    run = make_run(
+        told=True, scenes=("one", "two"), trackers=("lucas-kanade",), truth="triangulated", n_frames=14, born=30
+    )
     conditions = run.statistics(SUMMARY).select(POOLED)
     rows = [
         {**condition, "measure": measure, "trimming": trimming, "coordinate": "both", "n": 100, "sigma_px": sigma}

@@ -91,14 +91,14 @@ def test_several_lightings_have_a_column(make_run: Callable[..., RunFolder], syn
 
 
 def test_a_tracker_without_a_feature_stands_in_the_tables_with_zeros(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("only",), speeds=(1,), featureless=("correspondence",)))
+    data = ReportData.of(make_run(scenes=("only",), speeds=(1,), featureless=("correspondence",)))
     for shown in (measured.truth_counts(data), measured.end_counts(data)):
         assert [row[0] for row in shown.rows] == ["lucas-kanade", "correspondence"]
         assert set(shown.rows[1][2:]) == {"0"}
 
 
 def test_a_run_without_any_true_position_says_so_once(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, depth=False))
+    data = ReportData.of(make_run(depth=False))
     n = data["counts"].filter(kind="truth")["n"].sum()
     told = f"100.0\N{NO-BREAK SPACE}% of {n:,} observations is unknown (100.0\N{NO-BREAK SPACE}% no depth)"
     assert measured.without_truth(data) == [
@@ -107,7 +107,7 @@ def test_a_run_without_any_true_position_says_so_once(make_run: Callable[..., Ru
 
 
 def test_conditions_mostly_without_true_positions_are_named(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, depthless=("correspondence",)))
+    data = ReportData.of(make_run(depthless=("correspondence",)))
     places = [place for place, _ in measured.without_truth(data)]
     assert places == ["correspondence at speed 1", "correspondence at speed 2"]
 
@@ -115,21 +115,21 @@ def test_conditions_mostly_without_true_positions_are_named(make_run: Callable[.
 def test_any_share_without_depth_from_images_is_told(make_run: Callable[..., RunFolder]) -> None:
     told = {}
     for truth in ("birth", "swept"):
-        run = make_run(told=False, scenes=("a", "b", "c"), truth=truth, depthless=("b",))
+        run = make_run(scenes=("a", "b", "c"), truth=truth, depthless=("b",))
         told[truth] = without_truth(ReportData.of(run))
     assert told["birth"] == ""
     assert told["swept"].endswith("of observations lack true positions.")
 
 
 def test_scenes_mostly_without_true_positions_are_named(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("a", "b", "c"), depthless=("b",)))
+    data = ReportData.of(make_run(scenes=("a", "b", "c"), depthless=("b",)))
     ((place, sentence),) = measured.without_truth(data)
     assert place == "b@default"
     assert sentence.endswith("No error could be measured.")
 
 
 def test_a_large_share_is_told_with_what_the_errors_rest_on(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(told=False, scenes=("a", "b", "c"), trackers=("one",), speeds=(1,), depthless=("b", "c"))
+    run = make_run(scenes=("a", "b", "c"), trackers=("one",), speeds=(1,), depthless=("b", "c"))
     statuses = dict(pl.concat(run.sequence_tables("observations"))["truth"].value_counts().rows())
     share = f"{100 * statuses['no_depth'] / sum(statuses.values()):.1f}\N{NO-BREAK SPACE}%"
     sentence = dict(measured.without_truth(ReportData.of(run)))["one at speed 1"]
@@ -143,7 +143,7 @@ def test_few_unknown_true_positions_need_no_word(run: RunFolder) -> None:
 
 def test_directions_have_a_column_where_there_are_several(make_run: Callable[..., RunFolder]) -> None:
     views = ((0, "forward"), (0, "backward"))
-    data = ReportData.of(make_run(told=False, scenes=("there", "back"), speeds=(1,), views=views))
+    data = ReportData.of(make_run(scenes=("there", "back"), speeds=(1,), views=views))
     shown = measured.scenes(data)
     assert shown.headings[3:5] == ["rotation (°)", "direction"]
     assert [row[4] for row in shown.rows] == ["forward", "backward"] * 2
@@ -162,14 +162,14 @@ def test_scenes_that_were_left_out_are_told(own_run: RunFolder) -> None:
 
 def test_the_same_note_of_many_sequences_is_told_once(make_run: Callable[..., RunFolder]) -> None:
     lightings = tuple(f"led-{i}" for i in range(6))
-    run = make_run(told=False, scenes=("forward",), trackers=("one",), speeds=(1,), n_frames=6, lightings=lightings)
+    run = make_run(scenes=("forward",), trackers=("one",), speeds=(1,), n_frames=6, lightings=lightings)
     ((place, _),) = measured.notes(ReportData.of(run))
     assert place == "forward@led-0, forward@led-1, forward@led-2 and 3 others"
 
 
 def test_many_places_without_true_positions_are_told_together(make_run: Callable[..., RunFolder]) -> None:
     names = tuple(f"scene-{i}" for i in range(6))
-    data = ReportData.of(make_run(told=False, scenes=names, trackers=("one",), speeds=(1,), depthless=names[1:]))
+    data = ReportData.of(make_run(scenes=names, trackers=("one",), speeds=(1,), depthless=names[1:]))
     told = dict(measured.without_truth(data))
     assert list(told) == ["one at speed 1", "scene-1@default, scene-2@default, scene-3@default and 2 others"]
     observations = pl.concat(data.run.sequence_tables("observations")).filter(pl.col("scene") != "scene-0")
@@ -189,7 +189,7 @@ def test_a_large_run_lists_the_conditions_of_its_view(
 
 
 def test_the_summary_speaks_of_frames_where_there_is_a_scan(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(told=False, scenes=("only",), born=40, key_frame=8, truth="scan")
+    run = make_run(scenes=("only",), born=40, key_frame=8, truth="scan")
     shown = measured.summary(ReportData.of(run))
     place = shown.headings.index("frame")
     assert shown.headings[place + 1 : place + 3] == ["mean u", "mean v"]
@@ -197,6 +197,6 @@ def test_the_summary_speaks_of_frames_where_there_is_a_scan(make_run: Callable[.
 
 
 def test_what_a_scan_does_not_reach_is_not_called_depth(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("only",), born=40, key_frame=8, truth="scan"))
+    data = ReportData.of(make_run(scenes=("only",), born=40, key_frame=8, truth="scan"))
     assert "not on the scan" in measured.truth_counts(data).headings
     assert "no depth" not in measured.truth_counts(data).headings

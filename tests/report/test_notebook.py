@@ -37,7 +37,7 @@ def test_its_style_touches_nothing_else_in_a_notebook(run):
 
 
 def test_odd_names_are_harmless(make_run, synthetic):
-    folder = make_run(**synthetic.DEGENERATE["odd names"])
+    folder = make_run(told=True, **synthetic.DEGENERATE["odd names"])
     page = tracknoise.open_run(folder.path)._repr_html_()
     assert '<b>"&' not in page
     assert '<b>"&\\_%' in Parts(page).text

@@ -198,7 +198,7 @@ def test_what_a_killed_process_left_of_a_report_is_removed(own_run: RunFolder) -
 
 def test_names_that_look_like_markup_are_only_names(make_run: Callable[..., RunFolder]) -> None:
     name = "</script><script>alert(1)</script><b>&"
-    run = make_run(trackers=(name,), scenes=("<i>",), speeds=(1,), n_frames=6, born=6, min_features=5)
+    run = make_run(told=True, trackers=(name,), scenes=("<i>",), speeds=(1,), n_frames=6, born=6, min_features=5)
     text = write_report(run, figure_formats=()).read_text(encoding="utf-8")
     assert "<script>alert(1)" not in text
     assert "&lt;script&gt;alert(1)" in text

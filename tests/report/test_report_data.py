@@ -22,7 +22,7 @@ def test_points_are_uncut_and_second_moments_are_roots(run: RunFolder) -> None:
 
 
 def test_the_first_lighting_is_the_reference_and_is_named(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, lightings=("z", "a"), scenes=("only",), speeds=(2, 4)))
+    data = ReportData.of(make_run(lightings=("z", "a"), scenes=("only",), speeds=(2, 4)))
     assert data.lightings == ["z", "a"]  # as the experiment has them
     assert data.where == " under lighting z"
     assert data.slowest == 2
@@ -34,7 +34,7 @@ def test_one_lighting_needs_no_name(run: RunFolder) -> None:
 
 
 def test_slugs_differ_where_names_do(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, trackers=("a b", "a_b", "LK"), scenes=("only",), speeds=(1,)))
+    data = ReportData.of(make_run(trackers=("a b", "a_b", "LK"), scenes=("only",), speeds=(1,)))
     assert [data.slug(name) for name in data.trackers] == ["a-b-1", "a-b-2", "lk"]
 
 
@@ -64,7 +64,7 @@ def test_every_tracker_has_one_colour_and_speeds_have_its_shades(run: RunFolder)
 
 
 def test_errors_are_zero_in_the_key_frame_of_a_scan(make_run: Callable[..., RunFolder]) -> None:
-    data = ReportData.of(make_run(told=False, scenes=("only",), born=40, key_frame=8, truth="scan"))
+    data = ReportData.of(make_run(scenes=("only",), born=40, key_frame=8, truth="scan"))
     assert data.axis.name == "frame"
     assert data.key_frame("forward") == 8
     zero = data.points.filter(at=8)
@@ -86,9 +86,7 @@ def test_ages_count_without_a_key_frame(run: RunFolder) -> None:
 def test_lightings_that_nobody_names_are_in_the_order_of_their_numbers_and_diffuse_first(
     make_run: Callable[..., RunFolder],
 ) -> None:
-    run = make_run(
-        told=False, scenes=("unnamed",), trackers=("one",), speeds=(1,), lightings=("LR10", "LR9", "diffuse", "BF0")
-    )
+    run = make_run(scenes=("unnamed",), trackers=("one",), speeds=(1,), lightings=("LR10", "LR9", "diffuse", "BF0"))
     assert ReportData.of(run).lightings == ["LR10", "LR9", "diffuse", "BF0"]
     manifest = run.manifest()
     run.replace_experiment(re.sub(r"lightings = .*", "", run.experiment_toml()), manifest)
@@ -100,7 +98,7 @@ def test_lightings_that_nobody_names_are_in_the_order_of_their_numbers_and_diffu
 
 def test_the_view_is_upright_and_forward_whatever_else_there_is(make_run: Callable[..., RunFolder]) -> None:
     views = ((90, "forward"), (0, "backward"), (0, "forward"))
-    data = ReportData.of(make_run(told=False, scenes=("seen",), trackers=("one",), speeds=(1,), views=views))
+    data = ReportData.of(make_run(scenes=("seen",), trackers=("one",), speeds=(1,), views=views))
     assert data.view == {"lighting": "default", "rotation": 0, "direction": "forward", "camera": ""}
     assert data.where == " at rotation 0° played forward"
     assert data.elsewhere("rotation") == " played forward"
@@ -111,7 +109,7 @@ def test_the_view_is_upright_and_forward_whatever_else_there_is(make_run: Callab
 
 def test_the_view_is_one_that_was_measured(make_run: Callable[..., RunFolder]) -> None:
     views = ((90, "forward"), (0, "backward"))
-    data = ReportData.of(make_run(told=False, scenes=("odd",), trackers=("one",), speeds=(1,), views=views))
+    data = ReportData.of(make_run(scenes=("odd",), trackers=("one",), speeds=(1,), views=views))
     assert (data.view["rotation"], data.view["direction"]) == (90, "forward")
     assert data.nominal(data["outliers"]).height == 1
 

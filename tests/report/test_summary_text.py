@@ -25,7 +25,7 @@ def test_the_verdict_on_the_truth_comes_first(make_run: Callable[..., RunFolder]
 
 def test_there_is_a_line_a_condition_in_the_order_of_the_experiment(make_run: Callable[..., RunFolder]) -> None:
     views = ((0, "forward"), (0, "backward"))
-    run = make_run(told=False, scenes=("only",), speeds=(1,), views=views)
+    run = make_run(scenes=("only",), speeds=(1,), views=views)
     lines = [line.split() for line in _table(run)]
     assert lines[1][:4] == ["tracker", "speed", "direction", "tracks"]
     assert [line[0] + " " + line[2] for line in lines[3:]] == [
@@ -36,7 +36,7 @@ def test_there_is_a_line_a_condition_in_the_order_of_the_experiment(make_run: Ca
 
 
 def test_frames_are_called_so(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(told=False, scenes=("only",), born=40, key_frame=8, truth="scan")
+    run = make_run(scenes=("only",), born=40, key_frame=8, truth="scan")
     assert "frame" in _table(run)[1].split()
     assert {tuple(line.split()[1:6:4]) for line in _table(run)[3:]} == {("1", "16"), ("2", "18")}  # of both trackers
 
@@ -49,7 +49,7 @@ def test_many_conditions_are_not_all_listed(make_run: Callable[..., RunFolder], 
 
 def test_many_conditions_of_one_view_are_all_listed(make_run: Callable[..., RunFolder]) -> None:
     """There are no others then, and nothing is said about them."""
-    world = {"told": False, "scenes": ("only",), "n_frames": 8, "born": 4, "min_features": 2}
+    world = {"scenes": ("only",), "n_frames": 8, "born": 4, "min_features": 2}
     run = make_run(**world, trackers=tuple(f"t{number}" for number in range(7)), speeds=(1, 2, 3, 4, 5, 6))
     assert _table(run)[-1].startswith("t6")
     assert summary(ReportData.of(run)).caption == "Key numbers of every condition"

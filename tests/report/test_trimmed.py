@@ -11,7 +11,7 @@ from tracknoise.tables.store import RunFolder
 from tracknoise.topics import trimming_topic
 from tracknoise.words import percent
 
-MOSTLY_SEEN_ONCE: dict[str, Any] = {"told": False, "loss": 0.97, "hidden": 0.0, "trackers": ("one",), "speeds": (1,)}
+MOSTLY_SEEN_ONCE: dict[str, Any] = {"loss": 0.97, "hidden": 0.0, "trackers": ("one",), "speeds": (1,)}
 
 
 def test_where_most_tracks_were_seen_once_next_to_nothing_is_kept_of_the_others(
@@ -44,9 +44,7 @@ def test_where_most_tracks_go_on_there_is_nothing_to_say(run: RunFolder) -> None
 
 
 def test_scenes_in_which_it_is_so_are_counted(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(
-        told=False, scenes=("once", "on"), trackers=("one",), speeds=(1,), n_frames=12, hidden=0.0, percentile=15.0
-    )
+    run = make_run(scenes=("once", "on"), trackers=("one",), speeds=(1,), n_frames=12, hidden=0.0, percentile=15.0)
     trims = run.statistics(TRIMS).with_columns(share=100 * pl.col("n_anchor_only") / pl.col("n_measured"))
     decided = trims.filter(pl.col("share") >= pl.col("percentile"))
     ((_, sentence),) = trimming_topic.cut_at_zero(ReportData.of(run))

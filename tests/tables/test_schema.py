@@ -12,11 +12,12 @@ SCHEMAS = {name: value for name, value in vars(schema).items() if name.isupper()
 PAIR = {"name": pl.String, "n": pl.Int64}
 
 
-@pytest.mark.parametrize("name", SCHEMAS)
-def test_an_empty_table_meets_its_own_schema(name: str) -> None:
-    table = empty(SCHEMAS[name])
-    assert table.height == 0
-    assert check(table, SCHEMAS[name], name) is table
+def test_empty_tables_meet_their_schemas() -> None:
+    assert len(SCHEMAS) > 40
+    for name, columns in SCHEMAS.items():
+        table = empty(columns)
+        assert table.height == 0
+        assert check(table, columns, name) is table
 
 
 def test_enumerations_list_the_names_in_the_order_of_their_numbers() -> None:

@@ -58,8 +58,11 @@ def with_ids(table: RunTable, found: pl.DataFrame) -> pl.DataFrame:
     names = {
         value.column: pl.Series(value.column, [None] * found.height, dtype=pl.String) for value in table.rows.values
     }
-    for value, part in _parts_of(table.rows, found):
-        names[value.column] = names[value.column].scatter(part[_ROW], ids(part))
+    parts = list(_parts_of(table.rows, found))
+    every, start = ids(part for _, part in parts), 0
+    for value, part in parts:
+        names[value.column] = names[value.column].scatter(part[_ROW], every.slice(start, part.height))
+        start += part.height
     return found.with_columns(ids=pl.struct(*names.values()))
 
 

@@ -124,9 +124,12 @@ def finished(rows: Iterable[pl.DataFrame]) -> pl.DataFrame:
     return table.with_columns(caveats=_caveats()).select(list(RESULTS))
 
 
-def ids(rows: pl.DataFrame) -> pl.Series:
-    """Ids of rows of results. `rows`: with columns of `RESULTS`, of which any but quantity and topic may be missing."""
-    return _ids(pl.concat([pl.DataFrame(schema=IDENTITY), _typed(rows, IDENTITY)], how="diagonal"))
+def ids(rows: Iterable[pl.DataFrame]) -> pl.Series:
+    """Ids of rows of results, one part after the other.
+
+    `rows`: with columns of `RESULTS`, of which any but quantity and topic may be missing.
+    """
+    return _ids(pl.concat([pl.DataFrame(schema=IDENTITY), *(_typed(part, IDENTITY) for part in rows)], how="diagonal"))
 
 
 def _typed(rows: pl.DataFrame, kinds: Schema) -> pl.DataFrame:

@@ -107,9 +107,7 @@ def test_correlations_are_said_to_be_of_all_ages(data: ReportData) -> None:
 def test_with_few_frames_nothing_is_drawn_outside_of_the_panels(
     make_run: Callable[..., RunFolder], n_frames: int
 ) -> None:
-    run = make_run(
-        told=False, scenes=("only",), trackers=("one",), speeds=(1,), born=80, n_frames=n_frames, min_features=20
-    )
+    run = make_run(scenes=("only",), trackers=("one",), speeds=(1,), born=80, n_frames=n_frames, min_features=20)
     for item in growth_curves.change_figures(ReportData.of(run)):
         assert isinstance(item, Figure)
         lines = [layer for panel in item.spec["concat"] for layer in panel["layer"] if layer["mark"]["type"] == "line"]
@@ -117,9 +115,7 @@ def test_with_few_frames_nothing_is_drawn_outside_of_the_panels(
 
 
 def test_changes_that_are_all_alike_vary_by_nothing(make_run: Callable[..., RunFolder]) -> None:
-    run = make_run(
-        told=False, scenes=("only",), trackers=("one",), speeds=(1,), sigma_px=0.0, bias_px=0.1, percentile=None
-    )
+    run = make_run(scenes=("only",), trackers=("one",), speeds=(1,), sigma_px=0.0, bias_px=0.1, percentile=None)
     constant = ReportData.of(run)
     (figure,) = growth_curves.change_figures(constant)
     assert "nan" not in figure.look_for

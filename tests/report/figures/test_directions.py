@@ -23,7 +23,7 @@ MOTION_PX = np.array([0.8, 0.3]) - DRIFT_PX
 @pytest.fixture(scope="module")
 def data(make_run: Callable[..., RunFolder]) -> ReportData:
     world = {"scenes": ("only",), "trackers": ("one",), "sigma_px": 0.0, "bias_px": 0.05}
-    return ReportData.of(make_run(told=False, **world, percentile=None, hidden=0.0))
+    return ReportData.of(make_run(**world, percentile=None, hidden=0.0))
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_recorded_truth_has_noise_of_its_own_and_the_reader_is_told(
     figure: Figure, make_run: Callable[..., RunFolder]
 ) -> None:
     (recorded,) = error_curves.direction_figures(
-        ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), truth="birth"))
+        ReportData.of(make_run(scenes=("only",), trackers=("one",), truth="birth"))
     )
     assert isinstance(recorded, Figure)
     assert "noise of the true positions looks like a lag too" in recorded.look_for
@@ -70,9 +70,7 @@ def test_recorded_truth_has_noise_of_its_own_and_the_reader_is_told(
 
 
 def test_without_known_errors_there_is_nothing_to_turn(make_run: Callable[..., RunFolder]) -> None:
-    (item,) = error_curves.direction_figures(
-        ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), depth=False))
-    )
+    (item,) = error_curves.direction_figures(ReportData.of(make_run(scenes=("only",), trackers=("one",), depth=False)))
     assert isinstance(item, Absence)
 
 

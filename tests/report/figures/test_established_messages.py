@@ -54,9 +54,7 @@ def test_a_difference_of_trackers_that_one_of_many_intervals_shows_is_not_stated
 
 def test_growth_that_the_truth_can_explain_is_not_stated(make_run: Callable[..., RunFolder]) -> None:
     world: dict[str, object] = {"scenes": ("only",), "speeds": (1,), "born": 40}
-    accurate, coarse = (
-        with_verdict(ReportData.of(make_run(told=False, **world, floor_px=size)), "drift") for size in (1e-6, 10.0)
-    )
+    accurate, coarse = (with_verdict(ReportData.of(make_run(**world, floor_px=size)), "drift") for size in (1e-6, 10.0))
     assert message(growth_curves.time_structure_figures(accurate), "time-structure").endswith(" is a drift")
     assert message(growth_curves.time_structure_figures(coarse), "time-structure") == growth_message(coarse) == ""
 

@@ -9,7 +9,7 @@ from tracknoise.report.report_data import ReportData
 
 
 def test_a_damaged_image_is_an_error_and_a_missing_one_is_named(make_run):
-    run = make_run(told=False, scenes=("forward",), trackers=("lucas-kanade",), born=40)
+    run = make_run(scenes=("forward",), trackers=("lucas-kanade",), born=40)
     data = ReportData.of(run)
     (path,) = (run.path / "snapshots").iterdir()
     content = bytearray(path.read_bytes())

@@ -21,7 +21,7 @@ FLOOR_PX = 0.1
 
 @pytest.fixture(scope="module")
 def data(make_run: Callable[..., RunFolder]) -> ReportData:
-    return ReportData.of(make_run(told=False, scenes=("only",), speeds=(1,), born=40, floor_px=FLOOR_PX))
+    return ReportData.of(make_run(scenes=("only",), speeds=(1,), born=40, floor_px=FLOOR_PX))
 
 
 def lines_of(figure: Figure) -> list[dict[str, object]]:
@@ -55,7 +55,7 @@ def test_the_floor_is_drawn_below_the_root_second_moment_and_around_the_mean(dat
 
 @pytest.mark.parametrize("world", [{}, {"scenes": ("only",), "speeds": (1,), "born": 40, "floor_px": 0.0}])
 def test_there_is_no_line_where_nothing_is_known_or_the_truth_is_exact(make_run, world) -> None:
-    data = ReportData.of(make_run(told=False, **world))
+    data = ReportData.of(make_run(**world))
     figure = error_curves.curve_figures(data)[0]
     assert not lines_of(figure)
     assert "truth floor" not in figure.shows
@@ -94,7 +94,6 @@ def test_floors_of_turned_images_are_upright(make_run: Callable[..., RunFolder])
 
     data = ReportData.of(
         make_run(
-            told=False,
             scenes=("only",),
             speeds=(1,),
             born=40,

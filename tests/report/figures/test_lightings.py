@@ -22,7 +22,7 @@ LEFT_TO_RIGHT = ["LR0", "LR1", "LR2", "LR3", "LR4", "LR10"]
 
 @pytest.fixture(scope="module")
 def data(make_run: Callable[..., RunFolder]) -> ReportData:
-    return ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
+    return ReportData.of(make_run(scenes=("only",), trackers=("one",), lightings=LIGHTINGS, born=40))
 
 
 @pytest.fixture(scope="module")

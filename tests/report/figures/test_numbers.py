@@ -86,7 +86,7 @@ def test_lifetimes_quote_the_summary(data: ReportData) -> None:
 
 
 def test_without_trimming_one_figure_shows_all_tracks(make_run: Callable[..., RunFolder]) -> None:
-    items = _by_id(error_curves.curve_figures(ReportData.of(make_run(told=False, percentile=None))))
+    items = _by_id(error_curves.curve_figures(ReportData.of(make_run(percentile=None))))
     assert isinstance(items["error-by-age-untrimmed"], Absence)
     assert items["error-by-age"].shows.startswith("Errors of all tracks")
 
@@ -103,7 +103,7 @@ def test_speeds_are_read_at_an_age_that_all_have(data: ReportData) -> None:
 
 def test_speeds_that_share_no_age_are_read_at_the_nearest_to_ten(make_run: Callable[..., RunFolder]) -> None:
     (figure,) = levels.speed_figures(
-        ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), speeds=(7, 9), born=60))
+        ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60))
     )
     assert figure.look_for.startswith(
         "At age 10 or the nearest available (7 for speed 7 and 9 for speed 9), the root second moment for "
@@ -117,19 +117,19 @@ def test_speeds_that_were_trimmed_at_different_errors_have_a_warning(
     trims = data["trims"].filter(tracker="correspondence")
     cuts = [trims.filter(speed=speed)["threshold_px"].median() for speed in (1, 2)]
     assert f"trimming cuts at {px(cuts[0])} at speed 1 and {px(cuts[1])} at speed 2" in figure.look_for
-    for untrimmed in levels.speed_figures(ReportData.of(make_run(told=False, percentile=None))):
+    for untrimmed in levels.speed_figures(ReportData.of(make_run(percentile=None))):
         assert "trimming" not in untrimmed.look_for
         assert untrimmed.shows.startswith("Errors of")
 
 
 def test_one_speed_leaves_nothing_to_compare(make_run: Callable[..., RunFolder]) -> None:
-    (absence,) = levels.speed_figures(ReportData.of(make_run(told=False, speeds=(3,))))
+    (absence,) = levels.speed_figures(ReportData.of(make_run(speeds=(3,))))
     assert absence.why == "Only speed 3 was run, so there are no speeds to compare."
 
 
 def test_lightings_are_compared_where_there_are_several(make_run: Callable[..., RunFolder], data: ReportData) -> None:
     assert levels.lighting_figures(data) == []
-    several = ReportData.of(make_run(told=False, lightings=("led-1", "led-2"), scenes=("only",), born=40))
+    several = ReportData.of(make_run(lightings=("led-1", "led-2"), scenes=("only",), born=40))
     assert [item.id for item in levels.lighting_figures(several)] == [
         f"error-by-lighting-{tracker}-speed-{speed}"
         for tracker in ("lucas-kanade", "correspondence")
@@ -186,7 +186,7 @@ def test_error_histograms_hold_every_measured_track(data: ReportData, run: RunFo
 
 
 def test_nothing_trimmed_has_no_cut(make_run: Callable[..., RunFolder]) -> None:
-    (figure,) = distributions.trimming_figures(ReportData.of(make_run(told=False, percentile=None)))
+    (figure,) = distributions.trimming_figures(ReportData.of(make_run(percentile=None)))
     assert "Nothing was trimmed in this run." in figure.shows
     assert "threshold" not in figure.look_for
     assert not any("cut" in table.columns and table.height for table in _datasets(figure))
@@ -257,7 +257,7 @@ def test_magnification_is_a_round_number(typical_px: float, width: int, factor: 
 def test_many_scenes_are_not_all_drawn(make_run: Callable[..., RunFolder]) -> None:
     names = tuple(f"scene-{i}" for i in range(8))
     items = example_frames.example_frame_figures(
-        ReportData.of(make_run(told=False, scenes=names, trackers=("one",), speeds=(1,), n_frames=6))
+        ReportData.of(make_run(scenes=names, trackers=("one",), speeds=(1,), n_frames=6))
     )
     assert len(items) == example_frames.MOST_SCENES + 1
     assert items[-1].why == "Only the first 6 of 8 scenes are drawn. The statistics below cover all scenes."

@@ -34,7 +34,7 @@ def _domain(*drawn: float, marked: float | None = None) -> list[float]:
 
 
 def test_a_speed_without_a_curve_has_no_box_and_no_colour_in_the_legend(make_run):
-    data = ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), speeds=(1, 2, 20), born=40))
+    data = ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(1, 2, 20), born=40))
     assert data.points.filter(speed=20)["since"].unique().to_list() == [0]
     (figure,) = levels.speed_figures(data)
     curves, boxes = figure.spec["concat"][:2]
@@ -45,7 +45,7 @@ def test_a_speed_without_a_curve_has_no_box_and_no_colour_in_the_legend(make_run
 
 
 def test_all_rows_of_a_figure_have_the_frames_of_its_curves_and_the_key_frame(make_run):
-    data = ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), speeds=(1,), born=40, key_frame=8))
+    data = ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(1,), born=40, key_frame=8))
     few = data.points.filter(pl.col("since").is_in([0, 2]))
     figure = comparison(data, few, Series("speed", {"1": "#000000"}), id="a", title="", shows="", advice="")
     assert isinstance(figure, Figure)
@@ -71,7 +71,7 @@ LIT = ("error-by-tracker", "error-by-lighting", "lifetimes", "outlier-ratio")
     ids=["age", "frame"],
 )
 def test_no_figure_is_wider_than_the_page(make_run, world, ids):
-    data = ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), **world))
+    data = ReportData.of(make_run(scenes=("only",), trackers=("one",), **world))
     families = [family for family in FAMILIES if family.id in ids]
     assert len(families) == len(ids)
     made = [figure for family in families for figure in family.figures(data) if isinstance(figure, Figure)]

@@ -77,7 +77,7 @@ def test_speeds_are_drawn_for_both_directions_at_each_age(data: ReportData) -> N
 
 
 def test_without_depth_or_errors_the_reason_is_given(make_run) -> None:
-    data = ReportData.of(make_run(told=False, depth=False))
+    data = ReportData.of(make_run(depth=False))
     made = [*maps.image_map_figures(data), *maps.image_speed_figures(data), *maps.surrounding_figures(data)]
     assert all(isinstance(one, Absence) for one in made)
     assert len({one.id for one in made}) == len(made)

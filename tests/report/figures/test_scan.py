@@ -19,7 +19,7 @@ KEY_FRAME = 8
 @pytest.fixture(scope="module")
 def data(make_run: Callable[..., RunFolder]) -> ReportData:
     world = {"scenes": ("only",), "born": 40, "speeds": (1, 4, 8), "n_frames": 24, "truth": "scan"}
-    return ReportData.of(make_run(told=False, **world, key_frame=KEY_FRAME))
+    return ReportData.of(make_run(**world, key_frame=KEY_FRAME))
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +102,6 @@ def test_errors_before_trimming_say_how_many_tracks_have_one(data: ReportData) -
 
 def test_the_key_frame_itself_is_no_example_frame(make_run: Callable[..., RunFolder]) -> None:
     small = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 16, "truth": "scan"}
-    (item,) = example_frames.example_frame_figures(ReportData.of(make_run(told=False, **small, key_frame=8)))
+    (item,) = example_frames.example_frame_figures(ReportData.of(make_run(**small, key_frame=8)))
     assert isinstance(item, Absence)
     assert item.why == "The image is of frame 8, the key frame, where errors are zero by construction."

@@ -12,7 +12,7 @@ from tracknoise.words import SPACE, number
 
 
 def test_elements_are_those_of_the_curves_and_not_their_roots(make_run):
-    data = ReportData.of(make_run(told=False, scenes=("only",), trackers=("one",), speeds=(1,), born=40))
+    data = ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(1,), born=40))
     (figure,) = second_moment_figures(data)
     assert isinstance(figure, Figure)
     assert figure.id == "second-moment-by-age"

@@ -42,7 +42,7 @@ def test_the_fit_is_drawn_over_what_was_measured(data: ReportData) -> None:
 
 
 def test_distances_from_a_key_frame_are_never_negative(make_run: Callable[..., RunFolder]) -> None:
-    scanned = make_run(told=False, key_frame=8, scenes=("only",), trackers=("one",), speeds=(1,), born=40)
+    scanned = make_run(key_frame=8, scenes=("only",), trackers=("one",), speeds=(1,), born=40)
     (figure,) = growth_curves.time_structure_figures(ReportData.of(scanned))
     assert drawn(figure, "moment")["distance"].min() == 0  # type: ignore[arg-type]
 

@@ -18,7 +18,7 @@ ONE = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "n_frames": 30
 
 @pytest.fixture(scope="module")
 def data(make_run: Callable[..., RunFolder]) -> ReportData:
-    return ReportData.of(make_run(told=False, **ONE))
+    return ReportData.of(make_run(**ONE))
 
 
 def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(data: ReportData) -> None:
@@ -52,6 +52,6 @@ def test_only_lives_that_enough_features_reach_are_drawn(data: ReportData) -> No
 
 
 def test_where_nobody_lives_long_there_is_nothing_to_tell(make_run: Callable[..., RunFolder]) -> None:
-    (item,) = error_curves.survivorship_figures(ReportData.of(make_run(told=False, **{**ONE, "n_frames": 5})))
+    (item,) = error_curves.survivorship_figures(ReportData.of(make_run(**{**ONE, "n_frames": 5})))
     assert isinstance(item, Absence)
     assert "age 5" in item.why

@@ -20,7 +20,7 @@ DRIFT_PX = 0.05
 def data(make_run: Callable[..., RunFolder]) -> ReportData:
     """Errors drift by (1, -1/2) a frame in the upright image, and nothing else is wrong."""
     world = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "sigma_px": 0.0, "bias_px": DRIFT_PX}
-    return ReportData.of(make_run(told=False, **world, views=VIEWS, percentile=None, hidden=0.0))
+    return ReportData.of(make_run(**world, views=VIEWS, percentile=None, hidden=0.0))
 
 
 def _told(figure: object) -> str:
@@ -67,9 +67,7 @@ def test_one_view_leaves_nothing_to_compare(run: RunFolder) -> None:
 def test_a_drift_that_trimming_may_hide_is_shown_without_it_too(make_run: Callable[..., RunFolder]) -> None:
     world = {"scenes": ("only",), "trackers": ("one",), "speeds": (1,), "views": ((0, "forward"), (0, "backward"))}
     for trimming, ids in {"trimmed": ["", "-untrimmed"], "untrimmed": [""]}.items():
-        figures = levels.directions(
-            ReportData.of(make_run(told=False, **world, trimming=trimming, trim_among="followed"))
-        )
+        figures = levels.directions(ReportData.of(make_run(**world, trimming=trimming, trim_among="followed")))
         assert [figure.id for figure in figures] == [f"error-by-direction-one{end}" for end in ids]
         assert isinstance(figures[-1], Figure)
         assert figures[-1].shows.startswith("Untrimmed errors of one")

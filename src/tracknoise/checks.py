@@ -39,8 +39,8 @@ def require(holds: bool, field: str, value: object, expected: str) -> None:
     """Raise InvalidValueError, naming field, value and what was expected, unless `holds`."""
     if not holds:
         shown = repr(value)
-        found = shown if len(shown) <= _LONGEST_VALUE else f"of type {type(value).__name__}"
-        raise InvalidValueError(f"{field} is {found}, expected {expected}")
+        given = shown if len(shown) <= _LONGEST_VALUE else f"of type {type(value).__name__}"
+        raise InvalidValueError(f"{field} is {given}, expected {expected}")
 
 
 def require_whole(field: str, value: object, least: int | None = None) -> None:
@@ -119,8 +119,8 @@ def require_odd(field: str, value: int) -> None:
 def bounds_of(settings_type: type) -> dict[str, dict[str, float]]:
     """Bounds of the fields of a dataclass that have any: ``gt``, ``ge``, ``lt`` and ``le`` by field."""
     hints = get_type_hints(settings_type, include_extras=True)
-    found = {name: dict(_bounds_in(hint)) for name, hint in hints.items()}
-    return {name: bounds for name, bounds in found.items() if bounds}
+    bounds_by_field = {name: dict(_bounds_in(hint)) for name, hint in hints.items()}
+    return {name: bounds for name, bounds in bounds_by_field.items() if bounds}
 
 
 def _bounds_in(hint: Any) -> Iterator[tuple[str, float]]:
@@ -198,7 +198,7 @@ def likeliest_problem(problems: "Sequence[ErrorDetails]") -> "ErrorDetails":
     first = problems[0]
     if first["type"] != "missing":
         return first
-    unknown = (one for one in problems if one["type"] in _UNKNOWN and one["loc"][:-1] == first["loc"][:-1])
+    unknown = (error for error in problems if error["type"] in _UNKNOWN and error["loc"][:-1] == first["loc"][:-1])
     return next(unknown, first)
 
 

@@ -74,9 +74,9 @@ class UnknownNameError(TracknoiseError):
 
     def _message(self) -> str:
         is_text = isinstance(self.name, str)
-        found = str(self.name) if is_text else self.name  # a member of an enumeration as its text
-        hint = did_you_mean(found, self.known, self.aliases) if isinstance(found, str) else ""
-        return f"unknown {self.kind} {found!r}{hint}; known: {', '.join(self.known) or 'none'}"
+        name = str(self.name) if is_text else self.name  # a member of an enumeration as its text
+        hint = did_you_mean(name, self.known, self.aliases) if isinstance(name, str) else ""
+        return f"unknown {self.kind} {name!r}{hint}; known: {', '.join(self.known) or 'none'}"
 
 
 _SHORTEST = 2
@@ -94,17 +94,17 @@ def did_you_mean(name: str, known: Iterable[str], aliases: Mapping[str, str] | N
     alike = get_close_matches(name, names, n=1) or get_close_matches(name.lower(), names, n=1)
     if aliases is None:
         return f" (did you mean {alike[0]!r}?)" if alike else ""
-    words = {one: [part for part in re.split(r"[^a-z0-9]+", one.lower()) if part] for one in names}
+    words = {choice: [part for part in re.split(r"[^a-z0-9]+", choice.lower()) if part] for choice in names}
     is_long = len(spelt) >= _SHORTEST
-    found = [
+    suggestions = [
         *filter(None, [aliases.get(spelt)]),
-        *sorted((one for one in names if is_long and _plain(one).startswith(spelt)), key=len),
+        *sorted((choice for choice in names if is_long and _plain(choice).startswith(spelt)), key=len),
         *alike,
-        *(one for one in names if is_long and spelt == "".join(part[0] for part in words[one])),
-        *(one for one in names if is_long and any(part.startswith(spelt) for part in words[one])),
-        *(one for one in names if len(_plain(one)) > _SHORTEST and spelt.startswith(_plain(one))),
+        *(choice for choice in names if is_long and spelt == "".join(part[0] for part in words[choice])),
+        *(choice for choice in names if is_long and any(part.startswith(spelt) for part in words[choice])),
+        *(choice for choice in names if len(_plain(choice)) > _SHORTEST and spelt.startswith(_plain(choice))),
     ]
-    return f" (did you mean {found[0]!r}?)" if found else ""
+    return f" (did you mean {suggestions[0]!r}?)" if suggestions else ""
 
 
 def _plain(name: str) -> str:

@@ -90,8 +90,8 @@ def require_regular(path: Path, expected: str, *, most: int = MOST_BYTES, readab
     except OSError as error:
         raise DataError(path, f"unreadable ({error.strerror})", readable or expected) from error
     if not stat.S_ISREG(status.st_mode):
-        found = os.strerror(errno.EISDIR) if stat.S_ISDIR(status.st_mode) else "not a regular file"
-        raise DataError(path, f"unreadable ({found})", readable or expected)
+        reason = os.strerror(errno.EISDIR) if stat.S_ISDIR(status.st_mode) else "not a regular file"
+        raise DataError(path, f"unreadable ({reason})", readable or expected)
     if status.st_size > most:
         raise DataError(path, f"a file of {status.st_size} bytes", f"{expected} of at most {most} bytes")
     return status.st_size

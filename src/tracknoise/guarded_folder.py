@@ -240,15 +240,15 @@ def _end_children() -> None:
 
 def _children() -> list[int]:
     """Numbers of the children of this process, from ``/proc``; none where there is no such folder."""
-    found = []
+    children = []
     for name in os.listdir("/proc") if os.path.isdir("/proc") else ():  # noqa: PTH112, PTH208
         with suppress(OSError):
             if name.isdecimal():
                 with open(f"/proc/{name}/stat", "rb") as file:  # noqa: PTH123
                     after_its_name = file.read().rpartition(b")")[2].split()
                 if int(after_its_name[1]) == os.getpid():
-                    found.append(int(name))
-    return found
+                    children.append(int(name))
+    return children
 
 
 def _last_line(log: BufferedRandom) -> str:

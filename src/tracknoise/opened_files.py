@@ -129,7 +129,7 @@ class Opened:
         self.folders.add(path.parent)
         if path.is_dir():
             self.listed(path)
-            for inner in sorted(item for item in path.rglob("*") if item.is_file()):
+            for inner in sorted(entry for entry in path.rglob("*") if entry.is_file()):
                 self.read(inner, most=most)
         elif path.is_file():
             self._keep(path, state or FileState.of(path, most=self.most if most is None else most))
@@ -288,8 +288,8 @@ def _tell(what: Callable[[Opened, Path], None], path: object) -> None:
     _busy.now = True  # what is read here is no event
     try:
         absolute = absolute_path(path)
-        own = _noting.get(threading.get_ident())
-        for opened in [own] if own is not None else list(_noting.values()):
+        of_this_thread = _noting.get(threading.get_ident())
+        for opened in [of_this_thread] if of_this_thread is not None else list(_noting.values()):
             what(opened, absolute)
     except (OSError, ValueError):
         pass

@@ -134,12 +134,12 @@ def options_schemas(
 def _documented(settings_type: type) -> tuple[str, dict[str, str]]:
     """First sentence of the docstring of a dataclass, and what it and those of its bases say of each field."""
     summary = (inspect.getdoc(settings_type) or "").partition("\n\n")[0]
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for documented in reversed(settings_type.__mro__):
         rest = inspect.cleandoc(documented.__doc__ or "").partition("\n\n")[2]
         for names, text in re.findall(r"^(\w+(?:, \w+)*)\n((?:(?:[ ]{4}.*)?\n?)+)", rest + "\n", re.MULTILINE):
-            found |= dict.fromkeys(names.split(", "), _in_one_line(text))
-    return _in_one_line(summary), {name: text for name, text in found.items() if text}
+            texts |= dict.fromkeys(names.split(", "), _in_one_line(text))
+    return _in_one_line(summary), {name: text for name, text in texts.items() if text}
 
 
 def _in_one_line(text: str) -> str:
@@ -182,14 +182,14 @@ def find_paths(
     settings_type: type, options: Mapping[str, object], root: Path | None = None
 ) -> list[Path | PathTemplate]:
     """The paths among options, in order: see `change_paths`. Those of the type `DataPath` start from `root`."""
-    found: list[Path | PathTemplate] = []
+    paths: list[Path | PathTemplate] = []
 
     def note(path: Path | PathTemplate) -> str:
-        found.append(path)
+        paths.append(path)
         return str(path)
 
     _changed(settings_type, options, note, lambda path: note((root or Path()) / path))
-    return found
+    return paths
 
 
 def _changed(
@@ -237,8 +237,8 @@ def _refuse_unknown(settings_type: type) -> None:
 
 def _nested(settings_type: type) -> dict[str, type]:
     """Fields that are settings themselves, or may be."""
-    found = ((name, _settings_in(hint)) for name, hint in get_type_hints(settings_type).items())
-    return {name: kind for name, kind in found if kind is not None}
+    kinds = ((name, _settings_in(hint)) for name, hint in get_type_hints(settings_type).items())
+    return {name: kind for name, kind in kinds if kind is not None}
 
 
 def _settings_in(hint: Any) -> type | None:
@@ -283,5 +283,5 @@ def _known(settings_type: type, location: tuple[Any, ...], given: Mapping[str, o
     """The known names beside an unknown one, and the likeliest."""
     for part in location[:-1]:
         settings_type = _nested(settings_type).get(part, settings_type)
-    known = sorted(field.name for field in fields(settings_type) if field.name not in given)
-    return f"{did_you_mean(str(location[-1]), known)}; known: {', '.join(known) or 'none'}"
+    names = sorted(field.name for field in fields(settings_type) if field.name not in given)
+    return f"{did_you_mean(str(location[-1]), names)}; known: {', '.join(names) or 'none'}"

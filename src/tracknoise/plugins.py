@@ -68,8 +68,8 @@ class Plugins(Generic[T]):
         """
         if name in self.built_in:
             module, attribute = self.built_in[name].split(":")
-            found: type[T] = getattr(import_module(module), attribute)
-            return found
+            kind: type[T] = getattr(import_module(module), attribute)
+            return kind
         point = self._entry_point(name)
         if point is None:
             raise UnknownNameError(self.what, name, self.names(), {})
@@ -102,8 +102,8 @@ class Plugins(Generic[T]):
         except ValueError as error:
             raise SettingsError(f"{self.what} {name!r}: {error}") from error
         except SystemExit as error:
-            found = f"cannot be made ({with_type(error)}), expected settings"
-            raise SettingsError(f"{self.what} {name!r}: {found}") from error
+            problem = f"cannot be made ({with_type(error)}), expected settings"
+            raise SettingsError(f"{self.what} {name!r}: {problem}") from error
 
     def with_paths_from(self, folder: Path, name: str, options: Mapping[str, object]) -> dict[str, object]:
         """Options with relative paths made absolute, starting from a folder; those of the type `DataPath` stay.
@@ -156,22 +156,22 @@ class Plugins(Generic[T]):
 
     def _load_entry_point(self, point: EntryPoint) -> type[T]:
         try:
-            found: type[T] = point.load()
+            kind: type[T] = point.load()
         except (Exception, SystemExit) as error:  # its modules are run here
             said = error if isinstance(error, ImportError | AttributeError) else with_type(error)
             message = f"{self.what} {point.name!r}: {point.value} cannot be loaded ({said}), expected a class"
             raise SettingsError(message) from error
-        self._require_class(point.name, found)
+        self._require_class(point.name, kind)
         for path in _sources(point.module)[1]:
             if path not in _hashes:
                 _hashes[path] = content_of(path)
-        return found
+        return kind
 
-    def _require_class(self, name: str, found: object) -> None:
-        place = f"{self.what} {name!r}: found {found!r}"
-        if not (isinstance(found, type) and is_dataclass(found)):
+    def _require_class(self, name: str, kind: object) -> None:
+        place = f"{self.what} {name!r}: found {kind!r}"
+        if not (isinstance(kind, type) and is_dataclass(kind)):
             raise SettingsError(f"{place}, expected a dataclass")
-        missing = [attribute for attribute in self.needs if not hasattr(found, attribute)]
+        missing = [attribute for attribute in self.needs if not hasattr(kind, attribute)]
         if missing:
             raise SettingsError(f"{place} without {', '.join(missing)}, expected one with {', '.join(self.needs)}")
 
@@ -207,16 +207,16 @@ def _sources(module: str) -> tuple[Path, list[Path]]:
     name, file = outermost
     is_package = file.name.startswith("__init__.")
     folder = file.parents[name.count(".") + is_package]
-    found = (
+    sources = (
         {path for path in file.parent.rglob("*") if path.suffix in CODE and path.is_file()} if is_package else {file}
     )
     if folder not in map(Path, sysconfig.get_paths().values()):
-        loaded = (getattr(each, "__file__", None) for each in list(sys.modules.values()))
+        loaded = (getattr(loaded_module, "__file__", None) for loaded_module in list(sys.modules.values()))
         named = f"{folder.name}{os.sep}" if folder.name else ""  # of thousands of modules, few are to be looked at
-        near = {Path(each) for each in loaded if each is not None and named in each}
-        found |= {path for path in near if path.is_relative_to(folder)}
-    own = Path(__file__).parent
-    return folder, sorted(path for path in found if not path.is_relative_to(own))
+        near = {Path(loaded_file) for loaded_file in loaded if loaded_file is not None and named in loaded_file}
+        sources |= {path for path in near if path.is_relative_to(folder)}
+    own_folder = Path(__file__).parent
+    return folder, sorted(path for path in sources if not path.is_relative_to(own_folder))
 
 
 def plugin_defaults(plugins: Plugins[Any], name: str) -> str:

@@ -65,9 +65,9 @@ def find_bags(root: Path) -> dict[str, Path]:
         )
     for name, below, files in os.walk(root, followlinks=True):
         real, folder = os.path.realpath(name), Path(name)
-        found = [] if real in visited else _bags_in(folder, files)
-        bags |= {path.relative_to(root).as_posix(): path for path in found}
-        if real in visited or found == [folder]:
+        bags_here = [] if real in visited else _bags_in(folder, files)
+        bags |= {path.relative_to(root).as_posix(): path for path in bags_here}
+        if real in visited or bags_here == [folder]:
             below.clear()
         visited.add(real)
     if not bags:
@@ -274,7 +274,7 @@ class McapReader:
             waiting.sort(key=lambda message: message[0])
             ready = sum(received_ns < chunk.start_ns for received_ns, _, _ in waiting)
             yield from ((channel, received_ns, data) for received_ns, channel, data in waiting[:ready])
-            waiting = [*waiting[ready:], *(one for one in self._messages_of(chunk, wanted) if first <= one[0] < end)]
+            waiting = [*waiting[ready:], *(new for new in self._messages_of(chunk, wanted) if first <= new[0] < end)]
         waiting.sort(key=lambda message: message[0])
         yield from ((channel, received_ns, data) for received_ns, channel, data in waiting)
 
@@ -304,9 +304,9 @@ class McapReader:
 
     def _add(self, number: int, channel: McapConnection) -> None:
         self._channels[number] = channel
-        known = self.topics.setdefault(channel.topic, McapTopic(channel.msgtype))
-        if known.msgtype != channel.msgtype:
-            known.msgtype = None
+        topic = self.topics.setdefault(channel.topic, McapTopic(channel.msgtype))
+        if topic.msgtype != channel.msgtype:
+            topic.msgtype = None
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
@@ -415,17 +415,17 @@ class Bag:
     def message(self, topic: str, position: Position) -> Any:
         """One message. Several threads can call this."""
         with self._lock, _damage(f"{self.path} {topic}"):
-            found = self._between(topic, position.received_ns, position.received_ns + 1)
-            return next(message for at, message in found if at == position)
+            messages = self._between(topic, position.received_ns, position.received_ns + 1)
+            return next(message for at, message in messages if at == position)
 
     def _between(self, topic: str, start_ns: int | None, stop_ns: int | None) -> Iterator[tuple[Position, Any]]:
         kind, previous = self.topics[topic].kind, Position(-1, 0)
         with _damage(f"{self.path} {topic}"):
-            connections = [one for one in self._reader.connections if one.topic == topic]
-            for one, received_ns, data in self._reader.messages(connections, start=start_ns, stop=stop_ns):
+            connections = [connection for connection in self._reader.connections if connection.topic == topic]
+            for connection, received_ns, data in self._reader.messages(connections, start=start_ns, stop=stop_ns):
                 nth = previous.nth + 1 if received_ns == previous.received_ns else 0
                 previous = Position(received_ns, nth)
-                encoding = one.encoding if isinstance(one, McapConnection) else self._encoding
+                encoding = connection.encoding if isinstance(connection, McapConnection) else self._encoding
                 content = plain_message(data) if encoding == ROS2 else data
                 yield previous, _decoder(encoding, self._definitions)(content, kind)
 

@@ -24,7 +24,7 @@ def is_printable(text: str) -> bool:
 
 def printable(text: str, *, keep: str = "") -> str:
     r"""Replace control characters by their Python escapes, such as ``\x1b``, except those in `keep`."""
-    return _UNPRINTABLE.sub(lambda found: found[0] if found[0] in keep else ascii(found[0])[1:-1], text)
+    return _UNPRINTABLE.sub(lambda match: match[0] if match[0] in keep else ascii(match[0])[1:-1], text)
 
 
 def counted(n: int, noun: str, nouns: str | None = None) -> str:
@@ -90,10 +90,10 @@ def html_card(title: str, facts: Mapping[str, object]) -> str:
 
 def html_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table of an HTML page: its first `MOST_SHOWN` rows, and how many there are."""
-    every = list(rows)
+    all_rows = list(rows)
     lines = [_row("th", headings)] if headings else []
-    lines += [_row("td", row) for row in every[:MOST_SHOWN]]
-    more = f"<p>{MOST_SHOWN} of {len(every)} rows</p>" if len(every) > MOST_SHOWN else ""
+    lines += [_row("td", row) for row in all_rows[:MOST_SHOWN]]
+    more = f"<p>{MOST_SHOWN} of {len(all_rows)} rows</p>" if len(all_rows) > MOST_SHOWN else ""
     return f"<table>{''.join(lines)}</table>{more}"
 
 
@@ -128,15 +128,15 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     try:
         _require_short_keys(text)
-        found = tomllib.loads(text)
-        require_storable(found)
+        table = tomllib.loads(text)
+        require_storable(table)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{error}, expected TOML") from error
     except RecursionError as error:
         raise ValueError(f"lists and tables more than {MOST_LEVELS} deep, expected fewer levels") from error
     except ValueError as error:  # also of numbers with thousands of digits
         raise ValueError(first_line(error)) from error
-    return found
+    return table
 
 
 def _require_short_keys(text: str) -> None:
@@ -147,9 +147,9 @@ def _require_short_keys(text: str) -> None:
                 raise ValueError(f"line {number}: a key of {part.count('.') + 1} parts, expected at most {MOST_LEVELS}")
 
 
-def _placeholder(found: re.Match[str]) -> str:
+def _placeholder(match: re.Match[str]) -> str:
     """A short word in place of a text, which may be part of a key, on as many lines."""
-    return ("" if found[0].startswith("#") else "_") + "\n" * found[0].count("\n")
+    return ("" if match[0].startswith("#") else "_") + "\n" * match[0].count("\n")
 
 
 def browser_json(value: object) -> str:
@@ -161,8 +161,8 @@ def _with_null(value: object) -> object:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {key: _with_null(one) for key, one in value.items()}
-    return [_with_null(one) for one in value] if isinstance(value, list | tuple) else value
+        return {key: _with_null(entry) for key, entry in value.items()}
+    return [_with_null(entry) for entry in value] if isinstance(value, list | tuple) else value
 
 
 def without_folders(settings: Any, paths: Sequence[str] | None = None) -> Any:
@@ -175,13 +175,13 @@ def without_folders(settings: Any, paths: Sequence[str] | None = None) -> Any:
     paths
         Absolute paths, the longest first; by default those among the settings (`absolute_paths`).
     """
-    known = list(absolute_paths(settings)) if paths is None else paths
+    absolute = list(absolute_paths(settings)) if paths is None else paths
     if isinstance(settings, Mapping):
-        return {key: without_folders(value, known) for key, value in settings.items()}
+        return {key: without_folders(value, absolute) for key, value in settings.items()}
     if isinstance(settings, list):
-        return [without_folders(value, known) for value in settings]
+        return [without_folders(value, absolute) for value in settings]
     if isinstance(settings, str):
-        for path in known:
+        for path in absolute:
             settings = settings.replace(path, f".../{PurePath(path).name}")
     return settings
 
@@ -193,11 +193,11 @@ def absolute_paths(settings: object) -> list[str]:
 
 def _paths(value: object) -> Iterator[str]:
     if isinstance(value, Mapping):
-        for key, one in value.items():
+        for key, entry in value.items():
             if "topic" not in str(key):
-                yield from _paths(one)
+                yield from _paths(entry)
     elif isinstance(value, list):
-        for one in value:
-            yield from _paths(one)
+        for entry in value:
+            yield from _paths(entry)
     elif isinstance(value, str) and PurePath(value).is_absolute() and PurePath(value).name:
         yield value

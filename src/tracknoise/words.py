@@ -443,8 +443,8 @@ def subject(row: Mapping[str, Any], role: str) -> str:
 
 def _until(row: Mapping[str, Any]) -> list[str]:
     """The horizon of a lifetime, as a sentence if there is one."""
-    known = row["horizon"] is not None and math.isfinite(row["horizon"])
-    return [f"Lifetimes count up to {count(int(row['horizon']), 'frame')}."] if known else []
+    has_horizon = row["horizon"] is not None and math.isfinite(row["horizon"])
+    return [f"Lifetimes count up to {count(int(row['horizon']), 'frame')}."] if has_horizon else []
 
 
 def _ratio(value: float | None) -> str:

@@ -272,7 +272,7 @@ def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDA
     (..., 2); returns (..., 2). NaN where no point has this image.
     """
     left = distorted.reshape(-1, 2)
-    found, place = np.full_like(left, np.nan), np.arange(len(left))
+    undistorted, place = np.full_like(left, np.nan), np.arange(len(left))
     xy, residual, share = np.zeros_like(left), left, np.ones(len(left))
     _, jacobian = _distorted(xy, coefficients)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -286,7 +286,7 @@ def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDA
             jacobian = _chosen(closer, there, jacobian)
             share = np.where(closer, np.minimum(2.0 * share, 1.0), 0.5 * share)
             solved = _size(residual) <= _SOLVED
-            found[place[solved]] = xy[solved]
+            undistorted[place[solved]] = xy[solved]
             active = closer | (_size(residual) > _SOLVED)
             if not active.all():  # a few that have no solution take many steps more than all others
                 place, left, share = place[active], left[active], share[active]
@@ -295,7 +295,7 @@ def undistort(distorted: NDArray[np.float64], coefficients: Coefficients) -> NDA
                 jacobian = xx[active], xy_[active], yy[active]
             if not len(place):
                 break
-    return found.reshape(distorted.shape)
+    return undistorted.reshape(distorted.shape)
 
 
 def _distorted(xy: NDArray[np.float64], coefficients: Coefficients) -> tuple[NDArray[np.float64], _Symmetric]:
@@ -324,8 +324,8 @@ def _distorted(xy: NDArray[np.float64], coefficients: Coefficients) -> tuple[NDA
     return np.where(one_to_one[..., None], shown, np.nan), (xx, xy_, yy)
 
 
-def _chosen(which: NDArray[np.bool_], one: _Symmetric, other: _Symmetric) -> _Symmetric:
-    xx, xy, yy = (np.where(which, *both) for both in zip(one, other, strict=True))
+def _chosen(which: NDArray[np.bool_], where_true: _Symmetric, where_false: _Symmetric) -> _Symmetric:
+    xx, xy, yy = (np.where(which, *both) for both in zip(where_true, where_false, strict=True))
     return xx, xy, yy
 
 

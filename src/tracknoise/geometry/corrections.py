@@ -141,7 +141,7 @@ _SENTENCES = {
 
 
 def _shown(value: float | tuple[float, ...]) -> str:
-    return f"{value:.6g}" if isinstance(value, float | int) else f"({', '.join(f'{item:.6g}' for item in value)})"
+    return f"{value:.6g}" if isinstance(value, float | int) else f"({', '.join(f'{number:.6g}' for number in value)})"
 
 
 def _checked(name: str, values: object, count: int) -> tuple[float, ...]:

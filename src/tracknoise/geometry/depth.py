@@ -86,13 +86,13 @@ def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDG
     belong to either side of it. Shapes: uv (n, 2) px.
     """
     corners, inside = _neighbours(depth, uv)
-    known = inside & corners.valid.all(axis=0)
+    complete = inside & corners.valid.all(axis=0)
     z = np.where(corners.valid, corners.depth_m, 1.0)
     nearest, farthest = z.min(axis=0), z.max(axis=0)
     agree = farthest - nearest <= spread * nearest
     inverse = (corners.weight / z).sum(axis=0)
-    usable = known & agree
-    return DepthSample(np.where(usable, 1.0 / inverse, 1.0), usable, known & ~agree)
+    usable = complete & agree
+    return DepthSample(np.where(usable, 1.0 / inverse, 1.0), usable, complete & ~agree)
 
 
 def enlarged(depth: DepthMap, width: int, height: int) -> DepthMap:
@@ -108,9 +108,9 @@ def enlarged(depth: DepthMap, width: int, height: int) -> DepthMap:
         Size of the larger image, px; the corners of both images are the same.
     """
     rows, columns = depth.depth_m.shape
-    u, v = ((np.arange(side) + 0.5) * own / side - 0.5 for side, own in ((width, columns), (height, rows)))
-    found = interpolate(depth, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
-    return DepthMap(found.depth_m.reshape(height, width), found.valid.reshape(height, width), accuracy=depth.accuracy)
+    u, v = ((np.arange(side) + 0.5) * count / side - 0.5 for side, count in ((width, columns), (height, rows)))
+    read = interpolate(depth, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
+    return DepthMap(read.depth_m.reshape(height, width), read.valid.reshape(height, width), accuracy=depth.accuracy)
 
 
 def nearest(
@@ -126,12 +126,12 @@ def nearest(
     """
     depth_m, distance_px = _around(depth, uv, radius_px)
     valid = np.isfinite(distance_px)
-    known = valid.any(axis=0)
+    has_depth = valid.any(axis=0)
     closest = valid & (distance_px == distance_px.min(axis=0))
     at_closest = np.where(closest, depth_m, np.inf).min(axis=0)
     front, back = np.where(valid, depth_m, np.inf).min(axis=0), np.where(valid, depth_m, 0.0).max(axis=0)
     agree = back <= (1.0 + spread) * front
-    return DepthSample(np.where(known & agree, at_closest, 1.0), known & agree, known & ~agree)
+    return DepthSample(np.where(has_depth & agree, at_closest, 1.0), has_depth & agree, has_depth & ~agree)
 
 
 def at_pixels(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -314,11 +314,11 @@ def _draw(nearest: NDArray[np.float64], target: CameraModel, vertices: NDArray[n
         starts.append(start)
         extents.append(more)
     drawn = np.flatnonzero(covers)
-    left, top = (each.ravel().take(drawn) for each in starts)
-    extent = [each.ravel().take(drawn) for each in extents]
+    left, top = (values.ravel().take(drawn) for values in starts)
+    extent = [values.ravel().take(drawn) for values in extents]
     width = vertices.shape[2]
     quads = _Quads(vertices, drawn + drawn // (width - 1), upper.ravel().take(drawn), lower.ravel().take(drawn))
-    columns, rows = (int(each.max(initial=-1.0)) + 1 for each in extent)
+    columns, rows = (int(values.max(initial=-1.0)) + 1 for values in extent)
     for step in np.ndindex(columns, rows):
         reached = None if not any(step) else np.flatnonzero((extent[0] >= step[0]) & (extent[1] >= step[1]))
         u, v = (start if reached is None else start.take(reached) for start in (left, top))
@@ -327,11 +327,11 @@ def _draw(nearest: NDArray[np.float64], target: CameraModel, vertices: NDArray[n
         np.maximum.at(nearest, (v[inside] * target.width + u[inside]).astype(np.intp), value[inside])
 
 
-def _reduced(extreme: np.ufunc, one: NDArray[np.float64], *others: NDArray[np.float64]) -> NDArray[np.float64]:
+def _reduced(extreme: np.ufunc, array: NDArray[np.float64], *further: NDArray[np.float64]) -> NDArray[np.float64]:
     """Minimum or maximum of several arrays, one call each: faster than a reduction along the first axis."""
-    for other in others:
-        one = extreme(one, other)
-    return one
+    for more in further:
+        array = extreme(array, more)
+    return array
 
 
 class _Quads(NamedTuple):

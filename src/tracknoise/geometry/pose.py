@@ -54,10 +54,10 @@ def position_rows(poses: NDArray[np.float64], *, canonical: bool = True) -> NDAr
         x, y, z in metres, then qx, qy, qz, qw; NaN where there is no pose.
     """
     rows = np.full((len(poses), 7), np.nan)
-    known = np.isfinite(poses).all(axis=(1, 2))
-    if known.any():
-        quaternions = Rotation.from_matrix(poses[known, :3, :3]).as_quat(canonical=canonical)
-        rows[known] = np.hstack([poses[known, :3, 3], quaternions])
+    posed = np.isfinite(poses).all(axis=(1, 2))
+    if posed.any():
+        quaternions = Rotation.from_matrix(poses[posed, :3, :3]).as_quat(canonical=canonical)
+        rows[posed] = np.hstack([poses[posed, :3, 3], quaternions])
     return rows
 
 
@@ -98,8 +98,8 @@ def transform(pose: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray
     if pose.ndim == 2:
         moved: NDArray[np.float64] = points @ pose[:3, :3].T + pose[:3, 3]
         return moved
-    each: NDArray[np.float64] = np.einsum("nij,nj->ni", pose[:, :3, :3], points) + pose[:, :3, 3]
-    return each
+    moved_each: NDArray[np.float64] = np.einsum("nij,nj->ni", pose[:, :3, :3], points) + pose[:, :3, 3]
+    return moved_each
 
 
 def first_visits(poses: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -116,13 +116,13 @@ def first_visits(poses: NDArray[np.float64]) -> NDArray[np.intp]:
         The frame itself where its pose is new or unknown, or the camera has not left it since it was new.
     """
     frames, rows = np.arange(len(poses)), poses.reshape(len(poses), int(np.prod(poses.shape[1:])))
-    known = np.isfinite(rows).all(axis=1)
+    posed = np.isfinite(rows).all(axis=1)
     rows = np.nan_to_num(rows) + 0.0  # -0 is 0
     starts = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1))[: len(rows)])
     stay = np.searchsorted(starts, frames, side="right") - 1
     first, code = np.unique(rows[starts], axis=0, return_index=True, return_inverse=True)[1:]
     earlier = first[code.ravel()]
-    return np.asarray(np.where(known & (earlier[stay] < stay), starts[earlier[stay]], frames), dtype=np.intp)
+    return np.asarray(np.where(posed & (earlier[stay] < stay), starts[earlier[stay]], frames), dtype=np.intp)
 
 
 def nearest_rigid(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -176,20 +176,20 @@ def interpolate_poses(
     """
     if not np.all(np.diff(times_s) > 0.0):
         raise ValueError("the times of poses must increase")
-    found = np.full((len(at_s), 4, 4), np.nan)
+    interpolated = np.full((len(at_s), 4, 4), np.nan)
     posed = np.isfinite(poses).all(axis=(1, 2))
     times_s, poses = times_s[posed], poses[posed]
     if not len(times_s):
-        return found
+        return interpolated
     before = np.searchsorted(times_s, at_s, side="right") - 1
     after = np.minimum(before + 1, len(times_s) - 1)
     gap_s = times_s[after] - times_s[before]
     elapsed_s = at_s - times_s[before]
     inside = (at_s >= times_s[0]) & (at_s <= times_s[-1])
-    known = inside & ((gap_s <= max_gap_s) | (elapsed_s == 0.0))
+    valid = inside & ((gap_s <= max_gap_s) | (elapsed_s == 0.0))
     fraction = np.where(gap_s > 0.0, elapsed_s, 0.0) / np.where(gap_s > 0.0, gap_s, 1.0)
-    found[known] = _between(poses, before[known], after[known], fraction[known])
-    return found
+    interpolated[valid] = _between(poses, before[valid], after[valid], fraction[valid])
+    return interpolated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,13 +224,13 @@ class PosePath:
         """
         before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
         fraction = (times - self.times[before]) / (self.times[before + 1] - self.times[before])
-        found = np.full((len(times), 4, 4), np.nan)
+        interpolated = np.full((len(times), 4, 4), np.nan)
         posed = np.asarray(np.isfinite(self.poses).all(axis=(1, 2)))
-        known = posed[before] & posed[before + 1]
-        found[known] = _between(self.poses, before[known], before[known] + 1, fraction[known])
+        valid = posed[before] & posed[before + 1]
+        interpolated[valid] = _between(self.poses, before[valid], before[valid] + 1, fraction[valid])
         for exact, frames in ((fraction == 0.0, before), (fraction == 1.0, before + 1)):
-            found[exact] = self.poses[frames[exact]]
-        return found
+            interpolated[exact] = self.poses[frames[exact]]
+        return interpolated
 
 
 def _between(
@@ -246,10 +246,10 @@ def _between(
     start = Rotation.from_matrix(poses[before[pair], :3, :3])
     end = Rotation.from_matrix(poses[after[pair], :3, :3])
     step = (start.inv() * end).as_rotvec()[place]
-    found = poses[before]
-    found[:, :3, :3] = (start[place] * Rotation.from_rotvec(fraction[:, None] * step)).as_matrix()
-    found[:, :3, 3] += fraction[:, None] * (poses[after, :3, 3] - poses[before, :3, 3])
-    return found
+    between = poses[before]
+    between[:, :3, :3] = (start[place] * Rotation.from_rotvec(fraction[:, None] * step)).as_matrix()
+    between[:, :3, 3] += fraction[:, None] * (poses[after, :3, 3] - poses[before, :3, 3])
+    return between
 
 
 def nearest(times_s: NDArray[np.float64], others_s: NDArray[np.float64], *, max_gap_s: float) -> NDArray[np.intp]:

@@ -132,14 +132,14 @@ class FrameGeometry:
         self,
         frame: NDArray[np.int64],
         shape: tuple[int, ...],
-        of: Callable[[CameraModel, NDArray[np.intp]], NDArray[np.float64]],
+        compute: Callable[[CameraModel, NDArray[np.intp]], NDArray[np.float64]],
     ) -> NDArray[np.float64]:
         """Values of the rows of each camera, in their places."""
         values = np.full((len(frame), *shape), np.nan)
         used = self.which[frame]
         for number, camera in enumerate(self.cameras):
             rows = np.flatnonzero(used == number)
-            values[rows] = of(camera, rows)
+            values[rows] = compute(camera, rows)
         return values
 
 

@@ -107,50 +107,50 @@ def find_surroundings(
     """
     inverse = 1.0 / np.minimum(np.where(read, depth_m, 1.0), _FARTHEST_M)
     place = np.arange(len(uv))[:, None, None] * np.count_nonzero(_READ) + _PLACE
-    known, hit, inverse = read[place], (read & np.isfinite(depth_m))[place], inverse[place]
-    edges = _first_edges(inverse, known, accuracy)
+    valid, hit, inverse = read[place], (read & np.isfinite(depth_m))[place], inverse[place]
+    edges = _first_edges(inverse, valid, accuracy)
     nearest = np.take_along_axis(edges, np.abs(edges).argmin(axis=1)[:, None], axis=1)[:, 0]
     inside = (np.abs(edges)[..., None] > _RADII) & _IN_PLANE
     incidence_deg = _incidence_deg(camera, uv, inverse, hit & inside)
-    return Surroundings(*(np.where(hit[:, 0, 0], found, np.nan) for found in (nearest, incidence_deg)))
+    return Surroundings(*(np.where(hit[:, 0, 0], values, np.nan) for values in (nearest, incidence_deg)))
 
 
 def _first_edges(
-    inverse: NDArray[np.float64], known: NDArray[np.bool_], accuracy: DepthAccuracy
+    inverse: NDArray[np.float64], valid: NDArray[np.bool_], accuracy: DepthAccuracy
 ) -> NDArray[np.float64]:
     """Signed distance of the first edge of each line, (n, lines), by (edge); infinite where there is none.
 
-    `inverse` and `known` are (n, lines, 1 + reach).
+    `inverse` and `valid` are (n, lines, 1 + reach).
     """
-    found = np.full(inverse.shape[:2], np.inf)
-    before, place = inverse[..., 0], np.zeros(found.shape)
-    slope = _opposite_slope(inverse, known)
+    edge_px = np.full(inverse.shape[:2], np.inf)
+    before, place = inverse[..., 0], np.zeros(edge_px.shape)
+    slope = _opposite_slope(inverse, valid)
     for step in range(1, inverse.shape[2] - 1):
-        here, there, gap = inverse[..., step], known[..., step] & (_RADII[:, step] <= REACH_PX), step - place
+        here, there, gap = inverse[..., step], valid[..., step] & (_RADII[:, step] <= REACH_PX), step - place
         change, farther = here - before, np.minimum(here, before)
-        after = np.where(known[..., step + 1], inverse[..., step + 1] - here, 0.0)
+        after = np.where(valid[..., step + 1], inverse[..., step + 1] - here, 0.0)
         least = np.minimum(np.abs(change), _apart(change - slope * gap, change - after * gap))
-        is_edge = there & np.isinf(found) & (least > _allowed(np.maximum(here, before), gap, accuracy) * farther)
+        is_edge = there & np.isinf(edge_px) & (least > _allowed(np.maximum(here, before), gap, accuracy) * farther)
         end_px = np.where(change < 0, place + 0.5, 0.5 - step) * _RADII[:, 1]
-        found = np.where(is_edge, end_px, found)
+        edge_px = np.where(is_edge, end_px, edge_px)
         before, place = np.where(there, here, before), np.where(there, float(step), place)
         slope = np.where(there, change / gap, slope)
-    return found
+    return edge_px
 
 
-def _apart(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def _apart(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
     """Least distance between two straight lines from their distances at both ends; 0 where they cross."""
-    return np.where(one * other > 0, np.minimum(np.abs(one), np.abs(other)), 0.0)
+    return np.where(start * end > 0, np.minimum(np.abs(start), np.abs(end)), 0.0)
 
 
-def _opposite_slope(inverse: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _opposite_slope(inverse: NDArray[np.float64], valid: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Change of the inverse depth towards the point, on the line that leads away from each line, (n, lines).
 
     It is 0 where that is unknown.
     """
     opposite = np.roll(np.arange(len(_OFFSETS)), len(_OFFSETS) // 2)
     change = inverse[..., 0] - inverse[:, opposite, 1]
-    return np.where(known[:, opposite, 1], change, 0.0)
+    return np.where(valid[:, opposite, 1], change, 0.0)
 
 
 def _allowed(nearer: NDArray[np.float64], gap: NDArray[np.float64], accuracy: DepthAccuracy) -> NDArray[np.float64]:
@@ -166,13 +166,13 @@ def _incidence_deg(
     usable: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
     """Angle between ray and normal, (n,) degrees; NaN where the fitted plane is not determined."""
-    own, du, dv = _fitted_plane(inverse[:, _IN_PLANE], usable[:, _IN_PLANE], _OFFSETS[_IN_PLANE])
+    at_point, du, dv = _fitted_plane(inverse[:, _IN_PLANE], usable[:, _IN_PLANE], _OFFSETS[_IN_PLANE])
     ray, by_u, by_v = (camera.bearings(uv + np.array(step)) for step in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
     (a, c), (b, d) = (by_u - ray)[:, :2].T, (by_v - ray)[:, :2].T  # what the ray changes by per px
     determinant = a * d - b * c
     x, y = (d * du - c * dv) / determinant, (a * dv - b * du) / determinant
-    normal = np.stack([x, y, own - x * ray[:, 0] - y * ray[:, 1]], axis=-1)
-    cosine = own / (np.linalg.norm(normal, axis=-1) * np.linalg.norm(ray, axis=-1))
+    normal = np.stack([x, y, at_point - x * ray[:, 0] - y * ray[:, 1]], axis=-1)
+    cosine = at_point / (np.linalg.norm(normal, axis=-1) * np.linalg.norm(ray, axis=-1))
     return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, 0.0, 1.0))))
 
 

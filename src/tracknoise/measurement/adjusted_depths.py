@@ -57,18 +57,18 @@ class AdjustedDepths:
         single = cls(sequence, adjustment, best, {}, best.depth_m)
         if not np.isfinite(adjustment.tracks.depth_m).any():
             return single
-        found = stated = single._joined() if single._is_better_joined() else single
+        corrected = stated = single._joined() if single._is_better_joined() else single
         named: dict[str, float] = {}
         for _ in range(_STEPS):
-            step = _step(found, named)
+            step = _step(corrected, named)
             if step is None:
                 break
             name, size = step
             named = {name: named.get(name, 0.0) + size}
-            found = found._corrected(stated, named)
+            corrected = corrected._corrected(stated, named)
             if abs(size) <= _SETTLED * abs(named[name]):
                 break
-        return found
+        return corrected
 
     def _joined(self) -> "AdjustedDepths":
         adjustment, best = self._adjusted(self._joined_m(np.unique(self.adjustment.tracks.birth)))
@@ -96,16 +96,16 @@ class AdjustedDepths:
         """(n, 2) each: displacements of true positions, px, by one unit of the faults that are not of the depths."""
         tracks, best = self.adjustment.tracks, self.best
         derivatives = TruthDerivatives(OtherPoses(self.sequence, best.poses, _NAME))
-        found = {name: np.empty(tracks.uv.shape, np.float32) for name in (READOUT, FOCAL, ALONG_RAY)}
+        displaced = {name: np.empty(tracks.uv.shape, np.float32) for name in (READOUT, FOCAL, ALONG_RAY)}
         for rows in self.adjustment.blocks():
             points = self.adjustment.anchored_points(best.poses, best.depth_m, rows)
             moved = derivatives.sensitivity(points)
             there = transform(invert(best.poses[points.anchor]), points.points_world)
             beyond = (np.linalg.norm(there, axis=1) - moved.depth_m)[:, None]
             of_rows = 1e-3 * moved.readout, moved.focal, moved.depth * beyond
-            for one, values in zip(found.values(), of_rows, strict=True):
-                one[rows] = values
-        return found
+            for array, values in zip(displaced.values(), of_rows, strict=True):
+                array[rows] = values
+        return displaced
 
     @cached_property
     def faults(self) -> Mapping[str, Fault]:
@@ -117,8 +117,8 @@ class AdjustedDepths:
         tracks = self.adjustment.tracks
         births = np.unique(tracks.birth[np.isfinite(tracks.depth_m)])
         places = np.linspace(0, max(len(births) - _SUCCESSIVE, 0), _PLACES).astype(int)
-        some = np.unique(np.minimum(places[:, None] + np.arange(_SUCCESSIVE), len(births) - 1))
-        joined_m = self._joined_m(births[some])
+        chosen = np.unique(np.minimum(places[:, None] + np.arange(_SUCCESSIVE), len(births) - 1))
+        joined_m = self._joined_m(births[chosen])
         young = tracks.frame - tracks.birth[tracks.track] <= _OLDEST
         used = young & np.isfinite(joined_m)[tracks.track]
         if not used.any():
@@ -133,17 +133,17 @@ class AdjustedDepths:
         """(m,): joined depths of the tracks of some frames, by the adjusted poses; NaN for all others."""
         tracks = self.adjustment.tracks
         maps = JoinedDepths(SequenceGeometry(OtherPoses(self.sequence, self.best.poses, _NAME)))
-        found, known = np.full(len(tracks.depth_m), np.nan), np.isfinite(tracks.depth_m)
+        joined_m, has_depth = np.full(len(tracks.depth_m), np.nan), np.isfinite(tracks.depth_m)
         for index in births.tolist():
-            some = np.flatnonzero(known & (tracks.birth == index))
-            found[some] = maps.of(index, tracks.birth_uv[some], tracks.depth_m[some])[0]
-        return found
+            born = np.flatnonzero(has_depth & (tracks.birth == index))
+            joined_m[born] = maps.of(index, tracks.birth_uv[born], tracks.depth_m[born])[0]
+        return joined_m
 
 
 def depth_corrections(named: Mapping[str, float]) -> Corrections:
     """Corrections of depths by their names: those of `LAWS`."""
-    found: dict[str, Any] = dict(named)
-    return Corrections(**found)
+    values: dict[str, Any] = dict(named)
+    return Corrections(**values)
 
 
 def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] | None:
@@ -155,10 +155,10 @@ def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] 
         for name, factor in of_tracks.items()
         if name in named or not named
     }
-    name, fault = max(now.adjustment.faults(now.best, displaced).items(), key=lambda one: one[1].explained)
+    name, fault = max(now.adjustment.faults(now.best, displaced).items(), key=lambda item: item[1].explained)
     if named:
         return name, fault.size
     if not fault.is_established:
         return None
     camera = (now.faults[FOCAL], now.faults[ALONG_RAY])
-    return (name, fault.size) if all(fault.explained > one.explained for one in camera) else None
+    return (name, fault.size) if all(fault.explained > rival.explained for rival in camera) else None

@@ -70,22 +70,22 @@ class FaultBounds:
             told, sigma = abs(fault.size), max(fault.deviation, float(np.ptp(fault.of_kinds)) / 2.0)
             part = _PLAUSIBLE[figure] ** 2 / (_PLAUSIBLE[figure] ** 2 + sigma**2)
             told, sigma = part * told, np.sqrt(part) * sigma
-            known = stated.figures((figure,)).get(figure)
-            if known is None and figure == READOUT and shutter_of(depths.sequence) is not None:
-                known = 0.0
-            if known is None or told - _CONTRADICTS * sigma > known:
+            stated_size = stated.figures((figure,)).get(figure)
+            if stated_size is None and figure == READOUT and shutter_of(depths.sequence) is not None:
+                stated_size = 0.0
+            if stated_size is None or told - _CONTRADICTS * sigma > stated_size:
                 bounds[figure] = float(np.hypot(told, _BOUND * sigma))
                 squares[0] += np.nan_to_num(left * bounds[figure]) ** 2
-            squares[1] += np.nan_to_num(left * (bounds.get(figure, known) or 0.0)) ** 2
-        found: dict[str, Any] = dict(bounds)
-        accuracy = TruthAccuracy(**found, source="reference tracks", kind=AccuracyKind.measured)
-        return cls(shares, accuracy, *(rms(one) for one in np.sqrt(squares)))
+            squares[1] += np.nan_to_num(left * (bounds.get(figure, stated_size) or 0.0)) ** 2
+        figures: dict[str, Any] = dict(bounds)
+        accuracy = TruthAccuracy(**figures, source="reference tracks", kind=AccuracyKind.measured)
+        return cls(shares, accuracy, *(rms(left_px) for left_px in np.sqrt(squares)))
 
 
 def size(moved: NDArray[np.floating]) -> float:
     """Robust RMS of both coordinates (n, 2) together, px: that of a round Gaussian with the same median length."""
-    known = np.isfinite(moved).all(axis=1).any()
-    return float(np.sqrt(2.0) * scales_of_groups(np.zeros(len(moved), np.int8), moved)[0]) if known else 0.0
+    has_any = np.isfinite(moved).all(axis=1).any()
+    return float(np.sqrt(2.0) * scales_of_groups(np.zeros(len(moved), np.int8), moved)[0]) if has_any else 0.0
 
 
 _MOST_SIZES = 10.0
@@ -117,28 +117,28 @@ def misfit_px2(depths: AdjustedDepths, rows: NDArray[np.bool_]) -> float:
     part = np.clip(tracks.uv[rows] / size * _PARTS, 0, _PARTS - 1).astype(np.intp)
     place = np.unique((tracks.frame[rows] * _PARTS + part[:, 0]) * _PARTS + part[:, 1], return_inverse=True)[1]
     counts, means = [], []
-    for one in range(len(KINDS)):
-        own = used[kind[used] == one]
-        counts.append(np.bincount(place[own], minlength=int(place.max(initial=0)) + 1))
-        sums = [np.bincount(place[own], column, len(counts[-1])) for column in residual[own].T]
+    for number in range(len(KINDS)):
+        of_kind = used[kind[used] == number]
+        counts.append(np.bincount(place[of_kind], minlength=int(place.max(initial=0)) + 1))
+        sums = [np.bincount(place[of_kind], column, len(counts[-1])) for column in residual[of_kind].T]
         means.append(np.stack(sums, axis=1) / np.maximum(counts[-1], 1)[:, None])
     both = np.minimum(*counts) > 0
     if np.count_nonzero(both) < 2:
         return 0.0
     weight = 1.0 / (1.0 / counts[0][both] + 1.0 / counts[1][both])
     product = np.sum(means[0][both] * means[1][both], axis=1)
-    found = float(np.average(product, weights=weight))
-    error = float(np.sqrt(np.sum((weight * (product - found)) ** 2)) / weight.sum())
-    return found + _BOUND * error if found > _BOUND * error else max(found, 0.0)
+    misfit = float(np.average(product, weights=weight))
+    error = float(np.sqrt(np.sum((weight * (product - misfit)) ** 2)) / weight.sum())
+    return misfit + _BOUND * error if misfit > _BOUND * error else max(misfit, 0.0)
 
 
 def moved_apart(poses: Array, halves: tuple[Array, Array], factor: float) -> tuple[Array, Array]:
     """Halves whose differences from poses (n, 4, 4) are larger by a factor."""
-    found = []
+    moved_halves = []
     for half in halves:
-        known = has_pose(poses) & has_pose(half)
-        between, moved = invert(poses[known]) @ half[known], half.copy()
+        posed = has_pose(poses) & has_pose(half)
+        between, moved = invert(poses[posed]) @ half[posed], half.copy()
         turned = Rotation.from_matrix(between[:, :3, :3]).as_rotvec()
-        moved[known] = poses[known] @ exponential(factor * np.concatenate([between[:, :3, 3], turned], axis=1))
-        found.append(moved)
-    return found[0], found[1]
+        moved[posed] = poses[posed] @ exponential(factor * np.concatenate([between[:, :3, 3], turned], axis=1))
+        moved_halves.append(moved)
+    return moved_halves[0], moved_halves[1]

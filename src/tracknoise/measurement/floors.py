@@ -110,12 +110,12 @@ class FloorSums:
 
     def _own_of_poses(self, laws: "PoseLaws") -> NDArray[np.float64]:
         """(places, 2) float64: n^2 times the variance of the mean that comes from the poses."""
-        own = np.zeros((len(self._n), 2))
+        variance = np.zeros((len(self._n), 2))
         starts = np.searchsorted(self._pairs[:, 0], np.arange(len(self._n) + 1))
         for at, (first, last) in enumerate(pairwise(starts)):
             if last > first:
-                own[at] = _variance_of_sum(self._pairs[first:last, 1:], self._by_pose[first:last], laws)
-        return own
+                variance[at] = _variance_of_sum(self._pairs[first:last, 1:], self._by_pose[first:last], laws)
+        return variance
 
 
 def _columns(names: tuple[str, ...], values: NDArray[np.float64]) -> Iterator[pl.Series]:
@@ -159,14 +159,14 @@ class TruthFloor:
         """That of a sequence: for the kinds of truth that fix a point in one frame (all but fitted ones)."""
         if truth.kind not in (*TruthKind, SWEPT):
             return cls(sequence, None, truth.key_frame)
-        known = known_accuracy(sequence, truth.kind, rule)
-        own_depth = truth.kind == SWEPT or (joins_depths(sequence) and "depth" not in known.figures.topics)
+        accuracy = known_accuracy(sequence, truth.kind, rule)
+        own_depth = truth.kind == SWEPT or (joins_depths(sequence) and "depth" not in accuracy.figures.topics)
         measures_itself = own_depth or halves_of(sequence) is not None
-        if known.figures.is_exact and not known.is_complete and not measures_itself:
+        if accuracy.figures.is_exact and not accuracy.is_complete and not measures_itself:
             return cls(sequence, None, truth.key_frame)
         step = frame_step(sequence)
-        errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=step, own_depth=own_depth)
-        return cls(sequence, errors, truth.key_frame, known.notes, known.is_complete)
+        errors = TrueErrors(TruthDerivatives(sequence), accuracy.figures, step=step, own_depth=own_depth)
+        return cls(sequence, errors, truth.key_frame, accuracy.notes, accuracy.is_complete)
 
     def add(self, recording: Recording, positions: TruePositions) -> tuple[TruePositions, pl.DataFrame]:
         """Fill in the covariances of true positions, unless the truth states them.
@@ -196,9 +196,9 @@ class TruthFloor:
         covariance = np.full((len(frame), 2, 2), np.nan)
         visible = positions.status[rows] == TruthStatus.valid
         sums = FloorSums(Places(points, visible, self._axis), errors.sources)
-        for part, found in errors.of(points):
-            covariance[rows[part]] = sum(found.covariance.values())
-            sums.add(part, found)
+        for part, uncertainty in errors.of(points):
+            covariance[rows[part]] = sum(uncertainty.covariance.values())
+            sums.add(part, uncertainty)
         return replace(positions, covariance=covariance), sums.table(errors.pose_laws)
 
     def _stated(self, recording: Recording, positions: TruePositions, covariance: NDArray[np.float64]) -> pl.DataFrame:

@@ -84,11 +84,11 @@ class Recorder:
         for tracks, reasons in self._ends:
             end[tracks] = reasons
         observed, births = self._observed, self._births
-        track = _concatenated([one.track for one in observed], np.empty(0, np.uint32))
+        track = _concatenated([step.track for step in observed], np.empty(0, np.uint32))
         return Recording(
             track=track,
-            frame=_repeated([one.frame for one in observed], [len(one.track) for one in observed]),
-            uv=_concatenated([one.uv for one in observed], np.empty((0, 2))),
+            frame=_repeated([step.frame for step in observed], [len(step.track) for step in observed]),
+            uv=_concatenated([step.uv for step in observed], np.empty((0, 2))),
             quality=_joined_quality(observed),
             first_frame=_repeated([born.frame for born in births], [len(born.response) for born in births]),
             found=np.bincount(track, minlength=self._n_tracks).astype(np.uint32),
@@ -126,9 +126,9 @@ def _require_step(reported: object) -> None:
 
 def _joined_quality(observed: list[_Observed]) -> Quality:
     """Quality of all observations, in alphabetical order of names; NaN in steps that do not have a name."""
-    names = sorted({name for one in observed for name in one.quality})
+    names = sorted({name for step in observed for name in step.quality})
     return {
-        name: np.concatenate([one.quality.get(name, _unknown(len(one.track))) for one in observed]) for name in names
+        name: np.concatenate([step.quality.get(name, _unknown(len(step.track))) for step in observed]) for name in names
     }
 
 

@@ -93,10 +93,10 @@ def reference_tracks(
                 progress(index + 1, n_frames)
         if images.checksum(before) == before["sha256"][0]:
             return _joined(sequence, n_frames, before)
-    found = _followed(sequence, n_frames, progress)
+    table = _followed(sequence, n_frames, progress)
     if kept is not None:
-        kept.write(found)
-    return _joined(sequence, n_frames, found)
+        kept.write(table)
+    return _joined(sequence, n_frames, table)
 
 
 class _Images:
@@ -113,10 +113,10 @@ class _Images:
 
     def checksum(self, table: pl.DataFrame) -> str:
         """With the tracks in them."""
-        found = self._sum.copy()
+        checksum = self._sum.copy()
         for column in table.drop("sha256", strict=False):
-            found.update(column.to_numpy().tobytes())
-        return found.hexdigest()
+            checksum.update(column.to_numpy().tobytes())
+        return checksum.hexdigest()
 
 
 _LIBRARIES = ("tracknoise", "numpy", "opencv-contrib-python-headless")
@@ -125,7 +125,7 @@ _LIBRARIES = ("tracknoise", "numpy", "opencv-contrib-python-headless")
 def _followed(sequence: Sequence, n_frames: int, progress: Progress | None) -> pl.DataFrame:
     """The table `REFERENCES` of a sequence."""
     width, height = sequence.camera.width, sequence.camera.height
-    setups = [TrackerSetup(name, one, 1) for name, one in reference_trackers(width, height).items()]
+    setups = [TrackerSetup(name, settings, 1) for name, settings in reference_trackers(width, height).items()]
     running = [start_tracker(setup, sequence, None, 0, n_frames) for setup in setups]
     recorders = [Recorder() for _ in setups]
     small = min(1.0, sqrt(_MATCHED_PX / (width * height)))
@@ -140,12 +140,12 @@ def _followed(sequence: Sequence, n_frames: int, progress: Progress | None) -> p
         if progress is not None:
             progress(index + 1, n_frames)
     recordings = [recorder.finish() for recorder in recorders]
-    offsets = np.cumsum([0, *(len(one.first_frame) for one in recordings)])
+    offsets = np.cumsum([0, *(len(recording.first_frame) for recording in recordings)])
     table = pl.concat(
-        pl.DataFrame({"track": one.track + offset, "frame": one.frame, "u_px": one.uv[:, 0], "v_px": one.uv[:, 1]})
+        pl.DataFrame({"track": run.track + offset, "frame": run.frame, "u_px": run.uv[:, 0], "v_px": run.uv[:, 1]})
         .select(pl.lit(kind, pl.UInt8).alias("kind"), pl.all())
         .cast({"track": pl.UInt32})
-        for kind, (one, offset) in enumerate(zip(recordings, offsets[:-1], strict=True))
+        for kind, (run, offset) in enumerate(zip(recordings, offsets[:-1], strict=True))
     )
     return table.with_columns(pl.lit(images.checksum(table)).alias("sha256")).select(list(REFERENCES))
 
@@ -179,7 +179,7 @@ def _joined(sequence: Sequence, n_frames: int, table: pl.DataFrame) -> Reference
     rows = np.flatnonzero(later)
     rows = rows[np.lexsort((frame[rows], number[track[rows]]))]
     unknown = np.full(len(order), np.nan)
-    found = ReferenceTracks(
+    references = ReferenceTracks(
         birth=birth[order],
         birth_uv=birth_uv[order],
         depth_m=unknown,
@@ -189,7 +189,7 @@ def _joined(sequence: Sequence, n_frames: int, table: pl.DataFrame) -> Reference
         frame=frame[rows].astype(np.int32),
         uv=uv[rows],
     )
-    return with_depths(sequence, found)
+    return with_depths(sequence, references)
 
 
 def with_depths(sequence: Sequence, tracks: ReferenceTracks) -> ReferenceTracks:
@@ -209,7 +209,7 @@ def _depths(
         if depth is None:
             continue
         read = sample(depth, uv[rows])
-        known = rows[read.valid & ~read.edge]
-        depth_m[known] = read.depth_m[read.valid & ~read.edge]
-        sigma[known] = np.maximum(depth.accuracy.sigma_m(depth_m[known]) / depth_m[known], _DEPTH_RELATIVE)
+        usable = rows[read.valid & ~read.edge]
+        depth_m[usable] = read.depth_m[read.valid & ~read.edge]
+        sigma[usable] = np.maximum(depth.accuracy.sigma_m(depth_m[usable]) / depth_m[usable], _DEPTH_RELATIVE)
     return depth_m, sigma

@@ -95,9 +95,9 @@ class RefinedPoses(OtherPoses):
     @property
     def truth_accuracy(self) -> TruthAccuracy:
         """What is stated about the depths and the camera: that of poses and clock belongs to the stated poses."""
-        known = TruthAccuracy.of(None, self.depth_accuracy, source=self.id.dataset)
+        of_depths = TruthAccuracy.of(None, self.depth_accuracy, source=self.id.dataset)
         stated = stated_accuracy(self.sequence)
-        return known if stated is None else stated.without(POSE_TOPICS).over(known)
+        return of_depths if stated is None else stated.without(POSE_TOPICS).over(of_depths)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -136,16 +136,16 @@ class Leading:
             return cls(sequences, second, [None for _ in sequences])
         follow = None if progress is None else lambda _, total: progress(0, total)
         shares = KEPT_BYTES // len(sequences), KEPT_DEPTH_BYTES // len(sequences)
-        sequences = [KeptFrames(one, *shares) for one in sequences]
-        kinds = [kind or best_truth(one) for one in sequences]
-        found = [
-            refined(one, of, rule, min(len(one), n_frames or len(one)), kept=place, progress=follow)
-            for one, of, place in zip(sequences, kinds, kept or [None for _ in sequences], strict=True)
+        sequences = [KeptFrames(sequence, *shares) for sequence in sequences]
+        kinds = [kind or best_truth(sequence) for sequence in sequences]
+        fitted = [
+            refined(sequence, truth, rule, min(len(sequence), n_frames or len(sequence)), kept=place, progress=follow)
+            for sequence, truth, place in zip(sequences, kinds, kept or [None for _ in sequences], strict=True)
         ]
-        fits = [fit for _, fit in found]
+        fits = [fit for _, fit in fitted]
         if all(fit.leads for fit in fits):
             stated = () if SWEPT in kinds else sequences  # depths are swept once, with the poses that lead
-            return cls([one for one, _ in found], second or stated, fits)
+            return cls([sequence for sequence, _ in fitted], second or stated, fits)
         return cls(sequences, second, [replace(fit, leads=False, reason=fit.reason or _OTHERS) for fit in fits])
 
 
@@ -222,12 +222,12 @@ def refined_by(
     try:
         depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
         faults = FaultBounds.of(depths, stated, _shown(tracks)[1])
-        found = _adjusted(depths, faults)
+        adjusted = _adjusted(depths, faults)
     except np.linalg.LinAlgError:  # poses that are too far apart for the precision of numbers
         reason = "Poses are not refined: no poses near the stated ones fit reference tracks."
         return sequence, PoseFit(False, references, reason=reason)
-    fit = _compared(found, depths, faults, stated, references)
-    return (found if fit.leads else sequence), fit
+    fit = _compared(adjusted, depths, faults, stated, references)
+    return (adjusted if fit.leads else sequence), fit
 
 
 _WITH_DEPTH_OF_BIRTH = (TruthKind.birth, SWEPT)
@@ -251,12 +251,12 @@ def _adjusted(depths: AdjustedDepths, faults: FaultBounds) -> RefinedPoses:
     rows = _shown(tracks)[1]
     more = misfit_px2(depths, rows) - faults.in_floor_px**2
     if more > 0.0:
-        one, other = (adjustment.residuals(poses, best.depth_m)[rows] for poses in farthest)
-        apart_px = rms((one - other) / 2.0)
+        first, second = (adjustment.residuals(poses, best.depth_m)[rows] for poses in farthest)
+        apart_px = rms((first - second) / 2.0)
         farthest = moved_apart(best.poses, farthest, float(np.hypot(1.0, np.sqrt(more) / max(apart_px, 1e-6))))
     of_faults: dict[str, Any] = {"fault_shares": faults.shares, "fault_bounds": faults.bounds}
-    known = {"pose_halves": farthest, "by_kind": by_kind, "joins_depths": depths.joins_depths}
-    return RefinedPoses.of(sequence, best.poses, **known, **of_faults)
+    of_tracks = {"pose_halves": farthest, "by_kind": by_kind, "joins_depths": depths.joins_depths}
+    return RefinedPoses.of(sequence, best.poses, **of_tracks, **of_faults)
 
 
 def _shown(tracks: ReferenceTracks) -> tuple[int, NDArray[np.bool_]]:
@@ -266,29 +266,31 @@ def _shown(tracks: ReferenceTracks) -> tuple[int, NDArray[np.bool_]]:
     return shown, age == shown
 
 
-def _apart_px(adjustment: PoseAdjustment, best: State, one: Array, other: Array) -> float:
+def _apart_px(adjustment: PoseAdjustment, best: State, first: Array, second: Array) -> float:
     """Size of the differences of predicted positions by two sets of poses, px."""
-    return rms(adjustment.residuals(one, best.depth_m) - adjustment.residuals(other, best.depth_m))
+    return rms(adjustment.residuals(first, best.depth_m) - adjustment.residuals(second, best.depth_m))
 
 
 def _compared(
-    found: RefinedPoses, depths: AdjustedDepths, faults: FaultBounds, stated: TruthAccuracy, references: float
+    adjusted: RefinedPoses, depths: AdjustedDepths, faults: FaultBounds, stated: TruthAccuracy, references: float
 ) -> PoseFit:
     """Which poses lead, by what halves of the tracks say and by what is stated."""
     adjustment, depth_m = depths.adjustment, depths.best.depth_m
-    tracks, sequence = adjustment.tracks, found.sequence
+    tracks, sequence = adjustment.tracks, adjusted.sequence
     age = tracks.frame - tracks.birth[tracks.track]
     shown, rows = _shown(tracks)
-    one, other = (adjustment.residuals(poses, depth_m)[rows] for poses in halves_of(found) or ())
-    best = adjustment.residuals(found.poses, depth_m)
+    first, second = (adjustment.residuals(poses, depth_m)[rows] for poses in halves_of(adjusted) or ())
+    best = adjustment.residuals(adjusted.poses, depth_m)
     by_stated = adjustment.residuals(sequence.world_from_camera, depths.stated_m)
     given_px = size(by_stated[age <= AGE])
     by_stated -= best
     next_px = rms(by_stated[age == 1]) if (age == 1).any() else None
-    left_px = float(np.hypot(rms((one - other) / 2.0), faults.left_px))
+    left_px = float(np.hypot(rms((first - second) / 2.0), faults.left_px))
     stated_px = rms(by_stated[rows])
-    errors = stated_errors(found)
-    fit = PoseFit(True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, found.joins_depths)
+    errors = stated_errors(adjusted)
+    fit = PoseFit(
+        True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, adjusted.joins_depths
+    )
     residual_px = float(np.nanmedian(np.linalg.norm(best[rows], axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
@@ -296,14 +298,14 @@ def _compared(
     if _is_of_camera(depths, given_px):
         reason = "An error of the camera or the kind of depth makes much of the errors by stated poses."
         return replace(fit, leads=False, reason=reason)
-    if not (stated_px > max(_CLEARLY * left_px, _LEAST_PX) or found.joins_depths):
+    if not (stated_px > max(_CLEARLY * left_px, _LEAST_PX) or adjusted.joins_depths):
         reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
     if not {"rotation", "translation"} <= stated.topics:
         return fit
     points = adjustment.anchored_points(sequence.world_from_camera, depth_m, np.flatnonzero(rows))
-    known = TrueErrors(TruthDerivatives(sequence), _only_poses(stated), step=frame_step(sequence))
-    spread = np.concatenate([sum(part.covariance.values()) for _, part in known.of(points)])
+    true_errors = TrueErrors(TruthDerivatives(sequence), _only_poses(stated), step=frame_step(sequence))
+    spread = np.concatenate([sum(part.covariance.values()) for _, part in true_errors.of(points)])
     if np.sqrt(np.nanmedian(np.trace(spread, axis1=1, axis2=2))) < left_px:
         reason = "The stated poses are stated to be better than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
@@ -333,15 +335,15 @@ def stated_errors(found: RefinedPoses) -> dict[str, float] | None:
     given, best, halves = found.sequence.world_from_camera, found.poses, halves_of(found)
     if halves is None:
         return None
-    one, other = halves
+    first, second = halves
     lags = np.arange(1, min(LARGEST_LAG, len(best) // 2) + 1)
     squares = np.array(
-        [_relative_squares(given, best, lag) - _relative_squares(one, other, lag) / 4.0 for lag in lags.tolist()]
+        [_relative_squares(given, best, lag) - _relative_squares(first, second, lag) / 4.0 for lag in lags.tolist()]
     )
-    known = np.isfinite(squares).all(axis=1)
-    if not known.any():
+    valid = np.isfinite(squares).all(axis=1)
+    if not valid.any():
         return None
-    lags, squares = lags[known], squares[known]
+    lags, squares = lags[valid], squares[valid]
     weight = lags**-1.5  # mean squares of a random walk spread in proportion to k sqrt(k)
     law = np.column_stack([2.0 * np.ones(len(lags)), lags * frame_step(found.sequence)])
     parts = [nnls(law * weight[:, None], column * weight)[0] for column in squares.T]
@@ -352,9 +354,9 @@ def stated_errors(found: RefinedPoses) -> dict[str, float] | None:
 _LAW = ("rotation_white_deg", "rotation_deg_per_sqrt_frame", "translation_white_m", "translation_m_per_sqrt_frame")
 
 
-def _relative_squares(one: Array, other: Array, lag: int) -> Array:
+def _relative_squares(first: Array, second: Array, lag: int) -> Array:
     """(2,): mean squares of the differences of relative poses, deg^2 about each axis and m^2 along each."""
-    relative = [invert(poses[:-lag]) @ poses[lag:] for poses in (one, other)]
+    relative = [invert(poses[:-lag]) @ poses[lag:] for poses in (first, second)]
     between = invert(relative[0]) @ relative[1]
     between = between[np.isfinite(between).all(axis=(1, 2))]
     if not len(between):

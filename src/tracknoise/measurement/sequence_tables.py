@@ -99,12 +99,12 @@ def _epipolar(epipolar: NDArray[np.float64] | None) -> dict[str, pl.Series]:
 
 def _tracks(recording: Recording, positions: TruePositions, has_causes: bool) -> dict[str, pl.Series]:
     count = len(recording.first_frame)
-    known = has_causes | (recording.end == TrackEnd.sequence_end)
+    has_end = has_causes | (recording.end == TrackEnd.sequence_end)
     return {
         "track": pl.Series(np.arange(count, dtype=np.uint32)),
         "first_frame": pl.Series(recording.first_frame),
         "lifetime": pl.Series(recording.found),
-        "end": _names(recording.end, TrackEnd).set(pl.Series(~known), None),
+        "end": _names(recording.end, TrackEnd).set(pl.Series(~has_end), None),
         "response": _nullable(recording.response),
         "depth_m": _nullable(positions.depth_m),
         "gradient_rad": _nullable(recording.gradient_rad),
@@ -114,10 +114,10 @@ def _tracks(recording: Recording, positions: TruePositions, has_causes: bool) ->
     }
 
 
-def _surroundings(found: Surroundings) -> dict[str, pl.Series]:
-    edge, side = pl.col("edge_px"), {one: pl.lit(one, dtype=schema.EDGE_SIDE) for one in EdgeSide}
-    edges_px = pl.Series(found.edge_px, nan_to_null=True)  # infinite where there is no edge
-    table = pl.DataFrame({"edge_px": edges_px, "incidence_deg": _nullable(found.incidence_deg)})
+def _surroundings(surroundings: Surroundings) -> dict[str, pl.Series]:
+    edge, side = pl.col("edge_px"), {name: pl.lit(name, dtype=schema.EDGE_SIDE) for name in EdgeSide}
+    edges_px = pl.Series(surroundings.edge_px, nan_to_null=True)  # infinite where there is no edge
+    table = pl.DataFrame({"edge_px": edges_px, "incidence_deg": _nullable(surroundings.incidence_deg)})
     return table.select(
         pl.when(edge.is_finite()).then(edge).cast(pl.Float32),
         edge_side=pl.when(edge.is_infinite())
@@ -168,8 +168,8 @@ def open_second_truths(
         found, expected = _frames_and_size(other), _frames_and_size(sequence)
         if found != expected:
             raise DataError(other.source, f"a second truth of {found}", f"{expected}, as the first")
-    made = [make_truth(other, known.kind, scan_rule=scan_rule) for other, known in zip(second, truths, strict=True)]
-    return [one.positions_only() if isinstance(one, AnchoredTruth) else one for one in made]
+    made = [make_truth(other, truth.kind, scan_rule=scan_rule) for other, truth in zip(second, truths, strict=True)]
+    return [truth.positions_only() if isinstance(truth, AnchoredTruth) else truth for truth in made]
 
 
 def second_notes(sequence: Sequence, other: Sequence) -> tuple[str, ...]:
@@ -263,10 +263,10 @@ def measure_sequences(
     """
     n_frames = min(len(sequences[0]), max_frames or len(sequences[0]))
     truths = make_truths(sequences, truth, scan_rule=scan_rule)
-    for sequence, known in zip(sequences, truths, strict=True):
+    for sequence, its_truth in zip(sequences, truths, strict=True):
         _check_length(sequence, n_frames, setups)
-        _check_key_frame(sequence, n_frames, setups, known.key_frame)
-    others = open_second_truths(sequences, truths, second, scan_rule=scan_rule)
+        _check_key_frame(sequence, n_frames, setups, its_truth.key_frame)
+    second_truths = open_second_truths(sequences, truths, second, scan_rule=scan_rule)
     results = run_trackers(
         sequences,
         setups,
@@ -274,17 +274,17 @@ def measure_sequences(
         n_frames=n_frames,
         seed=seed,
         progress=progress,
-        second_truths=others,
+        second_truths=second_truths,
         kept_bytes=kept_bytes,
     )
     release_memory()
     notes = [second_notes(*pair) for pair in zip(sequences, second, strict=True)] if second else [()] * len(sequences)
-    for sequence, known, result, more in zip(sequences, truths, results, notes, strict=True):
-        _check_features(sequence, result, known)
-        floor = TruthFloor.of(sequence, known, accuracy)
-        tables = _sequence_tables(sequence, setups, floor, result, n_frames, known.kind)
+    for sequence, its_truth, result, more in zip(sequences, truths, results, notes, strict=True):
+        _check_features(sequence, result, its_truth)
+        floor = TruthFloor.of(sequence, its_truth, accuracy)
+        tables = _sequence_tables(sequence, setups, floor, result, n_frames, its_truth.kind)
         release_memory()
-        yield replace(tables, notes=(*tables.notes, *notes_of(known), *more))
+        yield replace(tables, notes=(*tables.notes, *notes_of(its_truth), *more))
 
 
 def _sequence_tables(
@@ -300,9 +300,9 @@ def _sequence_tables(
     for setup in setups:  # whose arrays are released as soon as their tables are made
         recording, positions = result.recordings.pop(0), result.positions.pop(0)
         second = result.second_positions.pop(0) if result.second_positions else None
-        known, floors = floor.add(recording, positions)
-        parts.append(setup_tables(sequence.id, setup, recording, known, floors.to_dict(), second))
-        del recording, positions, second, known
+        with_covariance, floors = floor.add(recording, positions)
+        parts.append(setup_tables(sequence.id, setup, recording, with_covariance, floors.to_dict(), second))
+        del recording, positions, second, with_covariance
     return SequenceTables(
         observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),
         tracks=schema.joined([part[1] for part in parts], schema.TRACKS),
@@ -343,14 +343,14 @@ def _check_key_frame(sequence: Sequence, n_frames: int, setups: Items[TrackerSet
         raise DataError(sequence.source, counted(n_frames, "frame"), f"at least {least}, to reach the key frame")
     for setup in setups:
         if key_frame % setup.speed:
-            found = f"speed {setup.speed}, which skips the key frame {key_frame}"
-            raise SettingsError(f"{sequence.source}: found {found}, expected a speed that divides {key_frame}")
+            problem = f"speed {setup.speed}, which skips the key frame {key_frame}"
+            raise SettingsError(f"{sequence.source}: found {problem}, expected a speed that divides {key_frame}")
 
 
 def _is_known(positions: TruePositions) -> bool:
     """Whether any feature has a true position, or a distance from an epipolar line."""
-    found = (positions.uv, positions.epipolar)
-    return any(values is not None and bool(np.isfinite(values).any()) for values in found)
+    measured = (positions.uv, positions.epipolar)
+    return any(values is not None and bool(np.isfinite(values).any()) for values in measured)
 
 
 def _check_features(sequence: Sequence, result: TrackingResult, truth: Truth) -> None:

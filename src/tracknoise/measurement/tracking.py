@@ -89,10 +89,10 @@ def run_trackers(
         for sequence, truth, second in zip(sequences, truths, seconds, strict=True)
     ]
     for index in range(n_frames):
-        for one in passes:
-            frame = Frame(index, one.sequence.image(index))
-            one.keep(frame)
-            for run in one.runs:
+        for sequence_pass in passes:
+            frame = Frame(index, sequence_pass.sequence.image(index))
+            sequence_pass.keep(frame)
+            for run in sequence_pass.runs:
                 if index % run.speed:
                     continue
                 step = run.tracker.step(frame)
@@ -101,7 +101,7 @@ def run_trackers(
                     truth.observe(index, tracks, step.uv, step.born)
         if progress is not None:
             progress(index + 1, n_frames)
-    return [one.finish() for one in passes]
+    return [sequence_pass.finish() for sequence_pass in passes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,13 +130,13 @@ class _Pass:
         kept_bytes: int,
     ) -> None:
         self.sequence = sequence
-        known = truth if isinstance(truth, OracleTruth) else None
+        oracle = truth if isinstance(truth, OracleTruth) else None
         self.runs = [
             _Run(
                 condition.speed,
-                start_tracker(condition, sequence, known, seed, n_frames),
+                start_tracker(condition, sequence, oracle, seed, n_frames),
                 Recorder(),
-                [one.start() for one in (truth, second) if one is not None],
+                [opened.start() for opened in (truth, second) if opened is not None],
             )
             for condition in conditions
         ]
@@ -162,7 +162,7 @@ class _Pass:
             run = self.runs.pop(0)
             recordings.append(run.recorder.finish())
             positions.append(run.truths[0].resolve())
-            second += [one.resolve() for one in run.truths[1:]]
+            second += [session.resolve() for session in run.truths[1:]]
         return TrackingResult(
             recordings,
             positions,
@@ -224,9 +224,9 @@ class _InPart:
         points = self.tracker.points if isinstance(self.tracker, PointTracker) else None
         if points is None:
             return None
-        own = (points.frame >= self.frames.start) & (points.frame < self.frames.stop)
-        frame = points.frame[own] - self.frames.start
-        return StatedPoints(points.point[own], frame, points.uv[own], points.visible[own])
+        inside = (points.frame >= self.frames.start) & (points.frame < self.frames.stop)
+        frame = points.frame[inside] - self.frames.start
+        return StatedPoints(points.point[inside], frame, points.uv[inside], points.visible[inside])
 
     def step(self, frame: Frame) -> Step:
         """See `tracknoise.trackers.tracker.Tracker.step`; its first frame is that of the part."""
@@ -235,15 +235,21 @@ class _InPart:
 
 def _notes(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> tuple[str, ...]:
     """Notes of all trackers with their names, each once."""
-    pairs = [(one.tracker, tracker) for one, tracker in zip(conditions, trackers, strict=True)]
-    noted = (f"{name}: {note}" for name, one in pairs if isinstance(one, NotedTracker) for note in one.notes)
+    pairs = [(condition.tracker, tracker) for condition, tracker in zip(conditions, trackers, strict=True)]
+    noted = (
+        f"{name}: {note}" for name, tracker in pairs if isinstance(tracker, NotedTracker) for note in tracker.notes
+    )
     return tuple(dict.fromkeys(noted))
 
 
 def _points(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> dict[tuple[str, int], StatedPoints]:
     """What trackers state of points that they say are not visible, by name and speed."""
     pairs = zip(conditions, trackers, strict=True)
-    stated = {(one.tracker, one.speed): it.points for one, it in pairs if isinstance(it, PointTracker)}
+    stated = {
+        (condition.tracker, condition.speed): tracker.points
+        for condition, tracker in pairs
+        if isinstance(tracker, PointTracker)
+    }
     return {condition: points for condition, points in stated.items() if points is not None}
 
 

@@ -160,23 +160,23 @@ def _require_size(name: str, arrays: Iterable[NDArray[Any] | None], camera: Came
 
 
 def _gray(index: int, image: ArrayLike) -> NDArray[np.uint8]:
-    found = _array(f"images[{index}]", image)
-    is_colour = found.ndim == 3 and found.shape[2] == 3
-    if found.dtype != np.uint8 or not (found.ndim == 2 or is_colour) or not found.size:
+    array = _array(f"images[{index}]", image)
+    is_colour = array.ndim == 3 and array.shape[2] == 3
+    if array.dtype != np.uint8 or not (array.ndim == 2 or is_colour) or not array.size:
         expected = "shape (height, width) or (height, width, 3) and type uint8"
-        raise DataError(_PLACE, f"images[{index}] of shape {found.shape} and type {found.dtype}", expected)
-    gray: NDArray[np.uint8] = cv2.cvtColor(found, cv2.COLOR_RGB2GRAY) if is_colour else found  # type: ignore[assignment]
+        raise DataError(_PLACE, f"images[{index}] of shape {array.shape} and type {array.dtype}", expected)
+    gray: NDArray[np.uint8] = cv2.cvtColor(array, cv2.COLOR_RGB2GRAY) if is_colour else array  # type: ignore[assignment]
     return gray
 
 
 def _depth(index: int, depth: ArrayLike | None) -> DepthMap | None:
     if depth is None:
         return None
-    found = _array(f"depths[{index}]", depth)
-    if found.ndim != 2 or found.dtype not in (np.float32, np.float64):
-        found_text = f"depths[{index}] of shape {found.shape} and type {found.dtype}"
+    array = _array(f"depths[{index}]", depth)
+    if array.ndim != 2 or array.dtype not in (np.float32, np.float64):
+        found_text = f"depths[{index}] of shape {array.shape} and type {array.dtype}"
         raise DataError(_PLACE, found_text, "shape (height, width) and floats, in metres")
-    return DepthMap(found, np.isfinite(found) & (found >= LEAST_DEPTH_M))
+    return DepthMap(array, np.isfinite(array) & (array >= LEAST_DEPTH_M))
 
 
 def _camera(K: ArrayLike | CameraModel, distortion: tuple[float, ...], shape: tuple[int, ...]) -> CameraModel:
@@ -208,7 +208,7 @@ def _shutter(readout_s: float | None) -> RollingShutter | None:
 
 def _times(timestamps: ArrayLike, unit: str | None) -> NDArray[np.float64]:
     """(n,) float64, seconds."""
-    units = [one.value for one in TimeUnit]
+    units = [member.value for member in TimeUnit]
     if unit is not None and unit not in units:
         raise DataError(_PLACE, f"time_unit {unit!r}", f"one of {', '.join(units)}")
     times = _floats("timestamps_s", timestamps, 1)
@@ -218,26 +218,26 @@ def _times(timestamps: ArrayLike, unit: str | None) -> NDArray[np.float64]:
 
 def _poses(poses: ArrayLike) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Rigid matrices (n, 4, 4), and notes about their correction."""
-    found = _floats("poses", poses, 3, finite=False)
-    if found.shape[1:] == (3, 4):
-        last = np.where(has_pose(found)[:, None], (0.0, 0.0, 0.0, 1.0), np.nan)
-        found = np.concatenate([found, last[:, None]], axis=1)
-    if found.shape[1:] != (4, 4):
-        raise DataError(_PLACE, f"poses of shape {found.shape}", "shape (n, 4, 4) or (n, 3, 4), world_from_camera")
-    known = np.flatnonzero(has_pose(found))
-    matrices = np.full_like(found, np.nan)
-    matrices[known], notes = checked_poses(found[known], [f"poses[{index}]" for index in known])
+    given = _floats("poses", poses, 3, finite=False)
+    if given.shape[1:] == (3, 4):
+        last = np.where(has_pose(given)[:, None], (0.0, 0.0, 0.0, 1.0), np.nan)
+        given = np.concatenate([given, last[:, None]], axis=1)
+    if given.shape[1:] != (4, 4):
+        raise DataError(_PLACE, f"poses of shape {given.shape}", "shape (n, 4, 4) or (n, 3, 4), world_from_camera")
+    posed = np.flatnonzero(has_pose(given))
+    matrices = np.full_like(given, np.nan)
+    matrices[posed], notes = checked_poses(given[posed], [f"poses[{index}]" for index in posed])
     return matrices, notes
 
 
 def _floats(name: str, values: ArrayLike, axes: int, *, finite: bool = True) -> NDArray[np.float64]:
     try:
-        found = np.asarray(values, dtype=np.float64)
+        array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise DataError(_PLACE, f"{name} is no array of numbers ({first_line(error)})", "numbers") from error
-    if found.ndim != axes:
-        raise DataError(_PLACE, f"{name} of shape {found.shape}", f"{axes} {'axis' if axes == 1 else 'axes'}")
-    if finite and not np.isfinite(found).all():
-        place = np.argwhere(~np.isfinite(found))[0].tolist()
-        raise DataError(_PLACE, f"{name}{place} is {found[tuple(place)]}", "finite numbers")
-    return found
+    if array.ndim != axes:
+        raise DataError(_PLACE, f"{name} of shape {array.shape}", f"{axes} {'axis' if axes == 1 else 'axes'}")
+    if finite and not np.isfinite(array).all():
+        place = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise DataError(_PLACE, f"{name}{place} is {array[tuple(place)]}", "finite numbers")
+    return array

@@ -313,13 +313,13 @@ def _plain_model(entries: Entries) -> str:
 
 
 def _coefficients(entries: Entries, model: str) -> tuple[float, ...]:
-    own = _OWN.get(model, ())
+    own_keys = _OWN.get(model, ())
     for key in _OWN_KEYS:
-        if (key in own) is not (key in entries.values):
-            found = f"no {key}" if key in own else f"{key} for the model {model}"
+        if (key in own_keys) is not (key in entries.values):
+            found = f"no {key}" if key in own_keys else f"{key} for the model {model}"
             needed = ", ".join(f"{' and '.join(keys)} for {name}" for name, keys in _OWN.items())
             raise DataError(entries.place, found, f"{needed}, and none of them for other models")
-    return (*(entries.number(key) for key in own), *_distortion(entries, model))
+    return (*(entries.number(key) for key in own_keys), *_distortion(entries, model))
 
 
 _DISTORTIONS = {
@@ -410,8 +410,8 @@ def read_matrices(
     coefficients = coefficients_at(entries, distortion, model)
     if (xi := entries.name(*_numbered((_XI,), camera))) is not None:
         model, coefficients = "omni", (*_numbers_of(entries, xi), *coefficients)
-    known = checked_camera(entries.place, model, _size(entries, size), (fx, fy, cx, cy), coefficients)
-    return CameraFile(known, shutter=shutter_at(entries))
+    camera_model = checked_camera(entries.place, model, _size(entries, size), (fx, fy, cx, cy), coefficients)
+    return CameraFile(camera_model, shutter=shutter_at(entries))
 
 
 def _numbered(names: tuple[str, ...], camera: str | None) -> tuple[str, ...]:
@@ -441,8 +441,8 @@ def _stated_lens(entries: Entries) -> str | None:
     if entries.name(_MODEL) and entries.values[_MODEL] != "":
         return lens_at(entries, _MODEL)
     words = [entries.text(word) for word in _OTHER_WORDS if isinstance(entries.values.get(word), str)]
-    known = _NAMES | _KALIBR | {"pinhole": "radtan", "": None}  # a model may also be that of the device
-    stated = next(filter(None, map(known.get, words)), None)
+    lenses = _NAMES | _KALIBR | {"pinhole": "radtan", "": None}  # a model may also be that of the device
+    stated = next(filter(None, map(lenses.get, words)), None)
     if stated is None and entries.name(_FISHEYE):
         return "equidistant" if entries.number(_FISHEYE) else "radtan"
     return stated
@@ -544,10 +544,10 @@ def _along_chain(entries: Entries, names: list[str]) -> NDArray[np.float64] | No
     previous = None
     for name in names:
         part = entries.part(name)
-        own = _body_from_camera(part)
-        if own is None and previous is not None and part.name(_FROM_PREVIOUS):
-            own = previous @ invert(part.rigid(_FROM_PREVIOUS))
-        previous = own
+        body_from_camera = _body_from_camera(part)
+        if body_from_camera is None and previous is not None and part.name(_FROM_PREVIOUS):
+            body_from_camera = previous @ invert(part.rigid(_FROM_PREVIOUS))
+        previous = body_from_camera
     return previous
 
 
@@ -594,15 +594,15 @@ def cameras_in(path: Path) -> list[str]:
 
 
 def _of_system(entries: Entries, camera: str | None, size: tuple[int, int] | None) -> CameraFile:
-    found = read_system_camera(entries, camera, size)
+    stated = read_system_camera(entries, camera, size)
     return CameraFile(
-        checked_camera(found.place, found.model, found.size, found.intrinsics, found.coefficients),
-        found.body_from_camera,
-        found.time_shift_s,
-        found.rate_hz,
-        found.depth_unit_m,
+        checked_camera(stated.place, stated.model, stated.size, stated.intrinsics, stated.coefficients),
+        stated.body_from_camera,
+        stated.time_shift_s,
+        stated.rate_hz,
+        stated.depth_unit_m,
         shutter_at(entries),
-        found.notes,
+        stated.notes,
     )
 
 

@@ -382,18 +382,18 @@ class Colmap(SceneReader):
         """Reconstructions beside images that are those of another one, such as undistorted ones."""
         if self.image_folder is not None:
             return {}
-        found = {scene: _found_images(folder) for scene, folder in self._scenes().items()}
-        return {scene: images.why for scene, images in found.items() if images is not None and images.folder is None}
+        by_scene = {scene: _found_images(folder) for scene, folder in self._scenes().items()}
+        return {scene: images.why for scene, images in by_scene.items() if images is not None and images.folder is None}
 
     def open(self, sequence: SequenceId) -> RecordedSequence:
         """Read and check one reconstruction, except for its images and depths."""
         folder = self._folder(sequence)
         model = _read(folder)
-        images, found = self._images(folder), _found_images(folder)
+        images, nearest = self._images(folder), _found_images(folder)
         names = self._names(images, model)
         cameras = _cameras(folder, names, model)
         poses = _poses(names, model)
-        depths = self._depths(folder, names, found)
+        depths = self._depths(folder, names, nearest)
         return RecordedSequence(
             id=sequence,
             source=str(images),
@@ -409,7 +409,7 @@ class Colmap(SceneReader):
                 SCALE_NOTE,
             ),
             cameras=cameras if len(set(cameras)) > 1 else None,
-            group=Path(os.path.relpath(images if found is None else found.beside, self.root)).as_posix(),
+            group=Path(os.path.relpath(images if nearest is None else nearest.beside, self.root)).as_posix(),
         )
 
     def _scenes(self) -> dict[str, Path]:
@@ -423,12 +423,12 @@ class Colmap(SceneReader):
         """The folder of images."""
         if self.image_folder is not None:
             return self.root / self.image_folder
-        found = _found_images(folder)
-        if found is None or found.folder is None:
-            why, named = "no folder of images" if found is None else found.why, with_option("image_folder", "FOLDER")
-            beside = f"{_IMAGES} beside it or above" if found is None else f"{_ORIGINALS} beside {found.beside}"
+        images = _found_images(folder)
+        if images is None or images.folder is None:
+            why, named = "no folder of images" if images is None else images.why, with_option("image_folder", "FOLDER")
+            beside = f"{_IMAGES} beside it or above" if images is None else f"{_ORIGINALS} beside {images.beside}"
             raise DataError(folder, why, f"{beside}, or {named}")
-        return found.folder
+        return images.folder
 
     def _names(self, images: Path, model: Reconstruction) -> list[str]:
         """Images in natural order: those of the model, and those beside them, which are not registered."""
@@ -441,10 +441,10 @@ class Colmap(SceneReader):
         levels = [level / _DEPTHS for level in _levels(folder)]
         if images is not None and images.of_other is not None:
             levels = [level for level in levels if images.beside.parent not in (level, *level.parents)]
-        found = next((level for level in levels if is_folder(level)), None)
-        if self.depth_maps is DepthMaps.none or found is None:
+        depth_folder = next((level for level in levels if is_folder(level)), None)
+        if self.depth_maps is DepthMaps.none or depth_folder is None:
             return (None,) * len(names)
-        paths = (found / f"{name}.{self.depth_maps}.bin" for name in names)
+        paths = (depth_folder / f"{name}.{self.depth_maps}.bin" for name in names)
         return tuple(path if is_regular_file(path) else None for path in paths)
 
 
@@ -478,7 +478,7 @@ def _found_images(folder: Path) -> _Images | None:
     if beside is None:
         return None
     depth = len(folder.absolute().relative_to(beside.absolute().parent).parts)
-    nearer = (other for other in _models_below(beside.parent, depth - 1) if _has_other_images(folder, other))
+    nearer = (below for below in _models_below(beside.parent, depth - 1) if _has_other_images(folder, below))
     return _Images(beside, next(nearer, None))
 
 
@@ -486,8 +486,8 @@ def _models_below(folder: Path, levels: int) -> Iterator[Path]:
     """Folders of reconstructions down to some levels below a folder, those of upper levels first."""
     below = [folder]
     for _ in range(levels + 1):
-        yield from (one for one in below if _is_model({path.name for path in one.iterdir()}))
-        below = sorted(path for one in below for path in one.iterdir() if path.name != _IMAGES and is_folder(path))
+        yield from (inner for inner in below if _is_model({path.name for path in inner.iterdir()}))
+        below = sorted(path for inner in below for path in inner.iterdir() if path.name != _IMAGES and is_folder(path))
 
 
 def _is_model(files: Collection[str]) -> bool:
@@ -502,11 +502,11 @@ def _has_other_images(folder: Path, nearer: Path) -> bool:
     if _DISTORTED in folder.absolute().parts and _DISTORTED not in nearer.absolute().parts:
         return True
     try:
-        own, others = _read_cameras(folder), _read_cameras(nearer)
+        of_folder, of_nearer = _read_cameras(folder), _read_cameras(nearer)
     except DataError:
         return False
-    sizes = [{(camera.width, camera.height) for camera in cameras} for cameras in (own, others)]
-    return any(map(_has_distortion, own)) != any(map(_has_distortion, others)) or sizes[0].isdisjoint(sizes[1])
+    sizes = [{(camera.width, camera.height) for camera in cameras} for cameras in (of_folder, of_nearer)]
+    return any(map(_has_distortion, of_folder)) != any(map(_has_distortion, of_nearer)) or sizes[0].isdisjoint(sizes[1])
 
 
 def _has_distortion(camera: ColmapCamera) -> bool:
@@ -539,8 +539,8 @@ def _cameras(folder: Path, names: list[str], model: Reconstruction) -> tuple[Cam
     made = {number: camera_of(model.cameras[number]) for number in used}
     sizes = {(made[number].width, made[number].height): name for number, name in sorted(used.items())}
     if len(sizes) > 1:
-        found = ", ".join(f"{width}x{height} ({name})" for (width, height), name in sizes.items())
-        raise DataError(folder, f"images of several sizes: {found}", "one size; choose a folder of images with folder")
+        listed = ", ".join(f"{width}x{height} ({name})" for (width, height), name in sizes.items())
+        raise DataError(folder, f"images of several sizes: {listed}", "one size; choose a folder of images with folder")
     cameras, current = [], next(model.images[name].camera_id for name in names if name in model.images)
     for name in names:
         current = model.images[name].camera_id if name in model.images else current

@@ -166,21 +166,21 @@ def _cosines_of_image(camera: CameraModel) -> NDArray[np.float64]:
 def _with_k1(camera: Intrinsics, k1: float, source: str) -> Camera:
     if not isinstance(camera, Camera):
         raise DataError(source, f"k1 for a camera of the model {type(camera).__name__}", "radial-tangential distortion")
-    first, *others = camera.distortion or (0.0, 0.0, 0.0, 0.0)
-    return replace(camera, distortion=(first + k1, *others))
+    first, *rest = camera.distortion or (0.0, 0.0, 0.0, 0.0)
+    return replace(camera, distortion=(first + k1, *rest))
 
 
 def _middle(path: PosePath) -> float:
     """Middle between the times of the first and the last known pose."""
-    known = path.times[has_pose(path.poses)]
-    return 0.5 * float(known[0] + known[-1]) if len(known) else 0.0
+    posed_times = path.times[has_pose(path.poses)]
+    return 0.5 * float(posed_times[0] + posed_times[-1]) if len(posed_times) else 0.0
 
 
 def _inside(path: PosePath, times: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 4, 4) float64: poses at times; NaN before the first known pose and after the last."""
-    known = path.times[has_pose(path.poses)]
+    posed_times = path.times[has_pose(path.poses)]
     poses = path.at(times)
-    poses[(times < known.min(initial=np.inf)) | (times > known.max(initial=-np.inf))] = np.nan
+    poses[(times < posed_times.min(initial=np.inf)) | (times > posed_times.max(initial=-np.inf))] = np.nan
     return poses
 
 

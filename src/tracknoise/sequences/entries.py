@@ -40,10 +40,10 @@ class Entries:
 
     def required(self, *names: str) -> str:
         """The first of several names that is a key here."""
-        found = self.name(*names)
-        if found is None:
+        name = self.name(*names)
+        if name is None:
             raise DataError(self.place, f"no {names[0]}", "it")
-        return found
+        return name
 
     def part(self, name: str) -> "Entries":
         """The keys and values below a key."""

@@ -201,7 +201,7 @@ def _tum(path: Path) -> _File:
 def _euroc(path: Path) -> _File:
     first = _first_row(path)[1].split(",")[0]
     unit = unit_of_clock(float(first))
-    table = read_table(path, "a time, a position and a quaternion", unit, lambda one: f"times in {one}")
+    table = read_table(path, "a time, a position and a quaternion", unit, lambda time_unit: f"times in {time_unit}")
     note = () if unit is TimeUnit.ns else (f"{path}: the times are taken as {unit}",)
     return _File("EuRoC", _Timed(path, table.times_ns, pose_rows(table), table.places, note))
 
@@ -290,14 +290,14 @@ def _rows(path: Path, layout: str, poses: NDArray[np.float64], notes: tuple[str,
     def of(sequence: Sequence, _: float) -> Found:
         if len(poses) == len(sequence):
             return poses, None, (*notes, "they belong to frames in order")
-        found = _numbers_of_images(sequence)
-        if found is None or len(poses) <= found[-1]:
+        numbers = _numbers_of_images(sequence)
+        if numbers is None or len(poses) <= numbers[-1]:
             raise DataError(
                 path,
                 f"{counted(len(poses), 'pose')} for {counted(len(sequence), 'frame')}",
                 "one row per frame",
             )
-        return poses[found], None, (*notes, "they belong to frames by the numbers of the images, from 0")
+        return poses[numbers], None, (*notes, "they belong to frames by the numbers of the images, from 0")
 
     return _File(layout, of)
 
@@ -366,12 +366,12 @@ def _by_name(names: list[str], images: tuple[Path, ...]) -> list[int | None]:
     depths = sorted({len(parts) for parts in whole}, reverse=True)
     last = [_parts(name)[-1] for name in names]
     alone = {name: row for row, name in enumerate(last) if last.count(name) == 1} if len({*last}) == len(last) else {}
-    found: list[int | None] = []
+    row_of_image: list[int | None] = []
     for image in images:
         parts = _parts(image.as_posix())
         rows = (whole.get(parts[-depth:]) for depth in depths)
-        found.append(next((row for row in rows if row is not None), alone.get(parts[-1])))
-    return found
+        row_of_image.append(next((row for row in rows if row is not None), alone.get(parts[-1])))
+    return row_of_image
 
 
 def _parts(name: str) -> tuple[str, ...]:
@@ -390,6 +390,6 @@ def _image_paths(sequence: Sequence) -> tuple[Path, ...] | None:
 def _numbers_of_images(sequence: Sequence) -> list[int] | None:
     """The last number in the name of each image, if they increase; None where there are none."""
     matches = [re.search(r"(\d{1,9})\D*$", path.stem) for path in _image_paths(sequence) or ()]
-    found = [int(match[1]) for match in matches if match]
-    is_usable = len(found) == len(sequence) and all(one < other for one, other in pairwise(found))
-    return found if is_usable else None
+    numbers = [int(match[1]) for match in matches if match]
+    is_usable = len(numbers) == len(sequence) and all(before < after for before, after in pairwise(numbers))
+    return numbers if is_usable else None

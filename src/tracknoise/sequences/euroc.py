@@ -76,8 +76,8 @@ class Files:
 
     def calibration(self, camera: str) -> Path:
         """The file with a camera's intrinsics: its own, or a Kalibr chain of all cameras."""
-        own = self.device / camera / _SENSOR
-        return own if own.exists() else self._camera_chain(own)
+        sensor_file = self.device / camera / _SENSOR
+        return sensor_file if sensor_file.exists() else self._camera_chain(sensor_file)
 
     def _camera_chain(self, missing: Path) -> Path:
         """Kalibr's file: in the first folder that has one; those with the place of the cameras on the body first."""
@@ -85,8 +85,8 @@ class Files:
         for folder in (self.folder / name for name in _CHAIN_FOLDERS):
             if (folder / _CAMERA_CHAIN).exists():
                 return folder / _CAMERA_CHAIN
-            found = sorted(folder.glob(_ANY_CHAIN))
-            best = [path for path in found if _CHAIN_WITH_IMU in path.name] or found
+            chains = sorted(folder.glob(_ANY_CHAIN))
+            best = [path for path in chains if _CHAIN_WITH_IMU in path.name] or chains
             if len(best) > 1:
                 raise DataError(folder, f"several files: {', '.join(path.name for path in best)}", f"one, or {named}")
             if best:
@@ -188,14 +188,14 @@ def pose_rows(table: Table) -> NDArray[np.float64]:
 
 def _pose_columns(header: list[str]) -> tuple[int, ...]:
     """Columns of `_POSE`: positions and quaternions by their names, each where all of their names are there."""
-    found: dict[str, int] = {}
+    by_name: dict[str, int] = {}
     for column, name in enumerate(header):
         match = _COLUMN.fullmatch(name)
         if match and match.lastgroup:
-            found.setdefault(match.lastgroup + match[match.lastgroup], column)
-    named = {kind: all(name in found for name in _POSE if name[0] == kind) for kind in "pq"}
+            by_name.setdefault(match.lastgroup + match[match.lastgroup], column)
+    named = {kind: all(name in by_name for name in _POSE if name[0] == kind) for kind in "pq"}
     pairs = zip(_POSE, _USUAL, strict=True)
-    return tuple(found[name] if named[name[0]] else usual for name, usual in pairs)
+    return tuple(by_name[name] if named[name[0]] else usual for name, usual in pairs)
 
 
 def _is_text(field: str) -> bool:

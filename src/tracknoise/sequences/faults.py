@@ -165,12 +165,12 @@ NO_FAULTS = Faults()
 def _changed(settings: object, prefix: str) -> Iterator[tuple[str, object]]:
     """Settings that differ from their defaults, with those of nested settings."""
     default = type(settings)()
-    for item in fields(settings):  # type: ignore[arg-type]
-        value = getattr(settings, item.name)
+    for setting in fields(settings):  # type: ignore[arg-type]
+        value = getattr(settings, setting.name)
         if is_dataclass(value):
-            yield from _changed(value, f"{prefix}{item.name}.")
-        elif value != getattr(default, item.name):
-            yield prefix + item.name, [*value] if isinstance(value, tuple) else value
+            yield from _changed(value, f"{prefix}{setting.name}.")
+        elif value != getattr(default, setting.name):
+            yield prefix + setting.name, [*value] if isinstance(value, tuple) else value
 
 
 _NOISE_PX = 2.0
@@ -206,8 +206,8 @@ def _distorted(camera: Intrinsics, k1: float) -> Intrinsics:
         first, k2, k3, k4 = camera.distortion
         return replace(camera, distortion=(first + k1, k2, k3, k4))
     if isinstance(camera, Camera):
-        first, *others = camera.distortion or _NO_DISTORTION
-        return replace(camera, distortion=(first + k1, *others))
+        first, *rest = camera.distortion or _NO_DISTORTION
+        return replace(camera, distortion=(first + k1, *rest))
     raise SettingsError(f"faults.k1 = {k1}: found a {type(camera).__name__}, expected a radtan or equidistant lens")
 
 
@@ -377,10 +377,10 @@ class FaultySequence(View):
     def depth(self, index: int) -> DepthMap | None:
         """The stated depth of one frame: see `Sequence.depth`."""
         faults = self.faults.depth
-        found = depth_with_lag(self.sequence, index, faults.lag_frames)
+        depth = depth_with_lag(self.sequence, index, faults.lag_frames)
         if faults == replace(DepthFaults(), lag_frames=faults.lag_frames):
-            return found
-        return None if found is None else stated_depth(found, faults, self._generator(_Stream.depth, index))
+            return depth
+        return None if depth is None else stated_depth(depth, faults, self._generator(_Stream.depth, index))
 
     @cached_property
     def _poses(self) -> NDArray[np.float64]:

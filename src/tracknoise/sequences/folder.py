@@ -300,27 +300,27 @@ def _require_names(folder: Path, files: tuple[str, ...]) -> None:
     images, pattern = folder / _IMAGES, re.compile(_IMAGE)
     named = is_folder(images) and any(pattern.fullmatch(path.name) for path in images.iterdir())
     missing = [*([] if named else [f"{_IMAGES}/000000.png"]), *(name for name in files if not is_there(folder / name))]
-    others = [] if named else _other_images(folder)
-    if not others and len(missing) < 2:
+    elsewhere = [] if named else _other_images(folder)
+    if not elsewhere and len(missing) < 2:
         return
-    found = [f"no {name}" for name in missing]
-    if others:
-        found.append(f"but {counted(len(others), 'image file')} such as {others[0]}")
+    parts = [f"no {name}" for name in missing]
+    if elsewhere:
+        parts.append(f"but {counted(len(elsewhere), 'image file')} such as {elsewhere[0]}")
     if unknown := sorted(path.name for path in folder.iterdir() if path.name not in _KNOWN):
-        found.append(f"beside {', '.join(unknown[:_MOST_NAMED])}")
-    raise DataError(folder, ", ".join(found), f"{_IMAGES}/000000.png and so on, {' and '.join(files)}: rename them")
+        parts.append(f"beside {', '.join(unknown[:_MOST_NAMED])}")
+    raise DataError(folder, ", ".join(parts), f"{_IMAGES}/000000.png and so on, {' and '.join(files)}: rename them")
 
 
 def _other_images(folder: Path) -> list[str]:
     """Image files below a folder whose names are not those of the layout, down to some levels, without depth."""
-    found: list[str] = []
+    images: list[str] = []
     for name, below, files in os.walk(folder):
         inside = Path(name).relative_to(folder)
         if len(inside.parts) >= _MOST_LEVELS:
             below.clear()
-        below[:] = sorted(one for one in below if one != _DEPTH)
-        found += [(inside / file).as_posix() for file in natural_order(files) if file.lower().endswith(_IMAGE_ENDINGS)]
-    return found
+        below[:] = sorted(inner for inner in below if inner != _DEPTH)
+        images += [(inside / file).as_posix() for file in natural_order(files) if file.lower().endswith(_IMAGE_ENDINGS)]
+    return images
 
 
 def _frame_files(folder: Path, *, poses: int) -> tuple[tuple[Path, ...], tuple[Path | None, ...]]:
@@ -367,8 +367,8 @@ def _times_in_names(images: tuple[Path, ...], unit: TimeUnit | None) -> NDArray[
 
 def _gap_notes(images: tuple[Path, ...]) -> tuple[str, ...]:
     """A sentence where numbers of images jump, as if frames between were missing."""
-    found = [re.search(r"(\d{1,18})\D*$", image.stem) for image in images]
-    counted_up = [int(match[1]) for match in found if match]
+    matches = [re.search(r"(\d{1,18})\D*$", image.stem) for image in images]
+    counted_up = [int(match[1]) for match in matches if match]
     steps = np.diff(counted_up) if len(counted_up) == len(images) else np.empty(0)
     if not len(steps) or steps.max() == steps.min():
         return ()
@@ -378,9 +378,9 @@ def _gap_notes(images: tuple[Path, ...]) -> tuple[str, ...]:
 
 def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
     """(n, 4, 4) float64: the pose of each row, all NaN where every field of the row is nan."""
-    known = np.asarray(~np.isnan(rows).all(axis=1))
+    posed = np.asarray(~np.isnan(rows).all(axis=1))
     poses = np.full((len(rows), 4, 4), np.nan)
-    poses[known] = quaternion_poses(rows[known, :3], rows[known, 3:], list(compress(places, known)))
+    poses[posed] = quaternion_poses(rows[posed, :3], rows[posed, 3:], list(compress(places, posed)))
     return poses
 
 

@@ -47,8 +47,8 @@ def first_readable(paths: Iterable[Path]) -> Path:
 
     `paths`: at least one.
     """
-    first, *others = paths
-    return next((path for path in (first, *others) if is_readable(path)), first)
+    first, *rest = paths
+    return next((path for path in (first, *rest) if is_readable(path)), first)
 
 
 def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) -> NDArray[np.uint8]:
@@ -182,8 +182,8 @@ def depth_map(path: Path, depth: NDArray[np.floating], camera: CameraModel, fart
 def require_size(path: Path, shape: tuple[int, ...], camera: CameraModel) -> None:
     """Raise DataError unless an array of this shape has the size of the camera's images."""
     if shape != (camera.height, camera.width):
-        found = "x".join(str(length) for length in shape[1::-1] + shape[2:])
-        raise DataError(path, f"size {found}", f"the camera's {camera.width}x{camera.height}")
+        size = "x".join(str(length) for length in shape[1::-1] + shape[2:])
+        raise DataError(path, f"size {size}", f"the camera's {camera.width}x{camera.height}")
 
 
 def _layout(array: NDArray[Any]) -> str:

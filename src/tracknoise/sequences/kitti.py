@@ -95,15 +95,15 @@ def read_oxts_accuracy(drive: Drive, numbers: range, timestamps_s: NDArray[np.fl
     if not drive.has_oxts:
         return OxtsAccuracy()
     stated = read_accuracies(map(drive.oxts, numbers))
-    known = stated[(np.isfinite(stated) & (stated > 0.0)).all(axis=1)]
-    if not len(known):
+    usable = stated[(np.isfinite(stated) & (stated > 0.0)).all(axis=1)]
+    if not len(usable):
         return OxtsAccuracy()
-    position_m, velocity_m_per_s = np.median(known, axis=0).tolist()
+    position_m, velocity_m_per_s = np.median(usable, axis=0).tolist()
     steps_s = np.array([_NOMINAL_INTERVAL_S]) if timestamps_s is None or len(stated) < 2 else np.diff(timestamps_s)
     truth = TruthAccuracy(translation_m_per_frame=velocity_m_per_s * float(np.median(steps_s)), source=_SOURCE)
     note = (
         f"OXTS states standard deviations of {position_m:.3g} m in position and {velocity_m_per_s:.3g} m/s in "
-        f"velocity (medians of {len(known)} of {len(stated)} frames), and none of angles"
+        f"velocity (medians of {len(usable)} of {len(stated)} frames), and none of angles"
     )
     return OxtsAccuracy(PoseAccuracy(position_m, None), truth, (note,))
 

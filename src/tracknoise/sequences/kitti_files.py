@@ -131,8 +131,8 @@ def find_drives(root: Path, depth_root: Path | None) -> dict[str, Drive]:
 
 def recording_of(name: str) -> str | None:
     """Date and number of the recording that a drive is, or is a piece of, from its name; None if it has neither."""
-    found = _RECORDING.match(name)
-    return found.group() if found else None
+    match = _RECORDING.match(name)
+    return match.group() if match else None
 
 
 def find_frames(drive: Drive) -> DriveFrames:

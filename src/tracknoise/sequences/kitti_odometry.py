@@ -59,8 +59,8 @@ class Course:
         # resolve() would follow a link to a sequence that lies apart from its poses
         folder = Path(os.path.abspath(self.folder))  # noqa: PTH100
         beside = folder.parent.parent / _POSES / f"{folder.name}.txt"
-        own = self.folder / f"{_POSES}.txt"
-        return own if own.exists() and not beside.exists() else beside
+        inside = self.folder / f"{_POSES}.txt"
+        return inside if inside.exists() and not beside.exists() else beside
 
     @property
     def first_camera(self) -> int:
@@ -257,11 +257,11 @@ def _camera(P: NDArray[np.float64], images: tuple[Path, ...]) -> Camera:
 
 def _second(course: Course, first: int, P: NDArray[np.float64], numbers: range) -> SecondCamera | None:
     """The other camera of a pair, 0 and 1 or 2 and 3, if it has an image of each frame."""
-    other = first ^ 1
-    images = numbered_files(course.images(other), IMAGE_NAME) if course.images(other).exists() else {}
+    second = first ^ 1
+    images = numbered_files(course.images(second), IMAGE_NAME) if course.images(second).exists() else {}
     if not images.keys() >= {*numbers}:
         return None
-    other_P, paths = read_projection(course.folder / CALIBRATION, other), tuple(images[number] for number in numbers)
-    camera = _camera(other_P, paths)
-    first_from_second = camera_from_reference(P) @ invert(camera_from_reference(other_P))
+    second_P, paths = read_projection(course.folder / CALIBRATION, second), tuple(images[number] for number in numbers)
+    camera = _camera(second_P, paths)
+    first_from_second = camera_from_reference(P) @ invert(camera_from_reference(second_P))
     return SecondCamera(camera, first_from_second, ImageFiles(paths, camera))

@@ -321,8 +321,8 @@ def _cameras(common: Entries, frames: list[_Frame]) -> tuple[CameraModel, ...]:
         cameras.append(made[key])
     sizes = {(camera.width, camera.height): frame.name for camera, frame in zip(cameras, frames, strict=True)}
     if len(sizes) > 1:
-        found = ", ".join(f"{width}x{height} ({name})" for (width, height), name in sizes.items())
-        raise DataError(common.place, f"images of several sizes: {found}", "one size")
+        listed = ", ".join(f"{width}x{height} ({name})" for (width, height), name in sizes.items())
+        raise DataError(common.place, f"images of several sizes: {listed}", "one size")
     return tuple(cameras)
 
 

@@ -36,18 +36,18 @@ def orientation_of(data: bytes) -> int:
     """Orientation, 1 to 8, that the beginning of a JPEG or PNG file states; `UPRIGHT` where it states none."""
     try:
         tiff = _of_jpeg(data) if data.startswith(_JPEG) else _of_png(data) if data.startswith(_PNG) else None
-        found = UPRIGHT if tiff is None else _in_tiff(tiff)
+        orientation = UPRIGHT if tiff is None else _in_tiff(tiff)
     except struct.error:  # it ends within its EXIF data
         return UPRIGHT
-    return found if found in _MEANINGS else UPRIGHT
+    return orientation if orientation in _MEANINGS else UPRIGHT
 
 
 def orientation_notes(paths: Iterable[Path]) -> tuple[str, ...]:
     """A sentence if image files state that they were taken turned. Files that cannot be read are left to their use."""
-    every = tuple(paths)
-    read = every[:: -(-len(every) // _MOST_READ)] if every else ()
-    found = [(path, orientation) for path in read if (orientation := _of_file(path)) != UPRIGHT]
-    return turned_notes(found[0][0], [orientation for _, orientation in found], len(read)) if found else ()
+    all_paths = tuple(paths)
+    read = all_paths[:: -(-len(all_paths) // _MOST_READ)] if all_paths else ()
+    turned = [(path, orientation) for path in read if (orientation := _of_file(path)) != UPRIGHT]
+    return turned_notes(turned[0][0], [orientation for _, orientation in turned], len(read)) if turned else ()
 
 
 def turned_notes(place: str | Path, turned: Iterable[int], n_read: int) -> tuple[str, ...]:

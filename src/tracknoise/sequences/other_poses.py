@@ -125,5 +125,5 @@ def path_between_frames(sequence: Sequence, n_frames: int) -> PosePath | None:
     read = times[:n_frames]
     after = np.clip(np.searchsorted(read, path.times), 1, n_frames - 1)
     apart = np.minimum(np.abs(path.times - read[after - 1]), np.abs(path.times - read[after]))
-    other = apart > _SAME_TIME * float(np.median(np.diff(read)))
-    return PosePath(path.times[other], path.poses[other]) if other.any() else None
+    is_between = apart > _SAME_TIME * float(np.median(np.diff(read)))
+    return PosePath(path.times[is_between], path.poses[is_between]) if is_between.any() else None

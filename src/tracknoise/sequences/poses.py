@@ -118,18 +118,18 @@ def no_poses(n_frames: int) -> NDArray[np.float64]:
 
 def pose_notes(world_from_camera: NDArray[np.float64]) -> tuple[str, ...]:
     """A sentence if there are frames without a pose."""
-    known = has_pose(world_from_camera)
-    missing = int(np.count_nonzero(~known))
+    posed = has_pose(world_from_camera)
+    missing = int(np.count_nonzero(~posed))
     verb, whose = ("has", "its") if missing == 1 else ("have", "their")
-    counted = f"{missing} of {len(known)} frames {verb} no pose"
+    counted = f"{missing} of {len(posed)} frames {verb} no pose"
     return (f"{counted}: {whose} observations have no true position",) if missing else ()
 
 
 def surplus_notes(place: Place, *, poses: int, images: int) -> tuple[str, ...]:
     """A sentence if there are more poses than images."""
     used = "is" if images == 1 else f"{images} are"
-    found = f"{counted(poses, 'pose')} for {counted(images, 'image')}"
-    return (f"{place}: {found}: only the first {used} used",) * (poses > images)
+    counts = f"{counted(poses, 'pose')} for {counted(images, 'image')}"
+    return (f"{place}: {counts}: only the first {used} used",) * (poses > images)
 
 
 def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> None:
@@ -147,12 +147,12 @@ def require_some_poses(world_from_camera: NDArray[np.float64], place: Place) -> 
     DataError
         If a pose is partly NaN or infinite, or there are too few.
     """
-    known = has_pose(world_from_camera)
-    for index in np.flatnonzero(known & ~np.isfinite(world_from_camera).all(axis=(1, 2)))[:1]:
+    posed = has_pose(world_from_camera)
+    for index in np.flatnonzero(posed & ~np.isfinite(world_from_camera).all(axis=(1, 2)))[:1]:
         raise DataError(place, f"pose {index} with NaN or infinity in it", "finite numbers, or NaN in all of it")
-    count, least = int(np.count_nonzero(known)), min(_FEWEST, len(known))
+    count, least = int(np.count_nonzero(posed)), min(_FEWEST, len(posed))
     if count < least:
-        found = f"{counted(count, 'pose')} for {counted(len(known), 'frame')}"
+        found = f"{counted(count, 'pose')} for {counted(len(posed), 'frame')}"
         raise NothingToMeasureError(place, found, f"poses for at least {least}")
 
 

@@ -65,12 +65,12 @@ def reader_defaults(name: str) -> str:
 def select(reader: Reader, scene: str | None = None, lighting: str | None = None) -> SequenceId:
     """The first sequence of a reader that has the given scene and lighting; None means any."""
     listed = reader.sequences()
-    matching = [item for item in listed if scene in (None, item.scene)]
+    matching = [sequence for sequence in listed if scene in (None, sequence.scene)]
     if not matching:
-        raise UnknownNameError("scene", str(scene), {item.scene for item in listed})
-    lit = [item for item in matching if lighting in (None, item.lighting)]
+        raise UnknownNameError("scene", str(scene), {sequence.scene for sequence in listed})
+    lit = [sequence for sequence in matching if lighting in (None, sequence.lighting)]
     if not lit:
-        raise UnknownNameError("lighting", str(lighting), {item.lighting for item in matching})
+        raise UnknownNameError("lighting", str(lighting), {sequence.lighting for sequence in matching})
     return lit[0]
 
 

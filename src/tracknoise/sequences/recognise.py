@@ -97,26 +97,26 @@ def recognise(path: Path, *, images_alone: bool = False) -> str:
     """
     if not is_folder(path) and not is_regular_file(path):
         raise DataError(path, "no such file or folder", "a recording")
-    found = list(_names(path))
-    known = set(READERS.names())
+    names = list(_names(path))
+    readers = set(READERS.names())
     for signature in SIGNATURES:
-        if signature.reader in known and any(re.fullmatch(signature.pattern, name) for name in found):
+        if signature.reader in readers and any(re.fullmatch(signature.pattern, name) for name in names):
             return signature.reader
-    if images_alone and any(re.fullmatch(_ANY_IMAGE, name, re.IGNORECASE) for name in found):
+    if images_alone and any(re.fullmatch(_ANY_IMAGE, name, re.IGNORECASE) for name in names):
         return "folder"
-    raise DataError(path, *_unknown(found, known))
+    raise DataError(path, *_unknown(names, readers))
 
 
-def _unknown(found: list[str], known: set[str]) -> tuple[str, str]:
+def _unknown(names: list[str], readers: set[str]) -> tuple[str, str]:
     """What was found and expected where no layout fits."""
-    offered = [signature for signature in SIGNATURES if signature.reader in known]
-    parts = {part for name in found for part in name.strip("/").split("/")}
+    offered = [signature for signature in SIGNATURES if signature.reader in readers]
+    parts = {part for name in names for part in name.strip("/").split("/")}
     nearest = max(offered, key=lambda signature: len(signature.names & parts))
     layouts = "; ".join(f"{signature.reader} ({signature.layout})" for signature in offered)
-    some = ", ".join(name.split("/", 1)[-1] for name in found[1:5]) or "nothing"
+    examples = ", ".join(name.split("/", 1)[-1] for name in names[1:5]) or "nothing"
     hint = f"the nearest format is {nearest.reader}. " if nearest.names & parts else ""
     return (
-        f"no known layout ({some})",
+        f"no known layout ({examples})",
         f"one of: {layouts}; {hint.rstrip('. ') + '; ' if hint else ''}"
         "other recordings can be put into the layout of reader folder (docs/data.md)",
     )
@@ -124,16 +124,16 @@ def _unknown(found: list[str], known: set[str]) -> tuple[str, str]:
 
 def _names(path: Path) -> Iterator[str]:
     """Paths of files and folders from the data set's own name on, with slashes; folders first, up to a limit."""
-    own = path.resolve().name
+    root_name = path.resolve().name
     if not is_folder(path):
-        yield own
+        yield root_name
         return
-    yield f"{own}/"
+    yield f"{root_name}/"
     left = _MOST_ENTRIES
     for name, folders, files in os.walk(path):
         below = Path(name).relative_to(path)
         entries = [*(f"{folder}/" for folder in sorted(folders)), *sorted(files)]
-        yield from (f"{own}/{(below / entry).as_posix()}{'/' * entry.endswith('/')}" for entry in entries[:left])
+        yield from (f"{root_name}/{(below / entry).as_posix()}{'/' * entry.endswith('/')}" for entry in entries[:left])
         left -= len(entries)
         if left <= 0:
             return

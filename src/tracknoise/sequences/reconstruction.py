@@ -58,8 +58,8 @@ def require_colmap() -> ModuleType:
     try:
         import pycolmap
     except ImportError as error:
-        found = "poses from images alone need pycolmap, which is not installed"
-        raise SettingsError(f"{found}: pip install 'tracknoise[sfm]', or give poses: --trajectory FILE") from error
+        problem = "poses from images alone need pycolmap, which is not installed"
+        raise SettingsError(f"{problem}: pip install 'tracknoise[sfm]', or give poses: --trajectory FILE") from error
     return pycolmap
 
 
@@ -118,8 +118,8 @@ def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: No
         say("reconstructing poses: matches")
         _match(colmap, database, max(sequence.camera.width, sequence.camera.height))
         say("reconstructing poses: cameras and points")
-        found = colmap.global_mapping(database, images, models, _mapping(colmap))
-        largest = max(found.values(), key=lambda model: model.num_reg_images(), default=None)
+        reconstructions = colmap.global_mapping(database, images, models, _mapping(colmap))
+        largest = max(reconstructions.values(), key=lambda model: model.num_reg_images(), default=None)
         poses = no_poses(len(sequence))
         frames = {} if largest is None else _registered(largest)
         for index, image in frames.items():
@@ -160,21 +160,21 @@ def _parallax_px(sequence: Sequence, model: Any, frames: dict[int, Any]) -> tupl
     for first, second in combinations(seen.values(), 2):
         shared = [*(first.keys() & second.keys())]
         if len(shared) >= _FEWEST_OF_PARALLAX:
-            pair = (np.array([one[point] for point in shared]) for one in (first, second))
+            pair = (np.array([positions[point] for point in shared]) for positions in (first, second))
             largest = float(np.fmax(largest, _beside_rotation_px(sequence.camera, *pair)))
     return largest, float(np.median([point.error for point in model.points3D.values()] or [np.inf]))
 
 
 def _beside_rotation_px(camera: CameraModel, first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
     """Median distance of positions (n, 2) in a frame from those in another, turned by the best rotation, px."""
-    rays, others = (
+    first_rays, second_rays = (
         camera.bearings(uv) / np.linalg.norm(camera.bearings(uv), axis=1)[:, None] for uv in (first, second)
     )
-    known = np.isfinite(rays).all(axis=1) & np.isfinite(others).all(axis=1)
-    rays, others, second = rays[known], others[known], second[known]
-    weight = np.ones(len(rays))
+    valid = np.isfinite(first_rays).all(axis=1) & np.isfinite(second_rays).all(axis=1)
+    first_rays, second_rays, second = first_rays[valid], second_rays[valid], second[valid]
+    weight = np.ones(len(first_rays))
     for _ in range(_ROTATION_STEPS):
-        turned = Rotation.align_vectors(others, rays, weights=weight)[0].apply(rays)
+        turned = Rotation.align_vectors(second_rays, first_rays, weights=weight)[0].apply(first_rays)
         apart_px = np.linalg.norm(camera.project(turned) - second, axis=1)
         weight = 1.0 / np.maximum(np.nan_to_num(apart_px, nan=np.inf), _ROUNDING_PX)
     return float(np.nanmedian(apart_px))
@@ -212,9 +212,9 @@ def trajectory_text(sequence: Sequence, poses: NDArray[np.float64], heading: str
         A comment.
     """
     times_s, start_ns = times_of(sequence), clock_start_of(sequence) or 0
-    known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
+    posed = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
     nanoseconds = [start_ns + round(1e9 * time) for time in ([] if times_s is None else times_s.tolist())]
-    rows = zip(known.tolist(), position_rows(poses[known], canonical=True).tolist(), strict=True)
+    rows = zip(posed.tolist(), position_rows(poses[posed], canonical=True).tolist(), strict=True)
     lines = [
         " ".join([_stamp(nanoseconds[frame]) if nanoseconds else str(frame), *(f"{value:.12g}" for value in row)])
         for frame, row in rows
@@ -230,8 +230,8 @@ def _stamp(ns: int) -> str:
 def _camera(camera: CameraModel, source: str) -> tuple[str, tuple[float, ...]]:
     """COLMAP's model of a camera and its parameters."""
     if not isinstance(camera, Camera | EquidistantCamera | FovCamera):
-        known = "radtan, equidistant or fov, or poses: --trajectory FILE"
-        raise DataError(source, f"a camera of the model {type(camera).__name__}, which COLMAP does not have", known)
+        expected = "radtan, equidistant or fov, or poses: --trajectory FILE"
+        raise DataError(source, f"a camera of the model {type(camera).__name__}, which COLMAP does not have", expected)
     pinhole = (camera.fx, camera.fy, camera.cx + CORNER_PX, camera.cy + CORNER_PX)
     if isinstance(camera, FovCamera):
         return "FOV", (*pinhole, camera.omega)

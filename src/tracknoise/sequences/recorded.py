@@ -130,8 +130,8 @@ class RecordedSequence:
                 raise DataError(place, counted(count, name), f"one for each of the {counted(len(self), 'pose')}")
         if not self.poses_elsewhere:
             require_some_poses(self.world_from_camera, place)
-        if self.timestamps_s is not None and (found := _out_of_order(self.timestamps_s)):
-            raise DataError(place, f"timestamps that do not increase ({found})", "increasing timestamps")
+        if self.timestamps_s is not None and (where := _out_of_order(self.timestamps_s)):
+            raise DataError(place, f"timestamps that do not increase ({where})", "increasing timestamps")
         if self.timestamps_s is not None:
             require_seconds(self.timestamps_s, [f"{place}: frame {index}" for index in range(len(self))])
             require_likely_times(self)

@@ -85,7 +85,7 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
     is_of_topic = chosen.pose is not None and chosen.pose.kind != TRANSFORMS
     pose = pose_link(bag, chosen.pose) if chosen.pose is not None and is_of_topic else None
     topics = () if chosen.pose is None else ((chosen.static_transforms, False), (chosen.transforms, True))
-    links = [link for some, moving in topics for topic in some for link in transform_links(bag, topic, moving=moving)]
+    links = [link for group, moving in topics for topic in group for link in transform_links(bag, topic, moving=moving)]
     return Scan(
         images=images,
         depths=depths,
@@ -137,8 +137,8 @@ _Stamped = TypeVar("_Stamped", Messages, Link)
 def in_unit(scan: Scan, unit: TimeUnit) -> Scan:
     """What a bag holds, where the seconds of the times in headers are numbers of another unit."""
 
-    def stamped(of: _Stamped) -> _Stamped:
-        return replace(of, stamped_ns=of.stamped_ns // unit.per_second)
+    def stamped(part: _Stamped) -> _Stamped:
+        return replace(part, stamped_ns=part.stamped_ns // unit.per_second)
 
     return replace(
         scan,
@@ -266,7 +266,7 @@ class Tree:
         for link in sorted(links, key=lambda link: not link.is_static):
             by_child[link.child] = link
             parents.setdefault(link.child, set()).add(link.parent)
-        return cls(place, by_child, {child: found for child, found in parents.items() if len(found) > 1})
+        return cls(place, by_child, {child: above for child, above in parents.items() if len(above) > 1})
 
     def root_of(self, frame: str) -> str:
         """The frame at the root of the tree that a frame is in."""
@@ -325,9 +325,9 @@ def poses_along(
     for step in steps:
         parent_from_child = _at(step.link, times_of(step.link), at_s, max_gap_s)
         poses = (parent_from_child if step.upward else invert(parent_from_child)) @ poses
-    found = poses.copy()
-    found[~np.isfinite(found).all(axis=(1, 2))] = np.nan
-    return found
+    target_from_source = poses.copy()
+    target_from_source[~np.isfinite(target_from_source).all(axis=(1, 2))] = np.nan
+    return target_from_source
 
 
 def _at(link: Link, times_s: NDArray[np.float64], at_s: NDArray[np.float64], max_gap_s: float) -> NDArray[np.float64]:
@@ -469,15 +469,15 @@ def _left_out(steps: list[Step]) -> Iterator[str]:
 
 
 def _require_some(
-    path: Path, steps: list[Step], times_s: list[NDArray[np.float64]], at_s: NDArray[np.float64], known: int
+    path: Path, steps: list[Step], times_s: list[NDArray[np.float64]], at_s: NDArray[np.float64], posed: int
 ) -> None:
     """Check that enough images have a pose; the error says when the images and the transforms are."""
-    if known >= min(_FEWEST_POSES, len(at_s)):
+    if posed >= min(_FEWEST_POSES, len(at_s)):
         return
     moving = [(step.link, times) for step, times in zip(steps, times_s, strict=True) if not step.link.is_static]
     link, times = next(((link, times) for link, times in moving if not len(times)), moving[0])
     when = f"from {times.min():.3f} s to {times.max():.3f} s" if len(times) else "without a pose"
-    found = f"poses for {known} of {len(at_s)} images; the images are from 0 s to {at_s[-1]:.3f} s, {link.child} {when}"
+    found = f"poses for {posed} of {len(at_s)} images; the images are from 0 s to {at_s[-1]:.3f} s, {link.child} {when}"
     raise DataError(
         f"{path} {link.topic}", found, f"poses at the times of images, or {with_option('max_pose_gap_s', 'SECONDS')}"
     )

@@ -387,16 +387,16 @@ def _has_16_bits(bag: Bag, topic: Topic) -> bool:
 
 def _image(bag: Bag, wanted: Wanted, images: list[Topic]) -> Topic:
     """The only one that is no depth. Of several, those of 16 bits may be depth: the message says how to state it."""
-    others = [topic for topic in images if topic.name != wanted.depth]
-    wide = [topic for topic in others if _encoding(bag, topic).startswith(UNNAMED_DEPTH[0])]
-    if wanted.image is not None or len(others) < 2 or not wide or wanted.depth is not None:
-        return _only(bag, "image_topic", wanted.image, others, _IMAGE_KINDS)
-    narrow = [topic for topic in others if topic not in wide]
+    candidates = [topic for topic in images if topic.name != wanted.depth]
+    wide = [topic for topic in candidates if _encoding(bag, topic).startswith(UNNAMED_DEPTH[0])]
+    if wanted.image is not None or len(candidates) < 2 or not wide or wanted.depth is not None:
+        return _only(bag, "image_topic", wanted.image, candidates, _IMAGE_KINDS)
+    narrow = [topic for topic in candidates if topic not in wide]
     image_option = with_option("image_topic", (narrow or wide)[0].name)
     depth_option = with_option("depth_topic", wide[0].name)
     raise DataError(
         bag.path,
-        listing(others),
+        listing(candidates),
         f"one topic of images; choose it with {image_option}; if {wide[0].name} is depth, {depth_option}",
     )
 
@@ -481,7 +481,7 @@ def pose_link(bag: Bag, topic: Topic) -> Link:
     """The poses of a topic."""
     links = _links(bag, topic, moving=True)
     if len(links) != 1:
-        pairs = ", ".join(f"{one.child or '(no name)'} in {one.parent}" for one in links)
+        pairs = ", ".join(f"{link.child or '(no name)'} in {link.parent}" for link in links)
         raise DataError(f"{bag.path} {topic.name}", f"poses of several frames: {pairs}", "poses of one frame")
     return links[0]
 
@@ -498,11 +498,11 @@ def _links(bag: Bag, topic: Topic, *, moving: bool) -> list[Link]:
             samples.setdefault((sample.parent, sample.child), []).append((position.received_ns, sample))
     place = f"{bag.path} {topic.name}"
     constant = topic.kind == TRANSFORMS
-    return [_link(place, topic.name, found, moving=moving, constant=constant) for found in samples.values()]
+    return [_link(place, topic.name, of_pair, moving=moving, constant=constant) for of_pair in samples.values()]
 
 
-def _link(place: str, topic: str, found: list[tuple[int, _Sample]], *, moving: bool, constant: bool) -> Link:
-    values = np.array([sample.values for _, sample in found])
+def _link(place: str, topic: str, samples: list[tuple[int, _Sample]], *, moving: bool, constant: bool) -> Link:
+    values = np.array([sample.values for _, sample in samples])
     usable = np.isfinite(values).all(axis=1) & values[:, 3:].any(axis=1)
     places = [f"{place} message {index}" for index in np.flatnonzero(usable)]
     poses = quaternion_poses(values[usable, :3], values[usable, 3:], places)
@@ -510,10 +510,10 @@ def _link(place: str, topic: str, found: list[tuple[int, _Sample]], *, moving: b
     kept = slice(None) if moving else slice(-1, None)
     return Link(
         topic,
-        found[0][1].parent,
-        found[0][1].child,
-        np.array([sample.stamped_ns for _, sample in found])[usable][kept],
-        np.array([received_ns for received_ns, _ in found])[usable][kept],
+        samples[0][1].parent,
+        samples[0][1].child,
+        np.array([sample.stamped_ns for _, sample in samples])[usable][kept],
+        np.array([received_ns for received_ns, _ in samples])[usable][kept],
         poses[kept],
         is_static=not moving or never_changes,
         left_out=int(np.count_nonzero(~usable)),

@@ -166,11 +166,11 @@ class Sequence(Protocol):
 
 def facts_of(sequence: Sequence) -> dict[str, object]:
     """What a sequence shows of itself, by name."""
-    known = int(np.isfinite(sequence.world_from_camera).all(axis=(1, 2)).sum())
+    n_posed = int(np.isfinite(sequence.world_from_camera).all(axis=(1, 2)).sum())
     return {
         "frames": len(sequence),
         "size": f"{sequence.camera.width} x {sequence.camera.height} px",
-        "frames with a pose": known,
+        "frames with a pose": n_posed,
         "truth": ", ".join(sequence.truths) or TRIANGULATED,
         "notes": len(sequence.notes),
     }
@@ -280,9 +280,9 @@ def with_known_facts(sequence: Sequence) -> Sequence:
     """
     kind = type(sequence)
     bases = [base for base in kind.__mro__ if base.__module__.partition(".")[0] == _PACKAGE]
-    known = {name for base in (Sequence, Surface, FurtherFacts, *bases) for name in dir(base)}
+    allowed = {name for base in (Sequence, Surface, FurtherFacts, *bases) for name in dir(base)}
     for name in dir(sequence) if kind not in bases else ():
-        if not name.startswith("_") and name not in known:
+        if not name.startswith("_") and name not in allowed:
             facts = [fact for fact in vars(FurtherFacts) if not fact.startswith("_")]
             raise UnknownNameError(f"fact of {kind.__name__}", name, facts)
     return sequence
@@ -327,9 +327,9 @@ def clock_start_of(sequence: Sequence) -> int | None:
 
 def path_of(sequence: Sequence) -> PosePath | None:
     """Poses of a sequence over time: its own, or those of its frames; None without two frames with timestamps."""
-    own, times = _facts(sequence).path, times_of(sequence)
-    if own is not None or times is None or len(times) < 2:
-        return own
+    path, times = _facts(sequence).path, times_of(sequence)
+    if path is not None or times is None or len(times) < 2:
+        return path
     return PosePath(times, sequence.world_from_camera)
 
 

@@ -117,8 +117,8 @@ def _registered(depth: Camera, focal_px: float) -> Cameras:
 def _one_camera(folder: Path, file: Path | None, calibration: Calibration) -> tuple[str, ...]:
     """What is assumed where colour and depth are one camera."""
     if file is None:
-        found = f"{folder}: no {INTRINSICS}, so the depth camera's fx = fy = 585, cx = 320, cy = 240 are assumed"
-        return found, "colour and depth are assumed to share one camera"
+        assumed = f"{folder}: no {INTRINSICS}, so the depth camera's fx = fy = 585, cx = 320, cy = 240 are assumed"
+        return assumed, "colour and depth are assumed to share one camera"
     unknown = f"{file} does not give the depth camera's 585 px: "
     reason = "" if calibration is Calibration.raw else unknown
     return (f"{reason}colour and depth are assumed to share one camera",)
@@ -179,22 +179,22 @@ def read_sfm_poses(path: Path, images: tuple[Path, ...]) -> tuple[NDArray[np.flo
     rows: dict[str, tuple[str, NDArray[np.float64]]] = {}
     for file in _files(path, images[0].parent):
         _add_rows(rows, file)
-    found = [rows.get(_name(image)) for image in images]
-    known = [index for index, row in enumerate(found) if row is not None]
-    if len(known) < min(2, len(images)):
-        raise DataError(path, f"{len(known)} of the images of {images[0].parent}", "rows for at least 2")
-    places, values = zip(*(row for row in found if row is not None), strict=True)
-    return _poses(np.stack(values), places, known, len(images))
+    row_of_image = [rows.get(_name(image)) for image in images]
+    posed = [index for index, row in enumerate(row_of_image) if row is not None]
+    if len(posed) < min(2, len(images)):
+        raise DataError(path, f"{len(posed)} of the images of {images[0].parent}", "rows for at least 2")
+    places, values = zip(*(row for row in row_of_image if row is not None), strict=True)
+    return _poses(np.stack(values), places, posed, len(images))
 
 
 def _poses(
-    values: NDArray[np.float64], places: tuple[str, ...], known: list[int], count: int
+    values: NDArray[np.float64], places: tuple[str, ...], posed: list[int], count: int
 ) -> tuple[NDArray[np.float64], float]:
     focal_px = values[:, 7]
     for index in np.flatnonzero(~(np.isfinite(focal_px) & (focal_px > 0.0)))[:1]:
         raise DataError(places[index], f"a focal length of {focal_px[index]:g}", "a number above 0")
     poses = np.full((count, 4, 4), np.nan)
-    poses[known] = invert(quaternion_poses(values[:, 4:7], values[:, [1, 2, 3, 0]], places))
+    poses[posed] = invert(quaternion_poses(values[:, 4:7], values[:, [1, 2, 3, 0]], places))
     return poses, float(np.median(focal_px))
 
 
@@ -375,7 +375,7 @@ def _pose_files(folder: Path, frames: range) -> tuple[Path, ...]:
 def _read_poses(paths: tuple[Path, ...]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """(n, 4, 4) float64, and what was corrected; all NaN where a file has numbers that are not finite."""
     poses = np.stack([read_matrix(path, size=4) for path in paths])
-    known = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-    poses[~known] = np.nan
-    poses[known], notes = checked_poses(poses[known], list(compress(paths, known)))
+    posed = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    poses[~posed] = np.nan
+    poses[posed], notes = checked_poses(poses[posed], list(compress(paths, posed)))
     return poses, notes

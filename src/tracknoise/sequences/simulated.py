@@ -310,13 +310,13 @@ class Simulated:
         require_finite("yaw_deg", self.yaw_deg)
         self._require_that_world_and_motions_fit()
         self._require_effects()
-        timed = any(one.readout_s or one.exposure_s for one in self._ways.values())
+        timed = any(imaging.readout_s or imaging.exposure_s for imaging in self._ways.values())
         require(self.frames > 1 or not timed, "frames", self.frames, "at least 2, with a readout_s or exposure_s")
 
     def _require_effects(self) -> None:
         if not self.effects:
             return
-        names = [one.name for one in self.effects]
+        names = [effect.name for effect in self.effects]
         require(len({*names}) == len(names), "effects", names, "different names")
         require(all(names), "effects", names, "names that are not empty")
         if self.imaging != NO_EFFECTS or len(self.lightings) > 1:
@@ -325,7 +325,7 @@ class Simulated:
     @property
     def _ways(self) -> dict[str, Imaging]:
         """How images of each sequence of a scene are taken, by its lighting."""
-        return {one.name: one.imaging for one in self.effects} or dict.fromkeys(self.lightings, self.imaging)
+        return {effect.name: effect.imaging for effect in self.effects} or dict.fromkeys(self.lightings, self.imaging)
 
     def _require_lens(self) -> None:
         if self.lens not in COEFFICIENTS:
@@ -424,9 +424,9 @@ class Simulated:
     def _require_listed(self, sequence: SequenceId) -> None:
         listed = self.sequences()
         if sequence not in listed:
-            known = {item.lighting for item in listed if item.scene == sequence.scene}
-            if known:
-                raise UnknownNameError("lighting", sequence.lighting, known)
+            lightings = {item.lighting for item in listed if item.scene == sequence.scene}
+            if lightings:
+                raise UnknownNameError("lighting", sequence.lighting, lightings)
             raise UnknownNameError("scene", sequence.scene, {item.scene for item in listed})
 
     def _world_from_motion(self) -> NDArray[np.float64]:

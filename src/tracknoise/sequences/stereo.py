@@ -92,9 +92,9 @@ class StereoDepth(View):
             return None
         columns, rows, inside, depth_per_z = self._back
         disparity = self._disparity(self.sequence.image(index), second)[rows, columns]
-        found = inside & (disparity >= _LEAST_DISPARITY_PX) & self._is_shown(columns - disparity, rows)
-        depth_m = self._scale / np.where(found, disparity, 1.0) * depth_per_z
-        return DepthMap(np.where(found, depth_m, 0.0), found, accuracy=self.depth_accuracy)
+        valid = inside & (disparity >= _LEAST_DISPARITY_PX) & self._is_shown(columns - disparity, rows)
+        depth_m = self._scale / np.where(valid, disparity, 1.0) * depth_per_z
+        return DepthMap(np.where(valid, depth_m, 0.0), valid, accuracy=self.depth_accuracy)
 
     def _is_shown(self, columns: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Whether the second image shows anything at positions of the rectified one: elsewhere nothing can match."""
@@ -150,8 +150,8 @@ class StereoDepth(View):
 
 def _columns_and_rows(uv: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """As OpenCV takes them; outside of the image where there is no position."""
-    known = np.nan_to_num(uv, nan=-1e4).astype(np.float32)
-    return np.ascontiguousarray(known[..., 0]), np.ascontiguousarray(known[..., 1])
+    finite = np.nan_to_num(uv, nan=-1e4).astype(np.float32)
+    return np.ascontiguousarray(finite[..., 0]), np.ascontiguousarray(finite[..., 1])
 
 
 def _matcher(disparities: int) -> cv2.StereoSGBM:

@@ -52,14 +52,14 @@ class _System:
 
 def system_of(entries: Entries) -> str | None:
     """Name of the system that wrote a file; None where no system is known by its keys."""
-    found = _system(entries)
-    return None if found is None else found.name
+    system = _system(entries)
+    return None if system is None else system.name
 
 
 def camera_names(entries: Entries) -> list[str]:
     """Names of the cameras of a file of such a system: ``cam0``, ``cam1``; empty where it can have only one."""
-    found = _system(entries)
-    return [] if found is None else found.names(entries)
+    system = _system(entries)
+    return [] if system is None else system.names(entries)
 
 
 def read_system_camera(entries: Entries, camera: str | None, size: Size | None) -> StatedCamera:
@@ -67,24 +67,24 @@ def read_system_camera(entries: Entries, camera: str | None, size: Size | None) 
 
     `size`: width and height of the images, px, for a file that does not say.
     """
-    found = _system(entries)
-    assert found is not None, "the file is of a known system"
-    names = found.names(entries)
+    system = _system(entries)
+    assert system is not None, "the file is of a known system"
+    names = system.names(entries)
     if camera is not None and not names:
-        raise DataError(entries.place, f"no camera {camera}", f"no name: a file of {found.name} has one camera")
+        raise DataError(entries.place, f"no camera {camera}", f"no name: a file of {system.name} has one camera")
     if camera is not None and camera not in names:
         raise UnknownNameError("camera", camera, names)
-    if camera is None and len(names) > 1 and found.must_name(entries):
+    if camera is None and len(names) > 1 and system.must_name(entries):
         raise DataError(entries.place, f"the cameras {', '.join(names)}", with_option("camera", names[-1]))
-    return found.read(entries, camera or next(iter(names), "cam0"), size)
+    return system.read(entries, camera or next(iter(names), "cam0"), size)
 
 
 def _system(entries: Entries) -> _System | None:
     return next((system for system in _SYSTEMS if system.is_of(entries)), None)
 
 
-def _refused(place: str | Path, system: str, model: str, known: Sequence[str]) -> DataError:
-    return DataError(place, f"a camera of {system} with the model {model}", f"one of {', '.join(known)}")
+def _refused(place: str | Path, system: str, model: str, supported: Sequence[str]) -> DataError:
+    return DataError(place, f"a camera of {system} with the model {model}", f"one of {', '.join(supported)}")
 
 
 def _numbered(count: int) -> list[str]:
@@ -283,8 +283,8 @@ def _svo(entries: Entries, camera: str, _: Size | None) -> StatedCamera:
     lens = part.part("distortion") if part.name("distortion") else Entries(part.place, {"type": "none"})
     word = lens.text("type")
     if kind not in ("pinhole", "unified-projection") or word not in _SVO_LENSES:
-        known = [f"pinhole with {', '.join(_SVO_LENSES)}", "unified-projection with none, radial-tangential"]
-        raise _refused(part.place, "SVO (vikit)", f"{kind}, {word}", known)
+        supported = [f"pinhole with {', '.join(_SVO_LENSES)}", "unified-projection with none, radial-tangential"]
+        raise _refused(part.place, "SVO (vikit)", f"{kind}, {word}", supported)
     model, counts = _SVO_LENSES[word]
     coefficients = lens.numbers("parameters", *counts) if counts != (0,) else ()
     coefficients = coefficients if model in ("equidistant", "fov") else _bent(coefficients)
@@ -312,8 +312,8 @@ def _vikit(entries: Entries, _: str, __: Size | None) -> StatedCamera:
     """A file of the first SVO (``cam_fx``). Its ATAN camera has units of the image's sides, with (0, 0) at a corner."""
     kind = entries.text("cam_model")
     if kind not in _VIKIT_MODELS:
-        known = ["Pinhole", "ATAN", "Equidistant"]
-        raise _refused(entries.place, "SVO (vikit)", str(entries.values["cam_model"]), known)
+        supported = ["Pinhole", "ATAN", "Equidistant"]
+        raise _refused(entries.place, "SVO (vikit)", str(entries.values["cam_model"]), supported)
     model = _VIKIT_MODELS[kind]
     width, height = size = _whole(entries, "cam_width", "cam_height")
     fx, fy, cx, cy = _each(entries, "cam_fx", "cam_fy", "cam_cx", "cam_cy")
@@ -430,13 +430,13 @@ _SYSTEMS = (
     ),
     _System(
         "OKVIS",
-        lambda entries: any("focal_length" in one or "T_SC" in one for one in _listed(entries, "cameras")),
+        lambda entries: any("focal_length" in part or "T_SC" in part for part in _listed(entries, "cameras")),
         _all_listed("cameras"),
         _okvis,
     ),
     _System(
         "SVO",
-        lambda entries: any("camera" in one for one in _listed(entries, "cameras")),
+        lambda entries: any("camera" in part for part in _listed(entries, "cameras")),
         _all_listed("cameras"),
         _svo,
     ),

@@ -101,9 +101,9 @@ class TartanAir(SceneReader):
         images = numbered_files(folder / f"image_{camera}", rf"(\d+)_{camera}\.png")
         depth_paths = _depth_files(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}")
         rows, places = read_rows(folder / f"pose_{camera}.txt", _COLUMNS)
-        others = {*depth_paths, *(range(len(rows)) if version.image_for_each_pose else ())}
+        other_frames = {*depth_paths, *(range(len(rows)) if version.image_for_each_pose else ())}
         frames = require_unbroken(
-            images, others, lambda number: folder / f"image_{camera}" / f"{number:06d}_{camera}.png"
+            images, other_frames, lambda number: folder / f"image_{camera}" / f"{number:06d}_{camera}.png"
         )
         require_poses(folder / f"pose_{camera}.txt", poses=len(rows), images=frames.stop)
         _require_size(first_readable(images.values()), version.intrinsics)

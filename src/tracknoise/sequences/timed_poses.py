@@ -58,11 +58,11 @@ def require_distinct(path: Path, times: NDArray[np.float64] | NDArray[np.int64],
         n contents that can be compared, such as names of files.
     """
     first: dict[float, object] = {}
-    other = sum(
+    n_changed = sum(
         first.setdefault(time, content) != content for time, content in zip(times.tolist(), contents, strict=True)
     )
-    if other >= max(_MOST_REPEATED * len(times), 2):
-        repeat = counted_of(other, len(times), "row", "repeats", "repeat")
+    if n_changed >= max(_MOST_REPEATED * len(times), 2):
+        repeat = counted_of(n_changed, len(times), "row", "repeats", "repeat")
         raise DataError(path, f"{repeat} the time of an earlier row", "times with all their digits, one for each row")
 
 
@@ -99,13 +99,13 @@ def trajectory(
 
     Shapes: times_s (n,), pose_rows (n, 7).
     """
-    known = np.flatnonzero(~(np.isnan(pose_rows).all(axis=1) | (pose_rows[:, 3:] == 0.0).all(axis=1)))
-    if not len(known):
+    posed = np.flatnonzero(~(np.isnan(pose_rows).all(axis=1) | (pose_rows[:, 3:] == 0.0).all(axis=1)))
+    if not len(posed):
         raise DataError(path, "no poses", "rows of a time and a pose")
-    lost = len(pose_rows) - len(known)
+    lost = len(pose_rows) - len(posed)
     hold = counted_of(lost, len(pose_rows), "row", "holds", "hold")
     lost_notes = (f"{path}: {hold} no pose (NaN or a quaternion of 0)",) * (lost > 0)
-    times_s, pose_rows, places = times_s[known], pose_rows[known], [places[index] for index in known]
+    times_s, pose_rows, places = times_s[posed], pose_rows[posed], [places[index] for index in posed]
     require_distinct(path, times_s, list(map(tuple, pose_rows.tolist())))
     poses = quaternion_poses(pose_rows[:, :3], pose_rows[:, 3:], places)
     order = in_order(times_s)

@@ -329,11 +329,11 @@ def find_calibration(
     return _published(folder, known)
 
 
-def _from_file(file: Path, read: CameraFile, known: Recording | None, poses_of: PosesOf) -> Calibration:
+def _from_file(file: Path, read: CameraFile, recording: Recording | None, poses_of: PosesOf) -> Calibration:
     """A known recording's poses are of what is published, and in its axes, whatever the file states."""
-    body_from_camera = None if known is None else known.body_from_camera
-    upside_down = known is not None and known.upside_down and poses_of is PosesOf.camera
-    notes = [f"the camera is that of {file}", *_upside_down_notes(known, upside_down)]
+    body_from_camera = None if recording is None else recording.body_from_camera
+    upside_down = recording is not None and recording.upside_down and poses_of is PosesOf.camera
+    notes = [f"the camera is that of {file}", *_upside_down_notes(recording, upside_down)]
     if poses_of is PosesOf.body:
         if read.body_from_camera is None:
             raise DataError(file, "no position of the camera on the body", "T_BS or T_cam_imu, for poses of the body")
@@ -352,7 +352,7 @@ def _from_file(file: Path, read: CameraFile, known: Recording | None, poses_of: 
     )
 
 
-def _from_plain_numbers(path: Path, images: tuple[Path, ...], known: Recording | None) -> Calibration:
+def _from_plain_numbers(path: Path, images: tuple[Path, ...], recording: Recording | None) -> Calibration:
     rows, _ = read_rows(path, _plain_columns(path))
     if len(rows) != 1:
         raise DataError(path, counted(len(rows), "row"), "one of fx fy cx cy")
@@ -363,12 +363,12 @@ def _from_plain_numbers(path: Path, images: tuple[Path, ...], known: Recording |
         distortion[2] = -distortion[2]  # p1 changes its sign with the y axis
     camera = Camera(*image_size(first_readable(images)), fx, abs(fy), cx, cy, tuple(distortion))
     lens = "with radial-tangential distortion" if distortion else "without distortion"
-    by_name = fy > 0.0 and known is not None and known.upside_down
-    notes = (*_flip_notes(fy < 0.0), *_upside_down_notes(known, by_name))
+    by_name = fy > 0.0 and recording is not None and recording.upside_down
+    notes = (*_flip_notes(fy < 0.0), *_upside_down_notes(recording, by_name))
     return Calibration(
         camera=camera,
         notes=(f"the camera is that of {path}, {lens}", *notes),
-        body_from_camera=None if known is None else known.body_from_camera,
+        body_from_camera=None if recording is None else recording.body_from_camera,
         upside_down=fy < 0.0 or by_name,
     )
 
@@ -382,19 +382,19 @@ def _plain_columns(path: Path) -> str:
     return " ".join([_PINHOLE, *coefficients])
 
 
-def _published(folder: Path, known: Recording) -> Calibration:
-    source = f"{folder}: no camera file, so the published camera of {known.name} is used, by the name of the folder"
-    moved = f"the poses were moved from the markers to the camera as published for {known.name}"
+def _published(folder: Path, recording: Recording) -> Calibration:
+    source = f"{folder}: no camera file, so the published camera of {recording.name} is used, by the name of the folder"
+    moved = f"the poses were moved from the markers to the camera as published for {recording.name}"
     return Calibration(
-        camera=known.camera,
+        camera=recording.camera,
         notes=(
             source,
             _REGISTERED,
-            *((moved,) if known.body_from_camera is not None else ()),
-            *_flip_notes(known.upside_down),
+            *((moved,) if recording.body_from_camera is not None else ()),
+            *_flip_notes(recording.upside_down),
         ),
-        body_from_camera=known.body_from_camera,
-        upside_down=known.upside_down,
+        body_from_camera=recording.body_from_camera,
+        upside_down=recording.upside_down,
     )
 
 
@@ -403,11 +403,11 @@ def _flip_notes(upside_down: bool) -> tuple[str, ...]:
     return (note,) if upside_down else ()
 
 
-def _upside_down_notes(known: Recording | None, upside_down: bool) -> tuple[str, ...]:
+def _upside_down_notes(recording: Recording | None, upside_down: bool) -> tuple[str, ...]:
     """Of a recording whose poses are published with axes that no camera file can state."""
-    if known is None or not upside_down:
+    if recording is None or not upside_down:
         return ()
-    return (f"the y axes of the poses of {known.name} point up, and were turned down",)
+    return (f"the y axes of the poses of {recording.name} point up, and were turned down",)
 
 
 def _shift_notes(shift_s: float | None) -> tuple[str, ...]:
@@ -495,11 +495,11 @@ class Tum(SceneReader):
         folder = self._folder(sequence)
         unit = self.time_unit or TimeUnit.s
         images, depths = read_lists(folder, unit)
-        known = known_recording(self.root, folder)
+        recording = known_recording(self.root, folder)
         calibration = find_calibration(
             folder,
             images.files,
-            known,
+            recording,
             camera_file=self.camera_file,
             poses_of=self.poses_of,
             read_camera=partial(self._camera_of, images.files),
@@ -520,7 +520,7 @@ class Tum(SceneReader):
             timestamps_s=timestamps_s,
             time_unit_stated=self.time_unit is not None,
             clock_start_ns=None if timestamps_s is None else round(1e9 * images.times_s[0]),
-            group=None if known is None else known.place,
+            group=None if recording is None else recording.place,
             shutter=calibration.shutter,
             body=calibration.body,
             path=path,

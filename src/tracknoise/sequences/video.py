@@ -71,9 +71,9 @@ def write_frames(video: Path, folder: Path, size: tuple[int, int] | None) -> tup
         (unfinished / "images").mkdir()
         times_s: list[float] = []
         for image in _images(capture):
-            found = (image.shape[1], image.shape[0])
-            if size is not None and found != size:
-                raise DataError(video, f"frames of {found[0]}x{found[1]}", f"the camera's {size[0]}x{size[1]}")
+            actual = (image.shape[1], image.shape[0])
+            if size is not None and actual != size:
+                raise DataError(video, f"frames of {actual[0]}x{actual[1]}", f"the camera's {size[0]}x{size[1]}")
             _, png = cv2.imencode(".png", image)
             (unfinished / "images" / f"{len(times_s):06d}.png").write_bytes(png.tobytes())
             times_s.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)

@@ -236,7 +236,7 @@ class LensRays:
     def rows(self, top: int, bottom: int) -> Rays:
         """See `ImageRays.rows`."""
         (x, y), right, down = (
-            (each[top:bottom, ..., 0], each[top:bottom, ..., 1]) for each in (self._xy, self._right, self._down)
+            (grid[top:bottom, ..., 0], grid[top:bottom, ..., 1]) for grid in (self._xy, self._right, self._down)
         )
         return Rays(x, y, right, down, self._blind[top:bottom])
 

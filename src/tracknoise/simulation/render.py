@@ -200,11 +200,11 @@ class Renderer:
     def _look(self, view: _View, rays: Rays) -> _Seen:
         """Visible points along the rays."""
         centre, directions = view.world_from_camera[:3, 3], _rotated(view.world_from_camera, rays, np.float32)
-        found = self._raycaster.first_triangle(centre, directions)
-        triangle = found.astype(np.intp).reshape(rays.shape)
+        by_ray = self._raycaster.first_triangle(centre, directions)
+        triangle = by_ray.astype(np.intp).reshape(rays.shape)
         s, t, shrink, footprint = self._locate(view, triangle, rays)
         reflectance = self._atlas.read(self._texture[triangle], s, t, footprint)
-        return _Seen(view, rays, triangle.ravel(), shrink.ravel(), reflectance.ravel(), found == MISS)
+        return _Seen(view, rays, triangle.ravel(), shrink.ravel(), reflectance.ravel(), by_ray == MISS)
 
     def _locate(
         self, view: _View, triangle: NDArray[np.intp], rays: Rays

@@ -54,8 +54,8 @@ class Library:
     def find(self, uri: str, beside: Path) -> Path | None:
         """File or folder of a URI. Returns: None if there is no regular file or folder."""
         if uri.startswith(_MODEL):
-            found = (_existing(root / uri.removeprefix(_MODEL), (root,)) for root in self.roots)
-            return next((path for path in found if path), None)
+            paths = (_existing(root / uri.removeprefix(_MODEL), (root,)) for root in self.roots)
+            return next((path for path in paths if path), None)
         path = uri.removeprefix("file://")
         return None if "://" in path else _existing(beside / path, (beside, *self.roots))
 
@@ -75,7 +75,7 @@ def model_file(folder: Path) -> Path:
     if not is_regular_file(config):
         path = folder / "model.sdf"
     else:
-        named = [(_version(item.get("version")), (item.text or "").strip()) for item in read_xml(config).iter("sdf")]
+        named = [(_version(entry.get("version")), (entry.text or "").strip()) for entry in read_xml(config).iter("sdf")]
         if not any(name for _, name in named):
             raise DataError(config, "no SDF file named", "<sdf version='1.6'>model.sdf</sdf>")
         path = _within(folder, max(named)[1], config)
@@ -102,10 +102,10 @@ def model_names(folder: Path) -> list[str]:
 
 def _existing(path: Path, roots: tuple[Path, ...]) -> Path | None:
     """A regular file or folder below one of the roots: the path, or one that differs only in the case of its name."""
-    found = _any_case(path)
-    if found is None or not (is_folder(found) or is_regular_file(found)):
+    existing = _any_case(path)
+    if existing is None or not (is_folder(existing) or is_regular_file(existing)):
         return None
-    return found if any(found.resolve().is_relative_to(root.resolve()) for root in roots) else None
+    return existing if any(existing.resolve().is_relative_to(root.resolve()) for root in roots) else None
 
 
 def _any_case(path: Path) -> Path | None:
@@ -113,10 +113,10 @@ def _any_case(path: Path) -> Path | None:
     try:
         if path.exists():
             return path
-        name, others = path.name.casefold(), sorted(path.parent.iterdir())
+        name, siblings = path.name.casefold(), sorted(path.parent.iterdir())
     except (OSError, ValueError, RuntimeError):  # no folder, no valid name of a file, or links in a circle
         return None
-    return next((other for other in others if other.name.casefold() == name), None)
+    return next((sibling for sibling in siblings if sibling.name.casefold() == name), None)
 
 
 def _within(folder: Path, name: str, place: Path) -> Path:
@@ -233,10 +233,10 @@ class _Walk:
             raise DataError(scope.file, f"<{root.tag}> without world or model", "an SDF file of a world or a model")
         if len(worlds) > 1:
             self.remarks.add(scope.file, f"{len(worlds)} worlds; only the first is used")
-        found = self._world(worlds[0], scope) if worlds else []
+        visuals = self._world(worlds[0], scope) if worlds else []
         for model in models:
-            found += self._model(model, scope, placed)
-        return found
+            visuals += self._model(model, scope, placed)
+        return visuals
 
     def _world(self, world: Element, scope: _Scope) -> list[Visual]:
         """Models of a world. Poses in its saved state take precedence, as in Gazebo."""
@@ -255,13 +255,13 @@ class _Walk:
 
     def _models(self, parent: Element, scope: _Scope, saved: Mapping[str | None, Element | None]) -> list[Visual]:
         """The direct child models of a world or a model."""
-        found: list[Visual] = []
+        visuals: list[Visual] = []
         for child in parent:
             if child.tag == "model":
-                found += self._model(child, scope, saved.get(child.get("name")))
+                visuals += self._model(child, scope, saved.get(child.get("name")))
             elif child.tag == "include":
-                found += self._include(child, scope, saved)
-        return found
+                visuals += self._include(child, scope, saved)
+        return visuals
 
     def _include(self, include: Element, scope: _Scope, saved: Mapping[str | None, Element | None]) -> list[Visual]:
         uri = text_of(include, "uri")
@@ -276,8 +276,8 @@ class _Walk:
             )
         file = model_file(place) if place.is_dir() else place
         self._count_include(file, uri or "", scope)
-        own = saved.get(text_of(include, "name") or place.name)
-        placed = include.find("pose") if own is None else own
+        saved_pose = saved.get(text_of(include, "name") or place.name)
+        placed = include.find("pose") if saved_pose is None else saved_pose
         return self.file(replace(scope, files=(*scope.files, file)), placed)
 
     def _count_include(self, file: Path, uri: str, scope: _Scope) -> None:
@@ -295,12 +295,12 @@ class _Walk:
         """A model, at its own pose unless another pose is given."""
         inner = self._inner(model, scope, model.find("pose") if placed is None else placed)
         self._name_what_is_not_shown(model, inner)
-        found = self._models(model, inner, {})
+        visuals = self._models(model, inner, {})
         for link in model.findall("link"):
             in_link = self._inner(link, inner, link.find("pose"))
             self._name_what_is_not_shown(link, in_link)
-            found += [self._visual(item, model, in_link) for item in link.findall("visual")]
-        return found
+            visuals += [self._visual(visual, model, in_link) for visual in link.findall("visual")]
+        return visuals
 
     def _visual(self, visual: Element, model: Element, scope: _Scope) -> Visual:
         inner = self._inner(visual, scope, visual.find("pose"))

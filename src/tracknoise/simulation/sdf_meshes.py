@@ -419,7 +419,7 @@ def own_look(material: Element | None, file: Path, library: Library, remarks: Re
         return None
     script = material.find("script")
     look = None if script is None else _scripted(script, file, library, remarks)
-    albedo = next((item.text for item in material.iter("albedo_map") if item.text), None)
+    albedo = next((element.text for element in material.iter("albedo_map") if element.text), None)
     if look is None and albedo is not None:
         look = _textured(albedo.strip(), file.parent, file, library, remarks)
     diffuse = material.find("diffuse")

@@ -51,9 +51,9 @@ def load_world(path: Path, *, models: Path | None = None) -> Scenery:
     DataError
         If a file is missing or malformed, or nothing is visible.
     """
-    own = path.parent
-    above = (own.parent,) if (own / MODEL_CONFIG).exists() else ()
-    library = Library((*(() if models is None else (models,)), own, own / "models", *above))
+    folder = path.parent
+    above = (folder.parent,) if (folder / MODEL_CONFIG).exists() else ()
+    library = Library((*(() if models is None else (models,)), folder, folder / "models", *above))
     remarks = Remarks()
     with np.errstate(over="ignore", invalid="ignore"):  # of meshes whose numbers are too large to be used
         world = _assemble(_all_parts(path, library, remarks), remarks)
@@ -72,15 +72,15 @@ def load_model(folder: Path) -> Scenery:
 
 def _all_parts(path: Path, library: Library, remarks: Remarks) -> list[Part]:
     """Triangles of all visuals, in the world frame."""
-    found: list[Part] = []
+    all_parts: list[Part] = []
     triangles = 0
     for visual in read_visuals(path, library, remarks):
         parts = _parts(visual, library, remarks)
         triangles += sum(len(part.corners) for part in parts)
         if triangles > _MOST_TRIANGLES:
             raise DataError(path, f"more than {_MOST_TRIANGLES} triangles", "fewer or smaller meshes")
-        found += parts
-    return found
+        all_parts += parts
+    return all_parts
 
 
 def _parts(visual: Visual, library: Library, remarks: Remarks) -> list[Part]:
@@ -129,7 +129,7 @@ def _assemble(parts: list[Part], remarks: Remarks) -> World | None:
     return World(
         vertices=corners.reshape(-1, 3),
         faces=np.arange(3 * len(corners)).reshape(-1, 3),
-        corner_uv=np.concatenate([each[keep] for each, (_, keep) in zip(uv, kept, strict=True)]),
+        corner_uv=np.concatenate([part_uv[keep] for part_uv, (_, keep) in zip(uv, kept, strict=True)]),
         texture=np.repeat(texture, [keep.sum() for _, keep in kept]),
         textures=tuple(_texture(look, remarks) for look in looks),
         blocks_light=np.ones(len(corners), np.bool_),

@@ -211,12 +211,12 @@ def joined(worlds: Sequence[World]) -> World:
     textures = {id(texture): texture for world in worlds for texture in world.textures}
     index = {key: position for position, key in enumerate(textures)}
     starts = np.cumsum([0, *(len(world.vertices) for world in worlds[:-1])])
-    own = [np.array([index[id(texture)] for texture in world.textures], np.int64) for world in worlds]
+    texture_index = [np.array([index[id(texture)] for texture in world.textures], np.int64) for world in worlds]
     return World(
         vertices=np.concatenate([world.vertices for world in worlds]),
         faces=np.concatenate([world.faces + start for world, start in zip(worlds, starts, strict=True)]),
         corner_uv=np.concatenate([world.corner_uv for world in worlds]),
-        texture=np.concatenate([indices[world.texture] for world, indices in zip(worlds, own, strict=True)]),
+        texture=np.concatenate([indices[world.texture] for world, indices in zip(worlds, texture_index, strict=True)]),
         textures=tuple(textures.values()),
         blocks_light=np.concatenate([world.blocks_light for world in worlds]),
     )

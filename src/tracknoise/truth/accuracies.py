@@ -71,7 +71,7 @@ class _Row:
     accuracy: TruthAccuracy
 
     def is_about(self, sequence: SequenceId) -> bool:
-        return sequence.dataset == self.dataset and any(fnmatchcase(sequence.scene, one) for one in self.scenes)
+        return sequence.dataset == self.dataset and any(fnmatchcase(sequence.scene, pattern) for pattern in self.scenes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +121,8 @@ def known_accuracy(sequence: Sequence, kind: str, rule: AccuracyRule = DEFAULT_R
     if halves_of(sequence) is not None:
         useless |= POSE_TOPICS
     figures, notes = TruthAccuracy(), []
-    for one in _statements(sequence, rule):
-        new = one.without(useless | figures.topics)
+    for statement in _statements(sequence, rule):
+        new = statement.without(useless | figures.topics)
         notes += list(_notes(new))
         figures = figures.over(new)
     shares = fault_shares_of(sequence)
@@ -136,12 +136,12 @@ def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccurac
     yield fault_bounds_of(sequence)
     yield rule.stated
     yield accuracy_of(sequence)
-    others = {"readout"} if shutter_of(sequence) is not None else set()
+    left_out = {"readout"} if shutter_of(sequence) is not None else set()
     if has_other_poses(sequence):
-        others |= {"rotation", "translation", "clock"}
+        left_out |= {"rotation", "translation", "clock"}
     for row in shipped_rows() if rule.shipped else ():
         if row.is_about(sequence.id):
-            yield row.accuracy.without(others)
+            yield row.accuracy.without(left_out)
 
 
 def _notes(accuracy: TruthAccuracy) -> Iterator[str]:

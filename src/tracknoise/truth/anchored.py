@@ -60,8 +60,8 @@ class AnchoredTracks:
         on_ray = np.abs(projected - anchors_uv).max(axis=1) < _ROUNDING_PX
         uv = np.where(on_ray[:, np.newaxis], anchors_uv, projected)
         status = self._status[tracks]
-        known = (status == TruthStatus.valid) | (seen == TruthStatus.no_pose)
-        self._located.append((uv, np.where(known, seen, status)))
+        by_frame = (status == TruthStatus.valid) | (seen == TruthStatus.no_pose)
+        self._located.append((uv, np.where(by_frame, seen, status)))
 
     def positions(self) -> TruePositions:
         """True positions in all frames, in the order in which they were located."""
@@ -203,8 +203,8 @@ class BirthSession:
         """Anchor new tracks and locate all: see `tracknoise.truth.truth.TruthSession.observe`."""
         self._tracks.begin(index, *self._truth.anchor(index, uv[born]))
         new, surround = uv[born], self._truth.surround
-        known = unknown_surroundings(len(new)) if surround is None or not len(new) else surround(index, new)
-        self._surroundings.append(known)
+        surroundings = unknown_surroundings(len(new)) if surround is None or not len(new) else surround(index, new)
+        self._surroundings.append(surroundings)
         if self._truth.depth_sigma is not None:
             self._sigmas.append(self._truth.depth_sigma(index, new))
         self._tracks.locate(index, tracks, np.where(born[:, np.newaxis], uv, np.nan))

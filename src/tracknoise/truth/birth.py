@@ -83,6 +83,6 @@ class BirthDepths:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         depth_m, sigma_m = read.depth_m.copy(), np.full(len(uv), np.nan)
         if self._joined is not None and read.valid.any():
-            found = self._joined.of(index, uv[read.valid], depth_m[read.valid])
-            depth_m[read.valid], sigma_m[read.valid] = found
+            joined = self._joined.of(index, uv[read.valid], depth_m[read.valid])
+            depth_m[read.valid], sigma_m[read.valid] = joined
         return depth_m, sigma_m

@@ -53,14 +53,14 @@ class JoinedDepths:
         feature that fewer than three maps see keeps its own depth, with the error of single maps of the frame.
         """
         difference = self.differences(index, uv, depth_m)
-        known = np.isfinite(difference)
-        scale = _MEDIAN_TO_SIGMA * float(np.median(np.abs(difference[known]))) if known.any() else _SAME_MOST
-        same = known & (np.abs(difference) <= np.clip(_SAME_SCALES * scale, _SAME_LEAST, _SAME_MOST))
-        other = np.where(same, difference, np.nan)
+        valid = np.isfinite(difference)
+        scale = _MEDIAN_TO_SIGMA * float(np.median(np.abs(difference[valid]))) if valid.any() else _SAME_MOST
+        same = valid & (np.abs(difference) <= np.clip(_SAME_SCALES * scale, _SAME_LEAST, _SAME_MOST))
+        agreeing = np.where(same, difference, np.nan)
         enough = np.flatnonzero(same.sum(axis=0) + 1 >= _FEWEST)
         middle, sigma = np.zeros(len(uv)), np.full(len(uv), scale / np.sqrt(2.0))
-        middle[enough] = np.nanmedian(np.vstack([np.zeros(len(enough)), other[:, enough]]), axis=0)
-        single = _MEDIAN_TO_SIGMA * np.nanmedian(np.abs(other[:, enough]), axis=0) / np.sqrt(2.0)
+        middle[enough] = np.nanmedian(np.vstack([np.zeros(len(enough)), agreeing[:, enough]]), axis=0)
+        single = _MEDIAN_TO_SIGMA * np.nanmedian(np.abs(agreeing[:, enough]), axis=0) / np.sqrt(2.0)
         sigma[enough] = _OF_MEDIAN * single / np.sqrt(same.sum(axis=0)[enough] + 1)
         joined_m = depth_m * np.exp(middle)
         return joined_m, joined_m * sigma
@@ -68,26 +68,26 @@ class JoinedDepths:
     def differences(self, index: int, uv: Array, depth_m: Array) -> Array:
         """(k, n) float64: log of the depth by each other map over the own one; NaN where a map does not see a point."""
         geometry = self._geometry
-        found = np.full((2 * REACH, len(uv)), np.nan)
+        differences = np.full((2 * REACH, len(uv)), np.nan)
         rays = geometry.camera_at(index).bearings(uv)
-        for row, other in enumerate(self._others(index)):
-            depth = self._map(other)
+        for row, frame in enumerate(self._others(index)):
+            depth = self._map(frame)
             if depth is None:
                 continue
             log = np.zeros(len(uv))
             for _ in range(_STEPS):
                 points = rays * (depth_m * np.exp(log))[:, None]
-                seen_uv, seen = geometry.seen(other, geometry.to_world(index, uv, points))
+                seen_uv, seen = geometry.seen(frame, geometry.to_world(index, uv, points))
                 usable = np.isfinite(seen_uv).all(axis=1) & (seen[:, 2] > 0.0)
                 read = sample(depth, np.where(usable[:, None], seen_uv, -1.0))
                 step = np.log(read.depth_m / np.where(usable, seen[:, 2], 1.0))
                 log = np.where(usable & read.valid, log + np.clip(step, -_SAME_MOST, _SAME_MOST), np.nan)
-            found[row] = log
-        return found
+            differences[row] = log
+        return differences
 
     def _others(self, index: int) -> list[int]:
         first, last = max(0, index - REACH), min(len(self._geometry.sequence), index + REACH + 1)
-        return [other for other in range(first, last) if other != index and self._geometry.has_pose(other)]
+        return [frame for frame in range(first, last) if frame != index and self._geometry.has_pose(frame)]
 
     def _map(self, index: int) -> DepthMap | None:
         """Dense depth of a frame. Maps of neighbouring frames are kept, as far as memory for them goes."""

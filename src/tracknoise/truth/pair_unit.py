@@ -51,10 +51,10 @@ def pair_unit(geometry: SequenceGeometry) -> PairUnit:
     uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     posed = [index for index in range(len(geometry.sequence)) if geometry.has_pose(index)]
     for place in np.unique(np.linspace(0, len(posed) - 1, _FRAMES).astype(int)):
-        one, other = (sweep.found(posed[place], uv) for sweep in (by_poses, by_pair))
-        both = _is_exact(one) & _is_exact(other)
+        of_poses, of_pair = (sweep.found(posed[place], uv) for sweep in (by_poses, by_pair))
+        both = _is_exact(of_poses) & _is_exact(of_pair)
         if np.count_nonzero(both) >= _FEWEST_POINTS:
-            logs.append(float(np.median(np.log(other.inverse_depth[both] / one.inverse_depth[both]))))
+            logs.append(float(np.median(np.log(of_pair.inverse_depth[both] / of_poses.inverse_depth[both]))))
     if len(logs) < _FEWEST_FRAMES:
         return PairUnit(1.0, np.inf)
     middle = float(np.median(logs))
@@ -62,5 +62,5 @@ def pair_unit(geometry: SequenceGeometry) -> PairUnit:
     return PairUnit(float(np.exp(middle)), float(np.sqrt(np.pi / 2.0 / len(logs))) * apart)
 
 
-def _is_exact(found: Swept) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    return np.asarray(found.sigma < _LARGEST_SIGMA * found.inverse_depth)
+def _is_exact(swept: Swept) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    return np.asarray(swept.sigma < _LARGEST_SIGMA * swept.inverse_depth)

@@ -142,11 +142,11 @@ class Warp:
     def positions(self, grid: NDArray[np.float32]) -> NDArray[np.float32]:
         """(n, p, 2): positions of the samples (p, 2) of the patches, px."""
         grid_3 = np.column_stack([np.ones(len(grid), np.float32), grid]).T
-        found = np.empty((len(self.centre), len(grid), 2), np.float32)
+        positions = np.empty((len(self.centre), len(grid), 2), np.float32)
         for axis in (0, 1):
             by_step = np.stack([self.centre[:, axis], self.right[:, axis], self.down[:, axis]], axis=1)
-            np.matmul(by_step.astype(np.float32), grid_3, out=found[:, :, axis])
-        return found
+            np.matmul(by_step.astype(np.float32), grid_3, out=positions[:, :, axis])
+        return positions
 
     def back(self, moved: Floats) -> Floats:
         """(n, 2): displacements (n, 2) of the other frame in that of the patches, px; NaN where there is none."""
@@ -199,10 +199,10 @@ class PlaneSweep:
         of_pair = self._views.pair_baseline if any(map(self._views.is_second, baselines)) else 0.0
         least = max(_NEGLIGIBLE * most, _OF_PAIR * of_pair)
         used = {view: length for view, length in baselines.items() if length > least}
-        found: dict[int, list[int]] = {}
-        for view, length in sorted(used.items(), key=lambda one: one[1]):
-            found.setdefault(int(np.log2(length / min(used.values()))), []).append(view)
-        return list(found.values())
+        rungs: dict[int, list[int]] = {}
+        for view, length in sorted(used.items(), key=lambda item: item[1]):
+            rungs.setdefault(int(np.log2(length / min(used.values()))), []).append(view)
+        return list(rungs.values())
 
     def _found(self, index: int, uv: Floats, rungs: list[list[int]]) -> Swept:
         rays = Rays.of(self._geometry, index, uv)
@@ -218,7 +218,7 @@ class PlaneSweep:
         rays, whole = Rays.of(self._geometry, index, uv), self._views.level(index, 0)
         moved = np.stack([inverse * self._slope(rays, rung, inverse) for rung in rungs])
         apart = np.abs(np.log(np.nan_to_num(moved, nan=_TINY) / _EDGE_PX))
-        chosen, found = np.argmin(apart, axis=0), np.zeros(len(uv), np.bool_)
+        chosen, at_edge = np.argmin(apart, axis=0), np.zeros(len(uv), np.bool_)
         for number, rung in enumerate(rungs):
             rows = np.flatnonzero((chosen == number) & np.isfinite(moved[number]))
             if not len(rows):
@@ -231,16 +231,16 @@ class PlaneSweep:
                 scores = self._scores(
                     Rays.of(self._geometry, index, beside), rung, tried, template, level=0, grid=_COARSE
                 )
-                found[rows] |= _is_elsewhere(scores, away_px)
-        return found
+                at_edge[rows] |= _is_elsewhere(scores, away_px)
+        return at_edge
 
     def _searched(self, index: int, uv: Floats, rays: Rays, rungs: list[list[int]]) -> tuple[Floats, NDArray[np.intp]]:
         """Inverse depth of each point, and the last rung on which it was found, -1 if on none or at two depths."""
         planes = self._planes(index, rungs[0])
         whole, half = (self._views.level(index, level) for level in (0, 1))
         template = sampled(half, (uv[:, None] / 2.0 + _COARSE).astype(np.float32))
-        every = np.broadcast_to(planes, (len(uv), len(planes)))
-        inverse, score = _peaks(every, self._scores(rays, rungs[0], every, template, level=1, grid=_COARSE))
+        all_planes = np.broadcast_to(planes, (len(uv), len(planes)))
+        inverse, score = _peaks(all_planes, self._scores(rays, rungs[0], all_planes, template, level=1, grid=_COARSE))
         template = sampled(whole, (uv[:, None] + _FINE).astype(np.float32))
         alive, total, last = score > _POSSIBLE, np.zeros_like(score), np.full(score.shape, -1)
         for number, rung in enumerate(rungs):
@@ -282,7 +282,7 @@ class PlaneSweep:
         """(n,): the most that points move in any of the views, px per inverse depth; NaN where none shows them."""
         here, there = rays.points(0, inverse), rays.points(0, inverse * (1.0 + _STEP))
         moved = [self._views.project(view, there) - self._views.project(view, here) for view in views]
-        slope = np.fmax.reduce([np.linalg.norm(one, axis=1) for one in moved]) / (_STEP * inverse)
+        slope = np.fmax.reduce([np.linalg.norm(displacement, axis=1) for displacement in moved]) / (_STEP * inverse)
         return np.where(slope > 0.0, slope, np.nan)
 
     def _scores(
@@ -297,13 +297,13 @@ class PlaneSweep:
     ) -> Floats:
         """(n, h): mean correlation of patches in the better half of frames, at inverse depths (n, h)."""
         n, h = inverse.shape
-        every, flat = rays.rows(np.repeat(np.arange(n), h)), inverse.ravel()
+        all_rays, flat = rays.rows(np.repeat(np.arange(n), h)), inverse.ravel()
         plain = template - template.mean(axis=1, keepdims=True)
         both = np.stack([plain, np.ones_like(plain)], axis=2)
         length = np.sqrt(np.square(plain).sum(axis=1))[:, None]
         scores = np.empty((len(rung), n, h))
         for number, view in enumerate(rung):
-            warp = Warp.of(self._views, view, every, flat)
+            warp = Warp.of(self._views, view, all_rays, flat)
             warp = Warp(warp.centre / (1.0 + level), warp.right, warp.down)
             values = sampled(self._views.level(view, level), warp.positions(grid)).reshape(n, h, -1)
             alike, total = np.moveaxis(values @ both, 2, 0)
@@ -327,7 +327,7 @@ class Patches:
     def cut(cls, image: NDArray[np.float32], uv: Floats) -> "Patches":
         """Those around positions (n, 2) in an image."""
         shown = (sampled(image, (uv[:, None] + _FINE + step).astype(np.float32)) for step in _AROUND)
-        middle, right, left, below, above = (one.astype(np.float64) for one in shown)
+        middle, right, left, below, above = (patch.astype(np.float64) for patch in shown)
         middle = _without_mean(middle)
         size = np.sqrt(_total(middle * middle))
         size = np.where(size > 0.0, size, np.nan)
@@ -398,9 +398,9 @@ class _Fit:
             + np.square(_of_noise(sums, weight))
         )
         slope = np.where(weight > 0.0, sums.slope, 0.0).max(axis=0, initial=0.0)
-        known = (np.count_nonzero(weight, axis=0) >= fewest) & (inverse > LEAST_SIGMAS * sigma)
-        known &= inverse * slope > LEAST_PARALLAX_PX
-        return np.where(known, inverse, np.nan), np.where(known, sigma, np.nan)
+        valid = (np.count_nonzero(weight, axis=0) >= fewest) & (inverse > LEAST_SIGMAS * sigma)
+        valid &= inverse * slope > LEAST_PARALLAX_PX
+        return np.where(valid, inverse, np.nan), np.where(valid, sigma, np.nan)
 
     def _step(self, sums: _Sums, weight: Floats, inverse: Floats, tilt: Floats) -> Floats:
         """(n, 3): Gauss-Newton step of the inverse depth and of its slopes; NaN where nothing is seen."""
@@ -419,13 +419,13 @@ class _Fit:
 
     def _spread(self, sums: _Sums, weight: Floats) -> Floats:
         """(n,): standard deviation of the mean of groups of views: of both cameras, earlier and later, near and far."""
-        own, known = np.nan_to_num(sums.own), weight * np.nan_to_num(sums.normal[:, :, 0])
-        total = np.maximum(known.sum(axis=0), _TINY)
-        mean = (known * own).sum(axis=0) / total
-        far = sums.slope > _median(np.where(known > 0.0, sums.slope, np.nan))
-        parts = [known * side * part for side in self._sides for part in (far, ~far)]
+        steps, information = np.nan_to_num(sums.own), weight * np.nan_to_num(sums.normal[:, :, 0])
+        total = np.maximum(information.sum(axis=0), _TINY)
+        mean = (information * steps).sum(axis=0) / total
+        far = sums.slope > _median(np.where(information > 0.0, sums.slope, np.nan))
+        parts = [information * side * part for side in self._sides for part in (far, ~far)]
         count = np.sum([part.any(axis=0) for part in parts], axis=0)
-        moved = np.stack([(part * (own - mean)).sum(axis=0) / total for part in parts])
+        moved = np.stack([(part * (steps - mean)).sum(axis=0) / total for part in parts])
         return np.asarray(np.sqrt(np.square(moved).sum(axis=0) * count / np.maximum(count - 1, 1)))
 
     def _sums(self, inverse: Floats, tilt: Floats, last: NDArray[np.intp]) -> _Sums:
@@ -454,10 +454,10 @@ class _Fit:
 
 def _weights(sums: _Sums) -> Floats:
     """(f, n): weights of frames, relative to the sums: by their distance from the median of all; 0 where unlike."""
-    own = sums.own
-    good = (sums.alike > _ALIKE) & (np.abs(own * sums.slope) < _NEAR_PX)
-    middle = _weighted_median(np.where(good, own, 0.0), np.where(good, sums.normal[:, :, 0], 0.0))
-    away_px = np.where(good, np.abs(own - middle) * sums.slope, np.nan)
+    steps = sums.own
+    good = (sums.alike > _ALIKE) & (np.abs(steps * sums.slope) < _NEAR_PX)
+    middle = _weighted_median(np.where(good, steps, 0.0), np.where(good, sums.normal[:, :, 0], 0.0))
+    away_px = np.where(good, np.abs(steps - middle) * sums.slope, np.nan)
     scale_px = np.maximum(1.4826 * _median(away_px), _LEAST_SPREAD_PX)
     return np.where(good, 1.0 / (1.0 + np.square(np.nan_to_num(away_px) / (2.0 * scale_px))), 0.0)
 
@@ -471,8 +471,8 @@ def _of_halves(sums: _Sums, weight: Floats) -> Floats:
     """(n,): the term of (sweep.spread) that halves of the patches give; NaN where one has no texture."""
     towards, normal = _weighted(weight, sums.towards), _weighted(weight, sums.normal)
     normal = np.where(normal > 0.0, normal, np.nan)
-    own = towards[:, 3:] / normal[:, 6:] - (towards[:, 0] / normal[:, 0])[:, None]
-    return np.asarray(HALF_SHARE * np.abs(own).max(axis=1))
+    differences = towards[:, 3:] / normal[:, 6:] - (towards[:, 0] / normal[:, 0])[:, None]
+    return np.asarray(HALF_SHARE * np.abs(differences).max(axis=1))
 
 
 def _of_noise(sums: _Sums, weight: Floats) -> Floats:
@@ -481,8 +481,8 @@ def _of_noise(sums: _Sums, weight: Floats) -> Floats:
     slope = np.where(used, sums.slope, 0.0)
     texture = _median(np.where(used, sums.normal[:, :, 0] / np.square(sums.slope), np.nan))
     miss = np.where(used, 2.0 * (1.0 - sums.alike), 0.0).sum(axis=0) / np.maximum(used.sum(axis=0), 1) / _WEIGHT.sum()
-    known = (texture > 0.0) & (slope.sum(axis=0) > 0.0)
-    px = NOISE_SHARE * np.sqrt(np.maximum(miss, 0.0) / np.where(known, texture, np.nan))
+    valid = (texture > 0.0) & (slope.sum(axis=0) > 0.0)
+    px = NOISE_SHARE * np.sqrt(np.maximum(miss, 0.0) / np.where(valid, texture, np.nan))
     return np.asarray(px * slope.sum(axis=0) / np.maximum(np.square(slope).sum(axis=0), _TINY))
 
 
@@ -496,31 +496,31 @@ def _mean_of_better_half(scores: Floats) -> Floats:
 
 def _is_elsewhere(scores: Floats, away_px: Floats) -> NDArray[np.bool_]:
     """(n,): whether scores (n, h) are clearly better at another depth, so many px away, than at that of the point."""
-    known = np.where(np.isfinite(scores), scores, -1.0)
-    here = np.where(away_px <= _SAME_PX, known, -1.0).max(axis=1)
-    there = np.where(away_px > _APART_PX, known, -1.0).max(axis=1)
+    filled = np.where(np.isfinite(scores), scores, -1.0)
+    here = np.where(away_px <= _SAME_PX, filled, -1.0).max(axis=1)
+    there = np.where(away_px > _APART_PX, filled, -1.0).max(axis=1)
     return np.asarray((there > _ELSEWHERE) & (1.0 - there < _LESS * (1.0 - here)))
 
 
 def _peaks(inverse: Floats, scores: Floats) -> tuple[Floats, Floats]:
     """The best few peaks of scores (n, h): inverse depths and scores, (n, k); -1 where there is no more."""
-    known = np.where(np.isfinite(scores), scores, -1.0)
-    beside = np.pad(known, ((0, 0), (1, 1)), constant_values=-1.0)
-    peak = np.where((known >= beside[:, :-2]) & (known >= beside[:, 2:]), known, -1.0)
+    filled = np.where(np.isfinite(scores), scores, -1.0)
+    beside = np.pad(filled, ((0, 0), (1, 1)), constant_values=-1.0)
+    peak = np.where((filled >= beside[:, :-2]) & (filled >= beside[:, 2:]), filled, -1.0)
     order = np.argsort(-peak, axis=1)[:, :_CANDIDATES]
     return np.take_along_axis(inverse, order, axis=1).copy(), np.take_along_axis(peak, order, axis=1)
 
 
 def _peak(inverse: Floats, scores: Floats) -> tuple[Floats, Floats]:
     """The highest of scores (n, h), by a parabola through its neighbours: inverse depth and score, (n,)."""
-    known = np.where(np.isfinite(scores), scores, -1.0)
-    rows, top = np.arange(len(known)), np.argmax(known, axis=1)
-    inner = np.clip(top, 1, known.shape[1] - 2)
-    before, here, after = (known[rows, inner + step] for step in (-1, 0, 1))
+    filled = np.where(np.isfinite(scores), scores, -1.0)
+    rows, top = np.arange(len(filled)), np.argmax(filled, axis=1)
+    inner = np.clip(top, 1, filled.shape[1] - 2)
+    before, here, after = (filled[rows, inner + step] for step in (-1, 0, 1))
     bend = before - 2.0 * here + after
     shift = np.where((top == inner) & (bend < 0.0), 0.5 * (before - after) / np.where(bend < 0.0, bend, 1.0), 0.0)
     step = inverse[rows, inner + 1] - inverse[rows, inner]
-    return inverse[rows, top] + np.clip(shift, -0.5, 0.5) * step, known[rows, top]
+    return inverse[rows, top] + np.clip(shift, -0.5, 0.5) * step, filled[rows, top]
 
 
 def _weighted_median(values: Floats, weight: Floats) -> Floats:

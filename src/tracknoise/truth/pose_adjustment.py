@@ -122,7 +122,7 @@ class Fault:
     def is_established(self) -> bool:
         """Whether it is clearly not 0, and tracks of each kind find much of it."""
         clear = abs(self.size) >= _ESTABLISHED * self.deviation > 0.0
-        return clear and all(one / self.size > _OF_A_KIND for one in self.of_kinds)
+        return clear and all(size / self.size > _OF_A_KIND for size in self.of_kinds)
 
 
 class _Chunk:
@@ -131,9 +131,9 @@ class _Chunk:
     Their pairs of a frame of birth and a later frame are sorted by both.
     """
 
-    def __init__(self, tracks: ReferenceTracks, own: range) -> None:
-        first, last = np.searchsorted(tracks.track, (own.start, own.stop)).tolist()
-        self.tracks, self.rows = slice(own.start, own.stop), slice(first, last)
+    def __init__(self, tracks: ReferenceTracks, numbers: range) -> None:
+        first, last = np.searchsorted(tracks.track, (numbers.start, numbers.stop)).tolist()
+        self.tracks, self.rows = slice(numbers.start, numbers.stop), slice(first, last)
         born, frame = tracks.birth[tracks.track[self.rows]], tracks.frame[self.rows]
         frames = int(frame.max(initial=0)) + 1
         key, of_row = np.unique(born.astype(np.intp) * frames + frame, return_inverse=True)
@@ -166,7 +166,7 @@ def _chunks(tracks: ReferenceTracks) -> tuple[_Chunk, ...]:
             ends.append(int(first[place]))
             start = rows[place]
     ends.append(len(tracks.birth))
-    return tuple(_Chunk(tracks, range(*each)) for each in pairwise(ends) if each[0] < each[1])
+    return tuple(_Chunk(tracks, range(*span)) for span in pairwise(ends) if span[0] < span[1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -203,10 +203,10 @@ class _Linearised:
         first = chunk.rows.start
         if first in self._kept:
             return self._kept[first]
-        found = self.adjustment.linear(self.state, chunk)
+        linear = self.adjustment.linear(self.state, chunk)
         if chunk.rows.stop <= _KEPT:
-            self._kept[first] = found
-        return found
+            self._kept[first] = linear
+        return linear
 
 
 class PoseAdjustment:
@@ -230,10 +230,10 @@ class PoseAdjustment:
         self._in_frame = None  # of a rolling shutter: pose of the row of birth in the frame of the pose
         if self._row_poses.rows is not None:
             self._in_frame = invert(self._stated)[tracks.birth] @ self._row_poses.at(tracks.birth, tracks.birth_uv)
-        known = tracks.depth_m[np.isfinite(tracks.depth_m)]
-        self._has_depth = bool(len(known))
+        stated_m = tracks.depth_m[np.isfinite(tracks.depth_m)]
+        self._has_depth = bool(len(stated_m))
         self._chunks = _chunks(tracks)
-        self._reach = max((int((one.frame - one.birth).max(initial=1)) for one in self._chunks), default=1)
+        self._reach = max((int((chunk.frame - chunk.birth).max(initial=1)) for chunk in self._chunks), default=1)
         self._depth_prior = np.where(np.isfinite(tracks.depth_m), tracks.depth_sigma, np.inf)
         self._start = State(self._stated.copy(), self._depths(tracks.depth_m))
         self._logs = np.log(self._start.depth_m)
@@ -248,11 +248,11 @@ class PoseAdjustment:
 
     def with_depths(self, depth_m: Array) -> "PoseAdjustment":
         """The adjustment with other stated depths (m,), metres, NaN where there are none."""
-        part, known = copy(self), np.isfinite(depth_m)
+        part, has_depth = copy(self), np.isfinite(depth_m)
         part.tracks = replace(self.tracks, depth_m=depth_m)
-        part._start = State(self._start.poses, np.where(known, depth_m, self._start.depth_m))
+        part._start = State(self._start.poses, np.where(has_depth, depth_m, self._start.depth_m))
         part._logs = np.log(part._start.depth_m)
-        part._depth_prior = np.where(known, self._depth_prior, np.inf)
+        part._depth_prior = np.where(has_depth, self._depth_prior, np.inf)
         return part
 
     def _choose(self, tracks: NDArray[np.bool_]) -> None:
@@ -265,12 +265,12 @@ class PoseAdjustment:
 
     def residuals(self, poses: Array, depth_m: Array) -> Array:
         """(n, 2): observed less predicted positions, px, by poses (frames, 4, 4) and depths (m,) at births."""
-        state, found = State(poses, depth_m), np.empty_like(self.tracks.uv)
+        state, residual = State(poses, depth_m), np.empty_like(self.tracks.uv)
         for chunk in self._chunks:
             seen, *_ = self._seen(state, self._between(state, chunk), chunk)
             cameras = self._cameras.chosen(self.tracks.frame[chunk.rows])
-            found[chunk.rows] = self.tracks.uv[chunk.rows] - cameras.project(seen)
-        return found
+            residual[chunk.rows] = self.tracks.uv[chunk.rows] - cameras.project(seen)
+        return residual
 
     def blocks(self) -> Iterator[slice]:
         """Rows that are treated together, so that memory grows little with their number."""
@@ -339,7 +339,7 @@ class PoseAdjustment:
         linear, block = _Linearised(self, state), self._blocks(state)
         residual = self.residuals(state.poses, state.depth_m)
         weight = self._weights(residual)
-        return {name: self._fault(linear, residual, weight, block, one) for name, one in moved.items()}
+        return {name: self._fault(linear, residual, weight, block, displaced) for name, displaced in moved.items()}
 
     def _fault(
         self, linear: _Linearised, residual: Array, weight: Weights, block: Integers, moved: NDArray[np.floating]
@@ -366,27 +366,27 @@ class PoseAdjustment:
             by_poses = unit - turned
             by_both = by_poses - derivatives.by_depth * stretch[track, None]
             left[rows] = np.where(is_free[track, None], by_both, by_poses)
-            own = of_known(chunk)
+            chunk_weight = of_known(chunk)
             curvature, slope, square = (
-                np.nan_to_num(own * np.sum(one * other, axis=1))
-                for one, other in ((unit, by_both), (by_both, residual[rows]), (by_both, by_both))
+                np.nan_to_num(chunk_weight * np.sum(first * second, axis=1))
+                for first, second in ((unit, by_both), (by_both, residual[rows]), (by_both, by_both))
             )
-            of_blocks += [np.bincount(block[track], one, size) for one in (slope, curvature)]
-            of_kinds += [np.bincount(tracks.kind[track], one, of_kinds.shape[1]) for one in (slope, square)]
+            of_blocks += [np.bincount(block[track], values, size) for values in (slope, curvature)]
+            of_kinds += [np.bincount(tracks.kind[track], values, of_kinds.shape[1]) for values in (slope, square)]
         slopes, curvatures = of_blocks.sum(axis=1).tolist()
         if not curvatures > 0.0:
             return Fault(0.0, np.inf, (), 0.0, left)
-        found = slopes / curvatures
-        deviation = float(np.sqrt(np.sum((of_blocks[0] - found * of_blocks[1]) ** 2)) / curvatures)
+        fault_size = slopes / curvatures
+        deviation = float(np.sqrt(np.sum((of_blocks[0] - fault_size * of_blocks[1]) ** 2)) / curvatures)
         kinds = of_kinds[0] / np.maximum(of_kinds[1], 1e-300) * (of_kinds[1].sum() / curvatures)
-        return Fault(found, deviation, tuple(kinds.tolist()), found * slopes, left)
+        return Fault(fault_size, deviation, tuple(kinds.tolist()), fault_size * slopes, left)
 
     def by_log_depth(self, state: "State") -> NDArray[np.float32]:
         """(n, 2): displacements of predicted positions with the logarithms of the depths at birth, px."""
-        found = np.empty(self.tracks.uv.shape, np.float32)
+        displaced = np.empty(self.tracks.uv.shape, np.float32)
         for chunk in self._chunks:
-            found[chunk.rows] = self.linear(state, chunk).by_depth
-        return found
+            displaced[chunk.rows] = self.linear(state, chunk).by_depth
+        return displaced
 
     def _weights(self, residual: Array) -> Weights:
         """Of observations, by the scales of all residuals (n, 2); 0 where one is unknown."""
@@ -446,13 +446,13 @@ class PoseAdjustment:
         system = _Banded(n_frames, min(self._reach, n_frames - 1) + 1)
         self._add_prior(state, system)
         for chunk in self._chunks:
-            derivatives, own, number = linear.of(chunk), weight(chunk), chunk.numbers(tracks)
-            weighted, known = derivatives.by_depth * own[:, None], np.nan_to_num(residual[chunk.rows])
+            derivatives, chunk_weight, number = linear.of(chunk), weight(chunk), chunk.numbers(tracks)
+            weighted, chunk_residual = derivatives.by_depth * chunk_weight[:, None], np.nan_to_num(residual[chunk.rows])
             of_depth = curvature[chunk.tracks], slope[chunk.tracks]
-            for sums, column in zip(of_depth, (derivatives.by_depth, known), strict=True):
+            for sums, column in zip(of_depth, (derivatives.by_depth, chunk_residual), strict=True):
                 sums += np.bincount(number, np.sum(weighted * column, axis=1), len(sums))
             of_depth[0][of_depth[0] <= 0.0] = 1.0
-            self._add_chunk(system, chunk, derivatives, known, own, of_depth)
+            self._add_chunk(system, chunk, derivatives, chunk_residual, chunk_weight, of_depth)
         twist = system.solved()
         for chunk in self._chunks:
             derivatives = linear.of(chunk)
@@ -474,33 +474,33 @@ class PoseAdjustment:
         now, aside = sums[:, :, :_TWIST], -np.swapaxes(linear.carried, 1, 2) @ sums
         by_both = np.einsum("nij,ni->nj", linear.by_pose, linear.by_depth * weight[:, None])
         number, frame, root = chunk.numbers(self.tracks), self.tracks.frame[chunk.rows], np.sqrt(of_depth[0])
-        for birth, rows, own, pairs in chunk.births(self.tracks):
+        for birth, rows, born, pairs in chunk.births(self.tracks):
             age, carried, square = chunk.frame[pairs] - birth, linear.carried[pairs], system.opened(birth)
             square[age, :, age, :] += now[pairs]
             square[0, :, age, :] += aside[pairs, :, :_TWIST]
             square[0, :, 0, :] -= np.tensordot(aside[pairs, :, :_TWIST], carried, axes=((0, 2), (0, 1)))
-            joint = np.zeros((own.stop - own.start, int(age[-1]) + 1, _TWIST))
-            joint[number[rows] - own.start, frame[rows] - birth] = by_both[rows]
+            joint = np.zeros((born.stop - born.start, int(age[-1]) + 1, _TWIST))
+            joint[number[rows] - born.start, frame[rows] - birth] = by_both[rows]
             joint[:, 0] = -np.tensordot(joint[:, age], carried, axes=2)
             wide = joint.shape[1]
-            scaled = joint.reshape(len(joint), -1) / root[own, None]
+            scaled = joint.reshape(len(joint), -1) / root[born, None]
             square[:wide, :, :wide] -= (scaled.T @ scaled).reshape(wide, _TWIST, wide, _TWIST)
             system.right[birth + age] += sums[pairs, :, _TWIST]
             system.right[birth] += aside[pairs, :, _TWIST].sum(axis=0)
-            system.right[birth : birth + wide] -= (scaled.T @ (of_depth[1][own] / root[own])).reshape(-1, _TWIST)
+            system.right[birth : birth + wide] -= (scaled.T @ (of_depth[1][born] / root[born])).reshape(-1, _TWIST)
 
     def _add_prior(self, state: State, system: "_Banded") -> None:
         """Add the stated relative poses of successive frames with a pose."""
         precision = np.repeat([1.0 / (PRIOR_ROTATION_RAD * self._far_m) ** 2, 1.0 / PRIOR_ROTATION_RAD**2], 3)
-        every, frames = np.arange(len(self._posed)), np.flatnonzero(self._posed)
+        all_frames, frames = np.arange(len(self._posed)), np.flatnonzero(self._posed)
         before, after = frames[:-1], frames[1:]
         near = after - before < system.width
         before, after = before[near], after[near]
         stated, now = (invert(poses[before]) @ poses[after] for poses in (self._stated, state.poses))
         miss, moved = -_logarithm(invert(stated) @ now), -_adjoint(invert(now))
         weighted = np.swapaxes(moved, 1, 2) * precision
-        system.add(every, every, np.diag(np.full(_TWIST, _GAUGE * precision.min())))
-        system.add(every[~self._posed], every[~self._posed], np.eye(_TWIST))
+        system.add(all_frames, all_frames, np.diag(np.full(_TWIST, _GAUGE * precision.min())))
+        system.add(all_frames[~self._posed], all_frames[~self._posed], np.eye(_TWIST))
         system.add(frames[:1], frames[:1], np.diag(1e6 * precision))
         system.add(before, before, weighted @ moved)
         system.add(after, after, np.diag(precision))
@@ -521,8 +521,8 @@ class PoseAdjustment:
         moved_m = np.linalg.norm(np.diff(self._stated[self._posed, :3, 3], axis=0), axis=1)
         unit = max(float(np.median(moved_m)) if len(moved_m) else 0.0, 1e-6)
         if self._has_depth:
-            known = stated_m[~unknown]
-            tried = np.geomspace(0.3 * known.min(), 3.0 * known.max(), _HYPOTHESES)
+            given_m = stated_m[~unknown]
+            tried = np.geomspace(0.3 * given_m.min(), 3.0 * given_m.max(), _HYPOTHESES)
         else:
             tried = unit * np.geomspace(2.0, 2000.0, _HYPOTHESES)
         part = copy(self)
@@ -532,17 +532,17 @@ class PoseAdjustment:
         for place, depth_m in enumerate(tried):
             length = np.linalg.norm(part.residuals(self._stated, np.full(count, depth_m)), axis=1)
             costs[place] = np.bincount(part.tracks.track, np.nan_to_num(np.minimum(length, 20.0), nan=20.0), count)
-        found = stated_m.copy()
-        found[unknown] = tried[np.argmin(costs, axis=0)]
-        return found
+        filled_m = stated_m.copy()
+        filled_m[unknown] = tried[np.argmin(costs, axis=0)]
+        return filled_m
 
 
 def exponential(twist: Array) -> Array:
     """(n, 4, 4): rigid transforms of twists (n, 6), translation first, with the translation as it is."""
-    found = np.tile(np.eye(4), (len(twist), 1, 1))
-    found[:, :3, :3] = Rotation.from_rotvec(twist[:, 3:]).as_matrix()
-    found[:, :3, 3] = twist[:, :3]
-    return found
+    transforms = np.tile(np.eye(4), (len(twist), 1, 1))
+    transforms[:, :3, :3] = Rotation.from_rotvec(twist[:, 3:]).as_matrix()
+    transforms[:, :3, 3] = twist[:, :3]
+    return transforms
 
 
 def _logarithm(poses: Array) -> Array:
@@ -552,10 +552,10 @@ def _logarithm(poses: Array) -> Array:
 
 def _adjoint(poses: Array) -> Array:
     """(n, 6, 6): twists of the source frame in the target frame."""
-    found = np.zeros((len(poses), _TWIST, _TWIST))
-    found[:, :3, :3] = found[:, 3:, 3:] = poses[:, :3, :3]
-    found[:, :3, 3:] = cross_matrices(poses[:, :3, 3]) @ poses[:, :3, :3]
-    return found
+    adjoint = np.zeros((len(poses), _TWIST, _TWIST))
+    adjoint[:, :3, :3] = adjoint[:, 3:, 3:] = poses[:, :3, :3]
+    adjoint[:, :3, 3:] = cross_matrices(poses[:, :3, 3]) @ poses[:, :3, :3]
+    return adjoint
 
 
 class _Banded:
@@ -588,8 +588,8 @@ class _Banded:
     def solved(self) -> Array:
         """Twists (frames, 6). Nothing can be added afterwards."""
         self.opened(len(self.right))
-        found = solveh_banded(self._lower.T, self.right.ravel(), overwrite_ab=True, lower=True)
-        return np.asarray(found.reshape(-1, _TWIST))
+        twists = solveh_banded(self._lower.T, self.right.ravel(), overwrite_ab=True, lower=True)
+        return np.asarray(twists.reshape(-1, _TWIST))
 
     def _close(self) -> None:
         for row, values in enumerate(self._open[0].reshape(_TWIST, -1)):

@@ -73,10 +73,10 @@ class ScanPoints:
         seen, rows = self._near(self._geometry.camera_at(index), *self._seen(index), uv)
         if not len(seen) or not len(uv):
             return np.zeros(len(uv), np.intp), np.full(len(uv), TruthStatus.no_depth, np.int8)
-        distance, found = KDTree(seen).query(uv)
+        distance, nearest = KDTree(seen).query(uv)
         near = distance <= self._rule.radius_px
         status = np.where(near, TruthStatus.valid, TruthStatus.no_depth).astype(np.int8)
-        return np.where(near, rows[found], 0), status
+        return np.where(near, rows[nearest], 0), status
 
     def _seen(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Projections of the scan points that lie in the image, and their rows; kept for the latest frame only."""

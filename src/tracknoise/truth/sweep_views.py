@@ -59,9 +59,9 @@ class SweepViews:
         self._side = None if second is None else Beside(sequence, second)
         self._second = None if self._side is None else SequenceGeometry(self._side)
         seen = [sequence, *([] if self._side is None else [self._side])]
-        self._centres = np.concatenate([one.world_from_camera[:, :3, 3] for one in seen])
+        self._centres = np.concatenate([source.world_from_camera[:, :3, 3] for source in seen])
         self._posed = [first.has_pose(index) for index in range(self.n_frames)]
-        largest = max(one.camera.width * one.camera.height for one in seen)
+        largest = max(source.camera.width * source.camera.height for source in seen)
         room = CACHE_BYTES // (_NUMBER_BYTES * largest)
         more = 0 if second is None else 2 * max(SECOND_OFFSETS) + 1
         fair = room // (2 * len(seen))
@@ -110,20 +110,20 @@ class SweepViews:
             If it cannot be read.
         """
         if view in self._kept:
-            found = self._kept.pop(view)
+            images = self._kept.pop(view)
         else:
             image = self._read(view)
-            found = None if image is None else _two_sizes(image)
-        self._kept[view] = found  # the last in order
+            images = None if image is None else _two_sizes(image)
+        self._kept[view] = images  # the last in order
         while len(self._kept) > self._most:
             del self._kept[next(iter(self._kept))]
-        return found
+        return images
 
     def level(self, view: int, level: int) -> NDArray[np.float32]:
         """Image of a view that has one, whole (0) or of half the size (1): see `images`."""
-        found = self.images(view)
-        assert found is not None, "views without an image are left out"
-        return found[level]
+        images = self.images(view)
+        assert images is not None, "views without an image are left out"
+        return images[level]
 
     def _read(self, view: int) -> NDArray[np.uint8] | None:
         if self._side is not None and self.is_second(view):

@@ -66,24 +66,24 @@ class _Births:
 
     def anchor(self, index: int, uv: NDArray[np.float64]) -> Anchors:
         """World points of features; no_depth where the images determine none, and edge next to another surface."""
-        found = self._swept(index, uv)
-        inverse, known = found.inverse_depth, np.isfinite(found.inverse_depth)
-        status = np.where(known, TruthStatus.valid, TruthStatus.no_depth).astype(np.int8)
-        status[found.at_edge] = TruthStatus.edge
-        return anchor_points(self._geometry, index, uv, 1.0 / np.where(known, inverse, 1.0), status)
+        swept = self._swept(index, uv)
+        inverse, has_depth = swept.inverse_depth, np.isfinite(swept.inverse_depth)
+        status = np.where(has_depth, TruthStatus.valid, TruthStatus.no_depth).astype(np.int8)
+        status[swept.at_edge] = TruthStatus.edge
+        return anchor_points(self._geometry, index, uv, 1.0 / np.where(has_depth, inverse, 1.0), status)
 
     def depth_sigma(self, index: int, uv: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n,) float64, metres: standard deviation of the depth of features; NaN where there is no depth."""
-        found = self._swept(index, uv)
-        return found.sigma / np.square(found.inverse_depth)
+        swept = self._swept(index, uv)
+        return swept.sigma / np.square(swept.inverse_depth)
 
     def note(self) -> str | None:
         """What is to be said of the second camera; None where there is nothing to be said."""
         unit = self._unit
         if unit is None or unit.is_same:
             return None
-        found = f"depths by the poses are {significant(unit.ratio, 3)} times those by the second camera"
-        return f"{found}: its images are not used, as poses are not in metres, or its place is wrong"
+        difference = f"depths by the poses are {significant(unit.ratio, 3)} times those by the second camera"
+        return f"{difference}: its images are not used, as poses are not in metres, or its place is wrong"
 
     def _opened(self) -> PlaneSweep:
         if self._sweep is None:
@@ -100,7 +100,7 @@ class _Births:
         new = [key for key in dict.fromkeys(keys) if key not in self._found]
         if new:
             swept = self._opened().found(index, np.array(new))
-            each = zip(swept.inverse_depth, swept.sigma, swept.at_edge, strict=True)
-            self._found.update(zip(new, each, strict=True))
+            values = zip(swept.inverse_depth, swept.sigma, swept.at_edge, strict=True)
+            self._found.update(zip(new, values, strict=True))
         inverse, sigma, at_edge = np.array([self._found[key] for key in keys]).reshape(-1, 3).T
         return Swept(inverse, sigma, at_edge > 0.0)

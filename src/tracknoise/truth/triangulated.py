@@ -149,12 +149,12 @@ def triangulate(views: TrackViews) -> Triangulation:
     uv, jacobian = _linearised(views, motion, point)
     inverse, regular = _inverse(views.sums(np.swapaxes(jacobian, 1, 2) @ jacobian))
     error = np.sqrt(inverse[:, 2, 2])
-    known = regular & np.isfinite(cost) & (baseline > 0) & (point[:, 3] >= LEAST_PARALLAX * error)
-    uv[~known[views.track]] = np.nan
+    valid = regular & np.isfinite(cost) & (baseline > 0) & (point[:, 3] >= LEAST_PARALLAX * error)
+    uv[~valid[views.track]] = np.nan
     leverage = jacobian @ inverse[views.track] @ np.swapaxes(jacobian, 1, 2)
-    leverage[~known[views.track]] = np.nan
-    depth_m = np.where(known, unit / np.where(known, point[:, 3], 1.0), np.nan)
-    return Triangulation(uv, leverage, point[:, :3] * depth_m[:, None], known)
+    leverage[~valid[views.track]] = np.nan
+    depth_m = np.where(valid, unit / np.where(valid, point[:, 3], 1.0), np.nan)
+    return Triangulation(uv, leverage, point[:, :3] * depth_m[:, None], valid)
 
 
 def _fit(views: TrackViews, motion: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -168,11 +168,11 @@ def _fit(views: TrackViews, motion: NDArray[np.float64]) -> tuple[NDArray[np.flo
         gradient = views.sums((transposed @ (views.uv - uv)[:, :, None])[:, :, 0])
         trial = point.copy()
         trial[:, _DIRECTION] += _step(views.sums(transposed @ jacobian), gradient, damping)
-        found = _cost(views, motion, trial)
-        better = found <= cost
-        known = np.where(np.isfinite(cost), cost, 0.0)  # without a cost there is nothing to improve
-        settled = (np.abs(found - known) <= _SETTLED * known) | (damping > _HOPELESS) | np.isinf(cost)
-        point, cost = np.where(better[:, None], trial, point), np.where(better, found, cost)
+        trial_cost = _cost(views, motion, trial)
+        better = trial_cost <= cost
+        finite_cost = np.where(np.isfinite(cost), cost, 0.0)  # without a cost there is nothing to improve
+        settled = (np.abs(trial_cost - finite_cost) <= _SETTLED * finite_cost) | (damping > _HOPELESS) | np.isinf(cost)
+        point, cost = np.where(better[:, None], trial, point), np.where(better, trial_cost, cost)
         damping = np.maximum(damping * np.where(better, 0.1, 10.0), _LEAST_DAMPING)
         if settled.all():
             break
@@ -325,8 +325,8 @@ class _Observations:
         self._poses, self._rolling = rows.at(frame, uv), rows.rows
         self._cameras = ObservedCameras.of(sequence, frame)
         self._bearings = self._cameras.bearings(uv)
-        known = np.asarray(rows.known[frame])
-        self._posed = np.asarray(known & known[self._birth])
+        posed = np.asarray(rows.known[frame])
+        self._posed = np.asarray(posed & posed[self._birth])
 
     def positions(self) -> TruePositions:
         """True positions where a point was found, and the distances from epipolar lines."""
@@ -336,10 +336,10 @@ class _Observations:
         status = np.where(self._posed, TruthStatus.no_depth, TruthStatus.no_pose).astype(np.int8)
         rows = self._long_tracks()
         if len(rows):
-            found = triangulate(self._views(rows))
+            fitted = triangulate(self._views(rows))
             tracks = np.unique(self._track[rows])
-            uv[rows], leverage[rows] = self._in_own_rows(rows, tracks, found), found.leverage
-            depth_m[tracks] = found.points[:, 2]
+            uv[rows], leverage[rows] = self._in_own_rows(rows, tracks, fitted), fitted.leverage
+            depth_m[tracks] = fitted.points[:, 2]
             inside = self._cameras.chosen(rows).contain(uv[rows])
             seen = np.where(inside, TruthStatus.valid, TruthStatus.out_of_image)
             status[rows] = np.where(np.isnan(uv[rows, 0]), status[rows], seen)
@@ -365,13 +365,13 @@ class _Observations:
         )
 
     def _in_own_rows(
-        self, rows: NDArray[np.intp], tracks: NDArray[np.intp], found: Triangulation
+        self, rows: NDArray[np.intp], tracks: NDArray[np.intp], fitted: Triangulation
     ) -> NDArray[np.float64]:
         """Positions of the points, (n, 2): with a rolling shutter, at the time of their own rows, not the observed."""
         if self._rolling is None:
-            return found.uv
+            return fitted.uv
         first = self._birth[rows]
-        points_world = transform(self._poses[first], found.points[np.searchsorted(tracks, self._track[rows])])
+        points_world = transform(self._poses[first], fitted.points[np.searchsorted(tracks, self._track[rows])])
         uv = np.full((len(rows), 2), np.nan)
         for index in np.unique(self._frame[rows]).tolist():
             here = self._frame[rows] == index
@@ -384,11 +384,11 @@ class _Observations:
 
     def _epipolar(self) -> NDArray[np.float64]:
         """(n, 2) float64: distances from epipolar lines and their variances; NaN in the first frame of a track."""
-        found = np.full((len(self._frame), 2), np.nan)
+        distances = np.full((len(self._frame), 2), np.nan)
         rows = np.flatnonzero(self._usable() & (self._birth != np.arange(len(self._frame))))
         first = self._birth[rows]
         here, there = self._cameras.chosen(rows), self._cameras.chosen(first)
-        found[rows] = epipolar_distances(
+        distances[rows] = epipolar_distances(
             self._uv[rows], self._uv[first], here.bearings, there.bearings, self._from_first(rows)
         )
-        return found
+        return distances

@@ -80,17 +80,17 @@ def _offered(sequence: Sequence, kind: str | None) -> str:
     return offered[0]
 
 
-def _is_same_scan(one: Sequence, other: Sequence) -> bool:
+def _is_same_scan(first: Sequence, second: Sequence) -> bool:
     """Whether the only truth that both sequences offer is the same scan, seen by one camera from the same poses."""
-    if one.truths != (TruthKind.scan,) or other.truths != one.truths or len(one) != len(other):
+    if first.truths != (TruthKind.scan,) or second.truths != first.truths or len(first) != len(second):
         return False
-    if shutter_of(one) is not None or shutter_of(other) is not None:
+    if shutter_of(first) is not None or shutter_of(second) is not None:
         return False
-    if any(camera_at(one, index) != camera_at(other, index) for index in range(len(one))):
+    if any(camera_at(first, index) != camera_at(second, index) for index in range(len(first))):
         return False
-    scan, scanned = one.scan, other.scan
+    scan, scanned = first.scan, second.scan
     if scan is None or scanned is None or scan.points_world is not scanned.points_world:
         return False
     return scan.key_frame == scanned.key_frame and np.array_equal(
-        one.world_from_camera, other.world_from_camera, equal_nan=True
+        first.world_from_camera, second.world_from_camera, equal_nan=True
     )

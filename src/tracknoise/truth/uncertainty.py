@@ -76,13 +76,13 @@ class ObservedCameras:
         return ObservedCameras(self.cameras, self.which[rows])
 
     def _each(
-        self, of: Callable[[CameraModel, NDArray[np.intp]], NDArray[np.generic]], width: int
+        self, compute: Callable[[CameraModel, NDArray[np.intp]], NDArray[np.generic]], width: int
     ) -> NDArray[np.float64]:
         """Values of each camera's observations, in their rows."""
         values = np.full((len(self.which), width), np.nan)
         for number, camera in enumerate(self.cameras):
             rows = np.flatnonzero(self.which == number)
-            values[rows] = of(camera, rows)
+            values[rows] = compute(camera, rows)
         return values
 
 
@@ -163,7 +163,7 @@ class TruthDerivatives:
         flow, flow_there = self._flow(points.frame, here), self._flow(points.anchor, there)
         read, read_there = self._read_at(uv), self._read_at(uv_there)
         squeezed = _squeezed(cameras_there, there, uv_there)
-        found = Sensitivity(
+        sensitivity = Sensitivity(
             translation=by_point,
             rotation_here=np.cross(by_point, here[:, None]),
             rotation_there=np.cross(by_point, (here - moved)[:, None]),
@@ -174,7 +174,7 @@ class TruthDerivatives:
             focal=uv - cameras.centres() + _times(by_anchor, squeezed),
             halves=self._by_halves(points, there, cameras),
         )
-        return _without_anchors(found, points.anchor == points.frame)
+        return _without_anchors(sensitivity, points.anchor == points.frame)
 
     def _by_halves(
         self, points: AnchoredPoints, there: NDArray[np.float64], cameras: ObservedCameras
@@ -183,8 +183,8 @@ class TruthDerivatives:
         halves = halves_of(self._sequence)
         if halves is None:
             return np.zeros((len(there), 2))
-        one, other = (_seen_by(poses, points, there, cameras) for poses in halves)
-        return np.asarray((one - other) / 2.0)
+        first, second = (_seen_by(poses, points, there, cameras) for poses in halves)
+        return np.asarray((first - second) / 2.0)
 
     def _flow(self, frame: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 3) float64: velocity that a pose gives to points of its camera frame, metres per second."""
@@ -208,9 +208,9 @@ def moved_by(sequence: Sequence, points: AnchoredPoints, poses: NDArray[np.float
 
     Points keep their place in the camera of their anchor.
     """
-    own, cameras = sequence.world_from_camera, ObservedCameras.of(sequence, points.frame)
-    there = transform(invert(own[points.anchor]), points.points_world)
-    return _seen_by(poses, points, there, cameras) - _seen_by(own, points, there, cameras)
+    own_poses, cameras = sequence.world_from_camera, ObservedCameras.of(sequence, points.frame)
+    there = transform(invert(own_poses[points.anchor]), points.points_world)
+    return _seen_by(poses, points, there, cameras) - _seen_by(own_poses, points, there, cameras)
 
 
 def _axis(sequence: Sequence) -> int:
@@ -234,9 +234,9 @@ def _squeezed(cameras: ObservedCameras, points: NDArray[np.float64], uv: NDArray
     return moved
 
 
-def _without_anchors(found: Sensitivity, at_anchor: NDArray[np.bool_]) -> Sensitivity:
+def _without_anchors(sensitivity: Sensitivity, at_anchor: NDArray[np.bool_]) -> Sensitivity:
     """The derivatives, exactly 0 in the frame of the anchor."""
-    values = {name: getattr(found, name) for name in Sensitivity.__slots__}
+    values = {name: getattr(sensitivity, name) for name in Sensitivity.__slots__}
     for name, value in values.items():
         if name != "depth_m":
             value[at_anchor] = 0.0
@@ -249,14 +249,14 @@ def _body_velocity(poses: NDArray[np.float64], times_s: NDArray[np.float64] | No
     It is the central difference of the neighbouring frames with a pose.
     """
     velocity = np.full((len(poses), 6), np.nan)
-    known = np.flatnonzero(has_pose(poses))
-    if times_s is None or len(known) < 2:
+    posed = np.flatnonzero(has_pose(poses))
+    if times_s is None or len(posed) < 2:
         return velocity
-    place = np.arange(len(known))
-    before, after = known[np.maximum(place - 1, 0)], known[np.minimum(place + 1, len(known) - 1)]
+    place = np.arange(len(posed))
+    before, after = posed[np.maximum(place - 1, 0)], posed[np.minimum(place + 1, len(posed) - 1)]
     turned = Rotation.from_matrix(poses[before, :3, :3]).inv() * Rotation.from_matrix(poses[after, :3, :3])
-    moved = np.einsum("nji,nj->ni", poses[known, :3, :3], poses[after, :3, 3] - poses[before, :3, 3])
-    velocity[known] = np.hstack([moved, turned.as_rotvec()]) / (times_s[after] - times_s[before])[:, None]
+    moved = np.einsum("nji,nj->ni", poses[posed, :3, :3], poses[after, :3, 3] - poses[before, :3, 3])
+    velocity[posed] = np.hstack([moved, turned.as_rotvec()]) / (times_s[after] - times_s[before])[:, None]
     return velocity
 
 
@@ -359,8 +359,8 @@ class TrueErrors:
     ) -> None:
         self._derivatives, self._accuracy, self._step, self.own_depth = derivatives, accuracy, step, own_depth
         self._has_halves = derivatives.has_halves
-        known = accuracy.topics | ({"depth"} if own_depth else set()) | ({"rotation"} if self._has_halves else set())
-        self.sources = tuple(source for source in SOURCES if not known.isdisjoint(SOURCES[source]))
+        topics = accuracy.topics | ({"depth"} if own_depth else set()) | ({"rotation"} if self._has_halves else set())
+        self.sources = tuple(source for source in SOURCES if not topics.isdisjoint(SOURCES[source]))
 
     @property
     def is_exact(self) -> bool:
@@ -384,16 +384,18 @@ class TrueErrors:
             part = points.part(rows)
             yield rows, self._uncertainty(part, self._derivatives.sensitivity(part))
 
-    def _uncertainty(self, points: "AnchoredPoints", found: "Sensitivity") -> Uncertainty:
+    def _uncertainty(self, points: "AnchoredPoints", sensitivity: "Sensitivity") -> Uncertainty:
         moved = {
-            source: of(found) for source, of in self._movements(points.depth_sigma_m).items() if source in self.sources
+            source: movement(sensitivity)
+            for source, movement in self._movements(points.depth_sigma_m).items()
+            if source in self.sources
         }
         covariance = {source: _outer(px[:, :, None]) for source, px in moved.items()}
         if FloorSource.poses in self.sources and not self._has_halves:
             lag = self._step * np.abs(points.frame - points.anchor).astype(np.float64)
-            covariance[FloorSource.poses] = self._of_poses(found, lag)
-        turned = (found.rotation_here + found.rotation_there) / 2.0
-        return Uncertainty(covariance, np.concatenate([found.translation, turned], axis=2), moved)
+            covariance[FloorSource.poses] = self._of_poses(sensitivity, lag)
+        turned = (sensitivity.rotation_here + sensitivity.rotation_there) / 2.0
+        return Uncertainty(covariance, np.concatenate([sensitivity.translation, turned], axis=2), moved)
 
     def _movements(
         self, depth_sigma_m: NDArray[np.float64] | None
@@ -403,24 +405,24 @@ class TrueErrors:
         clock_s, readout_s = (1e-3 * (value or 0.0) for value in (accuracy.clock_ms, accuracy.readout_ms))
         halves: dict[FloorSource, Callable[[Sensitivity], NDArray[np.float64]]] = {}
         if self._has_halves:
-            halves[FloorSource.poses] = lambda found: found.halves
+            halves[FloorSource.poses] = lambda sensitivity: sensitivity.halves
         return halves | {
-            FloorSource.depth: lambda found: (
-                found.depth
-                * (accuracy.depth.sigma_m(found.depth_m) if depth_sigma_m is None else depth_sigma_m)[:, None]
+            FloorSource.depth: lambda sensitivity: (
+                sensitivity.depth
+                * (accuracy.depth.sigma_m(sensitivity.depth_m) if depth_sigma_m is None else depth_sigma_m)[:, None]
             ),
-            FloorSource.clock: lambda found: found.clock * clock_s,
-            FloorSource.readout: lambda found: found.readout * readout_s,
-            FloorSource.focal: lambda found: found.focal * (accuracy.focal_relative or 0.0),
+            FloorSource.clock: lambda sensitivity: sensitivity.clock * clock_s,
+            FloorSource.readout: lambda sensitivity: sensitivity.readout * readout_s,
+            FloorSource.focal: lambda sensitivity: sensitivity.focal * (accuracy.focal_relative or 0.0),
         }
 
-    def _of_poses(self, found: "Sensitivity", lag: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _of_poses(self, sensitivity: "Sensitivity", lag: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2, 2) float64: covariance by relative poses `lag` frames of the recording apart, px^2."""
         rotation, translation = self._accuracy.rotation, self._accuracy.translation
-        here, there = found.rotation_here, found.rotation_there
+        here, there = sensitivity.rotation_here, sensitivity.rotation_there
         ends = (_outer(here) + _outer(there)) / 2.0
         line = ends - _outer(here - there) / 6.0
-        moved = translation.variance(lag)[:, None, None] * _outer(found.translation)
+        moved = translation.variance(lag)[:, None, None] * _outer(sensitivity.translation)
         single = np.where(lag > 0.0, 2.0 * rotation.white**2, 0.0)
         stepwise = rotation.variance(lag) - single
         return moved + single[:, None, None] * ends + stepwise[:, None, None] * line

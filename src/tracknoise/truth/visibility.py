@@ -185,8 +185,8 @@ class DepthMapSurface:
         depth = self._geometry.depth(index)
         if depth is None:
             return np.zeros(len(uv)), np.zeros(len(uv), np.bool_)
-        farthest_m, known = farthest_neighbour(depth, uv)
-        return farthest_m + OCCLUSION_SIGMAS * depth.accuracy.sigma_m(farthest_m), known
+        farthest_m, has_depth = farthest_neighbour(depth, uv)
+        return farthest_m + OCCLUSION_SIGMAS * depth.accuracy.sigma_m(farthest_m), has_depth
 
 
 def locate(
@@ -205,9 +205,9 @@ def locate(
     uv, points = geometry.seen(index, points_world)
     has_image = (points[:, 2] > 0) & np.isfinite(uv).all(axis=1)
     inside = np.flatnonzero(has_image & geometry.camera_at(index).contains(uv))
-    surface_m, known = surface.depths(index, uv[inside])
+    surface_m, has_surface = surface.depths(index, uv[inside])
     behind_m = points[inside, 2] - surface_m
-    occluded = known & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))
+    occluded = has_surface & (behind_m > np.maximum(OCCLUSION_RELATIVE * surface_m, OCCLUSION_LEAST_M))
     status = np.where(has_image, TruthStatus.out_of_image, TruthStatus.behind_camera).astype(np.int8)
     status[inside] = np.where(occluded, TruthStatus.occluded, TruthStatus.valid)
     return uv, status
